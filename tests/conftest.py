@@ -1,0 +1,51 @@
+"""Robots and random states shared by the tests."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.robot import Robot, Snapshot
+
+MIXED = Path(__file__).parent / "models" / "mixed_joints.urdf"
+# Two humanoids of very different size, one with locked joints, and a robot of every joint type.
+ROBOTS = ("hoap2_like", "g1_27", "talos", "mixed_joints")
+
+
+@cache
+def load(name: str) -> Robot:
+    return Robot.load(MIXED if name == "mixed_joints" else name)
+
+
+def random_state(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Joints uniform within 90% of their range (a turn where there is none), base anywhere."""
+    limits = robot.limits
+    lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    middle, half = (upper + lower) / 2, 0.45 * (upper - lower)
+    base = np.concatenate((rng.normal(size=3), rng.normal(size=3) * 2, np.zeros(robot.nv - 6)))
+    step = base.copy()
+    step[6:] = middle + half * rng.uniform(-1, 1, robot.nv - 6)
+    q = robot.integrate(robot.postures["neutral"], step, 1.0)
+    return q, rng.normal(size=robot.nv)
+
+
+@pytest.fixture(params=ROBOTS)
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return load(request.param)
+
+
+@pytest.fixture
+def robot_named() -> Callable[[str], Robot]:
+    return load
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20261121)
+
+
+@pytest.fixture
+def random_snapshot() -> Callable[[Robot, np.random.Generator], Snapshot]:
+    return lambda robot, rng: robot.snapshot(*random_state(robot, rng))

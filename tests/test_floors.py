@@ -1,0 +1,73 @@
+"""Imports go down the floors only: nothing upstream reads downstream."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "wbc"
+FLOORS = {
+    "errors": 0,
+    "validate": 0,
+    "spatial": 0,
+    "robot": 1,
+    "rmp": 1,
+    "qp": 1,
+    "tasks": 2,
+    "constraints": 2,
+    "laws": 2,
+    "controllers": 3,
+    "problem": 4,
+    "view": 5,
+    "cli": 5,
+}
+# Rooms on one floor that must not know each other.
+STRANGERS = [{"robot", "rmp", "qp"}]
+# Third-party packages and the only rooms that may import them.
+ONLY_IN = {
+    "pinocchio": {"robot"},
+    "coal": {"robot"},
+    "proxsuite": {"qp"},
+    "qpsolvers": {"qp"},
+    "ruamel": {"problem"},
+    "pydantic": {"problem"},
+    "matplotlib": {"view"},
+    "typer": {"cli"},
+    "rich": {"cli"},
+}
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def room(path: Path) -> str:
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imported(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.add(node.module or "")
+    return names
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_go_down(path: Path) -> None:
+    here = room(path)
+    for name in imported(path):
+        parts = name.split(".")
+        if parts[0] == "wbc" and len(parts) > 1:
+            there = parts[1]
+            if here != "__init__":
+                assert FLOORS[there] <= FLOORS[here], f"{here} imports {name}"
+            strangers = any({here, there} <= group and here != there for group in STRANGERS)
+            assert not strangers, f"{here} imports {name}"
+        allowed = ONLY_IN.get(parts[0])
+        assert allowed is None or here in allowed, f"{here} imports {name}"
+
+
+def test_every_room_has_a_floor() -> None:
+    rooms = {room(path) for path in FILES} - {"__init__", "__main__"}
+    assert rooms == set(FLOORS)

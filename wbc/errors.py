@@ -1,0 +1,67 @@
+"""Typed errors. Each says what is wrong, where and what to do; the root is :class:`WbcError`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class WbcError(Exception):
+    """Root of every error this package raises on purpose."""
+
+
+class ModelError(WbcError):
+    """A robot description cannot be read, or holds something the controller cannot support."""
+
+
+class InvalidInputError(WbcError):
+    """A number, array or option given by the caller is unusable: NaN, wrong size, out of range."""
+
+
+class ProblemFileError(WbcError):
+    """A problem file is not valid: the message names the file, the line and the key path."""
+
+
+class SolverError(WbcError):
+    """A QP backend is missing, refused its input, or claims what its answer contradicts."""
+
+
+class ControllerFailure(WbcError):
+    """A tick produced no usable command and the declared policy is ``raise``.
+
+    The failed tick is kept as ``tick`` so that the caller can read the evidence.
+    """
+
+    def __init__(self, message: str, tick: object) -> None:
+        super().__init__(message)
+        self.tick = tick
+
+
+class UnknownNameError(WbcError):
+    """A name (robot, joint, frame, task, solver, ...) does not exist.
+
+    Parameters
+    ----------
+    kind:
+        What the name should have been, for instance ``"joint"``.
+    name:
+        The name that was given.
+    choices:
+        The names that exist; the nearest is suggested, and all are listed when they are few.
+    """
+
+    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
+        self.kind, self.name, self.choices = kind, name, tuple(choices)
+        super().__init__(f"unknown {kind} {name!r}{suggest(name, self.choices)}")
+
+
+def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
+    """Return the tail of an error message: the nearest valid name and the list of choices."""
+    known = sorted(str(choice) for choice in choices)
+    nearest = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
+    hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+    if not known:
+        return f"{hint} (there are none to choose from)"
+    shown = ", ".join(known[:listed])
+    more = f", and {len(known) - listed} more" if len(known) > listed else ""
+    return f"{hint} (choose from: {shown}{more})"

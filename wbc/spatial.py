@@ -1,0 +1,65 @@
+"""Small linear algebra of rotations and symmetric 3x3 matrices. Linear part first, everywhere.
+
+A symmetric matrix S is strung out as the vector (xx, xy, xz, yy, yz, zz), the order of the paper's
+eq. 24. The plain 2-norm of that vector is not the Frobenius norm of S: off-diagonal entries count
+twice in the latter, hence :data:`FROBENIUS_WEIGHTS`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.validate import Array
+
+COMPONENTS = ("xx", "xy", "xz", "yy", "yz", "zz")
+ROWS = np.array([0, 0, 0, 1, 1, 2])
+COLUMNS = np.array([0, 1, 2, 1, 2, 2])
+DIAGONAL = np.array([0, 3, 5])
+FROBENIUS_WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+_MATRIX_INDEX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+
+
+def skew(w: Array) -> Array:
+    """Return the (3, 3) cross-product matrix: ``skew(w) @ x == cross(w, x)``."""
+    x, y, z = w.tolist()
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
+def strung(S: Array) -> Array:
+    """Return the (6,) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
+    return S[ROWS, COLUMNS]
+
+
+def matrix(s: Array) -> Array:
+    """Return the symmetric (3, 3) matrix of a (6,) vector; inverse of :func:`strung`."""
+    return s[_MATRIX_INDEX]
+
+
+def congruence(R: Array) -> Array:
+    """Return the (6, 6) matrix D with ``strung(R @ S @ R.T) == D @ strung(S)``, any (3, 3) R.
+
+    Entry (ab, cd) is R_ac R_bd + R_ad R_bc, halved where c = d.
+    """
+    left, right = R[ROWS], R[COLUMNS]  # (6, 3) each
+    D = left[:, ROWS] * right[:, COLUMNS]
+    D += left[:, COLUMNS] * right[:, ROWS]
+    D[:, DIAGONAL] *= 0.5
+    return D
+
+
+def turning(S: Array) -> Array:
+    """Return the (6, 3) matrix K(S) with ``K @ w == strung(skew(w) @ S - S @ skew(w))``.
+
+    It is the rate of a symmetric tensor that is carried round at angular velocity w.
+    """
+    (a, b, c), (_, d, e), (_, _, f) = S.tolist()
+    return np.array(
+        (
+            (0.0, 2 * c, -2 * b),
+            (-c, e, a - d),
+            (b, f - a, -e),
+            (-2 * e, 0.0, 2 * b),
+            (d - f, -b, c),
+            (2 * e, -2 * c, 0.0),
+        )
+    )

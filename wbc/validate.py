@@ -1,0 +1,65 @@
+"""Checks on numbers given by the caller: everything that enters the package passes here once."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.errors import InvalidInputError
+
+Array = NDArray[np.floating[Any]]
+
+
+def finite_vector(what: str, value: ArrayLike, size: int) -> Array:
+    """Return ``value`` as a fresh (size,) float array.
+
+    Raises
+    ------
+    InvalidInputError
+        Not numeric, of another size, or holding NaN or infinity; the message names the entries.
+    """
+    return finite_array(what, value, (size,))
+
+
+def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return ``value`` as a fresh float array of the given shape, every entry finite."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
+    if array.shape != shape:
+        raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}")
+    # The sum of squares costs a third of np.isfinite(array).all(), and is only ever infinite or NaN
+    # where an entry is (or overflows when squared): only then is the careful look paid for.
+    if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
+        where = ", ".join(
+            str(tuple(index.tolist())) for index in np.argwhere(~np.isfinite(array))[:5]
+        )
+        raise InvalidInputError(f"{what}: NaN or infinite at {where}; every entry must be finite")
+    return array
+
+
+def finite_number(
+    what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf
+) -> float:
+    """Return ``value`` as a finite float, strictly above ``above`` and at least ``least``."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{what}: expected a number, got {value!r}") from error
+    if not math.isfinite(number):
+        raise InvalidInputError(f"{what}: must be finite, got {number}")
+    if number <= above:
+        raise InvalidInputError(f"{what}: must be greater than {above:g}, got {number:g}")
+    if number < least:
+        raise InvalidInputError(f"{what}: must be at least {least:g}, got {number:g}")
+    return number
+
+
+def read_only(array: Array) -> Array:
+    """Mark ``array`` as read-only and return it."""
+    array.flags.writeable = False
+    return array
