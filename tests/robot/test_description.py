@@ -1,0 +1,354 @@
+"""Reading URDF and MJCF: what is accepted, and what is refused by name."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError
+from wbc.robot import Robot
+
+BODY = (
+    '<inertial><origin xyz="0 0 -0.1"/><mass value="{mass}"/>'
+    '<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="{iyy}" iyz="0" izz="{izz}"/></inertial>'
+)
+LIMIT = '<limit lower="-1" upper="2" effort="30" velocity="4"/>'
+
+
+def link(name: str, mass: str = "1", moments: tuple[str, str, str] = ("0.01",) * 3) -> str:
+    ixx, iyy, izz = moments
+    return f'<link name="{name}">{BODY.format(mass=mass, ixx=ixx, iyy=iyy, izz=izz)}</link>'
+
+
+def joint(
+    name: str,
+    parent: str,
+    child: str,
+    kind: str = "revolute",
+    inside: str = LIMIT,
+    axis: str = "0 1 0",
+) -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0 -0.2"/><axis xyz="{axis}"/>{inside}</joint>'
+    )
+
+
+def write(folder: Path, *parts: str) -> Path:
+    path = folder / "toy.urdf"
+    path.write_text(f'<robot name="toy">{"".join(parts)}</robot>')
+    return path
+
+
+def two_links(folder: Path, kind: str = "revolute", inside: str = LIMIT, **changes: str) -> Path:
+    body = link("base", "3") + link("shank", **changes)
+    return write(folder, body, joint("knee", "base", "shank", kind, inside))
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(ModelError) as caught:
+        Robot.load(path)
+    return str(caught.value)
+
+
+def test_a_urdf_floats_at_its_root(tmp_path: Path) -> None:
+    robot = Robot.load(two_links(tmp_path))
+    assert (robot.name, robot.nq, robot.nv, robot.joint_names) == ("toy", 8, 7, ("knee",))
+    assert robot.mass == 4.0
+    assert robot.model.joints[1].shortname() == "JointModelFreeFlyer"
+
+
+@pytest.mark.parametrize(("kind", "nq"), [("revolute", 8), ("prismatic", 8), ("continuous", 9)])
+def test_joints_of_one_axis_are_accepted(tmp_path: Path, kind: str, nq: int) -> None:
+    robot = Robot.load(two_links(tmp_path, kind))
+    assert (robot.nq, robot.nv) == (nq, 7)
+
+
+def test_an_oblique_axis_is_accepted(tmp_path: Path) -> None:
+    parts = link("base"), link("shank"), joint("knee", "base", "shank", axis="1 1 0")
+    assert Robot.load(write(tmp_path, *parts)).nv == 7
+
+
+def test_missing_limits_are_named(tmp_path: Path) -> None:
+    robot = Robot.load(two_links(tmp_path, inside=""))
+    assert robot.limits.missing == ("knee: position", "knee: velocity", "knee: effort")
+    robot = Robot.load(two_links(tmp_path, inside='<limit lower="-1" upper="1" effort="0"/>'))
+    assert robot.limits.missing == ("knee: velocity", "knee: effort")
+    robot = Robot.load(two_links(tmp_path, "continuous", '<limit velocity="3" effort="1"/>'))
+    assert robot.limits.missing == ()
+
+
+def test_a_floating_joint_from_an_empty_world_is_the_root(tmp_path: Path) -> None:
+    world = '<link name="world"/>' + joint("root", "world", "base", "floating", "")
+    parts = world, link("base", "3"), link("shank"), joint("knee", "base", "shank")
+    robot = Robot.load(write(tmp_path, *parts))
+    assert (robot.nq, robot.nv) == (8, 7)
+    np.testing.assert_array_equal(robot.model.jointPlacements[1].homogeneous, np.eye(4))
+
+
+def test_massless_fixed_frames_are_fine(tmp_path: Path) -> None:
+    path = two_links(tmp_path)
+    tip = '<link name="tip"/>' + joint("tip_fixed", "shank", "tip", "fixed", "")
+    path.write_text(path.read_text().replace("</robot>", f"{tip}</robot>"))
+    robot = Robot.load(path)
+    assert robot.nv == 7
+    assert "tip" in robot.frame_names
+
+
+def test_a_massless_link_between_two_joints_is_noted(tmp_path: Path) -> None:
+    parts = (
+        link("base", "3") + '<link name="cross"/>' + link("shank"),
+        joint("roll", "base", "cross", axis="1 0 0") + joint("pitch", "cross", "shank"),
+    )
+    robot = Robot.load(write(tmp_path, *parts))
+    assert robot.notes == ("links without mass between two joints: cross",)
+
+
+REFUSED_URDFS = {
+    "planar": (link("a") + link("b") + joint("j", "a", "b", "planar"), ("'j'", "planar")),
+    "spherical": (link("a") + link("b") + joint("j", "a", "b", "ball"), ("'j'", "ball")),
+    "floating inside": (link("a") + link("b") + joint("j", "a", "b", "floating"), ("'j'", "root")),
+    "mimic": (
+        link("a")
+        + link("b")
+        + link("c")
+        + joint("j", "a", "b")
+        + joint("k", "b", "c", inside=LIMIT + '<mimic joint="j"/>'),
+        ("'k'", "'j'", "mimic", "locked={'j': 0.0, 'k': 0.0}"),
+    ),
+    "no mass": (link("a") + '<link name="b"/>' + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
+    "zero mass": (link("a") + link("b", "0") + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
+    "negative mass": (link("a") + link("b", "-1") + joint("j", "a", "b"), ("'b'", "negative")),
+    "nan mass": (link("a") + link("b", "nan") + joint("j", "a", "b"), ("'b'", "mass", "nan")),
+    "nan inertia": (
+        link("a") + link("b", "1", ("0.1", "nan", "0.1")) + joint("j", "a", "b"),
+        ("'b'", "iyy", "nan"),
+    ),
+    "negative inertia": (
+        link("a") + link("b", "1", ("0.1", "-0.1", "0.1")) + joint("j", "a", "b"),
+        ("'j'", "'b'", "negative"),
+    ),
+    "triangle": (
+        link("a") + link("b", "1", ("0.01", "0.01", "0.1")) + joint("j", "a", "b"),
+        ("'j'", "'b'", "triangle"),
+    ),
+    "on its own axis": (
+        link("a") + link("b", "1", ("0", "0", "0")) + joint("j", "a", "b", axis="0 0 1"),
+        ("'j'", "'b'", "about its axis"),
+    ),
+    "axis": (link("a") + link("b") + joint("j", "a", "b", axis="0 0 0"), ("'j'", "axis")),
+    "swapped limits": (
+        link("a")
+        + link("b")
+        + joint("j", "a", "b", inside='<limit lower="1" upper="-1" effort="1" velocity="1"/>'),
+        ("'j'", "lower"),
+    ),
+    "text limit": (
+        link("a") + link("b") + joint("j", "a", "b", inside='<limit lower="-pi" upper="1"/>'),
+        ("'j'", "-pi"),
+    ),
+    "two roots": (link("a") + link("b"), ("one root", "'a'", "'b'")),
+    "loop": (
+        link("a")
+        + link("b")
+        + link("c")
+        + joint("j", "a", "c")
+        + joint("k", "b", "c")
+        + joint("l", "a", "b"),
+        ("'c'", "loops"),
+    ),
+    "same name": (link("a") + link("a"), ("2 links", "'a'")),
+    "no such link": (link("a") + joint("j", "a", "b"), ("'j'", "child", "'b'")),
+    "nothing": ("", ("no <link>",)),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_URDFS)
+def test_unsupported_urdfs_are_refused_by_name(tmp_path: Path, case: str) -> None:
+    content, words = REFUSED_URDFS[case]
+    message = refusal(write(tmp_path, content))
+    assert "toy.urdf" in message
+    for word in words:
+        assert word in message
+
+
+def test_refusals_do_not_print(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for content, _ in REFUSED_URDFS.values():
+        refusal(write(tmp_path, content))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_broken_files_are_refused_by_line(tmp_path: Path) -> None:
+    path = tmp_path / "toy.urdf"
+    path.write_text('<robot name="toy">\n<link name="a">\n</robot>')
+    assert "line 3" in refusal(path)
+    path.write_text("<sdf/>")
+    assert "<sdf>" in refusal(path)
+    assert "no such file" in refusal(tmp_path / "other.urdf")
+    assert "xacro toy.urdf.xacro > toy.urdf" in refusal(tmp_path / "toy.urdf.xacro")
+
+
+def test_a_little_triangle_violation_is_noted(tmp_path: Path) -> None:
+    # The least second moment is (a + b - c) / 2 = -5e-6 kg m^2 against a robot of about 0.05.
+    moments = ("0.00001", "0.00001", "0.00003")
+    parts = link("base", "3"), link("tag", "0.01", moments), joint("j", "base", "tag")
+    (note,) = Robot.load(write(tmp_path, *parts)).notes
+    assert "triangle" in note
+    assert "tag" in note
+
+
+def test_a_missing_mesh_is_noted(tmp_path: Path) -> None:
+    path = two_links(tmp_path)
+    shapes = (
+        '<collision><geometry><mesh filename="package://toy/none.stl"/></geometry></collision>'
+        '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    )
+    path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
+    robot = Robot.load(path)
+    (note,) = robot.notes
+    assert "package://toy/none.stl" in note
+    assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
+
+
+def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path) -> None:
+    package = tmp_path / "elsewhere" / "renamed"
+    package.mkdir(parents=True)
+    for folder in (package, tmp_path):
+        (folder / "cube.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    path = two_links(tmp_path)
+    text = path.read_text()
+    for name in ("package://renamed/cube.obj", "package://toy/cube.obj", "cube.obj"):
+        mesh = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+        path.write_text(text.replace('<link name="shank">', f'<link name="shank">{mesh}'))
+        robot = Robot.load(path, package_dirs=[tmp_path / "elsewhere"])
+        assert robot.notes == ()
+        assert len(robot.collision_model.geometryObjects) == 1
+
+
+def test_a_mesh_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "bad.stl").write_text("not a mesh")
+    path = two_links(tmp_path)
+    mesh = '<visual><geometry><mesh filename="bad.stl"/></geometry></visual>'
+    path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{mesh}'))
+    robot = Robot.load(path)
+    with pytest.raises(ModelError, match=r"bad\.stl"):
+        _ = robot.visual_model
+
+
+# ---------------------------------------------------------------------------- locked joints
+
+
+def test_a_locked_joint_becomes_rigid_at_its_value(tmp_path: Path) -> None:
+    path = two_links(tmp_path)
+    robot = Robot.load(path, locked={"knee": 0.5})
+    assert (robot.nq, robot.nv, robot.joint_names) == (7, 6, ())
+    s = robot.snapshot(pin.neutral(robot.model))
+    # the shank's CoM is 0.1 below the knee, which is 0.2 below the base, whose CoM is 0.1 below
+    x = 1 * -0.1 * np.sin(0.5) / 4
+    z = (3 * -0.1 + 1 * (-0.2 - 0.1 * np.cos(0.5))) / 4
+    np.testing.assert_allclose(s.com, [x, 0.0, z], atol=1e-12)  # rounding
+
+
+def test_locking_checks_names_and_limits(tmp_path: Path) -> None:
+    path = two_links(tmp_path)
+    with pytest.raises(UnknownNameError, match="did you mean 'knee'"):
+        Robot.load(path, locked={"kneee": 0.0})
+    with pytest.raises(InvalidInputError, match=r"'knee': 2.5 is outside its limits \[-1, 2\]"):
+        Robot.load(path, locked={"knee": 2.5})
+    with pytest.raises(InvalidInputError, match="finite"):
+        Robot.load(path, locked={"knee": float("nan")})
+
+
+def test_locking_rescues_what_would_be_refused(tmp_path: Path) -> None:
+    content, _ = REFUSED_URDFS["mimic"]
+    assert Robot.load(write(tmp_path, content), locked={"j": 0.0, "k": 0.0}).nv == 6
+    assert Robot.load(write(tmp_path, content), locked={"k": 0.0}).joint_names == ("j",)
+    content, _ = REFUSED_URDFS["zero mass"]
+    assert Robot.load(write(tmp_path, content), locked={"j": 0.0}).nv == 6
+
+
+# ---------------------------------------------------------------------------- MJCF
+
+HINGE = '<joint name="knee" type="hinge" axis="0 1 0" range="-60 120" actuatorfrcrange="-9 9"/>'
+
+
+def mjcf(folder: Path, root: str = "<freejoint/>", inner: str = HINGE, **more: str) -> Path:
+    path = folder / "toy.xml"
+    path.write_text(
+        f'<mujoco model="toy">{more.get("compiler", "")}<worldbody>'
+        '<geom name="floor" type="plane" size="1 1 1"/>'
+        f'<body name="base_body" pos="0 0 1">{root}<geom type="box" size=".1 .1 .1" mass="3"/>'
+        f'<body name="shank" pos="0 0 -.2">{inner}'
+        f'<geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass="1"/>{more.get("shank", "")}'
+        f"</body></body>{more.get('world', '')}</worldbody>{more.get('end', '')}</mujoco>"
+    )
+    return path
+
+
+@pytest.mark.parametrize("root", ["<freejoint/>", '<joint name="free" type="free"/>', ""])
+def test_an_mjcf_has_one_free_flyer(tmp_path: Path, root: str) -> None:
+    robot = Robot.load(mjcf(tmp_path, root))
+    assert (robot.name, robot.nq, robot.nv, robot.joint_names) == ("toy", 8, 7, ("knee",))
+    assert robot.mass == pytest.approx(4.0, abs=1e-12)
+    assert robot.snapshot(robot.posture("neutral")).position("base")[2] == 0.0
+    np.testing.assert_allclose(robot.limits.lower, np.deg2rad(-60))
+    np.testing.assert_allclose(robot.limits.effort, 9.0)
+    assert robot.limits.missing == ("knee: velocity",)
+    assert len(robot.collision_model.geometryObjects) == 2  # the floor is not the robot's
+
+
+def test_key_frames_are_postures(tmp_path: Path) -> None:
+    # MuJoCo writes quaternions w first
+    end = '<keyframe><key name="home" qpos="1 2 3 0.6 0.8 0 0 0.5"/></keyframe>'
+    robot = Robot.load(mjcf(tmp_path, end=end))
+    np.testing.assert_allclose(robot.postures["home"], [1, 2, 3, 0.8, 0, 0, 0.6, 0.5], atol=1e-12)
+
+
+MESH = '<geom type="mesh" mesh="m"/>'
+REFUSED_MJCFS = {
+    "ball": ({"inner": '<joint name="hip" type="ball"/>'}, ("'hip'", "Spherical")),
+    "two axes": (
+        {"inner": '<joint name="r" axis="1 0 0"/><joint name="p" axis="0 1 0"/>'},
+        ("Composite", "one for each body"),
+    ),
+    "free inside": ({"inner": "<freejoint/>"}, ("FreeFlyer",)),
+    "slide in degrees": (
+        {"inner": '<joint name="rail" type="slide" range="-1 1"/>'},
+        ("'rail'", "radian"),
+    ),
+    "second body": ({"world": '<body name="ball"><geom size="1"/></body>'}, ("'ball'", "2 bodies")),
+    "include": ({"world": '<include file="x.xml"/>'}, ("<include>",)),
+    "loop": ({"end": '<equality><weld name="w" body1="shank"/></equality>'}, ("weld", "loops")),
+    "coupled": (
+        {"end": '<equality><joint joint1="knee"/></equality>'},
+        ("'knee'", "locked={"),
+    ),
+    "mesh inertia": ({"shank": MESH, "inner": HINGE}, ("'shank'", "<inertial>")),
+    "nan": ({"shank": '<geom size="nan"/>'}, ("'shank'", "size", "nan")),
+    "no mass": (
+        {"shank": '<body name="t"><joint name="j"/><geom size="1" mass="0"/></body>'},
+        ("'j'", "'t'", "no mass"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_MJCFS)
+def test_unsupported_mjcfs_are_refused_by_name(tmp_path: Path, case: str) -> None:
+    changes, words = REFUSED_MJCFS[case]
+    message = refusal(mjcf(tmp_path, **changes))
+    for word in words:
+        assert word in message
+
+
+def test_a_slide_is_accepted_in_radians(tmp_path: Path) -> None:
+    slide = '<joint name="rail" type="slide" range="-0.5 1"/>'
+    robot = Robot.load(mjcf(tmp_path, inner=slide, compiler='<compiler angle="radian"/>'))
+    np.testing.assert_array_equal(robot.limits.upper, [1.0])
+
+
+def test_an_mjcf_whose_mesh_is_missing_has_no_shapes(tmp_path: Path) -> None:
+    compiler = '<asset><mesh name="m" file="none.stl"/></asset>'
+    robot = Robot.load(mjcf(tmp_path, compiler=compiler))
+    assert "none.stl" in robot.notes[0]
+    assert len(robot.collision_model.geometryObjects) == 0

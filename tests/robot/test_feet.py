@@ -1,0 +1,314 @@
+"""Feet: soles against dimensions read from the files, shapes placed by hand, and plain geometry."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import FootSpec, Robot
+from wbc.robot.foot_names import words_of
+from wbc.robot.sole import centroid, convex_hull, extreme_points, thinned
+
+Load = Callable[[str], Robot]
+Array = np.ndarray
+
+
+def area(polygon: Array) -> float:
+    x, y = polygon.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def sole_in_link(robot: Robot, foot: str, link: str) -> tuple[Array, Array]:
+    """Return the sole's corners (k, 3) and normal (3,) in a link's frame."""
+    s = robot.snapshot(robot.posture("neutral"))
+    frame = robot.feet[foot].frame
+    corners = np.column_stack([robot.feet[foot].polygon, np.zeros(len(robot.feet[foot].polygon))])
+    world = corners @ s.rotation(frame).T + s.position(frame)
+    R = s.rotation(link)
+    return (world - s.position(link)) @ R, R.T @ s.rotation(frame)[:, 2]
+
+
+def unordered(points: Array) -> Array:
+    return points[np.lexsort(points.round(9).T)]
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_sole_of_hoap2_like_is_its_box(robot_named: Load, side: str) -> None:
+    robot = robot_named("hoap2_like")
+    x, y = 0.094 / 2, 0.062 / 2
+    expected = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+    np.testing.assert_allclose(robot.feet[side].polygon, expected, atol=1e-9)
+    assert robot.feet[side].frame == f"{side}_sole"  # the file's own frame, used again
+    assert [f.name for f in robot.model.frames].count(f"{side}_sole") == 1
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_sole_of_g1_is_below_its_four_balls(robot_named: Load, side: str) -> None:
+    robot = robot_named("g1")
+    link = f"{side}_ankle_roll_link"
+    balls = []
+    for collision in ET.parse(robot.path).findall(f"link[@name='{link}']/collision"):
+        origin, sphere = collision.find("origin"), collision.find("geometry/sphere")
+        assert origin is not None and sphere is not None
+        centre = np.array(origin.get("xyz", "").split(), dtype=float)
+        balls.append(centre - [0, 0, float(sphere.get("radius", "nan"))])
+    corners, normal = sole_in_link(robot, side, link)
+    np.testing.assert_allclose(unordered(corners), unordered(np.array(balls)), atol=1e-12)
+    np.testing.assert_allclose(normal, [0, 0, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1", "talos", "icub", "romeo"])
+def test_polygons_are_convex_centred_and_mirrored(name: str, robot_named: Load) -> None:
+    feet = robot_named(name).feet
+    for foot in feet.values():
+        edges = np.roll(foot.polygon, -1, axis=0) - foot.polygon
+        following = np.roll(edges, -1, axis=0)
+        turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+        assert (turns > 0).all()  # counter-clockwise, no straight corner
+        np.testing.assert_allclose(centroid(foot.polygon), 0.0, atol=1e-9)
+        with pytest.raises(ValueError, match="read-only"):
+            foot.polygon[0] = 0.0
+    left, right = (feet[side].polygon * [1, sign] for side, sign in (("left", 1), ("right", -1)))
+    # 0.1 mm: the meshes of the two feet are not mirrored to the last digit
+    np.testing.assert_allclose(unordered(left.round(4)), unordered(right.round(4)), atol=1.1e-4)
+
+
+def test_the_soles_of_the_humanoids_are_of_their_size(robot_named: Load) -> None:
+    # The SRDFs give 205 x 122 mm (TALOS) and 193.5 x 121 mm (Romeo, with its rounded edges).
+    for name, length, width, slack in (
+        ("talos", 0.205, 0.122, 4e-3),
+        ("romeo", 0.1935, 0.121, 0.012),
+    ):
+        extent = np.ptp(robot_named(name).feet["left"].polygon, axis=0)
+        np.testing.assert_allclose(extent, [length, width], atol=slack)
+
+
+# ---------------------------------------------------------------------------- a toy with legs
+
+INERTIAL = (
+    '<inertial><mass value="1"/>'
+    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
+)
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+BOX = (
+    '<collision><origin xyz="0.02 0 -0.05"/><geometry><box size="0.2 0.1 0.02"/></geometry>'
+    "</collision>"
+)
+
+
+def legged(folder: Path, rpy: str = "0 0 0", shape: str = BOX, **names: str) -> Path:
+    """One body with two feet, whose links are turned by ``rpy`` against the body."""
+    parts = [f'<link name="body">{INERTIAL}</link>']
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        name = names.get(side, f"{side}_foot")
+        parts.append(
+            f'<link name="{name}">{INERTIAL}{shape}</link>'
+            f'<joint name="{side}_ankle" type="revolute"><parent link="body"/>'
+            f'<child link="{name}"/><origin xyz="0 {y} -0.5" rpy="{rpy}"/>'
+            f'<axis xyz="0 1 0"/>{LIMIT}</joint>'
+        )
+    path = folder / "legged.urdf"
+    path.write_text(f'<robot name="legged">{"".join(parts)}{names.get("extra", "")}</robot>')
+    return path
+
+
+def test_feet_are_guessed_from_names_and_shapes(tmp_path: Path) -> None:
+    robot = Robot.load(legged(tmp_path))
+    assert {name: foot.link for name, foot in robot.feet.items()} == {
+        "left": "left_foot",
+        "right": "right_foot",
+    }
+    s = robot.snapshot(robot.postures["standing"])
+    np.testing.assert_allclose(s.position("left_sole"), [0.02, 0.1, 0.0], atol=1e-12)
+    assert s.position("base")[2] == pytest.approx(0.56)  # 0.5 to the ankle, 0.06 to the sole
+
+
+def test_there_may_be_no_feet(tmp_path: Path) -> None:
+    assert Robot.load(legged(tmp_path, left="one", right="two")).feet == {}
+    assert Robot.load(legged(tmp_path, shape="")).feet == {}
+    assert Robot.load(legged(tmp_path), feet={}).feet == {}
+
+
+def test_the_lowest_link_of_a_side_is_the_foot(robot_named: Load) -> None:
+    for name, link in (("g1", "left_ankle_roll_link"), ("romeo", "l_ankle")):
+        robot = Robot.load(robot_named(name).path)
+        assert robot.feet["left"].link == link
+        np.testing.assert_allclose(
+            robot.feet["left"].polygon, robot_named(name).feet["left"].polygon, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "-x", "diagonal", "none"])
+def test_the_sole_faces_down_however_its_link_is_turned(tmp_path: Path, axis: str) -> None:
+    axes = {"x": (1, 0, 0), "y": (0, 1, 0), "-x": (-1, 0, 0), "diagonal": (1, 1, 1)}
+    turn = pin.exp3(2.0 * np.array(axes.get(axis, (0, 0, 0))))  # 2 rad and more, no right angle
+    rpy = [" ".join(map(str, pin.rpy.matrixToRpy(R).tolist())) for R in (turn, turn.T)]
+    centre = " ".join(map(str, (turn.T @ [0.02, 0, -0.05]).tolist()))
+    shape = (
+        f'<collision><origin xyz="{centre}" rpy="{rpy[1]}"/>'
+        '<geometry><box size="0.2 0.1 0.02"/></geometry></collision>'
+    )
+    robot = Robot.load(legged(tmp_path, rpy[0], shape))
+    foot = robot.feet["left"]
+    expected = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])
+    np.testing.assert_allclose(unordered(foot.polygon), unordered(expected), atol=1e-9)
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_allclose(s.rotation(foot.frame), np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(s.position(foot.frame), [0.02, 0.1, -0.56], atol=1e-9)
+
+
+def test_a_level_sole_that_the_posture_tilts_is_still_level(tmp_path: Path) -> None:
+    robot = Robot.load(legged(tmp_path, "0.02 -0.01 0"))  # rad: one degree
+    expected = np.array([[-0.1, -0.05], [0.1, -0.05], [0.1, 0.05], [-0.1, 0.05]])
+    polygon = robot.feet["left"].polygon
+    np.testing.assert_allclose(unordered(polygon), unordered(expected), atol=1e-9)
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_allclose(s.rotation("left_sole"), s.rotation("left_foot"), atol=1e-12)
+
+
+def test_a_given_polygon_is_taken(tmp_path: Path) -> None:
+    path = legged(tmp_path, shape="")
+    corners = [[0.1, 0.0], [0.0, 0.03], [0.0, -0.03], [0.03, 0.0]]  # any order, one inside
+    for spec in (
+        FootSpec("left_foot", corners, 0.07),
+        {"link": "left_foot", "polygon": corners, "height": 0.07},
+    ):
+        robot = Robot.load(path, feet={"paw": spec})
+        assert list(robot.feet) == ["paw"]
+        s = robot.snapshot(robot.postures["neutral"])
+        np.testing.assert_allclose(s.position("paw_sole"), [0.1 / 3, 0.1, -0.57], atol=1e-12)
+        polygon = robot.feet["paw"].polygon + np.array([0.1 / 3, 0.0])
+        np.testing.assert_allclose(unordered(polygon), unordered(np.array(corners[:3])), atol=1e-12)
+        assert area(polygon) == pytest.approx(0.003)
+
+
+def test_feet_that_make_no_sense_are_refused(tmp_path: Path) -> None:
+    path = legged(tmp_path)
+    with pytest.raises(UnknownNameError, match="did you mean 'left_foot'"):
+        Robot.load(path, feet={"left": FootSpec("left_fot")})
+    with pytest.raises(InvalidInputError, match="foot 'left'"):
+        Robot.load(path, feet={"left": {"lnk": "left_foot"}})
+    with pytest.raises(InvalidInputError, match="polygon"):
+        Robot.load(path, feet={"left": FootSpec("left_foot", [[0.0, 1.0, 2.0]])})
+    for wrong in ([], 3.0):
+        with pytest.raises(InvalidInputError, match="corners"):
+            Robot.load(path, feet={"left": FootSpec("left_foot", wrong)})
+    with pytest.raises(InvalidInputError, match="foot 'left': polygon"):
+        Robot.load(path, feet={"left": {"link": "left_foot", "polygon": [[1, 2], [3]]}})
+    with pytest.raises(InvalidInputError, match="no collision shape"):
+        Robot.load(legged(tmp_path, shape=""), feet={"left": FootSpec("left_foot")})
+    with pytest.raises(InvalidInputError, match="does not point up"):
+        upside_down = legged(tmp_path, "3.14159 0 0")
+        Robot.load(upside_down, feet={"left": FootSpec("left_foot", [[0, 0], [1, 0], [0, 1]])})
+
+
+def fixed_frame(name: str, xyz: str) -> str:
+    return (
+        f'<link name="{name}"/><joint name="{name}_joint" type="fixed"><parent link="left_foot"/>'
+        f'<child link="{name}"/><origin xyz="{xyz}"/></joint>'
+    )
+
+
+def test_a_frame_of_the_file_is_used_again_if_it_agrees(tmp_path: Path) -> None:
+    near = legged(tmp_path, extra=fixed_frame("left_sole", "0.0195 0 -0.06"))
+    robot = Robot.load(near)
+    assert robot.feet["left"].frame == "left_sole"
+    assert robot.notes == ()
+    # 0.5 mm between the file's frame and the middle of the sole: the polygon makes up for it
+    np.testing.assert_allclose(robot.feet["left"].polygon.mean(axis=0), [0.0005, 0], atol=1e-12)
+
+
+def test_a_frame_of_the_file_that_disagrees_is_left_alone(tmp_path: Path) -> None:
+    robot = Robot.load(legged(tmp_path, extra=fixed_frame("left_sole", "0 0 -0.06")))
+    assert robot.feet["left"].frame == "left_sole_centre"
+    assert "left_sole_centre" in robot.notes[0]
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_allclose(s.position("left_sole"), [0, 0.1, -0.56], atol=1e-12)
+    np.testing.assert_allclose(s.position("left_sole_centre"), [0.02, 0.1, -0.56], atol=1e-12)
+
+
+def test_names_are_split_into_words() -> None:
+    for name in ("left_foot", "LeftFoot", "leftFoot", "left-foot_2", "LEFT_FOOT"):
+        assert words_of(name) == {"left", "foot"}
+    assert words_of("LAnkleRoll") == {"l", "ankle", "roll"}
+
+
+# ---------------------------------------------------------------------------- geometry
+
+SHAPES = {
+    "box": coal.Box(0.2, 0.1, 0.06),
+    "sphere": coal.Sphere(0.1),
+    "ellipsoid": coal.Ellipsoid(0.1, 0.2, 0.05),
+    "capsule": coal.Capsule(0.03, 0.2),
+    "cylinder": coal.Cylinder(0.04, 0.2),
+    "cone": coal.Cone(0.05, 0.2),
+}
+
+
+def depth_below(shape: coal.ShapeBase, up: Array) -> float:
+    """Return how far the shape reaches below its origin, by Coal's distance to a far plane."""
+    plane = coal.Halfspace(np.asarray(up, dtype=float), -1.0)
+    identity = coal.Transform3s()
+    result = coal.DistanceResult()
+    coal.distance(shape, identity, plane, identity, coal.DistanceRequest(), result)
+    return 1.0 - float(result.min_distance)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_extreme_points_hold_the_lowest(name: str, rng: np.random.Generator) -> None:
+    shape = SHAPES[name]
+    for direction in [*np.eye(3), *rng.normal(size=(20, 3))]:
+        up = direction / np.linalg.norm(direction)
+        lowest = -(extreme_points(shape, up) @ up).min()
+        assert lowest == pytest.approx(depth_below(shape, up), abs=1e-7)  # Coal's own tolerance
+
+
+def test_other_shapes_have_no_points() -> None:
+    assert extreme_points(coal.Halfspace(), np.array([0.0, 0.0, 1.0])).shape == (0, 3)
+
+
+def test_the_hull_holds_all_points_and_no_others(rng: np.random.Generator) -> None:
+    points = rng.normal(size=(200, 2)).round(1)  # many repeated and collinear
+    hull = convex_hull(points)
+    edges = np.roll(hull, -1, axis=0) - hull
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1)  # (k, 2)
+    offsets = ((points[:, None] - hull) * outward).sum(axis=2)  # (n, k)
+    assert (offsets <= 1e-12).all()
+    assert {tuple(corner) for corner in hull} <= {tuple(point) for point in points}
+    assert area(hull) > 0
+
+
+def test_small_hulls_are_points_and_segments() -> None:
+    assert convex_hull(np.array([[1.0, 2.0], [1.0, 2.0]])).tolist() == [[1.0, 2.0]]
+    segment = convex_hull(np.array([[0.0, 0.0], [2.0, 2.0], [1.0, 1.0]]))
+    assert sorted(segment.tolist()) == [[0.0, 0.0], [2.0, 2.0]]
+    np.testing.assert_allclose(centroid(segment), [1.0, 1.0])
+
+
+def test_thinning_stays_inside_and_near() -> None:
+    turns = np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    circle = 0.1 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    thin = thinned(circle, 2e-3)
+    assert 4 <= len(thin) < 25
+    assert {tuple(corner) for corner in thin} <= {tuple(corner) for corner in circle}
+    assert 0.9 < area(thin) / area(circle) <= 1.0
+    square = np.array([[0.0, 0.0], [1e-4, 0.0], [1e-4, 1e-4], [0.0, 1e-4]])
+    np.testing.assert_array_equal(thinned(square), square)
+
+
+def test_the_centroid_is_the_mean_of_the_area(rng: np.random.Generator) -> None:
+    polygon = convex_hull(np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.05, 0.12]]))
+    samples = rng.uniform([0, 0], [0.2, 0.12], size=(200_000, 2))
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    inside = (
+        edges[:, 0] * (samples[:, None, 1] - polygon[:, 1])
+        - edges[:, 1] * (samples[:, None, 0] - polygon[:, 0])
+        >= 0
+    ).all(axis=1)
+    # the mean of 1e5 samples spread over 0.06 m is good to 0.2 mm
+    np.testing.assert_allclose(centroid(polygon), samples[inside].mean(axis=0), atol=6e-4)

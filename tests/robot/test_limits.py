@@ -1,0 +1,108 @@
+"""Joint limits against the URDF's XML, and joint positions against angles put in by hand."""
+
+import pickle
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.robot import Limits, Robot
+
+Load = Callable[[str], Robot]
+INERTIAL = (
+    '<inertial><origin xyz="0.1 0.1 0.1"/><mass value="1"/>'
+    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>'
+)
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1", "talos", "icub", "romeo"])
+def test_limits_are_those_of_the_file(name: str, robot_named: Load) -> None:
+    robot = robot_named(name)
+    limits = robot.limits
+    found = {
+        joint.get("name"): joint.find("limit") for joint in ET.parse(robot.path).findall("joint")
+    }
+    assert limits.names == robot.joint_names
+    for k, joint in enumerate(limits.names):
+        written = found[joint]
+        assert written is not None
+        assert limits.lower[k] == float(written.get("lower", "nan"))
+        assert limits.upper[k] == float(written.get("upper", "nan"))
+        assert limits.velocity[k] == float(written.get("velocity", "nan"))
+        assert limits.effort[k] == float(written.get("effort", "nan"))
+
+
+@pytest.fixture
+def chain(tmp_path: Path) -> Robot:
+    """Wheel (continuous), rail (prismatic), elbow (revolute), wheel again; few limits."""
+    kinds = {
+        "wheel": ("continuous", '<limit effort="0" velocity="7"/>'),
+        "rail": ("prismatic", '<limit lower="-0.5" upper="0.25" effort="20" velocity="0"/>'),
+        "elbow": ("revolute", ""),
+        "spinner": ("continuous", ""),
+    }
+    parts = [f'<link name="l0">{INERTIAL}</link>']
+    for k, (name, (kind, limit)) in enumerate(kinds.items()):
+        parts.append(
+            f'<link name="l{k + 1}">{INERTIAL}</link>'
+            f'<joint name="{name}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/>'
+            f'<axis xyz="0 0 1"/>{limit}</joint>'
+        )
+    path = tmp_path / "chain.urdf"
+    path.write_text(f'<robot name="chain">{"".join(parts)}</robot>')
+    return Robot.load(path)
+
+
+def test_missing_limits_are_infinite_and_named(chain: Robot) -> None:
+    limits = chain.limits
+    assert limits.names == ("wheel", "rail", "elbow", "spinner")
+    inf = np.inf
+    np.testing.assert_array_equal(limits.lower, [-inf, -0.5, -inf, -inf])
+    np.testing.assert_array_equal(limits.upper, [inf, 0.25, inf, inf])
+    np.testing.assert_array_equal(limits.velocity, [7, inf, inf, inf])
+    np.testing.assert_array_equal(limits.effort, [inf, 20, inf, inf])
+    assert limits.missing == (
+        "wheel: effort",
+        "rail: velocity",
+        "elbow: position",
+        "elbow: velocity",
+        "elbow: effort",
+        "spinner: velocity",
+        "spinner: effort",
+    )
+
+
+def test_joint_positions_are_angles(chain: Robot) -> None:
+    assert (chain.nq, chain.nv) == (13, 10)
+    for wheel, spinner in ((0.3, -3.0), (np.pi / 2, -np.pi / 2), (3.1, 1.0)):
+        q = np.zeros(chain.nq)
+        q[6] = 1.0
+        q[7:] = np.cos(wheel), np.sin(wheel), 0.2, -4.0, np.cos(spinner), np.sin(spinner)
+        positions = chain.limits.joint_positions(q)
+        np.testing.assert_allclose(positions, [wheel, 0.2, -4.0, spinner], atol=1e-15)
+
+
+def test_joint_positions_follow_the_velocity(chain: Robot) -> None:
+    v = np.array([0, 0, 0, 0, 0, 0, 0.5, 0.1, -0.4, 2.0])
+    q = chain.integrate(chain.postures["neutral"], v, 0.5)
+    np.testing.assert_allclose(chain.limits.joint_positions(q), 0.5 * v[6:], atol=1e-14)
+
+
+def test_joint_positions_are_a_view_without_continuous_joints(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    q = robot.posture()
+    positions = robot.limits.joint_positions(q)
+    assert np.shares_memory(positions, q)
+    np.testing.assert_array_equal(positions, q[7:])
+
+
+def test_limits_cannot_be_changed(robot_named: Load) -> None:
+    limits = robot_named("hoap2_like").limits
+    copied: Limits = pickle.loads(pickle.dumps(limits))
+    for each in (limits, copied):
+        for array in (each.lower, each.upper, each.velocity, each.effort):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 0.0
+    np.testing.assert_array_equal(copied.upper, limits.upper)

@@ -1,0 +1,348 @@
+"""The loaded robot: names, postures, configurations, and what a measurement must look like."""
+
+import copy
+import dataclasses
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError
+from wbc.robot import Robot
+
+Load = Callable[[str], Robot]
+Array = NDArray[np.float64]
+BODY = (
+    '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    "</inertial>"
+)
+
+
+@pytest.fixture
+def hoap(robot_named: Load) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def quaternion_of(axis: Array, angle: float) -> Array:
+    """Return (x, y, z, w), written from the half-angle formula."""
+    return np.append(np.sin(angle / 2) * axis / np.linalg.norm(axis), np.cos(angle / 2))
+
+
+# ---------------------------------------------------------------------------- names
+
+
+def test_joint_indices_are_rows_of_v(robot: Robot) -> None:
+    for k, name in enumerate(robot.joint_names):
+        index = robot.joint_index(name)
+        assert index == 6 + k
+        joint = robot.model.getJointId(name)
+        assert robot.model.idx_vs[joint] == index
+    assert len(robot.joint_names) == robot.nv - 6
+
+
+def test_patterns_select_joints(hoap: Robot) -> None:
+    left = hoap.joint_indices("left_*")
+    assert len(left) == 11
+    assert [hoap.joint_names[k - 6].startswith("left_") for k in left] == [True] * 11
+    assert hoap.joint_indices("*") == tuple(range(6, 31))
+    assert hoap.joint_indices("head_yaw") == (hoap.joint_index("head_yaw"),)
+
+
+def test_unknown_names_suggest_the_nearest(hoap: Robot) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
+        hoap.joint_index("left_knee_pich")
+    with pytest.raises(UnknownNameError, match="unknown joint 'lef_"):
+        hoap.joint_indices("lef_*")
+    with pytest.raises(UnknownNameError, match="did you mean 'left_sole'"):
+        hoap.frame_id("left_soul")
+    with pytest.raises(UnknownNameError, match="did you mean 'standing'"):
+        hoap.posture("standin")
+
+
+def test_every_frame_name_is_a_frame(robot: Robot) -> None:
+    for name in robot.frame_names:
+        assert robot.model.frames[robot.frame_id(name)].name == name
+    assert {"base", *(foot.frame for foot in robot.feet.values())} <= set(robot.frame_names)
+
+
+def test_a_name_shared_by_a_link_and_a_joint_means_the_link(tmp_path: Path) -> None:
+    path = tmp_path / "same.urdf"
+    path.write_text(
+        f'<robot name="same"><link name="a">{BODY}</link><link name="b">{BODY}</link>'
+        '<joint name="b" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+    )
+    robot = Robot.load(path)
+    assert robot.model.frames[robot.frame_id("b")].type == pin.FrameType.BODY
+
+
+def test_base_always_means_the_floating_base(tmp_path: Path) -> None:
+    path = tmp_path / "based.urdf"
+    path.write_text(
+        f'<robot name="based"><link name="root">{BODY}</link><link name="base">{BODY}</link>'
+        '<joint name="j" type="continuous"><parent link="root"/><child link="base"/>'
+        '<origin xyz="1 2 3"/></joint></robot>'
+    )
+    robot = Robot.load(path)
+    s = robot.snapshot(robot.postures["neutral"])
+    np.testing.assert_array_equal(s.position("base"), np.zeros(3))
+    assert "floating base" in robot.notes[0]
+
+
+# ---------------------------------------------------------------------------- postures
+
+
+def test_neutral_is_all_zero(robot: Robot) -> None:
+    q = robot.postures["neutral"]
+    np.testing.assert_array_equal(q[:7], [0, 0, 0, 0, 0, 0, 1])
+    np.testing.assert_array_equal(robot.limits.joint_positions(q), 0.0)
+
+
+def test_a_posture_changes_the_joints_it_is_told_to(hoap: Robot) -> None:
+    q = hoap.posture("neutral", {"*_knee_pitch": 0.8, "right_knee_pitch": 0.5, "head_yaw": -0.2})
+    joints = dict(zip(hoap.joint_names, hoap.limits.joint_positions(q).tolist(), strict=True))
+    changed = {name: value for name, value in joints.items() if value != 0.0}
+    assert changed == {"left_knee_pitch": 0.8, "right_knee_pitch": 0.5, "head_yaw": -0.2}
+
+
+def test_a_posture_is_put_on_the_ground(hoap: Robot) -> None:
+    q = hoap.posture("standing", {"right_knee_pitch": 1.2, "right_hip_pitch": -0.6})
+    s = hoap.snapshot(q)
+    heights = []
+    for foot in hoap.feet.values():
+        corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
+        heights.append((corners @ s.rotation(foot.frame).T + s.position(foot.frame))[:, 2].min())
+    assert min(heights) == pytest.approx(0.0, abs=1e-12)
+    assert max(heights) > 0.01  # the bent leg is lifted
+    lifted = hoap.posture("neutral", on_ground=False)
+    np.testing.assert_array_equal(lifted, hoap.postures["neutral"])
+
+
+def test_postures_are_checked(hoap: Robot) -> None:
+    with pytest.raises(InvalidInputError, match=r"'left_knee_pitch': -1 is outside .*\[-0.017"):
+        hoap.posture(joints={"left_knee_pitch": -1.0})
+    with pytest.raises(InvalidInputError, match="'head_yaw': must be finite"):
+        hoap.posture(joints={"head_yaw": float("nan")})
+    with pytest.raises(UnknownNameError, match="did you mean 'head_yaw'"):
+        hoap.posture(joints={"head_jaw": 0.1})
+
+
+def test_postures_are_read_only_and_returned_as_copies(hoap: Robot) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        hoap.postures["standing"][0] = 1.0
+    q = hoap.posture()
+    q[0] = 1.0
+    assert hoap.postures["standing"][0] == 0.0
+
+
+def srdf(folder: Path, value: str, joint: str = "head_yaw") -> Path:
+    path = folder / "states.srdf"
+    path.write_text(
+        '<robot name="x"><group_state name="look" group="all">'
+        f'<joint name="{joint}" value="{value}"/></group_state></robot>'
+    )
+    return path
+
+
+def test_an_srdf_gives_postures(tmp_path: Path) -> None:
+    robot = Robot.load("hoap2_like", srdf=srdf(tmp_path, "0.5"))
+    q = robot.postures["look"]
+    assert robot.limits.joint_positions(q)[robot.joint_index("head_yaw") - 6] == 0.5
+    assert np.count_nonzero(q[7:]) == 1
+    base = Robot.load("hoap2_like", srdf=srdf(tmp_path, "1 2 3 0 0 2 0", "root_joint"))
+    np.testing.assert_array_equal(base.postures["look"][:7], [1, 2, 3, 0, 0, 1, 0])
+
+
+def test_an_srdf_outside_the_limits_is_noted(tmp_path: Path) -> None:
+    robot = Robot.load("hoap2_like", srdf=srdf(tmp_path, "3"))
+    assert robot.notes == ("posture 'look': brought within the limits: head_yaw",)
+    k = robot.joint_index("head_yaw") - 6
+    assert robot.limits.joint_positions(robot.postures["look"])[k] == robot.limits.upper[k]
+
+
+@pytest.mark.parametrize("value", ["much", "nan", "0 0 0 0 0 0 0"])
+def test_a_wrong_srdf_is_refused(tmp_path: Path, value: str) -> None:
+    with pytest.raises(ModelError, match=r"states\.srdf: state 'look', joint 'head_yaw'"):
+        Robot.load("hoap2_like", srdf=srdf(tmp_path, value))
+
+
+# ---------------------------------------------------------------------------- configurations
+
+
+def test_integrating_turns_about_the_base_axes(hoap: Robot) -> None:
+    q = hoap.posture("neutral", on_ground=False)
+    q[3:7] = quaternion_of(np.array([0.0, 0.0, 1.0]), np.pi / 2)
+    v = np.zeros(hoap.nv)
+    v[:3] = 1.0, 0.0, 0.0  # forwards, that is along the world's y
+    v[hoap.joint_index("head_yaw")] = 0.2
+    moved = hoap.integrate(q, v, 0.5)
+    np.testing.assert_allclose(moved[:3], [0.0, 0.5, 0.0], atol=1e-15)
+    assert hoap.limits.joint_positions(moved)[hoap.joint_index("head_yaw") - 6] == 0.1
+    v = np.zeros(hoap.nv)
+    v[3:6] = 0.0, 0.0, 0.3
+    turned = hoap.integrate(q, v, 2.0)
+    expected = quaternion_of(np.array([0.0, 0.0, 1.0]), np.pi / 2 + 0.6)
+    np.testing.assert_allclose(turned[3:7], expected, atol=1e-15)
+
+
+def test_difference_undoes_integration(robot: Robot, rng: np.random.Generator) -> None:
+    for _ in range(10):
+        q = robot.integrate(robot.postures["neutral"], rng.normal(size=robot.nv), 1.0)
+        v = rng.normal(size=robot.nv)
+        # 1e-9: the logarithm loses digits as a turn nears pi
+        np.testing.assert_allclose(
+            robot.difference(q, robot.integrate(q, v, 0.5)), 0.5 * v, atol=1e-9
+        )
+
+
+def test_the_quaternion_stays_normalised(hoap: Robot, rng: np.random.Generator) -> None:
+    q = hoap.posture()
+    for _ in range(300):
+        q = hoap.integrate(q, rng.normal(size=hoap.nv) * 3, 0.01)
+    assert np.linalg.norm(q[3:7]) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_a_measurement_is_copied_and_normalised(hoap: Robot) -> None:
+    q = hoap.posture()
+    q[3:7] = quaternion_of(np.array([1.0, 2.0, 3.0]), 0.4) * (1 + 5e-4)
+    kept = q.copy()
+    checked = hoap.check_configuration(q)
+    assert np.linalg.norm(checked[3:7]) == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_array_equal(q, kept)
+    s = hoap.snapshot(q.tolist(), [0] * hoap.nv)
+    np.testing.assert_array_equal(s.q, checked)
+    q[:] = 0.0
+    np.testing.assert_array_equal(s.q, checked)
+
+
+def spoiled(q: Array, index: int | slice, value: object) -> Array:
+    q = q.copy()
+    q[index] = value
+    return q
+
+
+def test_wrong_configurations_are_refused(hoap: Robot) -> None:
+    q = hoap.posture()
+    cases = {
+        r"expected shape \(32,\), got \(31,\)": q[:-1],
+        r"expected shape \(32,\), got \(1, 32\)": q[None],
+        r"q: NaN or infinite at \(9,\)": spoiled(q, 9, np.nan),
+        r"infinite at \(0,\)": spoiled(q, 0, np.inf),
+        r"order x, y, z, w\) has norm 0": spoiled(q, slice(3, 7), 0.0),
+        r"has norm 1\.01": spoiled(q, 6, 1.01),
+        "expected numbers": ["x"] * 32,
+    }
+    for message, wrong in cases.items():
+        with pytest.raises(InvalidInputError, match=message):
+            hoap.snapshot(wrong)
+
+
+def test_wrong_velocities_are_refused(hoap: Robot) -> None:
+    q, v = hoap.posture(), np.zeros(hoap.nv)
+    cases = {
+        r"v: expected shape \(31,\), got \(32,\)": q,
+        r"v: NaN or infinite at \(30,\)": spoiled(v, 30, np.nan),
+        "v: expected numbers": ["a"] * 31,
+    }
+    for message, wrong in cases.items():
+        with pytest.raises(InvalidInputError, match=message):
+            hoap.snapshot(q, wrong)
+        with pytest.raises(InvalidInputError, match=message):
+            hoap.integrate(q, wrong, 0.1)
+    with pytest.raises(InvalidInputError, match="dt: must be finite"):
+        hoap.integrate(q, v, float("inf"))
+
+
+def test_huge_numbers_are_finite(hoap: Robot) -> None:
+    v = np.full(hoap.nv, 1e200)  # their squares are not
+    np.testing.assert_array_equal(hoap.check_velocity(v), v)
+
+
+def test_the_angle_of_a_continuous_joint_must_be_one(robot_named: Load) -> None:
+    robot = robot_named("mixed_joints")
+    k = robot.limits.unbounded[0]
+    start = robot.limits.starts[k]
+    q = robot.postures["neutral"].copy()
+    q[start : start + 2] = 0.6 * 1.0005, 0.8 * 1.0005
+    np.testing.assert_allclose(
+        robot.check_configuration(q)[start : start + 2], [0.6, 0.8], atol=1e-15
+    )
+    q[start] = 0.7
+    with pytest.raises(InvalidInputError, match=f"joint '{robot.joint_names[k]}' has norm"):
+        robot.check_configuration(q)
+
+
+def test_a_snapshot_without_velocity_is_at_rest(hoap: Robot) -> None:
+    s = hoap.snapshot(hoap.posture())
+    assert not s.moving
+    np.testing.assert_array_equal(s.v, np.zeros(hoap.nv))
+    assert hoap.snapshot(hoap.posture(), np.zeros(hoap.nv)).moving
+
+
+# ---------------------------------------------------------------------------- the object
+
+
+def test_a_robot_does_not_change(hoap: Robot) -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        hoap.name = "other"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        hoap.feet["left"] = hoap.feet["right"]  # type: ignore[index]
+    with pytest.raises(TypeError):
+        hoap.postures["standing"] = hoap.posture()  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    "again", [copy.copy, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))]
+)
+def test_a_copy_is_the_same_robot_with_its_own_memory(
+    robot: Robot, rng: np.random.Generator, again: Callable[[Robot], Robot]
+) -> None:
+    other = again(robot)
+    assert other.workspace is not robot.workspace
+    assert (other.name, other.frame_names, other.notes) == (
+        robot.name,
+        robot.frame_names,
+        robot.notes,
+    )
+    assert not other.postures["standing"].flags.writeable
+    q = robot.integrate(robot.posture(), rng.normal(size=robot.nv), 0.1)
+    s, t = robot.snapshot(q), other.snapshot(q)
+    np.testing.assert_array_equal(t.inertia, s.inertia)
+    assert len(other.collision_model.geometryObjects) == len(robot.collision_model.geometryObjects)
+
+
+def test_a_robot_can_be_renamed(hoap: Robot) -> None:
+    assert Robot.load("hoap2_like", name="ada").name == "ada"
+    assert repr(hoap) == "Robot('hoap2_like', nv=31, mass=7.10 kg)"
+
+
+def test_shapes_sit_on_a_robot_with_locked_joints(hoap: Robot) -> None:
+    """Oracle: Pinocchio's own reduction of the shapes together with the model."""
+    angles = {"waist_pitch": -0.4, "left_elbow_pitch": -1.0, "head_yaw": 0.3}
+    bent = Robot.load("hoap2_like", locked=angles)
+    q = hoap.posture("neutral", angles)
+    ids = [hoap.model.getJointId(name) for name in angles]
+    for shapes, ours in (
+        (hoap.collision_model, bent.collision_model),
+        (hoap.visual_model, bent.visual_model),
+    ):
+        _, (reduced,) = pin.buildReducedModel(hoap.model, [shapes], ids, q)
+        assert len(ours.geometryObjects) == len(reduced.geometryObjects) > 40
+        for a, b in zip(ours.geometryObjects, reduced.geometryObjects, strict=True):
+            assert (a.name, a.parentJoint) == (b.name, b.parentJoint)
+            np.testing.assert_allclose(a.placement.homogeneous, b.placement.homogeneous, atol=1e-12)
+
+
+def test_locking_by_pattern_keeps_the_rest_of_the_posture(hoap: Robot) -> None:
+    legs = Robot.load("hoap2_like", locked={"*shoulder*": 0.0, "*elbow*": -0.3, "head_*": 0.0})
+    assert legs.nv == hoap.nv - 10
+    assert legs.mass == pytest.approx(hoap.mass, rel=1e-12)
+    knee = legs.joint_index("left_knee_pitch") + 1
+    assert legs.postures["standing"][knee] == pytest.approx(
+        hoap.postures["standing"][hoap.joint_index("left_knee_pitch") + 1]
+    )
+    with pytest.raises(UnknownNameError, match="unknown joint to lock 'head_roll'"):
+        Robot.load("hoap2_like", locked={"head_roll": 0.0})

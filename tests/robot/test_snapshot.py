@@ -1,0 +1,195 @@
+"""The snapshot against Pinocchio on fresh data, and against the paper's link-by-link formulas."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.spatial import strung
+
+MakeSnapshot = Callable[[Robot, np.random.Generator], Snapshot]
+
+
+def pseudo_inertia(Y: pin.Inertia) -> np.ndarray:
+    """Second moments [[Sigma, h], [h', m]] of a body in its own frame (theory, section 2)."""
+    return np.array(pin.PseudoInertia.FromInertia(Y).toMatrix())
+
+
+def hat(twist: np.ndarray) -> np.ndarray:
+    top = np.column_stack((np.array(pin.skew(twist[3:])), twist[:3]))
+    return np.vstack((top, np.zeros(4)))
+
+
+def centroidal(P: np.ndarray) -> np.ndarray:
+    h, mass = P[:3, 3], P[3, 3]
+    S = P[:3, :3] - np.outer(h, h) / mass
+    return np.trace(S) * np.eye(3) - S
+
+
+def link_sums(robot: Robot, here: Snapshot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """P, dP/dt and its rate at zero acceleration of v, summed over the links in the world."""
+    model, data = robot.model, robot.model.createData()
+    pin.forwardKinematics(model, data, here.q, here.v, np.zeros(robot.nv))
+    total, rate, second = np.zeros((3, 4, 4))
+    for Y, T, v, a in zip(model.inertias, data.oMi, data.v, data.a, strict=True):
+        G = T.homogeneous
+        P, V, A = pseudo_inertia(Y), hat(v.vector), hat(a.vector)
+        B = A + V @ V
+        total += G @ P @ G.T
+        rate += G @ (V @ P + P @ V.T) @ G.T
+        second += G @ (B @ P + P @ B.T + 2 * V @ P @ V.T) @ G.T
+    return total, rate, second
+
+
+def test_inertia_is_pinocchios(robot: Robot, rng, random_snapshot: MakeSnapshot) -> None:
+    for _ in range(5):
+        here = random_snapshot(robot, rng)
+        data = robot.model.createData()
+        pin.ccrba(robot.model, data, here.q, here.v)
+        expected = np.array(data.Ig.inertia)
+        # The same sums in another order: 1e-12 relative.
+        np.testing.assert_allclose(here.inertia, expected, atol=1e-12 * np.abs(expected).max())
+        np.testing.assert_allclose(here.momentum, data.hg.vector, rtol=1e-12, atol=1e-12)
+        com = pin.centerOfMass(robot.model, robot.model.createData(), here.q)
+        np.testing.assert_allclose(here.com, com, rtol=1e-12, atol=1e-13)
+        jacobian = pin.jacobianCenterOfMass(robot.model, robot.model.createData(), here.q)
+        np.testing.assert_allclose(here.com_jacobian, jacobian, atol=1e-12)
+
+
+def test_inertia_and_its_rates_are_the_sums_over_links(robot: Robot, rng, random_snapshot) -> None:
+    """Paper eqs. 12, 24-27 and the drift, by pseudo-inertias; the library uses spins instead."""
+    for _ in range(5):
+        here = random_snapshot(robot, rng)
+        P, rate, second = link_sums(robot, here)
+        mass = P[3, 3]
+        h, dh, ddh = P[:3, 3], rate[:3, 3], second[:3, 3]
+        S = P[:3, :3] - np.outer(h, h) / mass
+        dS = rate[:3, :3] - (np.outer(dh, h) + np.outer(h, dh)) / mass
+        cross = np.outer(ddh, h) + np.outer(h, ddh) + 2 * np.outer(dh, dh)
+        ddS = second[:3, :3] - cross / mass
+        scale = np.abs(centroidal(P)).max()
+        for actual, moment in (
+            (strung(here.inertia), S),
+            (here.inertia_jacobian @ here.v, dS),
+            (here.inertia_drift, ddS),
+        ):
+            expected = strung(np.trace(moment) * np.eye(3) - moment)
+            # Differences of large sums (the robot stands away from the origin): 1e-10 of the size.
+            size = max(scale, np.abs(expected).max())
+            np.testing.assert_allclose(actual, expected, atol=1e-10 * size)
+
+
+def test_base_inertia_depends_on_joints_alone(robot: Robot, rng, random_snapshot) -> None:
+    here = random_snapshot(robot, rng)
+    assert (here.base_inertia_jacobian[:, :6] == 0).all()
+    moved = here.v.copy()
+    moved[6:] = 0.0
+    there = robot.snapshot(robot.integrate(here.q, moved, 1.0), here.v)
+    np.testing.assert_allclose(there.inertia_in("base"), here.inertia_in("base"), atol=1e-11)
+
+
+def test_spatial_inertia_about_a_frame(robot: Robot, rng, random_snapshot) -> None:
+    """Eq. 12 for the base: the top-left block of Pinocchio's mass matrix is that same matrix."""
+    here = random_snapshot(robot, rng)
+    expected = here.mass_matrix[:6, :6]
+    np.testing.assert_allclose(here.inertia_about("base"), expected, atol=1e-11 * robot.mass)
+
+
+def test_mechanical_connection(robot: Robot, rng, random_snapshot) -> None:
+    """Eq. 17: base momentum is I_0 (v_0 + A qdot); oracle: Pinocchio's centroidal momentum."""
+    here = random_snapshot(robot, rng)
+    v0, rates = here.v[:6], here.v[6:]
+    at_base = here.inertia_about("base") @ (v0 + here.mechanical_connection @ rates)
+    R, p = here.rotation("base"), here.position("base")
+    linear, angular = here.momentum[:3], here.momentum[3:]
+    expected = np.concatenate((R.T @ linear, R.T @ (angular + np.cross(here.com - p, linear))))
+    np.testing.assert_allclose(at_base, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_average_angular_velocity_of_a_locked_robot_is_the_bases(robot, rng, random_snapshot):
+    here = random_snapshot(robot, rng)
+    v = np.zeros(robot.nv)
+    v[3:6] = rng.normal(size=3)
+    spinning = robot.snapshot(here.q, v)
+    expected = spinning.rotation("base") @ v[3:6]
+    np.testing.assert_allclose(spinning.average_angular_velocity, expected, rtol=1e-9)
+
+
+def test_dynamics_terms(robot: Robot, rng, random_snapshot) -> None:
+    """M a + bias = inverse dynamics."""
+    here = random_snapshot(robot, rng)
+    a = rng.normal(size=robot.nv)
+    expected = pin.rnea(robot.model, robot.model.createData(), here.q, here.v, a)
+    actual = here.mass_matrix @ a + here.bias
+    np.testing.assert_allclose(actual, expected, atol=1e-10 * np.abs(expected).max())
+
+
+def everything(s: Snapshot, frame: str) -> list[np.ndarray]:
+    return [
+        s.com, s.inertia, s.inertia_jacobian, s.inertia_drift, s.base_inertia_jacobian,
+        s.inertia_in(frame), s.inertia_jacobian_in(frame), s.inertia_drift_in(frame),
+        s.inertia_about(frame), s.com_jacobian, s.com_velocity, s.com_drift, s.centroidal_map,
+        s.momentum, s.momentum_drift, s.average_angular_velocity, s.mechanical_connection,
+        s.mass_matrix, s.bias, s.position(frame), s.rotation(frame), s.jacobian(frame),
+        s.drift(frame),
+    ]  # fmt: skip
+
+
+def test_snapshots_do_not_change_each_other(robot: Robot, rng, random_snapshot) -> None:
+    frame = "base"
+    first = random_snapshot(robot, rng)
+    alone = [x.copy() for x in everything(robot.snapshot(first.q, first.v), frame)]
+    # Interleaved: every quantity of `first` is read only after another state was evaluated.
+    late = robot.snapshot(first.q, first.v)
+    everything(random_snapshot(robot, rng), frame)
+    for actual, expected in zip(everything(late, frame), alone, strict=True):
+        np.testing.assert_array_equal(actual, expected)
+    before = [x.copy() for x in everything(late, frame)]
+    everything(random_snapshot(robot, rng), frame)
+    for actual, expected in zip(everything(late, frame), before, strict=True):
+        np.testing.assert_array_equal(actual, expected)
+
+
+def test_nothing_can_be_written(robot: Robot, rng, random_snapshot) -> None:
+    here = random_snapshot(robot, rng)
+    for array in [here.q, here.v, *everything(here, "base")]:
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+
+
+def test_the_callers_arrays_are_copied(robot: Robot, rng, random_snapshot) -> None:
+    q, v = (np.array(x) for x in (random_snapshot(robot, rng).q, np.ones(robot.nv)))
+    here = robot.snapshot(q, v)
+    before = q.copy()
+    q[0] += 1.0
+    v[:] = np.nan
+    np.testing.assert_array_equal(here.q, before)
+    assert (here.v == 1.0).all()
+
+
+def test_bad_measurements_are_refused(robot: Robot) -> None:
+    q = robot.postures["neutral"].copy()
+    with pytest.raises(InvalidInputError, match=r"shape"):
+        robot.snapshot(q[:-1])
+    with pytest.raises(InvalidInputError, match=r"shape"):
+        robot.snapshot(q, np.zeros(robot.nv + 1))
+    with pytest.raises(InvalidInputError, match=r"NaN"):
+        robot.snapshot(q, np.full(robot.nv, np.nan))
+    for index, value in ((0, np.inf), (9, np.nan)):
+        bad = q.copy()
+        bad[index] = value
+        with pytest.raises(InvalidInputError, match=r"NaN|infinite"):
+            robot.snapshot(bad)
+    bad = q.copy()
+    bad[3:7] *= 0.9
+    with pytest.raises(InvalidInputError, match=r"quaternion"):
+        robot.snapshot(bad)
+
+
+def test_unknown_frames_are_named(robot: Robot) -> None:
+    here = robot.snapshot(robot.postures["neutral"])
+    with pytest.raises(UnknownNameError, match="unknown frame 'left_sol'"):
+        here.position("left_sol")

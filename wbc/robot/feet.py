@@ -1,0 +1,227 @@
+"""Feet: which links stand on the ground, and the flat sole of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sized
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot.description import GeometrySource
+from wbc.robot.foot_names import guess_links
+from wbc.robot.frames import frame_table
+from wbc.robot.sole import FLAT, body_points, centroid, convex_hull, thinned
+from wbc.validate import Array, finite_array, finite_number, read_only
+
+SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
+SNAP = np.cos(np.deg2rad(5.0))  # an axis this near to the vertical is meant to be vertical
+
+
+@dataclass(frozen=True, eq=False)
+class FootSpec:
+    """Which link is a foot, and optionally its sole.
+
+    Attributes
+    ----------
+    link:
+        The foot's link, or any frame fixed to it.
+    polygon:
+        Corners (k, 2) of the sole [m] in the x-y plane of that frame, whose z axis must point up;
+        their convex hull is used. Without it the sole is found from the collision shapes.
+    height:
+        How far the frame's origin is above the sole [m]; used with ``polygon`` only.
+    """
+
+    link: str
+    polygon: ArrayLike | None = None
+    height: float = 0.0
+
+    @classmethod
+    def of(cls, name: str, given: FootSpec | Mapping[str, Any]) -> FootSpec:
+        """Return ``given``, or the specification that a plain mapping holds.
+
+        Raises
+        ------
+        InvalidInputError
+            No link, an unknown key, or a polygon or height that is not made of finite numbers.
+        """
+        if not isinstance(given, FootSpec):
+            keys = [field.name for field in fields(cls)]
+            if not isinstance(given, Mapping) or "link" not in given or set(given) - set(keys):
+                raise InvalidInputError(
+                    f"foot {name!r}: expected 'link' and optionally 'polygon' and 'height', got"
+                    f" {given!r}"
+                )
+            given = cls(**given)
+        if given.polygon is not None:
+            rows = len(given.polygon) if isinstance(given.polygon, Sized) else 0
+            if rows == 0:
+                raise InvalidInputError(f"foot {name!r}: polygon needs corners [[x, y], ...]")
+            finite_array(f"foot {name!r}: polygon", given.polygon, (rows, 2))
+        finite_number(f"foot {name!r}: height", given.height)
+        return given
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """A foot of a loaded robot.
+
+    Attributes
+    ----------
+    name:
+        Such as ``left``.
+    frame:
+        Frame of the model at the sole: origin in the middle of ``polygon``, z out of the ground
+        into the foot, x forwards.
+    link:
+        The link (or frame) that was taken for the foot.
+    polygon:
+        Corners (k, 2) of the sole in that frame [m], counter-clockwise, read-only.
+    """
+
+    name: str
+    frame: str
+    link: str
+    polygon: Array
+
+    def __post_init__(self) -> None:
+        read_only(self.polygon)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.name, self.frame, self.link, self.polygon)
+
+
+def find_feet(
+    model: pin.Model,
+    geometry: GeometrySource,
+    specs: Mapping[str, FootSpec] | None,
+    q: Array,
+) -> tuple[dict[str, Foot], tuple[str, ...]]:
+    """Return the feet of a robot and notes, adding a sole frame to ``model`` for each.
+
+    Parameters
+    ----------
+    geometry:
+        Collision shapes, of which only those of the feet are loaded.
+    specs:
+        The feet; None guesses them (see :mod:`wbc.robot.foot_names`), empty means none.
+    q:
+        A configuration (nq,) with the base upright and, if possible, the soles level.
+
+    Raises
+    ------
+    UnknownNameError
+        A foot's link does not exist.
+    InvalidInputError
+        A link whose z axis does not point up with a polygon, or neither polygon nor shapes.
+    """
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    if specs is None:
+        guessed = guess_links(model, data, geometry)
+        specs = {name: FootSpec(link) for name, link in guessed.items()}
+    feet, notes = {}, []
+    for name, spec in specs.items():
+        placement, polygon = _sole(model, data, geometry, name, spec)
+        parent = model.frames[_frame_id(model, spec.link)]
+        frame, polygon, note = _sole_frame(model, name, parent, placement, polygon)
+        feet[name] = Foot(name, frame, spec.link, polygon)
+        notes += note
+    return feet, tuple(notes)
+
+
+def _frame_id(model: pin.Model, link: str) -> int:
+    table = frame_table(model)
+    if link not in table:
+        bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+        raise UnknownNameError("foot link", link, bodies)
+    return table[link]
+
+
+def _sole(
+    model: pin.Model, data: pin.Data, geometry: GeometrySource, name: str, spec: FootSpec
+) -> tuple[pin.SE3, Array]:
+    """Return the sole's placement in the foot's joint, and its polygon (k, 2) there."""
+    frame_id = _frame_id(model, spec.link)
+    frame, pose = model.frames[frame_id], data.oMf[frame_id]
+    if spec.polygon is not None:
+        if pose.rotation[2, 2] < 0.5:  # 60 degrees from upright
+            raise InvalidInputError(
+                f"foot {name!r}: the z axis of {spec.link!r} does not point up, so it cannot carry"
+                " a polygon; name a frame at the sole, or leave the polygon out"
+            )
+        polygon = convex_hull(np.asarray(spec.polygon, dtype=float))
+        return _centred(frame.placement, polygon, -float(spec.height))
+    joint = frame.parentJoint
+    links = _links_on(model, joint)
+    axes = frame.placement.rotation @ _level_axes(pose.rotation)  # in the joint's frame
+    points = body_points(geometry.load(model, pin.GeometryType.COLLISION, links), joint, axes[:, 2])
+    if not len(points):
+        raise InvalidInputError(
+            f"foot {name!r}: link {spec.link!r} has no collision shape to find the sole from;"
+            " give its polygon"
+        )
+    local = points @ axes  # (k, 3)
+    lowest = float(local[:, 2].min())
+    polygon = thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
+    return _centred(pin.SE3(axes, np.zeros(3)), polygon, lowest)
+
+
+def _links_on(model: pin.Model, joint: int) -> list[str]:
+    frames = (f for f in model.frames if f.type == pin.FrameType.BODY)
+    return [frame.name for frame in frames if frame.parentJoint == joint]
+
+
+def _level_axes(R: Array) -> Array:
+    """Return the sole's axes (3, 3) as columns in a link whose rotation to the world is R.
+
+    They are up and forwards in the world, or the link's own axes where those are meant to be so:
+    a reference posture is level to a degree or so only, a drawn foot exactly.
+    """
+    up = _snapped(R[2])
+    forward = _snapped(R[0] - up * (up @ R[0]))
+    forward = forward - up * (up @ forward)
+    forward = forward / np.linalg.norm(forward)
+    return np.stack([forward, np.cross(up, forward), up], axis=1)
+
+
+def _snapped(direction: Array) -> Array:
+    direction = direction / float(np.linalg.norm(direction))
+    k = int(np.argmax(np.abs(direction)))
+    if abs(direction[k]) < SNAP:
+        return direction
+    axis = np.zeros(3)
+    axis[k] = np.sign(direction[k])
+    return axis
+
+
+def _centred(plane: pin.SE3, polygon: Array, height: float) -> tuple[pin.SE3, Array]:
+    middle = centroid(polygon)
+    return plane * pin.SE3(np.eye(3), np.append(middle, height)), polygon - middle
+
+
+def _sole_frame(
+    model: pin.Model, name: str, parent: pin.Frame, placement: pin.SE3, polygon: Array
+) -> tuple[str, Array, list[str]]:
+    """Return the name of a frame at the sole and the polygon in it, adding the frame if needed."""
+    wanted, notes = f"{name}_sole", list[str]()
+    for frame in model.frames:
+        if frame.name != wanted:
+            continue
+        offset = frame.placement.actInv(placement)
+        near = float(np.linalg.norm(offset.translation)) < SAME_PLACE
+        level = float(np.linalg.norm(pin.log3(offset.rotation))) < SAME_TILT
+        if frame.parentJoint == parent.parentJoint and near and level:
+            corners = np.column_stack([polygon, np.zeros(len(polygon))])
+            moved = corners @ offset.rotation.T + offset.translation
+            return wanted, moved[:, :2].copy(), notes
+        notes = [f"frame {wanted!r} is not in the middle of the sole; see {wanted}_centre"]
+        wanted = f"{wanted}_centre"
+        break
+    frame = pin.Frame(wanted, parent.parentJoint, 0, placement, pin.FrameType.OP_FRAME)
+    model.addFrame(frame, False)
+    return wanted, polygon, notes

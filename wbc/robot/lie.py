@@ -1,0 +1,55 @@
+"""Rotations as vectors: logarithm, its Jacobian, and that Jacobian's rate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.spatial import skew
+from wbc.validate import Array
+
+
+def log_rotation(R: Array) -> Array:
+    """Return the rotation vector (3,) [rad] of R, of norm at most pi."""
+    return pin.log3(R)
+
+
+def exp_rotation(w: Array) -> Array:
+    """Return the rotation matrix (3, 3) of a rotation vector [rad]."""
+    return pin.exp3(w)
+
+
+def log_jacobian(R: Array) -> Array:
+    """Return J (3, 3) with d(log R)/dt = J w, w the angular velocity of R in its own axes."""
+    return pin.Jlog3(R)
+
+
+def log_jacobian_rate(r: Array, rate: Array) -> Array:
+    """Return dJ/dt (3, 3) of :func:`log_jacobian` at the rotation vector ``r`` moving at ``rate``.
+
+    J = 1 + [r]/2 + c(t) [r]^2 with t = |r| and c = 1/t^2 - (1 + cos t) / (2 t sin t).
+    """
+    t = math.sqrt(float(r @ r))
+    hat, hat_rate = skew(r), skew(rate)
+    c, slope = _second_order_coefficient(t)
+    growth = slope * float(r @ rate) / t if t > 0.0 else 0.0
+    return 0.5 * hat_rate + growth * hat @ hat + c * (hat_rate @ hat + hat @ hat_rate)
+
+
+def _second_order_coefficient(t: float) -> tuple[float, float]:
+    """Return c(t) and dc/dt; the series below 0.1 rad avoids the cancellation (error < 1e-14)."""
+    if t < 0.1:
+        t2 = t * t
+        c = 1 / 12 + t2 * (1 / 720 + t2 * (1 / 30240 + t2 / 1209600))
+        return c, t * (1 / 360 + t2 * (1 / 7560 + t2 / 201600))
+    half = 0.5 * t
+    cot = 1.0 / math.tan(half)  # (1 + cos t) / sin t
+    c = 1 / t**2 - cot / (2 * t)
+    return c, -2 / t**3 + cot / (2 * t**2) + (1 + cot * cot) / (4 * t)
+
+
+def rotation_from(quaternion_xyzw: Array) -> Array:
+    """Return the rotation matrix of a unit quaternion in (x, y, z, w) order."""
+    return np.array(pin.Quaternion(quaternion_xyzw).toRotationMatrix())

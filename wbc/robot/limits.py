@@ -1,0 +1,105 @@
+"""Joint limits, one entry for each joint velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.validate import Array, read_only
+
+UNLIMITED = 1e300  # anything this large means that there is no limit
+BASE_NQ, BASE_NV = 7, 6  # coordinates and velocities of the free-flyer, always first
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of the actuated joints, in velocity order: entry k belongs to ``v[6 + k]``.
+
+    Attributes
+    ----------
+    names:
+        Joint names (nv-6).
+    lower, upper:
+        Position limits (nv-6,) [rad or m]; infinite for a continuous joint or if missing.
+    velocity:
+        Largest speed (nv-6,) [rad/s or m/s]; infinite if missing (0 in a file means missing).
+    effort:
+        Largest torque or force (nv-6,) [N m or N]; infinite if missing, likewise.
+    missing:
+        Every limit that a joint lacks, such as ``"left_knee: velocity"``. A continuous joint
+        lacks no position limit.
+    starts:
+        Index in q of each joint's first coordinate (nv-6).
+    unbounded:
+        Entries of the continuous joints, which q stores as (cos, sin).
+    """
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    velocity: Array
+    effort: Array
+    missing: tuple[str, ...]
+    starts: tuple[int, ...]
+    unbounded: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.lower, self.upper, self.velocity, self.effort):
+            read_only(array)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+
+    @classmethod
+    def of(cls, model: pin.Model) -> Limits:
+        """Return the limits of a model of which every joint but the root has one velocity.
+
+        Joints that have more (not supported, see :mod:`wbc.robot.supported`) are left out.
+        """
+        joints = [j for j in range(2, model.njoints) if model.nvs[j] == 1]
+        starts = [int(model.idx_qs[j]) for j in joints]
+        rates = [int(model.idx_vs[j]) for j in joints]
+        names = tuple(str(model.names[j]) for j in joints)
+        unbounded = tuple(k for k, j in enumerate(joints) if model.nqs[j] == 2)
+        lower = _infinite_from(model.lowerPositionLimit[starts])
+        upper = _infinite_from(model.upperPositionLimit[starts])
+        lower[list(unbounded)], upper[list(unbounded)] = -np.inf, np.inf
+        velocity = _positive(model.velocityLimit[rates])
+        effort = _positive(model.effortLimit[rates])
+        bounded = np.isfinite(lower) & np.isfinite(upper)
+        bounded[list(unbounded)] = True
+        missing = [
+            f"{name}: {what}"
+            for k, name in enumerate(names)
+            for what, there in (
+                ("position", bounded[k]),
+                ("velocity", np.isfinite(velocity[k])),
+                ("effort", np.isfinite(effort[k])),
+            )
+            if not there
+        ]
+        return cls(names, lower, upper, velocity, effort, tuple(missing), tuple(starts), unbounded)
+
+    def joint_positions(self, q: Array) -> Array:
+        """Return the joint positions (nv-6,) held in ``q`` (nq,); angles of continuous joints.
+
+        Without continuous joints this is a view of ``q``.
+        """
+        if not self.unbounded:
+            return q[BASE_NQ:]
+        positions = q[list(self.starts)]
+        for k in self.unbounded:
+            start = self.starts[k]
+            positions[k] = np.arctan2(q[start + 1], q[start])
+        return positions
+
+
+def _infinite_from(values: Array) -> Array:
+    """Return a copy in which the parsers' various "no limit" numbers are infinite."""
+    return np.where(np.abs(values) >= UNLIMITED, np.copysign(np.inf, values), values)
+
+
+def _positive(values: Array) -> Array:
+    return np.where((values > 0.0) & (values < UNLIMITED), values, np.inf)

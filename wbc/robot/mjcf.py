@@ -1,0 +1,148 @@
+"""Read MJCF (MuJoCo's XML) through Pinocchio, refusing what Pinocchio would silently misread."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinocchio as pin
+
+from wbc.errors import ModelError
+from wbc.robot.description import Description, State
+from wbc.robot.xml_numbers import refuse_non_finite
+
+UNREAD = {"include", "frame", "attach", "replicate", "composite", "flexcomp"}
+QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
+
+
+@dataclass(frozen=True)
+class MjcfGeometry:
+    """Shapes of an MJCF file.
+
+    Attributes
+    ----------
+    path:
+        The MJCF file.
+    complete:
+        False if a mesh file is missing. Pinocchio reads all shapes of an MJCF file or none, so
+        there are none then.
+    """
+
+    path: Path
+    complete: bool
+
+    def load(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> pin.GeometryModel:
+        """See :class:`wbc.robot.description.GeometrySource`."""
+        if not self.complete:
+            return pin.GeometryModel()
+        try:
+            shapes = pin.buildGeomFromMJCF(model, str(self.path), kind)
+        except (ValueError, RuntimeError) as error:
+            raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
+        for shape in list(shapes.geometryObjects):
+            link = model.frames[shape.parentFrame].name
+            if shape.parentJoint == 0 or (links is not None and link not in links):
+                shapes.removeGeometryObject(shape.name)  # parent 0: scenery, not the robot
+        return shapes
+
+
+def read_mjcf(root: ET.Element, path: Path) -> Description:
+    """Return the description of one robot; a free joint is given to it if the file has none.
+
+    Raises
+    ------
+    ModelError
+        ``<include>`` and the like, several trees, closed loops, inertias from meshes, sliding
+        joints in a file in degrees, numbers not finite, or what Pinocchio itself refuses.
+    """
+    _check_structure(root, path)
+    refuse_non_finite(root, path)
+    coupled = dict(_coupled_joints(root, path))
+    try:
+        model = pin.buildModelFromMJCFAndRootJoint(str(path), pin.JointModelFreeFlyer())
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise ModelError(f"{path}: Pinocchio cannot read this MJCF: {error}") from error
+    _check_slides(root, model, path)
+    missing = _missing_meshes(root, path)
+    notes: tuple[str, ...] = ()
+    if missing:
+        some = ", ".join(missing[:3])
+        notes = (f"no shapes are loaded, since {len(missing)} mesh files are missing: {some}",)
+    return Description(
+        name=root.get("model", path.stem),
+        path=path,
+        model=model,
+        geometry=MjcfGeometry(path, complete=not missing),
+        coupled=coupled,
+        states=dict(_key_frames(model)),
+        notes=notes,
+    )
+
+
+def _check_structure(root: ET.Element, path: Path) -> None:
+    for element in root.iter():
+        if element.tag in UNREAD:
+            raise ModelError(
+                f"{path}: <{element.tag}> is not supported (Pinocchio leaves it out); give the"
+                " robot's own file, or let MuJoCo save the compiled model to one file"
+            )
+    bodies = root.findall("worldbody/body")
+    if len(bodies) != 1:
+        names = ", ".join(repr(body.get("name", "?")) for body in bodies) or "none"
+        raise ModelError(
+            f"{path}: the world holds {len(bodies)} bodies ({names}), expected the robot's root"
+            " alone; remove the others (Pinocchio would drop them silently)"
+        )
+    compiler = root.find("compiler")
+    from_shapes = compiler is not None and compiler.get("inertiafromgeom") == "true"
+    for body in root.findall("worldbody//body"):
+        drawn = any("mesh" in geom.attrib for geom in body.findall("geom"))
+        if drawn and (from_shapes or body.find("inertial") is None):
+            raise ModelError(
+                f"{path}: body {body.get('name', '?')!r} takes its inertia from a mesh, for which"
+                " Pinocchio puts 1 kg and 1 kg m^2; give the body an <inertial>"
+            )
+
+
+def _check_slides(root: ET.Element, model: pin.Model, path: Path) -> None:
+    compiler = root.find("compiler")
+    if compiler is not None and compiler.get("angle", "degree") == "radian":
+        return
+    for name, joint in zip(model.names, model.joints, strict=True):
+        if joint.shortname().startswith("JointModelP"):
+            raise ModelError(
+                f"{path}: joint {name!r} slides, and the file's angles are in degrees: Pinocchio"
+                ' would scale its range too; use <compiler angle="radian"/>'
+            )
+
+
+def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, str]]:
+    for constraint in root.findall("equality/*"):
+        if constraint.tag != "joint":
+            raise ModelError(
+                f"{path}: equality constraint <{constraint.tag}"
+                f" name={constraint.get('name', '')!r}>: closed loops are not supported;"
+                " remove it and describe an open tree"
+            )
+        yield constraint.get("joint1", "?"), constraint.get("joint2", "a constant")
+
+
+def _missing_meshes(root: ET.Element, path: Path) -> list[str]:
+    compiler = root.find("compiler")
+    settings = {} if compiler is None else compiler.attrib
+    folder = path.parent / settings.get("meshdir", settings.get("assetdir", "."))
+    files = [mesh.get("file") for mesh in root.findall("asset/mesh")]
+    return [name for name in files if name is not None and not (folder / name).is_file()]
+
+
+def _key_frames(model: pin.Model) -> Iterator[tuple[str, State]]:
+    for entry in model.referenceConfigurations:
+        name, q = entry.key(), entry.data()
+        if name == QPOS0:
+            continue
+        layout = zip(model.names, model.idx_qs, model.nqs, strict=True)
+        yield name, {joint: tuple(q[at : at + size].tolist()) for joint, at, size in layout if size}

@@ -1,0 +1,280 @@
+"""Everything known about the robot at one measured state (q, v), read-only.
+
+World-aligned quantities unless a frame is named; spatial vectors linear first. Quantities are
+computed when first asked for and kept; none changes when another snapshot is made.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.robot import inertia as crb
+from wbc.spatial import congruence, matrix, skew, strung, turning
+from wbc.validate import Array, read_only
+
+if TYPE_CHECKING:
+    from wbc.robot.model import Robot
+
+WORLD, BASE = "world", "base"
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class Snapshot:
+    """The robot at configuration ``q`` moving at velocity ``v``.
+
+    Made by :meth:`wbc.robot.model.Robot.snapshot`, which checks the measurement.
+
+    Attributes
+    ----------
+    robot:
+        The robot it is a snapshot of.
+    q:
+        Configuration (nq,): base position [m], base quaternion xyzw, joints [rad or m].
+    v:
+        Velocity (nv,): base linear and angular in base axes, joint rates.
+    moving:
+        False if no velocity was measured (``v`` is then zero).
+    """
+
+    def __init__(self, robot: Robot, q: Array, v: Array, moving: bool = True) -> None:
+        self.robot = robot
+        self.q = read_only(q)
+        self.v = read_only(v)
+        self.moving = moving
+        data = robot.workspace.kinematics(self, q, v)
+        self.com: Array = read_only(data.oYcrb[0].lever.copy())
+        self.inertia: Array = read_only(np.array(data.Ig.inertia))
+        self.inertia.flags.writeable = False
+
+    def __repr__(self) -> str:
+        com = np.array2string(self.com, precision=3)
+        return f"Snapshot({self.robot.name}, com={com}, moving={self.moving})"
+
+    # ------------------------------------------------------------------ momentum and CoM
+
+    @cached_property
+    def centroidal_map(self) -> Array:
+        """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
+        return read_only(self._kinematics().Ag.copy())
+
+    @cached_property
+    def momentum(self) -> Array:
+        """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
+        return read_only(self._kinematics().hg.vector.copy())
+
+    @cached_property
+    def momentum_drift(self) -> Array:
+        """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
+        return read_only(self._rates().dAg @ self.v)
+
+    @cached_property
+    def com_jacobian(self) -> Array:
+        """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
+        return read_only(self.centroidal_map[:3] / self.robot.mass)
+
+    @cached_property
+    def com_velocity(self) -> Array:
+        """Velocity of the CoM (3,) [m/s]."""
+        return read_only(self.momentum[:3] / self.robot.mass)
+
+    @cached_property
+    def com_drift(self) -> Array:
+        """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
+        return read_only(self._rates().acom[0].copy())
+
+    @cached_property
+    def average_angular_velocity(self) -> Array:
+        """I_c^-1 k_c (3,) [rad/s]: of the momentum, not of the ellipsoid's axes (theory 3)."""
+        return read_only(np.linalg.solve(self.inertia, self.momentum[3:]))
+
+    # ------------------------------------------------------------------ inertia
+
+    def inertia_in(self, frame: str = WORLD) -> Array:
+        """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame."""
+        if frame == WORLD:
+            return self.inertia
+        R = self.rotation(frame)
+        return read_only(R.T @ self.inertia @ R)
+
+    def inertia_about(self, frame: str) -> Array:
+        """Spatial CRB inertia (6, 6) about the origin of a frame and in its axes, linear first.
+
+        Paper eq. 12 for the base; blocks [[M 1, -M [c]], [M [c], I - M [c]^2]], c the CoM there.
+        """
+        R, p = self.rotation(frame), self.position(frame)
+        arm = skew(R.T @ (self.com - p))
+        M = self.robot.mass
+        spatial = np.empty((6, 6))
+        spatial[:3, :3] = M * np.eye(3)
+        spatial[:3, 3:] = -M * arm
+        spatial[3:, :3] = M * arm
+        spatial[3:, 3:] = R.T @ self.inertia @ R - M * arm @ arm
+        return read_only(spatial)
+
+    @cached_property
+    def base_inertia_jacobian(self) -> Array:
+        """d strung(I_base)/dv (6, nv) of the inertia in base axes; its base columns are zero."""
+        return read_only(
+            crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, np.eye(3))
+        )
+
+    @cached_property
+    def inertia_jacobian(self) -> Array:
+        """d strung(I)/dv (6, nv), world axes; rows xx, xy, xz, yy, yz, zz [kg m^2] (eqs. 24-27)."""
+        R = self.rotation(BASE)
+        J = crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, R)
+        J[:, 3:6] = turning(self.inertia) @ R  # translation does not matter, rotation turns it
+        return read_only(J)
+
+    def inertia_jacobian_in(self, frame: str = WORLD) -> Array:
+        """Jacobian (6, nv) of :meth:`inertia_in` for the same ``frame``."""
+        if frame == WORLD:
+            return self.inertia_jacobian
+        if frame == BASE:
+            return self.base_inertia_jacobian
+        R = self.rotation(frame)
+        spin = turning(self.inertia) @ self.jacobian(frame)[3:]
+        return read_only(congruence(R.T) @ (self.inertia_jacobian - spin))
+
+    @cached_property
+    def inertia_drift(self) -> Array:
+        """d^2 strung(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
+        return self._inertia_drift_in_axes(WORLD)
+
+    def inertia_drift_in(self, frame: str = WORLD) -> Array:
+        """Drift (6,) of :meth:`inertia_in` for the same ``frame``."""
+        return self.inertia_drift if frame == WORLD else self._inertia_drift_in_axes(frame)
+
+    @cached_property
+    def _base_inertia_drift(self) -> Array:
+        """Second derivative (6,) of the inertia in base axes at zero acceleration of v."""
+        com_jacobian = self.rotation(BASE).T @ self.com_jacobian
+        work = self.robot.workspace
+        return crb.joint_curvature(work, self.q, self.v, self._com_in_base, com_jacobian)
+
+    def base_inertia_hessian(self, weights: Array) -> Array:
+        """Hessian (nv, nv) by the joints of sum_ab weights_ab I_ab, I in base axes.
+
+        ``weights`` is a symmetric (3, 3) matrix; its eigenvectors are the only spins needed. Times
+        the error of an inertia task this is what Gauss-Newton leaves out.
+        """
+        factors, axes = np.linalg.eigh(weights)
+        com_jacobian = self.rotation(BASE).T @ self.com_jacobian
+        work = self.robot.workspace
+        hessian = np.zeros((self.robot.nv, self.robot.nv))
+        for factor, axis in zip(factors, axes.T, strict=True):
+            form = crb.joint_hessian(work, self.q, self._com_in_base, com_jacobian, axis)
+            hessian += factor * form
+        return read_only(hessian)
+
+    def _inertia_drift_in_axes(self, frame: str) -> Array:
+        """Second derivative of R' I_base R, with R the axes of ``frame`` as seen from the base.
+
+        As seen from ``frame`` the base turns at w and at the rate a of zero acceleration of v, so
+        I'' = I''_b + 2 [w, I'_b] + [a, I] + [w, [w, I]] in the commutator of skew matrices.
+        """
+        base = self.rotation(BASE)
+        R = base if frame == WORLD else self.rotation(frame).T @ base
+        I_base = matrix(strung(base.T @ self.inertia @ base))
+        rate = matrix(self.base_inertia_jacobian @ self.v)
+        w, a = self._base_spin_seen_from(frame)
+        W, A = skew(w), skew(a)
+        turned = W @ I_base - I_base @ W
+        total = 2.0 * (W @ rate - rate @ W) + (A @ I_base - I_base @ A) + (W @ turned - turned @ W)
+        total += matrix(self._base_inertia_drift)
+        return read_only(strung(R @ total @ R.T))
+
+    def _base_spin_seen_from(self, frame: str) -> tuple[Array, Array]:
+        """Base angular velocity and acceleration relative to ``frame``, in base axes (3,), (3,)."""
+        w_base = self.v[3:6]
+        if frame == WORLD:
+            return w_base, np.zeros(3)
+        R = self.rotation(BASE)
+        w_frame = R.T @ (self.jacobian(frame)[3:] @ self.v)
+        a_frame = R.T @ self.drift(frame)[3:]
+        # In axes that turn with the base, d/dt of (w_base - w_frame) picks up w_base x w_frame.
+        return w_base - w_frame, -a_frame + np.cross(w_base, w_frame)
+
+    # ------------------------------------------------------------------ frames
+
+    def position(self, frame: str) -> Array:
+        """Origin of a frame in the world (3,) [m]."""
+        return self._placement(frame)[0]
+
+    def rotation(self, frame: str) -> Array:
+        """Rotation (3, 3) taking the frame's axes to the world's."""
+        return self._placement(frame)[1]
+
+    def jacobian(self, frame: str) -> Array:
+        """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
+        found = self._jacobians.get(frame)
+        if found is None:
+            robot = self.robot
+            found = pin.getFrameJacobian(
+                robot.model, self._kinematics(), robot.frame_id(frame), _ALIGNED
+            )
+            self._jacobians[frame] = read_only(found)
+        return found
+
+    def drift(self, frame: str) -> Array:
+        """Acceleration (6,) of the frame at zero acceleration of v, world axes [m/s^2, rad/s^2]."""
+        robot = self.robot
+        motion = pin.getFrameClassicalAcceleration(
+            robot.model, self._rates(), robot.frame_id(frame), _ALIGNED
+        )
+        return read_only(motion.vector.copy())
+
+    def _placement(self, frame: str) -> tuple[Array, Array]:
+        found = self._placements.get(frame)
+        if found is None:
+            robot = self.robot
+            pose = pin.updateFramePlacement(robot.model, self._kinematics(), robot.frame_id(frame))
+            found = read_only(pose.translation.copy()), read_only(pose.rotation.copy())
+            self._placements[frame] = found
+        return found
+
+    @cached_property
+    def _placements(self) -> dict[str, tuple[Array, Array]]:
+        return {}
+
+    @cached_property
+    def _jacobians(self) -> dict[str, Array]:
+        return {}
+
+    # ------------------------------------------------------------------ dynamics, on demand
+
+    @cached_property
+    def mass_matrix(self) -> Array:
+        """Joint-space mass matrix M (nv, nv)."""
+        upper = np.triu(pin.crba(self.robot.model, self.robot.workspace.scratch, self.q))
+        return read_only(upper + np.triu(upper, 1).T)
+
+    @cached_property
+    def bias(self) -> Array:
+        """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``."""
+        robot = self.robot
+        scratch = robot.workspace.scratch
+        return read_only(pin.nonLinearEffects(robot.model, scratch, self.q, self.v).copy())
+
+    @cached_property
+    def mechanical_connection(self) -> Array:
+        """A (6, nv - 6) with base momentum h_0 = I_0 (v_0 + A joint_rates), eq. 17, base axes."""
+        M = self.mass_matrix
+        return read_only(np.linalg.solve(M[:6, :6], M[:6, 6:]))
+
+    # ------------------------------------------------------------------ internals
+
+    @cached_property
+    def _com_in_base(self) -> Array:
+        p, R = self._placement(BASE)
+        return R.T @ (self.com - p)
+
+    def _kinematics(self) -> pin.Data:
+        return self.robot.workspace.kinematics(self, self.q, self.v)
+
+    def _rates(self) -> pin.Data:
+        return self.robot.workspace.rates(self, self.q, self.v)

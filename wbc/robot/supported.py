@@ -1,0 +1,140 @@
+"""Refuse, by name, a model that the controllers cannot treat."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import ModelError
+
+FREE_FLYER = "JointModelFreeFlyer"
+SINGLE_AXIS = frozenset(
+    f"JointModel{name}"
+    for name in (
+        *("RX", "RY", "RZ", "RevoluteUnaligned"),
+        *("RUBX", "RUBY", "RUBZ", "RevoluteUnboundedUnaligned"),
+        *("PX", "PY", "PZ", "PrismaticUnaligned"),
+    )
+)
+ROUNDING = 1e-6  # of a body's largest moment: files give inertias to about six digits
+# Of the robot's own second moment. Romeo's forearms break the triangle inequality by 3e-4 (a digit
+# is missing in the file); it does not show in the robot's inertia, so it is noted, not refused.
+NEGLIGIBLE = 1e-3
+
+
+def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
+    """Check a model after joints were locked, and return notes on what was tolerated.
+
+    Raises
+    ------
+    ModelError
+        The root is not one free-flyer, a joint has not exactly one axis or moves no mass, or a
+        body has an inertia that no rigid body can have. The message names joint and link.
+    """
+    _check_joints(model, path)
+    notes = _check_masses(model, path) + _check_inertias(model, path)
+    _check_turning(model, path)
+    return notes
+
+
+def _check_joints(model: pin.Model, path: Path) -> None:
+    on_world = [model.names[j] for j in range(1, model.njoints) if model.parents[j] == 0]
+    if len(on_world) != 1 or model.joints[1].shortname() != FREE_FLYER:
+        raise ModelError(
+            f"{path}: expected a single free-flyer at the root, found {', '.join(on_world)};"
+            " describe one floating robot"
+        )
+    for joint in range(2, model.njoints):
+        kind = model.joints[joint].shortname()
+        if kind not in SINGLE_AXIS:
+            raise ModelError(
+                f"{path}: joint {model.names[joint]!r} is a {kind.removeprefix('JointModel')}"
+                " joint, which is not supported; use revolute and prismatic joints, one for each"
+                " body, and none floating but the root"
+            )
+
+
+def _check_masses(model: pin.Model, path: Path) -> tuple[str, ...]:
+    """Refuse masses that are not positive, but for a link that only joins two joints."""
+    data = model.createData()
+    pin.computeSubtreeMasses(model, data)
+    empty = []
+    for joint in range(1, model.njoints):
+        body, where = model.inertias[joint], _where(model, joint, path)
+        if not np.isfinite(body.toDynamicParameters()).all():
+            raise ModelError(f"{where}: mass or inertia is not finite; correct it")
+        if body.mass < 0.0:
+            raise ModelError(f"{where}: negative mass {body.mass:g} kg; correct it")
+        if data.mass[joint] <= 0.0:
+            raise ModelError(
+                f"{where}: what the joint moves has no mass; give the link its mass, or make the"
+                " joint fixed, or lock it"
+            )
+        if body.mass == 0.0:
+            empty.append(link_of(model, joint))
+    if empty:
+        return (f"links without mass between two joints: {', '.join(empty)}",)
+    return ()
+
+
+def _check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
+    """Check that each body's second moment is that of some distribution of mass (theory 2)."""
+    data = model.createData()
+    pin.ccrba(model, data, pin.neutral(model), np.zeros(model.nv))
+    whole = float(np.trace(data.Ig.inertia)) / 2  # trace of the robot's second moment
+    points, broken = list[str](), list[str]()
+    for joint in range(1, model.njoints):
+        moments = np.linalg.eigvalsh(model.inertias[joint].inertia)
+        spread = moments.sum() / 2 - moments[2]  # least eigenvalue of the second moment
+        link = link_of(model, joint)
+        if moments[0] < -max(ROUNDING * abs(moments[2]), 1e-15):
+            _refuse_inertia(model, joint, path, "a principal moment of inertia is negative")
+        if moments[2] < 1e-15:  # kg m^2: iCub writes 1e-18 for nothing
+            points += [link] if model.inertias[joint].mass > 0.0 else []
+        elif spread < -NEGLIGIBLE * whole:
+            _refuse_inertia(model, joint, path, "the triangle inequality is broken")
+        elif spread < -ROUNDING * moments[2]:
+            broken.append(link)
+    notes = []
+    if points:
+        notes.append(f"links without rotational inertia, taken as points: {', '.join(points)}")
+    if broken:
+        notes.append(
+            "links whose moments of inertia break the triangle inequality, too little to matter"
+            f" for the whole robot: {', '.join(broken)}"
+        )
+    return tuple(notes)
+
+
+def _refuse_inertia(model: pin.Model, joint: int, path: Path, reason: str) -> None:
+    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(model.inertias[joint].inertia))
+    raise ModelError(
+        f"{_where(model, joint, path)}: {reason} (principal moments {moments} kg m^2); no rigid"
+        " body has such an inertia: correct it (is it about the centre of mass, in the axes of the"
+        " inertial origin?)"
+    )
+
+
+def _check_turning(model: pin.Model, path: Path) -> None:
+    """Refuse a joint that the least torque would spin without end: a point on its own axis."""
+    felt = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))  # with the armature
+    for joint in range(2, model.njoints):
+        if felt[model.idx_vs[joint]] < 1e-12:  # kg m^2, far below any real part
+            raise ModelError(
+                f"{_where(model, joint, path)}: nothing it moves has inertia about its axis; give"
+                " the link an inertia, or lock the joint"
+            )
+
+
+def link_of(model: pin.Model, joint: int) -> str:
+    """Return the name of the (first) link that a joint carries."""
+    for frame in model.frames:
+        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return "unnamed"
+
+
+def _where(model: pin.Model, joint: int, path: Path) -> str:
+    return f"{path}: joint {model.names[joint]!r}, link {link_of(model, joint)!r}"

@@ -1,0 +1,220 @@
+"""Read a URDF: check it by name, complete it, and hand it to Pinocchio.
+
+The XML is examined here first because the parser below Pinocchio prints its findings on the
+terminal, names no joint in its exception, and drops a whole inertia when one number is wrong.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinocchio as pin
+
+from wbc.errors import ModelError
+from wbc.robot.description import Description
+from wbc.robot.limits import UNLIMITED
+from wbc.robot.meshes import resolve_meshes
+from wbc.robot.xml_numbers import numbers
+
+MOVING = {"revolute", "continuous", "prismatic"}
+KNOWN = MOVING | {"fixed", "floating"}
+LIMITS = ("lower", "upper", "effort", "velocity")
+_SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
+
+
+@dataclass(frozen=True)
+class UrdfGeometry:
+    """Shapes of a URDF: its text, in which mesh names are absolute and missing meshes left out."""
+
+    text: str
+    path: Path
+
+    def load(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> pin.GeometryModel:
+        """See :class:`wbc.robot.description.GeometrySource`."""
+        text = self.text if links is None else self._only(links, _SHAPES[kind])
+        try:
+            return pin.buildGeomFromUrdfString(model, text, kind)
+        except (ValueError, RuntimeError) as error:
+            raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
+
+    def _only(self, links: Collection[str], tag: str) -> str:
+        root = ET.fromstring(self.text)
+        for link in root.findall("link"):
+            if link.get("name") not in links:
+                for shape in link.findall(tag):
+                    link.remove(shape)
+        return ET.tostring(root, encoding="unicode")
+
+
+def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> Description:
+    """Return the description of a URDF document, changing ``root`` on the way.
+
+    The root link floats, unless a ``floating`` joint from a massless root link (usually called
+    ``world``) says so already.
+
+    Raises
+    ------
+    ModelError
+        The document is not one tree of links joined by revolute, continuous, prismatic and fixed
+        joints, or a number in it is wrong.
+    """
+    joints = _checked_tree(root, path)
+    for link in root.findall("link"):
+        _check_inertial(link, f"{path}: link {link.get('name')!r}")
+    for joint in joints:
+        _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
+    coupled = dict(_coupled_joints(joints))
+    notes = resolve_meshes(root, path, package_dirs)
+    text = ET.tostring(root, encoding="unicode")
+    return Description(
+        name=root.get("name", path.stem),
+        path=path,
+        model=_build(text, path, floats=any(j.get("type") == "floating" for j in joints)),
+        geometry=UrdfGeometry(text, path),
+        coupled=coupled,
+        notes=notes,
+    )
+
+
+def _build(text: str, path: Path, floats: bool) -> pin.Model:
+    try:
+        if floats:
+            return pin.buildModelFromXML(text)
+        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(f"{path}: Pinocchio cannot read this URDF: {error}") from error
+
+
+def _checked_tree(root: ET.Element, path: Path) -> list[ET.Element]:
+    """Return the joints after checking that they join all links into one tree."""
+    links = [link.get("name", "") for link in root.findall("link")]
+    joints = root.findall("joint")
+    if not links:
+        raise ModelError(f"{path}: no <link>; a robot needs at least one")
+    _refuse_repeated(links, "link", path)
+    _refuse_repeated([joint.get("name", "") for joint in joints], "joint", path)
+    parents: dict[str, str] = {}
+    for joint in joints:
+        parent, child = _ends(joint, links, path)
+        if child in parents:
+            raise ModelError(
+                f"{path}: link {child!r} hangs on both {parents[child]!r} and {parent!r};"
+                " closed loops are not supported: describe an open tree"
+            )
+        parents[child] = parent
+    roots = [link for link in root.findall("link") if link.get("name") not in parents]
+    if len(roots) != 1:
+        named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
+        raise ModelError(f"{path}: expected one root link, found {len(roots)} ({named})")
+    _check_floating(joints, roots[0], path)
+    return joints
+
+
+def _refuse_repeated(names: list[str], kind: str, path: Path) -> None:
+    for name, count in Counter(names).items():
+        if not name or count > 1:
+            what = f"{count} {kind}s are called {name!r}" if name else f"a {kind} has no name"
+            raise ModelError(f"{path}: {what}; give each its own name")
+
+
+def _ends(joint: ET.Element, links: list[str], path: Path) -> tuple[str, str]:
+    ends = []
+    for tag in ("parent", "child"):
+        element = joint.find(tag)
+        link = "" if element is None else element.get("link", "")
+        if link not in links:
+            raise ModelError(f"{path}: joint {joint.get('name')!r}: no {tag} link {link!r}")
+        ends.append(link)
+    return ends[0], ends[1]
+
+
+def _check_floating(joints: list[ET.Element], base: ET.Element, path: Path) -> None:
+    """Allow a ``floating`` joint only where it says what is so anyway: from an empty root link."""
+    on_base = [joint for joint in joints if _parent(joint) == base.get("name")]
+    for joint in joints:
+        if joint.get("type") != "floating":
+            continue
+        if on_base != [joint] or len(base):
+            raise ModelError(
+                f"{path}: joint {joint.get('name')!r} is floating, but only the root may float;"
+                " remove the joint (the root link floats by itself)"
+            )
+        for origin in joint.findall("origin"):
+            joint.remove(origin)  # an offset of the world, which q measures by itself
+
+
+def _parent(joint: ET.Element) -> str | None:
+    parent = joint.find("parent")
+    return None if parent is None else parent.get("link")
+
+
+def _check_inertial(link: ET.Element, where: str) -> None:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None:
+        raise ModelError(f"{where}: <inertial> needs <mass> and <inertia>; add the missing one")
+    value = numbers(mass, "value", 1, where)[0]
+    if value < 0.0:
+        raise ModelError(f"{where}: negative mass {value:g} kg; correct it")
+    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        numbers(inertia, key, 1, where)
+    _check_origin(inertial, where)
+
+
+def _check_joint(joint: ET.Element, where: str) -> None:
+    kind = joint.get("type")
+    if kind not in KNOWN:
+        raise ModelError(
+            f"{where}: type {kind!r} is not supported; use revolute, continuous, prismatic or"
+            " fixed joints (a planar or spherical joint is a chain of these)"
+        )
+    _check_origin(joint, where)
+    if kind not in MOVING:
+        return
+    axis = joint.find("axis")
+    if axis is not None and not any(numbers(axis, "xyz", 3, where)):
+        raise ModelError(f"{where}: its axis is 0 0 0; give a direction")
+    _complete_limit(joint, where)
+
+
+def _check_origin(element: ET.Element, where: str) -> None:
+    origin = element.find("origin")
+    for key in ("xyz", "rpy"):
+        if origin is not None and key in origin.attrib:
+            numbers(origin, key, 3, where)
+
+
+def _complete_limit(joint: ET.Element, where: str) -> None:
+    """Check a moving joint's limits, and write the missing ones as the parser accepts them."""
+    limit = joint.find("limit")
+    if limit is None:
+        limit = ET.SubElement(joint, "limit")
+    if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
+        limit.set("lower", str(-UNLIMITED))
+        limit.set("upper", str(UNLIMITED))
+    given = {key: numbers(limit, key, 1, where)[0] for key in limit.attrib if key in LIMITS}
+    if given.get("lower", 0.0) > given.get("upper", 0.0):
+        raise ModelError(
+            f"{where}: lower limit {given.get('lower', 0.0):g} is above the upper limit"
+            f" {given.get('upper', 0.0):g}; swap them"
+        )
+    for key in ("effort", "velocity"):
+        if given.get(key, 0.0) < 0.0:
+            raise ModelError(f"{where}: negative {key} limit {given[key]:g}; correct it")
+        limit.attrib.setdefault(key, "0")
+
+
+def _coupled_joints(joints: list[ET.Element]) -> Iterator[tuple[str, str]]:
+    for joint in joints:
+        mimic = joint.find("mimic")
+        if mimic is not None and joint.get("type") in MOVING:
+            yield joint.get("name", ""), mimic.get("joint", "")
+            joint.remove(mimic)
