@@ -1,0 +1,98 @@
+"""The reduced formulation against the paper's eliminations (eqs. 33-37) and the equality form."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import support
+from wbc.qp.elimination import eliminate, factorise
+from wbc.qp.problem import QP
+from wbc.robot import Robot
+
+HUMANOIDS = ("hoap2_like", "g1_27", "talos")
+
+
+def standing(robot: Robot, rng: np.random.Generator):
+    q = robot.posture("standing")
+    return robot.snapshot(robot.integrate(q, 0.05 * rng.normal(size=robot.nv), 1.0))
+
+
+def contact_matrix(here, mode: str) -> np.ndarray:
+    return np.concatenate([contact.residual(here).jacobian for contact in support(here, mode)])
+
+
+def null_space_qp(A: np.ndarray) -> QP:
+    n = A.shape[1]
+    return QP.build(np.eye(n), np.zeros(n), A=A, b=np.zeros(len(A)))
+
+
+@pytest.mark.parametrize("name", HUMANOIDS)
+def test_single_support_is_eqs_33_to_35(name: str, robot_named, rng) -> None:
+    """With the left foot held, J_I N = J_I,q - J_I,0 Ad_{G_l} J_l, and the CoM rows likewise."""
+    robot = robot_named(name)
+    here = standing(robot, rng)
+    foot = robot.feet["left"].frame
+    # Ad_{G_l} J_l (the paper's J_l*): twist that the leg's joints give the foot, seen at the base.
+    R, p = here.rotation("base"), here.position("base")
+    arm = here.position(foot) - p
+    linear, angular = here.jacobian(foot)[:3, 6:], here.jacobian(foot)[3:, 6:]
+    at_base = linear - np.cross(angular.T, arm).T  # velocity of the foot's body at the base origin
+    star = np.concatenate((R.T @ at_base, R.T @ angular))
+    reduced = eliminate(null_space_qp(contact_matrix(here, "left")))
+    # The same subspace of v: the paper's basis has the joints as free unknowns.
+    paper = np.concatenate((-star, np.eye(robot.nv - 6)))
+    np.testing.assert_allclose(paper, reduced.basis @ paper[reduced.factors.free], atol=1e-9)
+    for J in (here.inertia_jacobian, here.com_jacobian):
+        expected = J[:, 6:] - J[:, :6] @ star
+        actual = J @ reduced.basis @ paper[reduced.factors.free]
+        np.testing.assert_allclose(actual, expected, atol=1e-9 * np.abs(J).max())
+
+
+@pytest.mark.parametrize("name", HUMANOIDS)
+def test_double_support_is_eqs_36_and_37(name: str, robot_named, rng) -> None:
+    """J_l* ql' = J_r* qr' and the base follows: the paper's basis spans the same motions."""
+    robot = robot_named(name)
+    here = standing(robot, rng)
+    A = contact_matrix(here, "double")
+    reduced = eliminate(null_space_qp(A))
+    legs = [int(np.flatnonzero(np.abs(here.jacobian(robot.feet[s].frame)[:, 6:]).sum(0))[-1]) + 6
+            for s in ("left", "right")]  # fmt: skip
+    right = [k for k in range(6, robot.nv) if legs[1] - 6 < k <= legs[1]]
+    assert len(right) == 6
+    dependent = [*range(6), *right]
+    free = [k for k in range(robot.nv) if k not in dependent]
+    paper = np.zeros((robot.nv, len(free)))
+    paper[free, np.arange(len(free))] = 1.0
+    paper[dependent] = -np.linalg.solve(A[:, dependent], A[:, free])
+    np.testing.assert_allclose(A @ reduced.basis, 0.0, atol=1e-12)
+    np.testing.assert_allclose(paper, reduced.basis @ paper[reduced.factors.free], atol=1e-7)
+
+
+def test_straight_knees_do_not_break_it(robot_named) -> None:
+    """At a straight knee the right leg's Jacobian is singular: solving for that leg blows up."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.postures["neutral"])
+    A = contact_matrix(here, "double")
+    reduced = eliminate(null_space_qp(A))
+    assert np.abs(reduced.basis).max() < 100.0
+    np.testing.assert_allclose(A @ reduced.basis, 0.0, atol=1e-12)
+    rank = np.linalg.matrix_rank(A, tol=1e-8)
+    assert reduced.factors.dependent.size == rank
+
+
+def test_redundant_rows_are_dropped_and_contradictions_measured(rng) -> None:
+    A = rng.normal(size=(4, 9))
+    A = np.vstack((A, A[0] + A[1]))
+    x = rng.normal(size=9)
+    factors = factorise(A, np.ones(9))
+    assert factors.dependent.size == 4
+    qp = QP.build(np.eye(9), rng.normal(size=9), A=A, b=A @ x)
+    assert eliminate(qp).mismatch < 1e-12
+    off = QP.build(np.eye(9), rng.normal(size=9), A=A, b=A @ x + np.eye(5)[4])
+    assert eliminate(off).mismatch > 0.1
+
+
+def test_no_equalities_is_the_identity(rng) -> None:
+    qp = QP.build(np.eye(3), rng.normal(size=3), lower=-np.ones(3), upper=np.ones(3))
+    reduced = eliminate(qp)
+    np.testing.assert_array_equal(reduced.basis, np.eye(3))
+    np.testing.assert_array_equal(reduced.reduced.P, qp.P)

@@ -1,0 +1,110 @@
+"""Limits: no overshoot, no oscillation, rest always allowed, and a way back from outside."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+
+DT = 0.005
+
+
+def at(robot: Robot, joints: np.ndarray) -> np.ndarray:
+    """Configuration with the given joint positions, continuous joints included."""
+    step = np.concatenate((np.zeros(6), joints - robot.limits.joint_positions(neutral(robot))))
+    return robot.integrate(neutral(robot), step, 1.0)
+
+
+def neutral(robot: Robot) -> np.ndarray:
+    return robot.postures["neutral"]
+
+
+def inside(robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    lower, upper = (np.clip(x, -3, 3) for x in (robot.limits.lower, robot.limits.upper))
+    return rng.uniform(lower, upper)
+
+
+@pytest.mark.parametrize("direction", [-1, 1])
+def test_full_speed_at_a_limit_stops_there(robot: Robot, rng, direction: int) -> None:
+    """The greediest command allowed, tick after tick: an adversary no task can exceed."""
+    a_max = 30.0
+    limits = Limits(robot, acceleration=a_max)
+    q, v = at(robot, inside(robot, rng)), np.zeros(robot.nv)
+    end = limits.upper if direction > 0 else limits.lower
+    bounded = np.isfinite(end)
+    for _ in range(4000):
+        lower, upper = limits.box(robot.snapshot(q, v), DT)
+        command = np.zeros(robot.nv)
+        command[6:] = (upper if direction > 0 else lower)[6:]
+        change = np.abs(command - v)[6:]
+        # Speeding up and braking both stay within the acceleration limit (rounding 1e-9).
+        assert (change <= a_max * DT + 1e-9)[bounded].all()
+        assert (direction * command[6:] >= 0).all(), "it must never turn back"
+        v = command
+        q = robot.integrate(q, v, DT)
+        position = robot.limits.joint_positions(q)
+        assert (direction * (end - position)[bounded] >= -1e-12).all()
+    # It creeps up to the limit like a / (t^2): within a micro-radian after 20 s.
+    np.testing.assert_allclose(position[bounded], end[bounded], atol=1e-6)
+
+
+def test_rest_is_always_allowed(robot: Robot, rng) -> None:
+    limits = Limits(robot)
+    for _ in range(50):
+        joints = inside(robot, rng) + rng.normal(size=robot.nv - 6)  # often outside
+        v = rng.normal(scale=20, size=robot.nv)
+        lower, upper = limits.box(robot.snapshot(at(robot, joints), v), DT)
+        assert (lower <= 0).all()
+        assert (upper >= 0).all()
+
+
+def test_without_a_measured_velocity_there_is_no_speeding_up_bound(robot: Robot) -> None:
+    limits = Limits(robot, acceleration=1.0)
+    q = at(robot, np.zeros(robot.nv - 6) + 1e-3)
+    free = limits.box(robot.snapshot(q), DT)[1][6:]
+    at_rest = limits.box(robot.snapshot(q, np.zeros(robot.nv)), DT)[1][6:]
+    assert (at_rest <= 1.0 * DT + 1e-12).all()
+    assert (free >= at_rest).all()
+    assert (free > at_rest).any()
+
+
+def test_velocity_and_base_twist(robot: Robot) -> None:
+    twist = np.arange(1.0, 7.0)
+    limits = Limits(robot, velocity=0.5, acceleration=np.inf, base_twist=twist)
+    middle = (np.clip(robot.limits.lower, -3, 3) + np.clip(robot.limits.upper, -3, 3)) / 2
+    lower, upper = limits.box(robot.snapshot(at(robot, middle)), DT)
+    np.testing.assert_array_equal(upper[:6], twist)
+    np.testing.assert_array_equal(lower[:6], -twist)
+    np.testing.assert_allclose(upper[6:], 0.5 * robot.limits.velocity)
+
+
+def test_outside_may_only_move_back_and_is_asked_to(robot: Robot) -> None:
+    limits = Limits(robot, recovery=0.2)
+    bounded = np.flatnonzero(np.isfinite(robot.limits.upper))
+    joint = int(bounded[0])
+    joints = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, 0.0)
+    joints[joint] += 0.05
+    here = robot.snapshot(at(robot, joints))
+    assert limits.box(here, DT)[1][6 + joint] == 0.0
+    rows = limits.recovery_rows(here, DT)
+    assert rows is not None
+    assert rows.matrix[:, 6 + joint].tolist() == [1.0]
+    # A fifth of the violation in one tick, unless the joint is too slow for that.
+    wanted = max(-0.2 * 0.05 / DT, -robot.limits.velocity[joint])
+    assert rows.target[0] == pytest.approx(wanted, rel=1e-9)
+    assert limits.worst_margin(here.q)[1] == robot.joint_names[joint]
+    assert limits.worst_margin(here.q)[0] == pytest.approx(-0.05)
+    joints[joint] -= 0.05
+    assert limits.recovery_rows(robot.snapshot(at(robot, joints - 1e-9)), DT) is None
+
+
+def test_bad_limits_are_refused(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match=r"margin: 100 leaves no range for joint"):
+        Limits(robot, margin=100.0)
+    with pytest.raises(InvalidInputError, match=r"velocity: must be greater than 0"):
+        Limits(robot, velocity=-1.0)
+    with pytest.raises(InvalidInputError, match=r"acceleration: every entry must be positive"):
+        Limits(robot, acceleration=0.0)
+    with pytest.raises(InvalidInputError, match=r"base_twist: expected shape \(6,\)"):
+        Limits(robot, base_twist=[1.0])

@@ -1,0 +1,163 @@
+"""Limits on joints and base, as one box on the next velocity.
+
+Three facts shape the box of a joint at position q moving at v, with limits q_max, v_max, a_max:
+
+* braking: from velocity u it can stop before q_max if ``u dt + u^2 / (2 a_max) <= q_max - q``. Once
+  this holds it can hold at the next tick too, so a limit is met without overshoot or oscillation;
+* speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always allowed: with
+  several limits and closed kinematic chains, a hard bound on deceleration can contradict the
+  contacts, and standing still must remain possible;
+* outside its range a joint may only move back, and a soft row of high weight moves it back. That
+  row is a cost, not a bound, so that no state can make the QP infeasible.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.laws import Rows
+from wbc.robot import Robot, Snapshot
+from wbc.validate import Array, finite_number, finite_vector, read_only
+
+BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
+# Time in which a joint reaches full speed if no acceleration limit is given [s].
+DEFAULT_RISE_TIME = 0.1
+# Stands for the distance to a limit that does not exist: finite, so that no inf/inf can arise.
+FAR = 1e12
+_SIGNS = np.array([[-1.0], [1.0]])  # towards the lower limit, towards the upper one
+
+
+class Limits:
+    """Position, velocity and acceleration limits of the joints, and of the base's twist.
+
+    Parameters
+    ----------
+    position:
+        Keep joints inside the model's position limits.
+    margin:
+        Distance kept from them [rad or m].
+    velocity:
+        Factor on the model's velocity limits, or None for no velocity limit.
+    acceleration:
+        One number or one per joint [rad/s^2 or m/s^2], used for braking and for speeding up; None
+        takes the velocity limit divided by 0.1 s (no bound where there is no velocity limit).
+    base_twist:
+        (6,) largest base velocity in base axes, linear [m/s] then angular [rad/s]; None: no limit.
+    recovery:
+        Fraction of a violation to take back in one tick, in (0, 1].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        position: bool = True,
+        margin: float = 0.0,
+        velocity: float | None = 1.0,
+        acceleration: ArrayLike | None = None,
+        base_twist: ArrayLike | None = None,
+        recovery: float = 0.2,
+    ) -> None:
+        self.robot = robot
+        joints = robot.nv - 6
+        self.lower, self.upper = _position_bounds(robot, position, margin)
+        self.speed = _speeds(robot, velocity)
+        self.acceleration = read_only(_accelerations(acceleration, self.speed, joints))
+        twist = np.full(6, np.inf) if base_twist is None else base_twist
+        self.base_twist = _positive("limits, base_twist", twist, 6)
+        self.recovery = finite_number("limits, recovery", recovery, above=0.0)
+        self._box_of_base = -self.base_twist, self.base_twist
+        self._signed_bounds = np.stack((-self.lower, self.upper))
+        self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
+
+    def box(self, snapshot: Snapshot, dt: float) -> tuple[Array, Array]:
+        """Return lower and upper bounds (nv,), (nv,) on the next velocity; 0 is always inside."""
+        distance = self._signed_bounds - _SIGNS * self.robot.limits.joint_positions(snapshot.q)
+        most = self._reach(distance, dt)  # (2, joints): how fast it may go down, and up
+        np.minimum(most, self.speed, out=most)
+        if snapshot.moving:
+            faster = _SIGNS * snapshot.v[6:]
+            faster += self.acceleration * dt
+            np.maximum(faster, 0.0, out=faster)
+            np.minimum(most, faster, out=most)
+        lower, upper = self._box_of_base
+        return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
+
+    def recovery_rows(self, snapshot: Snapshot, dt: float) -> Rows | None:
+        """Return unit-weight rows that move joints back into range, or None if all are inside."""
+        q = self.robot.limits.joint_positions(snapshot.q)
+        outside = q - np.minimum(np.maximum(q, self.lower), self.upper)
+        if not outside.any():
+            return None
+        joints = np.flatnonzero(outside)
+        matrix = np.zeros((joints.size, 6 + q.size))
+        matrix[np.arange(joints.size), 6 + joints] = 1.0
+        speed = self.speed[joints]
+        target = np.clip(-self.recovery / dt * outside[joints], -speed, speed)
+        return Rows(matrix, target, np.ones(joints.size))
+
+    def worst_margin(self, q: Array) -> tuple[float, str]:
+        """Return the smallest distance [rad or m] to a position limit and the joint it is at.
+
+        Negative when outside; the model's own limits count, without ``margin``.
+        """
+        limits = self.robot.limits
+        position = limits.joint_positions(q)
+        margin = np.minimum(limits.upper - position, position - limits.lower)
+        worst = int(np.argmin(margin))
+        return float(margin[worst]), self.robot.joint_names[worst]
+
+    def _reach(self, distance: Array, dt: float) -> Array:
+        """Return the largest speed (2, joints) from which one can still stop within ``distance``.
+
+        The positive root of u dt + u^2 / (2 a) = distance, in the form without cancellation.
+        """
+        twice = np.maximum(distance, 0.0)
+        np.minimum(twice, FAR, out=twice)
+        twice *= 2.0
+        slowing = twice / self.acceleration
+        slowing += dt * dt
+        np.sqrt(slowing, out=slowing)
+        slowing += dt
+        speed = np.divide(twice, slowing, out=slowing)
+        if self._has_free_joints:
+            speed[distance > FAR] = np.inf
+        return speed
+
+
+def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:
+    margin = finite_number("limits, margin", margin, least=0.0)
+    if not position:
+        free = np.full(robot.nv - 6, np.inf)
+        return read_only(-free), read_only(free)
+    lower, upper = robot.limits.lower + margin, robot.limits.upper - margin
+    for k in np.flatnonzero(lower > upper)[:1]:
+        raise InvalidInputError(
+            f"limits, margin: {margin:g} leaves no range for joint {robot.joint_names[k]!r} "
+            f"[{robot.limits.lower[k]:g}, {robot.limits.upper[k]:g}]"
+        )
+    return read_only(lower), read_only(upper)
+
+
+def _speeds(robot: Robot, velocity: float | None) -> Array:
+    if velocity is None:
+        return read_only(np.full(robot.nv - 6, np.inf))
+    return read_only(finite_number("limits, velocity", velocity, above=0.0) * robot.limits.velocity)
+
+
+def _accelerations(acceleration: ArrayLike | None, speed: Array, joints: int) -> Array:
+    if acceleration is None:
+        return speed / DEFAULT_RISE_TIME
+    full = np.full(joints, acceleration) if np.ndim(acceleration) == 0 else acceleration
+    return _positive("limits, acceleration", full, joints)
+
+
+def _positive(what: str, value: ArrayLike, size: int) -> Array:
+    """Return (size,) positive numbers, infinity allowed (no limit)."""
+    given = np.asarray(value, dtype=float)
+    checked = finite_vector(what, np.where(np.isposinf(given), 1.0, given), size)
+    if (checked <= 0.0).any():
+        raise InvalidInputError(f"{what}: every entry must be positive, got {given.tolist()}")
+    return read_only(np.where(np.isposinf(given), np.inf, checked))

@@ -1,0 +1,237 @@
+"""Position, orientation, pose or axis of a frame of the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.robot.lie import log_jacobian, log_jacobian_rate, log_rotation
+from wbc.spatial import skew
+from wbc.tasks.com import AXES, axis_indices
+from wbc.tasks.task import Residual, Task
+from wbc.validate import Array
+
+TURNS = ("rx", "ry", "rz")
+
+
+class PositionTask(Task):
+    """Bring the origin of ``frame`` to ``target`` (3,) [m], world axes."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        target: ArrayLike,
+        *,
+        axes: Sequence[str] = AXES,
+        name: str | None = None,
+        weight: ArrayLike = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        super().__init__(
+            robot,
+            name or f"{frame} position",
+            axes,
+            weight=weight,
+            gain=gain,
+            lm_damping=lm_damping,
+        )
+        robot.frame_id(frame)
+        self.frame = frame
+        self._selected = axis_indices(axes)
+        self.set_target(target)
+
+    def set_target(
+        self, target: ArrayLike, rate: ArrayLike = (0, 0, 0), acceleration: ArrayLike = (0, 0, 0)
+    ) -> None:
+        """Set target position [m] and, for a moving target, its velocity and acceleration."""
+        self.target = self._target(target, (3,))
+        self.target_rate = self._target(rate, (3,), "target rate")
+        self.target_acceleration = self._target(acceleration, (3,), "target acceleration")
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return position minus target [m]."""
+        rows = self._selected
+        error = (snapshot.position(self.frame) - self.target)[rows]
+        jacobian = snapshot.jacobian(self.frame)[:3][rows]
+        return Residual(error, jacobian, -self.target_rate[rows])
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the origin's acceleration at zero acceleration of v [m/s^2]."""
+        drift = snapshot.drift(self.frame)[:3] - self.target_acceleration
+        return drift[self._selected]
+
+
+class OrientationTask(Task):
+    """Bring the axes of ``frame`` to the rotation ``target`` (3, 3).
+
+    The error is the rotation vector log(target' R) [rad], in the target's axes; it is defined for
+    less than half a turn, at which the way back is not unique.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        target: ArrayLike,
+        *,
+        name: str | None = None,
+        weight: ArrayLike = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        super().__init__(
+            robot,
+            name or f"{frame} orientation",
+            TURNS,
+            weight=weight,
+            gain=gain,
+            lm_damping=lm_damping,
+        )
+        robot.frame_id(frame)
+        self.frame = frame
+        self._none = self._zeros()
+        self.set_target(target)
+
+    def set_target(self, target: ArrayLike) -> None:
+        """Set the wanted rotation (3, 3) from frame axes to world axes."""
+        self.target = self._target(target, (3, 3))
+        check_rotation(f"task {self.name!r}, target", self.target)
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return log(target' R) [rad]."""
+        error, jacobian = orientation_residual(snapshot, self.frame, self.target)
+        return Residual(error, jacobian, self._none)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the rate of the error's Jacobian times v [rad/s^2]."""
+        return orientation_drift(snapshot, self.frame, self.target)
+
+
+class PoseTask(Task):
+    """Bring ``frame`` to a position and a rotation at once (rows x y z rx ry rz)."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        name: str | None = None,
+        weight: ArrayLike = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        super().__init__(
+            robot,
+            name or f"{frame} pose",
+            AXES + TURNS,
+            weight=weight,
+            gain=gain,
+            lm_damping=lm_damping,
+        )
+        robot.frame_id(frame)
+        self.frame = frame
+        self._none = self._zeros()
+        self.set_target(position, rotation)
+
+    def set_target(self, position: ArrayLike, rotation: ArrayLike) -> None:
+        """Set the wanted position (3,) [m] and rotation (3, 3)."""
+        self.position = self._target(position, (3,), "position")
+        self.rotation = self._target(rotation, (3, 3), "rotation")
+        check_rotation(f"task {self.name!r}, rotation", self.rotation)
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return position minus target [m] above log(target' R) [rad]."""
+        turn, turn_jacobian = orientation_residual(snapshot, self.frame, self.rotation)
+        error = np.concatenate((snapshot.position(self.frame) - self.position, turn))
+        jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn_jacobian))
+        return Residual(error, jacobian, self._none)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the drift of both parts."""
+        turn = orientation_drift(snapshot, self.frame, self.rotation)
+        return np.concatenate((snapshot.drift(self.frame)[:3], turn))
+
+
+class AxisTask(Task):
+    """Point a body-fixed ``axis`` of ``frame`` along the world direction ``target``.
+
+    The error is the difference of the two unit vectors (3 rows of rank 2): smooth everywhere, and
+    the opposite direction is a saddle rather than a second rest point.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        target: ArrayLike,
+        *,
+        axis: ArrayLike = (0, 0, 1),
+        name: str | None = None,
+        weight: ArrayLike = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        super().__init__(
+            robot, name or f"{frame} axis", AXES, weight=weight, gain=gain, lm_damping=lm_damping
+        )
+        robot.frame_id(frame)
+        self.frame = frame
+        self.axis = self._unit(axis, "axis")
+        self._none = self._zeros()
+        self.set_target(target)
+
+    def set_target(self, target: ArrayLike) -> None:
+        """Set the wanted direction (3,), of any length but zero."""
+        self.target = self._unit(target, "target")
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return the axis minus the target, both unit vectors in world axes."""
+        pointing = snapshot.rotation(self.frame) @ self.axis
+        jacobian = -skew(pointing) @ snapshot.jacobian(self.frame)[3:]
+        return Residual(pointing - self.target, jacobian, self._none)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return w x (w x a) + alpha x a at zero acceleration of v [1/s^2]."""
+        pointing = snapshot.rotation(self.frame) @ self.axis
+        w = snapshot.jacobian(self.frame)[3:] @ snapshot.v
+        alpha = snapshot.drift(self.frame)[3:]
+        return np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
+
+    def _unit(self, value: ArrayLike, what: str) -> Array:
+        vector = self._target(value, (3,), what)
+        length = float(np.linalg.norm(vector))
+        if length < 1e-9:
+            raise InvalidInputError(f"task {self.name!r}, {what}: a direction needs some length")
+        return vector / length
+
+
+def orientation_residual(snapshot: Snapshot, frame: str, target: Array) -> tuple[Array, Array]:
+    """Return the error log(target' R) (3,) and its Jacobian (3, nv)."""
+    R = snapshot.rotation(frame)
+    relative = target.T @ R
+    to_error = log_jacobian(relative) @ R.T  # world angular velocity -> rate of the error
+    return log_rotation(relative), to_error @ snapshot.jacobian(frame)[3:]
+
+
+def orientation_drift(snapshot: Snapshot, frame: str, target: Array) -> Array:
+    """Return the second derivative (3,) of log(target' R) at zero acceleration of v."""
+    R = snapshot.rotation(frame)
+    relative = target.T @ R
+    J = log_jacobian(relative)
+    w = R.T @ (snapshot.jacobian(frame)[3:] @ snapshot.v)
+    alpha = R.T @ snapshot.drift(frame)[3:]
+    return J @ alpha + log_jacobian_rate(log_rotation(relative), J @ w) @ w
+
+
+def check_rotation(what: str, R: Array) -> None:
+    """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
+    if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
+        raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")

@@ -1,0 +1,147 @@
+"""The composite-rigid-body inertia as a task: what the paper calls inertia shaping (5.3).
+
+:class:`InertiaTask` drives entries of the centroidal inertia matrix (or its trace) in chosen axes;
+:mod:`wbc.tasks.principal_inertia` drives the principal moments, whichever way the ellipsoid points.
+Errors are in kg m^2, or, with ``per_mass``, in m^2 (divided by the robot's mass), which makes one
+weight mean the same on a small and on a large robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, matrix, strung
+from wbc.tasks.task import Residual, Task
+from wbc.validate import Array, finite_array, read_only
+
+ALL = COMPONENTS
+DIAGONAL_COMPONENTS = ("xx", "yy", "zz")
+TRACE = ("trace",)
+WORLD, BASE = "world", "base"
+
+# Rows of the task as rows of the strung inertia. Off-diagonal entries stand twice in the matrix:
+# sqrt(2) makes the norm of the error the Frobenius norm of the difference of the two matrices.
+FROBENIUS_ROWS = np.diag(np.sqrt(FROBENIUS_WEIGHTS))
+_TRACE_ROW = np.zeros((1, 6))
+_TRACE_ROW[0, DIAGONAL] = 1.0
+# An off-diagonal entry of the strung vector stands for two entries of the matrix.
+_HALF_OFF_DIAGONAL = 1.0 / FROBENIUS_WEIGHTS
+
+
+class InertiaTask(Task):
+    """Bring entries of the centroidal CRB inertia to those of ``target``.
+
+    Parameters
+    ----------
+    target:
+        (3, 3) symmetric matrix, or (6,) entries xx xy xz yy yz zz, or (3,) diagonal entries when
+        only those are controlled, or one number for the trace [kg m^2].
+    components:
+        Names among ``xx xy xz yy yz zz``, or ``("trace",)``.
+    frame:
+        Whose axes: ``"world"``, ``"base"`` (the joints alone then decide: the local shape of paper
+        5.2.1) or any frame of the robot.
+    per_mass:
+        Divide error and Jacobian by the robot's mass; weights are then in 1/(m^2/s).
+    second_order:
+        Add the curvature of the inertia to the cost. With a target out of reach the error stays
+        large, and Gauss-Newton (which leaves curvature out) chatters or creeps; this converges like
+        Newton's method, for about 200 us more per tick. The turning of a named frame is left out.
+
+    Notes
+    -----
+    The rows are entries of the matrix, off-diagonal ones times sqrt(2), so that the norm of the
+    error over all six is the Frobenius norm of ``actual - target``.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        target: ArrayLike,
+        *,
+        components: Sequence[str] = ALL,
+        frame: str = WORLD,
+        per_mass: bool = False,
+        name: str = "inertia",
+        weight: ArrayLike = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+        second_order: bool = False,
+    ) -> None:
+        super().__init__(robot, name, components, weight=weight, gain=gain, lm_damping=lm_damping)
+        self.second_order = second_order
+        if frame != WORLD:
+            robot.frame_id(frame)
+        self.frame = frame
+        self._scale = 1.0 / robot.mass if per_mass else 1.0
+        self._selection = read_only(self._scale * _selection(components))
+        self._none = self._zeros()
+        self.set_target(target)
+
+    def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
+        """Set the wanted inertia [kg m^2] and, for a moving target, its rate, in the same form."""
+        self.target = read_only(strung_target(f"task {self.name!r}, target", target, self.rows))
+        self._wanted = self._selection @ self.target
+        self._bias = self._none
+        if rate is not None:
+            what = f"task {self.name!r}, target rate"
+            self._bias = -self._selection @ strung_target(what, rate, self.rows)
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return the selected entries of actual minus target inertia and their Jacobian."""
+        actual = self._selection @ strung(snapshot.inertia_in(self.frame))
+        jacobian = self._selection @ snapshot.inertia_jacobian_in(self.frame)
+        error = actual - self._wanted
+        curvature = self._curvature(snapshot, error) if self.second_order else None
+        return Residual(error, jacobian, self._bias, curvature)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the second derivative of the selected entries at zero acceleration of v."""
+        return self._selection @ snapshot.inertia_drift_in(self.frame)
+
+    def _curvature(self, snapshot: Snapshot, error: Array) -> Array:
+        """Return the Hessian of <G, I> with G the cost's derivative by the inertia, held fixed."""
+        by_entry = self._selection.T @ (np.square(self.weight) * error)
+        G = matrix(by_entry * _HALF_OFF_DIAGONAL)
+        S = snapshot.rotation(BASE)
+        if self.frame != WORLD:
+            S = snapshot.rotation(self.frame).T @ S
+        return snapshot.base_inertia_hessian(S.T @ G @ S)
+
+
+def _selection(components: Sequence[str]) -> Array:
+    """Return the (k, 6) matrix from the strung inertia to the rows of the task."""
+    if tuple(components) == TRACE:
+        return _TRACE_ROW
+    for component in components:
+        if component not in COMPONENTS:
+            raise UnknownNameError("inertia component", component, COMPONENTS + TRACE)
+    return FROBENIUS_ROWS[[COMPONENTS.index(component) for component in components]]
+
+
+def strung_target(what: str, value: ArrayLike, components: Sequence[str]) -> Array:
+    """Return a wanted inertia, given in any accepted form, as (6,) entries [kg m^2]."""
+    shape = np.shape(value)
+    if shape == (3, 3):
+        full = finite_array(what, value, (3, 3))
+        if np.abs(full - full.T).max() > 1e-9 * np.abs(full).max():
+            raise InvalidInputError(f"{what}: an inertia matrix is symmetric, this one is not")
+        return strung(full)
+    if shape == (6,):
+        return finite_array(what, value, (6,))
+    entries = np.zeros(6)
+    if shape == (3,) and set(components) <= {*DIAGONAL_COMPONENTS, *TRACE}:
+        entries[DIAGONAL] = finite_array(what, value, (3,))
+        return entries
+    if shape == () and tuple(components) == TRACE:
+        entries[DIAGONAL] = float(finite_array(what, value, ())) / 3.0
+        return entries
+    raise InvalidInputError(
+        f"{what}: expected a symmetric (3, 3) matrix or 6 entries xx xy xz yy yz zz (or the 3 "
+        f"diagonal entries or the trace if only those are controlled), got shape {shape}"
+    )

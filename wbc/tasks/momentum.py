@@ -1,0 +1,67 @@
+"""Centroidal momentum: linear, angular or both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.task import Residual, Task
+from wbc.validate import Array
+
+LINEAR, ANGULAR = ("lx", "ly", "lz"), ("kx", "ky", "kz")
+
+
+class MomentumTask(Task):
+    """Bring the centroidal momentum h = A_g v to ``target`` (paper eq. 17 at the CoM).
+
+    Momentum is itself of the velocity level: no configuration has "its" momentum, so the error that
+    a gain would act on is zero and the whole task is in the rate, ``A_g v - target``.
+
+    Parameters
+    ----------
+    target:
+        (6,) linear [kg m/s] then angular about the CoM [kg m^2/s], world axes.
+    components:
+        Which of ``lx ly lz kx ky kz``.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        target: ArrayLike = (0, 0, 0, 0, 0, 0),
+        *,
+        components: Sequence[str] = LINEAR + ANGULAR,
+        name: str = "momentum",
+        weight: ArrayLike = 1.0,
+        gain: float = 1.0,
+        lm_damping: float = 0.0,
+    ) -> None:
+        for component in components:
+            if component not in LINEAR + ANGULAR:
+                raise UnknownNameError("momentum component", component, LINEAR + ANGULAR)
+        super().__init__(robot, name, components, weight=weight, gain=gain, lm_damping=lm_damping)
+        self._selected = np.array([(LINEAR + ANGULAR).index(c) for c in components])
+        self._no_error = self._zeros()
+        self.set_target(target)
+
+    def set_target(self, target: ArrayLike, rate: ArrayLike = (0, 0, 0, 0, 0, 0)) -> None:
+        """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
+        self.target = self._target(target, (6,))
+        self.target_rate = self._target(rate, (6,), "target rate")
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return a zero error whose rate is momentum minus target."""
+        rows = self._selected
+        return Residual(self._no_error, snapshot.centroidal_map[rows], -self.target[rows])
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the momentum's rate at zero acceleration of v, less the wanted rate."""
+        return (snapshot.momentum_drift - self.target_rate)[self._selected]
+
+    def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
+        """Return measured momentum minus target."""
+        return (snapshot.momentum - self.target)[self._selected]

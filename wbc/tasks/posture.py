@@ -1,0 +1,81 @@
+"""Joint positions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.task import Residual, Task
+from wbc.validate import Array, finite_number, read_only
+
+
+class PostureTask(Task):
+    """Bring the joints to those of a configuration.
+
+    Parameters
+    ----------
+    target:
+        Configuration (nq,); its base part is ignored.
+    weight:
+        [1/(rad/s)] or [1/(m/s)], the same for all joints.
+    joints:
+        Factors on ``weight`` by joint name or shell pattern (``{"left_*": 10, "*knee*": 0}``);
+        later entries win. If given, joints that no entry matches keep the factor 1. A joint of
+        factor 0 is left out of the task.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        target: ArrayLike,
+        *,
+        joints: Mapping[str, float] | None = None,
+        name: str = "posture",
+        weight: float = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        factors = _factors(robot, joints or {}, name)
+        chosen = np.flatnonzero(factors > 0.0)
+        if chosen.size == 0:
+            raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
+        names = [robot.joint_names[k] for k in chosen]
+        weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
+        super().__init__(robot, name, names, weight=weights, gain=gain, lm_damping=lm_damping)
+        self._joints = slice(None) if chosen.size == factors.size else chosen
+        selection = np.zeros((chosen.size, robot.nv))
+        selection[np.arange(chosen.size), 6 + chosen] = 1.0
+        self._jacobian = read_only(selection)
+        self._none = self._zeros()
+        self.set_target(target)
+
+    def set_target(self, target: ArrayLike) -> None:
+        """Set the wanted configuration (nq,)."""
+        self.target = read_only(self.robot.check_configuration(target))
+        self._positions = self.robot.limits.joint_positions(self.target)
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return joint positions minus target [rad or m], the shorter way round if continuous."""
+        limits = self.robot.limits
+        error = limits.joint_positions(snapshot.q) - self._positions
+        for k in limits.unbounded:
+            error[k] = math.remainder(error[k], math.tau)
+        return Residual(error[self._joints], self._jacobian, self._none)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return zero: joint rates are coordinates of v."""
+        return self._none
+
+
+def _factors(robot: Robot, joints: Mapping[str, float], name: str) -> Array:
+    factors = np.ones(robot.nv - 6)
+    for pattern, factor in joints.items():
+        value = finite_number(f"task {name!r}, weight of joint {pattern!r}", factor, least=0.0)
+        for index in robot.joint_indices(pattern):
+            factors[index - 6] = value
+    return factors

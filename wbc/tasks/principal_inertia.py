@@ -1,0 +1,102 @@
+"""The principal moments of inertia as a task."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.robot import Robot, Snapshot
+from wbc.spatial import congruence, matrix, strung
+from wbc.tasks.inertia import ALL, FROBENIUS_ROWS
+from wbc.tasks.task import Residual, Task
+from wbc.validate import Array, finite_array, read_only
+
+BASE = "base"
+# Moments closer than this fraction of the largest are taken as equal: their axes are arbitrary.
+EQUAL = 1e-9
+
+
+class PrincipalInertiaTask(Task):
+    """Bring the principal moments to ``target`` (3,), smallest first, whatever their axes.
+
+    The error is I - N, with N the nearest matrix (Frobenius norm) that has the wanted principal
+    moments: it shares the eigenvectors of I (Hoffman and Wielandt). Unlike three separate
+    eigenvalues, whose derivatives jump where two cross, this stays well behaved where two moments
+    are equal: the error also has rows for the block in which the eigenvectors are arbitrary. It is
+    expressed in base axes, where the moments depend on the joints alone.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        target: ArrayLike,
+        *,
+        per_mass: bool = False,
+        name: str = "principal inertia",
+        weight: float = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        super().__init__(robot, name, ALL, weight=weight, gain=gain, lm_damping=lm_damping)
+        self._rows = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
+        self._none = self._zeros()
+        self.set_target(target)
+
+    def set_target(self, target: ArrayLike) -> None:
+        """Set the wanted principal moments (3,) [kg m^2]; they are sorted."""
+        moments = finite_array(f"task {self.name!r}, target", target, (3,))
+        self.target = read_only(np.sort(moments))
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return strung(I - N) with off-diagonal entries times sqrt(2), and its Jacobian."""
+        moments, V = np.linalg.eigh(snapshot.inertia_in(BASE))
+        error = (V * (moments - self.target)) @ V.T
+        # dN = V (c o (V' dI V)) V' off the diagonal, 0 on it: the eigenvectors turn.
+        kept = 1.0 - turning_ratios(moments, self.target)
+        reshaped = (congruence(V) * strung(kept)) @ congruence(V.T)  # (6, 6)
+        jacobian = reshaped @ snapshot.base_inertia_jacobian
+        return Residual(self._rows @ strung(error), self._rows @ jacobian, self._none)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the second derivative of the error at zero acceleration of v."""
+        moments, V = np.linalg.eigh(snapshot.inertia_in(BASE))
+        rate = V.T @ matrix(snapshot.base_inertia_jacobian @ snapshot.v) @ V
+        curvature = V.T @ matrix(snapshot.inertia_drift_in(BASE)) @ V
+        spin, spin_rate = eigenvector_spin(moments, rate, curvature)
+        S = np.diag(self.target)
+        turned = spin @ S - S @ spin
+        nearest = spin @ turned - turned @ spin + spin_rate @ S - S @ spin_rate
+        return self._rows @ strung(V @ (curvature - nearest) @ V.T)
+
+    def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
+        """Return actual minus target principal moments (3,), in increasing order."""
+        moments = np.linalg.eigvalsh(snapshot.inertia)
+        return (moments - self.target) * self._rows[0, 0]
+
+
+def turning_ratios(moments: Array, wanted: Array) -> Array:
+    """Return c (3, 3): as I changes by dI, N changes by c_ij dI_ij off the diagonal (eigenbasis).
+
+    c_ij = (wanted_i - wanted_j) / (moments_i - moments_j), limited to 1. The limit acts where the
+    wanted moments lie further apart than the actual ones: there the axes that N borrows from I may
+    turn faster than I changes, without bound at equal moments, and following them would lock the
+    robot. Equal wanted moments give 0: the whole block is then driven to a multiple of the
+    identity.
+    """
+    wanted_gap = np.abs(wanted[:, None] - wanted)
+    gap = np.maximum(np.abs(moments[:, None] - moments), wanted_gap)
+    return np.divide(wanted_gap, gap, out=np.zeros((3, 3)), where=gap > 0.0)
+
+
+def eigenvector_spin(moments: Array, rate: Array, curvature: Array) -> tuple[Array, Array]:
+    """Return Omega and its rate (3, 3) with V' = V Omega for the eigenvectors V of I.
+
+    ``rate`` and ``curvature`` are V' dI/dt V and V' d2I/dt2 V. Pairs of equal moments get 0.
+    """
+    gap = moments[:, None] - moments
+    distinct = np.abs(gap) > EQUAL * np.abs(moments).max()
+    none = np.zeros((3, 3))
+    spin = np.divide(-rate, gap, out=none.copy(), where=distinct)
+    change = np.diag(rate)
+    total = curvature + rate @ spin - spin @ rate + (change[:, None] - change) * spin
+    return spin, np.divide(-total, gap, out=none, where=distinct)

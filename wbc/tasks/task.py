@@ -1,0 +1,120 @@
+"""What every task is: an error that should vanish, and how it changes with the velocity.
+
+A task is written once. At the velocity level only :meth:`Task.residual` is used; at the
+acceleration level :meth:`Task.drift` is added. :mod:`wbc.laws` turns either into rows of the QP.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """Error of a task at one state and its first derivative: ``rate == jacobian @ v + bias``.
+
+    Attributes
+    ----------
+    error:
+        (k,) actual minus target.
+    jacobian:
+        (k, nv).
+    bias:
+        (k,) what the error changes by at v = 0: minus the rate of a moving target.
+    curvature:
+        (nv, nv) sum over the rows of weight^2 * error * second derivative of the error, or None:
+        what Gauss-Newton leaves out of the cost's Hessian. Few tasks give it.
+    """
+
+    error: Array
+    jacobian: Array
+    bias: Array
+    curvature: Array | None = None
+
+    def rate(self, v: Array) -> Array:
+        """Return the time derivative (k,) of the error at velocity ``v``."""
+        return self.jacobian @ v + self.bias
+
+
+class Task(ABC):
+    """A quantity to be driven to its target.
+
+    Attributes
+    ----------
+    robot:
+        The robot whose snapshots it is evaluated on.
+    name:
+        Used in diagnostics and files; unique within a controller.
+    rows:
+        Names of the k entries of the error.
+    weight:
+        (k,) factors on the rows before squaring. The cost is 1/2 |weight * (rate - wanted)|^2, so
+        a weight is in [cost^(1/2)] per unit of the error's rate: 1/(m/s) for a position,
+        1/(rad/s) for an angle, 1/(kg m^2/s) for an inertia, 1/(kg m/s) for a momentum.
+    gain:
+        Fraction of the error to remove in one tick, in (0, 1].
+    lm_damping:
+        Levenberg-Marquardt damping: ``lm_damping * |weight * error|`` is added to the diagonal of
+        the cost. Keeps a task with an unreachable target from chattering round its optimum.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        rows: Iterable[str],
+        *,
+        weight: ArrayLike = 1.0,
+        gain: float = 0.5,
+        lm_damping: float = 0.0,
+    ) -> None:
+        self.robot = robot
+        self.name = name
+        self.rows = tuple(rows)
+        self.weight = self._checked_weight(weight)
+        self.gain = finite_number(f"task {name!r}, gain", gain, above=0.0)
+        if self.gain > 1.0:
+            raise InvalidInputError(
+                f"task {name!r}, gain: {gain:g} is above 1 (the whole error in one tick)"
+            )
+        self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, rows={len(self.rows)}, gain={self.gain:g})"
+
+    @abstractmethod
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return the error and its first derivative at ``snapshot``."""
+
+    @abstractmethod
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the second time derivative (k,) of the error at zero acceleration of v."""
+
+    def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
+        """Return what diagnostics report as the error (k,), in the task's own units."""
+        return residual.error
+
+    def _checked_weight(self, weight: ArrayLike) -> Array:
+        what = f"task {self.name!r}, weight"
+        size = len(self.rows)
+        vector = finite_vector(
+            what, np.full(size, weight) if np.ndim(weight) == 0 else weight, size
+        )
+        if (vector < 0.0).any():
+            raise InvalidInputError(f"{what}: must not be negative, got {weight!r}")
+        return read_only(vector)
+
+    def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
+        return read_only(finite_array(f"task {self.name!r}, {what}", value, shape))
+
+    def _zeros(self) -> Array:
+        return read_only(np.zeros(len(self.rows)))
