@@ -1,0 +1,259 @@
+"""Which rows contradict each other; feasibility itself is checked with scipy's linear programs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from wbc.qp import QP, Labels, ProxQP, Status, find_conflict, installed_solvers, make_backend
+from wbc.qp.conflict import Conflict
+
+
+def feasible(qp: QP) -> bool:
+    """Whether any x meets every row, by HiGHS."""
+    upper, lower = np.isfinite(qp.u), np.isfinite(qp.l)
+    result = linprog(
+        np.zeros(qp.g.size),
+        A_ub=np.concatenate((qp.C[upper], -qp.C[lower])),
+        b_ub=np.concatenate((qp.u[upper], -qp.l[lower])),
+        A_eq=qp.A,
+        b_eq=qp.b,
+        bounds=list(zip(qp.lower, qp.upper, strict=True)),
+    )
+    assert result.status in (0, 2), result.message
+    return result.status == 0
+
+
+def without(qp: QP, label: str) -> QP:
+    """Return ``qp`` without its row or bounds of that name."""
+    names = qp.labels
+    eq = [k for k, name in enumerate(names.equality) if name != label]
+    ineq = [k for k, name in enumerate(names.inequality) if name != label]
+    box = np.array([name == label for name in names.variables])
+    return replace(
+        qp,
+        A=qp.A[eq],
+        b=qp.b[eq],
+        C=qp.C[ineq],
+        l=qp.l[ineq],
+        u=qp.u[ineq],
+        lower=np.where(box, -np.inf, qp.lower),
+        upper=np.where(box, np.inf, qp.upper),
+        labels=Labels(
+            tuple(names.equality[k] for k in eq),
+            tuple(names.inequality[k] for k in ineq),
+            names.variables,
+        ),
+    )
+
+
+def make(n=4, **parts) -> QP:
+    defaults = {"A": np.zeros((0, n)), "b": [], "C": np.zeros((0, n)), "l": [], "u": []}
+    parts = defaults | parts
+    return QP.build(np.eye(n), np.zeros(n), **parts)
+
+
+UNIT = np.eye(4)
+# Name: a QP with exactly one conflict and rows that have nothing to do with it; the labels in it.
+CASES = {
+    "two equalities": (
+        make(A=np.array([UNIT[0], UNIT[1], 2 * UNIT[0]]), b=[1.0, 5.0, 3.0]),
+        {"equality 0", "equality 2"},
+    ),
+    "equality against a bound": (
+        make(A=np.array([UNIT[0], UNIT[1]]), b=[1.0, 5.0], upper=[9.0, 4.0, 1.0, 1.0]),
+        {"equality 1", "x1"},
+    ),
+    "equality against a lower bound": (
+        make(A=np.array([UNIT[2]]), b=[-5.0], lower=[-1.0, -1.0, -1.0, -1.0]),
+        {"equality 0", "x2"},
+    ),
+    "inequality against bounds": (
+        make(C=np.array([[1, 1, 0, 0], [0, 0, 1, 0]]), l=[3.0, 0.0], u=[9, 9], upper=[1, 1, 1, 1]),
+        {"inequality 0", "x0", "x1"},
+    ),
+    "two inequalities": (
+        make(
+            C=np.array([[1, 1, 0, 0], [-1, -1, 0, 0], [0, 0, 1, 1]]),
+            u=[0.0, -2.0, 7.0],
+            l=[-9.0] * 3,
+        ),
+        {"inequality 0", "inequality 1"},
+    ),
+    "equality against an inequality": (
+        make(
+            A=np.array([[1, 1, 1, 0]]),
+            b=[10.0],
+            C=np.array([[1, 1, 1, 0], UNIT[3]]),
+            l=[0, 0],
+            u=[4, 4],
+        ),
+        {"equality 0", "inequality 0"},
+    ),
+    "zero row": (make(A=np.array([UNIT[0], np.zeros(4)]), b=[1.0, 1.0]), {"equality 1"}),
+    "lengths of 1e-4 and 1e4": (
+        make(A=np.array([1e-4 * UNIT[0], UNIT[1], 1e4 * UNIT[0]]), b=[1e-4, 0.0, 3e4]),
+        {"equality 0", "equality 2"},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_conflict_is_named_exactly(case):
+    qp, labels = CASES[case]
+    assert not feasible(qp)
+    conflict = find_conflict(qp)
+    assert {row.label for row in conflict.rows} == labels
+    for label in labels:
+        assert feasible(without(qp, label)), "the test's own conflict is not the only one"
+        assert find_conflict(without(qp, label)) is None
+
+
+@pytest.mark.parametrize("name", [n for n in installed_solvers() if n != "osqp"])
+@pytest.mark.parametrize("case", CASES)
+def test_every_backend_reports_it(name, case):
+    qp, labels = CASES[case]
+    solution = make_backend(name).solve(qp)
+    assert solution.status is Status.INFEASIBLE, solution.describe()
+    assert {row.label for row in solution.conflict.rows} == labels
+
+
+def certificate(qp: QP, conflict: Conflict) -> tuple[float, float]:
+    """Return (largest entry of the weighted sum of rows, by how much the bounds separate)."""
+    names = qp.labels
+    total, separation = np.zeros(qp.g.size), 0.0
+    for row in conflict.rows:
+        if row.side == "equality":
+            k = names.equality.index(row.label)
+            vector, bound = qp.A[k], qp.b[k]
+        elif row.side.endswith("limit"):
+            k = names.inequality.index(row.label)
+            vector, bound = qp.C[k], (qp.u if row.side == "upper limit" else qp.l)[k]
+            assert (row.multiplier > 0) == (row.side == "upper limit")
+        else:
+            k = names.variables.index(row.label)
+            vector = np.eye(qp.g.size)[k]
+            bound = (qp.upper if row.side == "upper bound" else qp.lower)[k]
+            assert (row.multiplier > 0) == (row.side == "upper bound")
+        total += row.multiplier * vector
+        separation -= row.multiplier * bound
+    return float(np.abs(total).max()), float(separation)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_multipliers_are_a_certificate(case):
+    qp, _ = CASES[case]
+    conflict = find_conflict(qp)
+    sum_of_rows, separation = certificate(qp, conflict)
+    heaviest = max(abs(row.multiplier) for row in conflict.rows)
+    # Rows below 1e-3 of the heaviest are left out, so the sum vanishes to that share only.
+    assert sum_of_rows < 1e-2 * heaviest
+    assert separation > 0.0
+
+
+def test_violation_and_order():
+    # The compromise for x0 = 1 and 2 x0 = 3: rows of unit length ask for 1 and 1.5, it takes 1.25.
+    conflict = find_conflict(CASES["two equalities"][0])
+    by_name = {row.label: row for row in conflict.rows}
+    # ProxQP finds the active rows, least squares the numbers: rounding only.
+    assert by_name["equality 0"].violation == pytest.approx(0.25, rel=1e-9)
+    assert by_name["equality 2"].violation == pytest.approx(0.5, rel=1e-9)
+    # A third row that agrees with the second leaves the first as the odd one out.
+    qp = make(A=np.array([UNIT[0], UNIT[0], UNIT[0]]), b=[1.0, 3.0, 3.0])
+    conflict = find_conflict(qp)
+    assert conflict.rows[0].label == "equality 0"
+    assert conflict.rows[0].violation == pytest.approx(4.0 / 3.0, rel=1e-9)
+
+
+def test_describe_is_one_sentence_with_names_and_numbers():
+    text = find_conflict(CASES["equality against a bound"][0]).describe()
+    assert "'equality 1', missed by 1" in text
+    assert "'x1' (upper bound)" in text
+    assert "\n" not in text
+    many = find_conflict(make(n=30, A=np.ones((1, 30)), b=[100.0], upper=np.ones(30)))
+    assert len(many.rows) == 31
+    assert many.describe(shown=3).endswith("and 28 more")
+
+
+def test_crossed_limits_need_no_solver():
+    qp = replace(make(), lower=np.array([0.0, 2.0, 0.0, 0.0]), upper=np.ones(4))
+    (row,) = find_conflict(qp).rows
+    assert (row.label, row.violation) == ("x1", 1.0)
+    assert "crossed" in row.describe()
+
+
+def test_no_rows_means_no_conflict():
+    assert find_conflict(make(lower=np.zeros(4))) is None
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_random_against_linear_programming(seed):
+    """Random rows and boxes, about half of them infeasible: the verdict is that of HiGHS."""
+    rng = np.random.default_rng(seed)
+    n, me, mi = int(rng.integers(2, 12)), int(rng.integers(0, 5)), int(rng.integers(0, 8))
+    width = rng.uniform(0.05, 2.0)
+    lower, upper = -width * rng.uniform(size=n), width * rng.uniform(size=n)
+    free = rng.uniform(size=n) < 0.15
+    lower[free], upper[free] = -np.inf, np.inf
+    middle = rng.normal(size=mi)
+    qp = QP.build(
+        np.eye(n),
+        np.zeros(n),
+        A=rng.normal(size=(me, n)),
+        b=0.5 * rng.normal(size=me),
+        C=rng.normal(size=(mi, n)),
+        l=middle - rng.exponential(size=mi),
+        u=middle + rng.exponential(size=mi),
+        lower=lower,
+        upper=upper,
+    )
+    conflict = find_conflict(qp)
+    assert (conflict is None) == feasible(qp)
+    solution = ProxQP().solve(qp)
+    assert solution.status is (Status.SOLVED if conflict is None else Status.INFEASIBLE)
+    if conflict is not None:
+        sum_of_rows, separation = certificate(qp, conflict)
+        assert sum_of_rows < 0.05 * max(abs(row.multiplier) for row in conflict.rows)
+        assert separation > 0.0
+
+
+@pytest.mark.parametrize("miss", [1e-3, 1e-5])
+def test_small_conflicts_are_still_conflicts(ticks, miss):
+    (qp,) = ticks(seed=5, count=1, mi=10)
+    A, b = np.array(qp.A), np.array(qp.b)
+    A[5] = A[4]
+    b[5] = b[4] + miss
+    solution = ProxQP().solve(replace(qp, A=A, b=b))
+    assert solution.status is Status.INFEASIBLE, solution.describe()
+    assert {row.label for row in solution.conflict.rows} == {"equality 4", "equality 5"}
+
+
+def test_a_contradiction_below_the_accuracy_promised_is_none(ticks):
+    (qp,) = ticks(seed=5, count=1, mi=10)
+    A, b = np.array(qp.A), np.array(qp.b)
+    A[5] = A[4]
+    b[5] = b[4] + 1e-9
+    solution = ProxQP().solve(replace(qp, A=A, b=b))
+    assert solution.solved, solution.describe()
+
+
+@pytest.mark.parametrize("room", [0.0, 1e-9, 1e-6])
+def test_barely_feasible_is_not_called_infeasible(room):
+    """One point, or a sliver, meets the rows: sum of x equal to what the bounds just allow."""
+    n = 6
+    qp = QP.build(
+        np.diag(np.arange(1.0, n + 1)),
+        np.linspace(-1.0, 1.0, n),
+        A=np.ones((1, n)),
+        b=[n * 0.5 - room],
+        C=[[1.0, -1.0, 0.0, 0.0, 0.0, 0.0]],
+        l=[0.0],
+        lower=np.full(n, -0.5),
+        upper=np.full(n, 0.5),
+    )
+    assert find_conflict(qp) is None
+    for name in ("proxqp", "proxqp_cold"):
+        solution = make_backend(name).solve(qp)
+        assert solution.solved, solution.describe()
+        np.testing.assert_allclose(solution.x, 0.5, atol=room + 1e-6)

@@ -1,0 +1,134 @@
+"""Residuals against QPs solved by hand, and against a plain loop over the definitions."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wbc.qp import QP, KktResiduals, duality_gap, kkt_residuals
+from wbc.qp.kkt import acceptable, reference_magnitudes
+
+NONE = np.zeros(0)
+
+# min 1/2 x^2 - 2 x with x <= 1: x = 1, and the bound holds back the slope 1 - 2 = -1.
+CAPPED = QP.build([[1.0]], [-2.0], upper=[1.0])
+# min 1/2 |x|^2 with x0 + x1 = 2: x = (1, 1), y = -1.
+SPLIT = QP.build(np.eye(2), np.zeros(2), A=[[1.0, 1.0]], b=[2.0])
+# min 1/2 |x|^2 with 3 <= x0 + x1 <= 4: x = (1.5, 1.5), z = -1.5, at the lower end.
+PUSHED = QP.build(np.eye(2), np.zeros(2), C=[[1.0, 1.0]], l=[3.0], u=[4.0])
+
+
+def loop_residuals(qp, x, y, z, z_box):
+    """The definitions, one scalar at a time."""
+    primal, clash = 0.0, 0.0
+    for row, value in zip(qp.A, qp.b, strict=True):
+        primal = max(primal, abs(sum(row * x) - value))
+    intervals = [(sum(c * x), lo, up, m) for c, lo, up, m in zip(qp.C, qp.l, qp.u, z, strict=True)]
+    intervals += list(zip(x, qp.lower, qp.upper, z_box, strict=True))
+    for value, low, high, multiplier in intervals:
+        primal = max(primal, value - high, low - value)
+        pointed = abs(high - value) if multiplier > 0 else abs(value - low)
+        clash = max(clash, min(abs(multiplier), pointed))
+    dual = 0.0
+    for j in range(len(x)):
+        slope = sum(qp.P[j] * x) + qp.g[j] + sum(qp.A[:, j] * y) + sum(qp.C[:, j] * z) + z_box[j]
+        dual = max(dual, abs(slope))
+    return primal, dual, clash
+
+
+@pytest.mark.parametrize(
+    ("qp", "x", "y", "z", "z_box"),
+    [
+        (CAPPED, [1.0], [], [], [1.0]),
+        (SPLIT, [1.0, 1.0], [-1.0], [], [0.0, 0.0]),
+        (PUSHED, [1.5, 1.5], [], [-1.5], [0.0, 0.0]),
+    ],
+)
+def test_zero_at_the_optimum(qp, x, y, z, z_box):
+    point = [np.array(part, dtype=float) for part in (x, y, z, z_box)]
+    # The numbers are small and exact in binary: nothing is rounded.
+    assert kkt_residuals(qp, *point) == KktResiduals(0.0, 0.0, 0.0)
+    assert duality_gap(qp, *point) == 0.0
+
+
+def test_each_residual_alone():
+    outside = kkt_residuals(CAPPED, np.array([1.5]), NONE, NONE, np.array([0.5]))
+    assert outside == KktResiduals(primal=0.5, dual=0.0, complementarity=0.5)
+    sloped = kkt_residuals(CAPPED, np.array([1.0]), NONE, NONE, np.array([0.75]))
+    assert sloped == KktResiduals(primal=0.0, dual=0.25, complementarity=0.0)
+    inside = kkt_residuals(CAPPED, np.array([0.5]), NONE, NONE, np.array([1.5]))
+    assert inside == KktResiduals(primal=0.0, dual=0.0, complementarity=0.5)
+    missed = kkt_residuals(SPLIT, np.array([1.0, 0.75]), np.array([-1.0]), NONE, np.zeros(2))
+    assert missed == KktResiduals(primal=0.25, dual=0.25, complementarity=0.0)
+
+
+def test_wrong_sign_towards_an_infinite_bound_is_the_multiplier_itself():
+    # A negative multiplier claims that the lower bound, -inf, is active.
+    residuals = kkt_residuals(CAPPED, np.array([1.0]), NONE, NONE, np.array([-0.25]))
+    assert residuals.complementarity == 0.25
+    assert math.isfinite(duality_gap(CAPPED, np.array([1.0]), NONE, NONE, np.array([-0.25])))
+
+
+def test_rounding_at_an_infinite_bound_does_not_count():
+    residuals = kkt_residuals(CAPPED, np.array([0.0]), NONE, NONE, np.array([-1e-20]))
+    assert residuals.complementarity == 1e-20
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_nan_is_never_hidden(solvable, part):
+    qp = solvable(np.random.default_rng(1))
+    point = [np.zeros(8), np.zeros(2), np.zeros(4), np.zeros(8)]
+    point[part][-1] = np.nan
+    residuals = kkt_residuals(qp, *point)
+    assert math.isnan(residuals.dual)
+    assert not acceptable(residuals, 1e-3, qp, *point)
+    if part == 0:
+        assert math.isnan(residuals.primal)
+
+
+@pytest.mark.parametrize(("me", "mi"), [(0, 0), (2, 0), (0, 4), (3, 5)])
+@pytest.mark.parametrize("seed", range(5))
+def test_against_the_loop(solvable, seed, me, mi):
+    rng = np.random.default_rng(seed)
+    qp = solvable(rng, me=me, mi=mi)
+    point = [rng.normal(size=size) for size in (8, me, mi, 8)]
+    r = kkt_residuals(qp, *point)
+    # Sums of tens of terms up to 1e4: another order of summation moves them by 1e-12.
+    np.testing.assert_allclose(
+        (r.primal, r.dual, r.complementarity),
+        loop_residuals(qp, *point),
+        rtol=1e-10,
+    )
+
+
+def test_duality_gap_is_slack_times_multiplier():
+    # At x = 2 with the row's multiplier -2 the slope vanishes; slack to the lower end is 4 - 3 = 1.
+    gap = duality_gap(PUSHED, np.array([2.0, 2.0]), NONE, np.array([-2.0]), np.zeros(2))
+    assert gap == pytest.approx(2.0, abs=1e-14)
+
+
+def test_reference_magnitudes_are_the_largest_terms():
+    qp = QP.build(10 * np.eye(2), [1.0, 2.0], A=[[1.0, 3.0]], b=[7.0], C=[[5.0, 0.0]], u=[9.0])
+    x, y, z, z_box = np.array([4.0, 0.0]), np.array([6.0]), np.array([1.0]), np.array([0.0, -50.0])
+    assert reference_magnitudes(qp, x, y, z, z_box) == (20.0, 50.0)
+
+
+def test_relative_acceptance_follows_the_units():
+    # The same error of one part in 1e10, in a QP whose costs are 1e6 times larger.
+    for scale in (1.0, 1e6):
+        qp = QP.build([[scale]], [-2.0 * scale], upper=[1.0])
+        x, z_box = np.array([1.0]), np.array([scale * (1.0 + 1e-10)])
+        residuals = kkt_residuals(qp, x, NONE, NONE, z_box)
+        assert acceptable(residuals, 1e-8, qp, x, NONE, NONE, z_box)
+        far = scale * np.array([1.0 + 1e-6])
+        residuals = kkt_residuals(qp, x, NONE, NONE, far)
+        assert not acceptable(residuals, 1e-8, qp, x, NONE, NONE, far)
+
+
+def test_a_row_with_large_numbers_does_not_excuse_a_small_one():
+    # 1e4 x = 3e4 and 1e-4 x = 1e-4 contradict each other; the second is missed by 2e-4.
+    qp = QP.build([[1.0]], [0.0], A=[[1e4], [1e-4]], b=[3e4, 1e-4])
+    x, y = np.array([3.0]), np.array([-3e-4, 0.0])
+    residuals = kkt_residuals(qp, x, y, NONE, np.zeros(1))
+    assert residuals.primal == pytest.approx(2e-4)
+    assert not acceptable(residuals, 1e-8, qp, x, y, NONE, np.zeros(1))

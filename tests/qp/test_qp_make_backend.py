@@ -1,0 +1,91 @@
+"""Solvers by name: which exist, what to install, which settings they take."""
+
+import numpy as np
+import pytest
+import qpsolvers
+
+from wbc.errors import InvalidInputError, SolverError, UnknownNameError
+from wbc.qp import QP, ProxQP, SolverNotInstalledError, Status, installed_solvers, make_backend
+from wbc.qp.qpsolvers_backend import QpsolversBackend
+
+SMALL = QP.build(np.eye(2), [1.0, -1.0], lower=[0.0, 0.0])
+
+
+def test_default_is_the_native_proxqp():
+    backend = make_backend("proxqp")
+    assert isinstance(backend, ProxQP)
+    assert backend.warm
+    assert backend.name == "proxqp"
+
+
+def test_cold_variant_keeps_nothing():
+    backend = make_backend("proxqp_cold", eps=1e-6)
+    first, second = backend.solve(SMALL), backend.solve(SMALL)
+    assert backend.name == second.solver == "proxqp_cold"
+    np.testing.assert_array_equal(first.x, second.x)
+    assert first.iterations == second.iterations
+
+
+def test_installed_solvers_can_all_be_made():
+    for name in installed_solvers():
+        assert make_backend(name).name == name
+
+
+def test_unknown_solver_suggests_the_nearest():
+    with pytest.raises(UnknownNameError, match=r"did you mean 'proxqp'.*choose from") as caught:
+        make_backend("proxpq")
+    assert not isinstance(caught.value, SolverNotInstalledError)
+
+
+@pytest.mark.parametrize(
+    ("name", "command"), [("osqp", r"wbc\[bench\]"), ("quadprog", r"qpsolvers\[quadprog\]")]
+)
+def test_known_but_missing_solver_says_what_to_install(monkeypatch, name, command):
+    monkeypatch.setattr(qpsolvers, "available_solvers", ["piqp"])
+    with pytest.raises(SolverNotInstalledError, match=rf"pip install '{command}'") as caught:
+        make_backend(name)
+    assert "installed: piqp, proxqp, proxqp_cold" in str(caught.value)
+    assert isinstance(caught.value, UnknownNameError)
+    assert isinstance(caught.value, SolverError)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("proxqp", {"epsilon": 1e-6}),
+        ("proxqp", {"eps": 0.0}),
+        ("proxqp", {"eps": np.nan}),
+        ("proxqp", {"max_iterations": 0}),
+        ("proxqp_cold", {"eps": -1.0}),
+    ],
+)
+def test_bad_settings_are_refused(name, settings):
+    with pytest.raises(InvalidInputError, match=next(iter(settings))):
+        make_backend(name, **settings)
+
+
+def test_settings_reach_the_solver():
+    loose, strict = make_backend("proxqp", eps=1e-2), make_backend("proxqp", eps=1e-10)
+    qp = QP.build(np.diag([1.0, 1e-3]), [1.0, -1.0], A=[[1.0, 2.0]], b=[3.0], upper=[0.5, 9.0])
+    assert strict.solve(qp).residuals.dual <= 1e-10
+    assert loose.solve(qp).iterations < strict.solve(qp, workspace="other").iterations
+
+
+def test_a_setting_the_solver_refuses_is_an_error(monkeypatch):
+    def refuse(problem, solver, **settings):
+        raise TypeError(f"unexpected keyword {next(iter(settings))!r}")
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", refuse)
+    with pytest.raises(SolverError, match="no_such_setting"):
+        QpsolversBackend("quadprog", no_such_setting=1.0).solve(SMALL)
+
+
+def test_a_solver_that_raises_has_failed_and_says_why(monkeypatch):
+    def refuse(problem, solver, **settings):
+        raise ValueError("matrix is not to my taste")
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", refuse)
+    solution = QpsolversBackend("piqp").solve(SMALL)
+    assert solution.status is Status.FAILED
+    assert np.isnan(solution.x).all()
+    assert "not to my taste" in solution.describe()

@@ -1,0 +1,135 @@
+"""The check that guards every solver."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.qp import QP, Labels, ProxQP, check_qp
+
+LABELS = Labels(("foot x",), ("friction", "pair"), ("base", "knee", "hip"))
+
+
+def valid() -> QP:
+    return QP(
+        P=np.eye(3),
+        g=np.ones(3),
+        A=np.ones((1, 3)),
+        b=np.zeros(1),
+        C=np.ones((2, 3)),
+        l=np.array([-np.inf, -1.0]),
+        u=np.array([1.0, np.inf]),
+        lower=np.array([-np.inf, -1.0, -1.0]),
+        upper=np.array([np.inf, 1.0, 1.0]),
+        labels=LABELS,
+    )
+
+
+def test_a_valid_qp_passes_unchanged():
+    qp = valid()
+    before = {name: np.array(getattr(qp, name)) for name in ("P", "g", "A", "b", "C", "l", "u")}
+    check_qp(qp)
+    for name, value in before.items():
+        np.testing.assert_array_equal(getattr(qp, name), value)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("field", ["P", "g", "A", "b", "C"])
+def test_not_finite_names_the_field(field, bad):
+    qp = valid()
+    array = np.array(getattr(qp, field))
+    array.flat[-1] = bad
+    with pytest.raises(InvalidInputError, match=rf"QP\.{field}: NaN, infinite"):
+        check_qp(replace(qp, **{field: array}))
+
+
+@pytest.mark.parametrize("field", ["P", "A", "C"])
+def test_infinities_of_both_signs_are_found_without_a_warning(field):
+    qp = valid()
+    array = np.array(getattr(qp, field))
+    array.flat[0], array.flat[1] = np.inf, -np.inf
+    with pytest.raises(InvalidInputError, match=rf"QP\.{field}"):
+        check_qp(replace(qp, **{field: array}))
+
+
+@pytest.mark.parametrize(
+    ("field", "shape"),
+    [
+        ("P", (3, 2)),
+        ("A", (1, 2)),
+        ("C", (3, 3)),
+        ("l", (1,)),
+        ("lower", (2,)),
+        ("upper", (4,)),
+        ("b", (1, 1)),
+    ],
+)
+def test_wrong_shape_names_the_field(field, shape):
+    with pytest.raises(InvalidInputError, match=rf"QP\.{field}: expected shape"):
+        check_qp(replace(valid(), **{field: np.zeros(shape)}))
+
+
+@pytest.mark.parametrize("field", ["equality", "inequality", "variables"])
+def test_wrong_number_of_labels(field):
+    labels = replace(LABELS, **{field: ("one", "two", "three", "four")})
+    with pytest.raises(InvalidInputError, match=rf"QP\.labels\.{field}"):
+        check_qp(replace(valid(), labels=labels))
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "value", "name"),
+    [
+        ("lower", 1, 2.0, "knee"),
+        ("upper", 2, -5.0, "hip"),
+        ("lower", 0, np.inf, "base"),
+        ("upper", 0, -np.inf, "base"),
+        ("lower", 2, np.nan, "hip"),
+        ("l", 0, 2.0, "friction"),
+        ("u", 1, -2.0, "pair"),
+        ("u", 0, np.nan, "friction"),
+        ("l", 1, np.inf, "pair"),
+    ],
+)
+def test_impossible_interval_names_the_row(field, index, value, name):
+    qp = valid()
+    bounds = np.array(getattr(qp, field))
+    bounds[index] = value
+    with pytest.raises(InvalidInputError, match=name):
+        check_qp(replace(qp, **{field: bounds}))
+
+
+def test_a_bound_that_is_infinite_on_both_sides_the_same_way_is_refused():
+    qp = valid()
+    lower, upper = np.array(qp.lower), np.array(qp.upper)
+    lower[0] = upper[0] = np.inf
+    with pytest.raises(InvalidInputError, match="base"):
+        check_qp(replace(qp, lower=lower, upper=upper))
+
+
+def test_entries_that_overflow_when_squared_are_refused():
+    with pytest.raises(InvalidInputError, match=r"QP\.g: .*beyond 1e\+150.*'hip'"):
+        check_qp(replace(valid(), g=np.array([0.0, 0.0, 1e160])))
+
+
+def test_build_fills_in_what_is_left_out():
+    qp = QP.build(np.eye(2), [1.0, 2.0], lower=[0.0, 0.0])
+    assert qp.A.shape == qp.C.shape == (0, 2)
+    assert qp.b.shape == qp.l.shape == qp.u.shape == (0,)
+    np.testing.assert_array_equal(qp.upper, [np.inf, np.inf])
+    assert qp.labels.variables == ("x0", "x1")
+
+
+def test_build_checks():
+    with pytest.raises(InvalidInputError, match=r"QP\.P"):
+        QP.build(np.eye(3), np.ones(2))
+
+
+def test_build_refuses_an_asymmetric_cost():
+    with pytest.raises(InvalidInputError, match="symmetric"):
+        QP.build([[2.0, 1.0], [0.0, 2.0]], [1.0, 1.0])
+
+
+def test_every_solve_checks():
+    with pytest.raises(InvalidInputError, match=r"QP\.g"):
+        ProxQP().solve(replace(valid(), g=np.array([np.nan, 0.0, 0.0])))

@@ -1,0 +1,100 @@
+"""A QP solver by name."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+from collections.abc import Callable, Hashable
+from typing import Any, Protocol
+
+from wbc.errors import InvalidInputError, SolverError, UnknownNameError
+from wbc.qp.problem import QP
+from wbc.qp.proxqp import ProxQP
+from wbc.qp.solution import Solution
+
+# What to install for the solvers that are known but optional.
+_EXTRAS = dict.fromkeys(("clarabel", "daqp", "osqp", "piqp"), "wbc[bench]")
+_EXTRAS |= {
+    name: f"qpsolvers[{name}]" for name in ("cvxopt", "ecos", "highs", "qpalm", "quadprog", "scs")
+}
+
+_NATIVE: dict[str, Callable[..., Backend]] = {
+    "proxqp": ProxQP,
+    "proxqp_cold": functools.partial(ProxQP, warm=False),
+}
+
+
+class Backend(Protocol):
+    """Solves QPs and tells the truth about it: ``Solution.status`` rests on recomputed residuals.
+
+    ``workspace`` names the contact set, so that a backend may keep a warm start for each.
+    """
+
+    name: str
+
+    def solve(self, qp: QP, workspace: Hashable = ...) -> Solution:
+        """Return the checked solution of ``qp``; InvalidInputError for a QP that is none."""
+        ...
+
+
+class SolverNotInstalledError(UnknownNameError, SolverError):
+    """A QP solver that we know by name is not installed; the message says what to install."""
+
+    def __init__(self, name: str, installed: tuple[str, ...]) -> None:
+        super().__init__("QP solver", name, installed)
+        self.args = (
+            f"QP solver {name!r} is not installed: pip install '{_EXTRAS[name]}' "
+            f"(installed: {', '.join(installed)})",
+        )
+
+
+def make_backend(name: str, **settings: Any) -> Backend:
+    """Return the backend of that name.
+
+    ``"proxqp"`` is the native default, ``"proxqp_cold"`` the same without warm start, ``"daqp"``
+    DAQP called directly; any other name is looked up in qpsolvers.
+
+    Parameters
+    ----------
+    settings:
+        ``eps`` (accuracy promised) for every backend, ``max_iterations`` for proxqp and daqp;
+        through qpsolvers also the solver's own settings.
+
+    Raises
+    ------
+    UnknownNameError
+        No such solver; :class:`SolverNotInstalledError` when it only needs installing.
+    InvalidInputError
+        A setting does not exist or is out of range.
+    """
+    maker = _maker(name)
+    try:
+        inspect.signature(maker).bind(**settings)
+    except TypeError as error:
+        raise InvalidInputError(f"settings of QP solver {name!r}: {error}") from error
+    return maker(**settings)
+
+
+def installed_solvers() -> tuple[str, ...]:
+    """Return the names that :func:`make_backend` accepts on this machine, sorted."""
+    through_qpsolvers = importlib.import_module("qpsolvers").available_solvers
+    return tuple(sorted({*_NATIVE, *through_qpsolvers}))
+
+
+def _maker(name: str) -> Callable[..., Backend]:
+    """Return the class of a backend; the optional ones are imported when asked for."""
+    if name in _NATIVE:
+        return _NATIVE[name]
+    installed = installed_solvers()
+    if name not in installed:
+        if name in _EXTRAS:
+            raise SolverNotInstalledError(name, installed)
+        raise UnknownNameError("QP solver", name, installed)
+    if name == "daqp":
+        from wbc.qp.daqp import Daqp
+
+        return Daqp
+    from wbc.qp.qpsolvers_backend import QpsolversBackend
+
+    return functools.partial(QpsolversBackend, name)

@@ -1,0 +1,103 @@
+"""DAQP called directly: the fastest backend at controller sizes, cold every time.
+
+A dual active-set method (Arnstrom, Bemporad & Axehall, IEEE Trans. Automatic Control 67(8), 2022).
+Measured at n = 35 with 12 equality rows and a box: 19 us in ``daqp.solve``, 30 us through
+qpsolvers; with 25 two-sided rows 29 and 42 us. A kept ``daqp.Model`` saves 3 us more and was not
+worth a memory between ticks. Rows and bounds pass as they are, two-sided, in DAQP's own order.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+from collections.abc import Hashable
+from time import perf_counter
+
+import numpy as np
+
+from wbc.errors import SolverError
+from wbc.qp.answer import Answer
+from wbc.qp.problem import QP, check_qp
+from wbc.qp.solution import Solution, Status
+from wbc.qp.verdict import Trial
+from wbc.validate import finite_number
+
+_EQUALITY = 5  # DAQP's code for a row that always holds
+# DAQP's exit flags; a dependent working set (-6) is how it sees contradictory equalities.
+_CLAIMS = {
+    1: (Status.SOLVED, ""),
+    -1: (Status.INFEASIBLE, "infeasible"),
+    -2: (Status.FAILED, "the active set cycles"),
+    -3: (Status.FAILED, "unbounded"),
+    -4: (Status.ITERATION_LIMIT, "iteration limit"),
+    -5: (Status.FAILED, "P is not positive semidefinite"),
+    -6: (Status.INFEASIBLE, "the equality rows contradict each other"),
+}
+
+
+class Daqp:
+    """DAQP, its answers checked; nothing is kept between calls.
+
+    Parameters
+    ----------
+    eps:
+        Accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
+    max_iterations:
+        Cap on changes of the active set.
+
+    Raises
+    ------
+    SolverError
+        DAQP is not installed.
+    """
+
+    name = "daqp"
+
+    def __init__(self, eps: float = 1e-8, max_iterations: int = 1000) -> None:
+        try:
+            self._call = importlib.import_module("daqp").solve
+        except ImportError as error:
+            raise SolverError(
+                "QP solver 'daqp' is not installed: pip install 'wbc[bench]'"
+            ) from error
+        self.eps = finite_number("eps of DAQP", eps, least=1e-12)
+        self.max_iterations = int(finite_number("max_iterations of DAQP", max_iterations, least=1))
+
+    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+        """Return the checked solution of ``qp``; ``workspace`` is ignored.
+
+        Raises
+        ------
+        InvalidInputError
+            See :func:`wbc.qp.problem.check_qp`.
+        """
+        trial = Trial(self.name, self.eps, perf_counter())
+        check_qp(qp)
+        return trial.judge(qp, self._answer(qp))
+
+    def _answer(self, qp: QP) -> Answer:
+        n, mi = qp.g.size, qp.u.size
+        equalities = n + mi
+        sense = np.zeros(equalities + qp.b.size, dtype=ctypes.c_int)
+        sense[equalities:] = _EQUALITY
+        x, _, exitflag, info = self._call(
+            qp.P,
+            qp.g,
+            np.concatenate((qp.C, qp.A)),
+            np.concatenate((qp.upper, qp.u, qp.b)),
+            np.concatenate((qp.lower, qp.l, qp.b)),
+            sense,
+            primal_tol=0.1 * self.eps,
+            iter_limit=self.max_iterations,
+        )
+        multipliers = info["lam"]
+        claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
+        return Answer(
+            x=x,
+            y=multipliers[equalities:],
+            z=multipliers[n:equalities],
+            z_box=multipliers[:n],
+            claim=claim,
+            iterations=info["iterations"],
+            message=message,
+        )

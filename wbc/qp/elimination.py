@@ -1,0 +1,150 @@
+"""Eliminate the equality constraints of a QP: the same optimum from fewer unknowns.
+
+With ``A x = b`` and a choice of dependent unknowns x_d for which A_d is regular,
+
+    x_d = A_d^-1 (b - A_f x_f),        x = N x_f + x_0.
+
+For a foot that is held this is the paper's elimination: the base velocity follows from the leg's
+joint rates (eqs. 33-35, with the leg's own adjoint in 33), and with two feet six joint rates of the
+legs follow as well (eqs. 36-37). The paper always solves for the right leg, whose Jacobian loses
+rank at a straight knee; here a QR factorisation with column pivoting picks the dependent unknowns
+that are best conditioned at each tick, and shows rows that repeat others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import lapack
+
+from wbc.qp.kkt import kkt_residuals
+from wbc.qp.problem import QP, Labels
+from wbc.qp.solution import Solution
+from wbc.validate import Array
+
+# A diagonal entry of R below this fraction of the largest marks rows that repeat the others.
+RANK_TOLERANCE = 1e-9
+# Unknowns without bounds are preferred as dependent ones: eliminating them adds no inequality row.
+# The factor only biases the pivoting; a column that is nearly dependent is still passed over.
+PREFERENCE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Factors:
+    """``A[:, dependent] = Q R`` with Q (me, rank) orthonormal, R (rank, rank) upper triangular."""
+
+    Q: Array
+    R: Array
+    dependent: np.ndarray
+    free: np.ndarray
+    R_free: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Elimination:
+    """A QP in the free unknowns only, and the way back.
+
+    Attributes
+    ----------
+    full, reduced:
+        The original QP and the one without equality rows; the reduced one has the inequality rows
+        of the full one, then one row for each bounded dependent unknown.
+    basis, offset:
+        N (n, free) and x_0 (n,).
+    mismatch:
+        Largest entry of b outside the range of A: above rounding, the equalities contradict.
+    """
+
+    full: QP
+    reduced: QP
+    factors: Factors
+    basis: Array
+    offset: Array
+    bounded: np.ndarray
+    mismatch: float
+
+    def lift(self, solution: Solution) -> Solution:
+        """Return the solution of the full QP, with all its multipliers and residuals recomputed."""
+        qp, factors = self.full, self.factors
+        x = self.basis @ solution.x + self.offset
+        rows = qp.l.size
+        z = solution.z[:rows]
+        z_box = np.zeros(qp.g.size)
+        z_box[factors.free] = solution.z_box
+        z_box[self.bounded] = solution.z[rows:]
+        slope = qp.P @ x + qp.g + z_box
+        if rows:
+            slope += qp.C.T @ z
+        y = -factors.Q @ _triangular(factors.R, slope[factors.dependent], transposed=True)
+        residuals = kkt_residuals(qp, x, y, z, z_box)
+        return replace(solution, x=x, y=y, z=z, z_box=z_box, residuals=residuals)
+
+
+def eliminate(qp: QP) -> Elimination:
+    """Return ``qp`` without its equality rows."""
+    unbounded = np.isinf(qp.lower) & np.isinf(qp.upper)
+    factors = factorise(qp.A, np.where(unbounded, PREFERENCE, 1.0))
+    free, dependent = factors.free, factors.dependent
+    in_range = factors.Q.T @ qp.b
+    mismatch = float(np.abs(qp.b - factors.Q @ in_range).max(initial=0.0))
+    follows = _triangular(factors.R, np.column_stack((in_range, factors.R_free)))
+    n = qp.g.size
+    basis, offset = np.zeros((n, free.size)), np.zeros(n)
+    basis[free, np.arange(free.size)] = 1.0
+    basis[dependent] = -follows[:, 1:]
+    offset[dependent] = follows[:, 0]
+    bounded = dependent[~unbounded[dependent]]
+    reduced = _reduced(qp, basis, offset, free, bounded)
+    return Elimination(qp, reduced, factors, basis, offset, bounded, mismatch)
+
+
+def factorise(A: Array, preference: Array) -> Factors:
+    """Return the pivoted QR factors of A (me, n), columns weighted by ``preference`` (n,)."""
+    rows, n = A.shape
+    if rows == 0:
+        none = np.zeros(0, dtype=int)
+        empty = np.zeros((0, 0))
+        return Factors(empty, empty, none, np.arange(n), np.zeros((0, n)))
+    packed, pivots, tau, _, _ = lapack.dgeqp3(A * preference)
+    pivots = pivots - 1
+    size = min(rows, n)
+    diagonal = np.abs(np.diagonal(packed)[:size])
+    rank = int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[0]))
+    Q, _, _ = lapack.dorgqr(packed[:, :size].copy(order="F"), tau)
+    R = np.triu(packed)[:rank] / preference[pivots]
+    return Factors(Q[:, :rank], R[:, :rank], pivots[:rank], pivots[rank:], R[:, rank:])
+
+
+def _reduced(qp: QP, basis: Array, offset: Array, free: np.ndarray, bounded: np.ndarray) -> QP:
+    """Return the QP in the free unknowns: objective and rows pulled back through ``basis``."""
+    through = qp.P @ basis
+    tied = basis[bounded]
+    C = np.concatenate((qp.C @ basis, tied)) if qp.l.size else tied
+    shift = np.concatenate((qp.C @ offset, offset[bounded]))
+    names = qp.labels.variables
+    labels = Labels(
+        equality=(),
+        inequality=qp.labels.inequality + tuple(names[k] for k in bounded),
+        variables=tuple(names[k] for k in free),
+    )
+    return QP(
+        P=basis.T @ through,
+        g=basis.T @ qp.g + through.T @ offset,
+        A=np.zeros((0, free.size)),
+        b=np.zeros(0),
+        C=C,
+        l=np.concatenate((qp.l, qp.lower[bounded])) - shift,
+        u=np.concatenate((qp.u, qp.upper[bounded])) - shift,
+        lower=qp.lower[free],
+        upper=qp.upper[free],
+        labels=labels,
+    )
+
+
+def _triangular(R: Array, right: Array, transposed: bool = False) -> Array:
+    """Return R^-1 right, or R^-T right, for upper triangular R."""
+    if R.shape[0] == 0:
+        return np.zeros_like(right)
+    solved, _ = lapack.dtrtrs(R, right, trans=int(transposed))
+    return solved

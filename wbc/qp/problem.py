@@ -1,0 +1,216 @@
+"""The quadratic program of one tick, and the check that it may be given to a solver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array
+
+# Entries beyond this are refused: their squares overflow, and no controller means them.
+LARGEST = 1e150
+
+
+@dataclass(frozen=True, slots=True)
+class Labels:
+    """Names of the rows and variables of a QP, made once per contact set and reused every tick.
+
+    Parameters
+    ----------
+    equality:
+        One name per row of A.
+    inequality:
+        One name per row of C.
+    variables:
+        One name per unknown; a bound is named after its variable.
+    """
+
+    equality: tuple[str, ...]
+    inequality: tuple[str, ...]
+    variables: tuple[str, ...]
+
+    @classmethod
+    def numbered(cls, n: int, me: int = 0, mi: int = 0) -> Labels:
+        """Return the names ``equality 0``, ``inequality 0``, ``x0``, ... for an anonymous QP."""
+        return cls(
+            tuple(f"equality {i}" for i in range(me)),
+            tuple(f"inequality {i}" for i in range(mi)),
+            tuple(f"x{j}" for j in range(n)),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QP:
+    """Minimise 1/2 x'Px + g'x subject to A x = b, l <= C x <= u, lower <= x <= upper.
+
+    Every field is a float array: no rows is a (0, n) array, no bound is an infinity. P is
+    symmetric positive semidefinite: solvers read one triangle only, and a tick does not check it.
+    """
+
+    P: Array  # (n, n)
+    g: Array  # (n,)
+    A: Array  # (me, n)
+    b: Array  # (me,)
+    C: Array  # (mi, n)
+    l: Array  # (mi,)  # noqa: E741
+    u: Array  # (mi,)
+    lower: Array  # (n,)
+    upper: Array  # (n,)
+    labels: Labels
+
+    @classmethod
+    def build(
+        cls,
+        P: ArrayLike,
+        g: ArrayLike,
+        *,
+        A: ArrayLike | None = None,
+        b: ArrayLike | None = None,
+        C: ArrayLike | None = None,
+        l: ArrayLike | None = None,  # noqa: E741
+        u: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        labels: Labels | None = None,
+    ) -> QP:
+        """Return a checked QP with everything left out filled in: for use outside the tick.
+
+        Raises
+        ------
+        InvalidInputError
+            See :func:`check_qp`; or P is not symmetric.
+        """
+        linear = np.asarray(g, dtype=np.float64)
+        n = linear.size
+        rows = _matrix(A, n), _matrix(C, n)
+        me, mi = len(rows[0]), len(rows[1])
+        qp = cls(
+            P=np.asarray(P, dtype=np.float64),
+            g=linear,
+            A=rows[0],
+            b=_vector(b, me, 0.0),
+            C=rows[1],
+            l=_vector(l, mi, -np.inf),
+            u=_vector(u, mi, np.inf),
+            lower=_vector(lower, n, -np.inf),
+            upper=_vector(upper, n, np.inf),
+            labels=labels or Labels.numbered(n, me, mi),
+        )
+        check_qp(qp)
+        if not np.allclose(qp.P, qp.P.T, rtol=1e-9, atol=0.0):
+            raise InvalidInputError("QP.P: must be symmetric; use 1/2 (P + P')")
+        return qp
+
+
+def _matrix(value: ArrayLike | None, n: int) -> Array:
+    return np.zeros((0, n)) if value is None else np.asarray(value, dtype=np.float64)
+
+
+def _vector(value: ArrayLike | None, size: int, default: float) -> Array:
+    return np.full(size, default) if value is None else np.asarray(value, dtype=np.float64)
+
+
+def check_qp(qp: QP) -> None:
+    """Refuse a QP that no solver should see. Costs 6-9 us at n = 35; run on every solve.
+
+    Raises
+    ------
+    InvalidInputError
+        A field has another shape than the rest, holds NaN (or infinity, where that is no bound),
+        or a lower bound lies above its upper bound; the message names the field or the row.
+    """
+    if not (_shapes_agree(qp) and _is_finite(qp) and _bounds_agree(qp)):
+        raise InvalidInputError(next(_faults(qp), "QP: entries too large to be squared"))
+
+
+def _shapes_agree(qp: QP) -> bool:
+    n, me, mi = qp.g.size, qp.b.size, qp.u.size
+    names = qp.labels
+    return (
+        qp.P.shape == (n, n)
+        and qp.A.shape == (me, n)
+        and qp.C.shape == (mi, n)
+        and qp.g.shape == qp.lower.shape == qp.upper.shape == (n,)
+        and qp.l.shape == qp.u.shape == (mi,)
+        and qp.b.shape == (me,)
+        and (len(names.variables), len(names.equality), len(names.inequality)) == (n, me, mi)
+    )
+
+
+def _is_finite(qp: QP) -> bool:
+    # A sum of squares is finite exactly when every entry is; three times cheaper than
+    # np.isfinite(...).all(), and unlike a plain sum it never meets inf - inf.
+    return math.isfinite(
+        np.vdot(qp.P, qp.P)
+        + np.vdot(qp.A, qp.A)
+        + np.vdot(qp.C, qp.C)
+        + np.vdot(qp.g, qp.g)
+        + np.vdot(qp.b, qp.b)
+    )
+
+
+def _bounds_agree(qp: QP) -> bool:
+    return _is_interval(qp.lower, qp.upper) and (not qp.u.size or _is_interval(qp.l, qp.u))
+
+
+def _is_interval(lower: Array, upper: Array) -> bool:
+    # NaN fails the comparison; the extremes refuse +inf as lower and -inf as upper bound.
+    return bool(
+        np.logical_and.reduce(lower <= upper)
+        and np.maximum.reduce(lower) < np.inf
+        and np.minimum.reduce(upper) > -np.inf
+    )
+
+
+def _faults(qp: QP) -> Iterator[str]:
+    """Yield what is wrong with ``qp``, in words; slow, and only ever run on failure."""
+    n, me, mi = qp.g.size, qp.b.size, qp.u.size
+    shapes = {"P": (n, n), "g": (n,), "A": (me, n), "b": (me,), "C": (mi, n)}
+    shapes |= {"l": (mi,), "u": (mi,), "lower": (n,), "upper": (n,)}
+    for field, shape in shapes.items():
+        found = getattr(qp, field).shape
+        if found != shape:
+            yield (
+                f"QP.{field}: expected shape {shape} (g has {n}, b {me} and u {mi} entries), "
+                f"got {found}"
+            )
+    for field, size in (("variables", n), ("equality", me), ("inequality", mi)):
+        names = getattr(qp.labels, field)
+        if len(names) != size:
+            yield (
+                f"QP.labels.{field}: expected {size} names, got {len(names)}; "
+                "make the labels for this contact set"
+            )
+    for field in ("P", "A", "C", "g", "b"):
+        bad = np.argwhere(~(np.abs(getattr(qp, field)) < LARGEST)).tolist()
+        if bad:
+            name = _names(qp.labels, field)[bad[0][0]]
+            yield (
+                f"QP.{field}: NaN, infinite or beyond {LARGEST:g} at index {bad[:5]} ({name!r}); "
+                "check the task or constraint that wrote it"
+            )
+    yield from _bound_faults("l", "u", qp.l, qp.u, qp.labels.inequality)
+    yield from _bound_faults("lower", "upper", qp.lower, qp.upper, qp.labels.variables)
+
+
+def _names(labels: Labels, field: str) -> tuple[str, ...]:
+    """Return the names of the rows of a field."""
+    if field in ("A", "b"):
+        return labels.equality
+    return labels.inequality if field == "C" else labels.variables
+
+
+def _bound_faults(
+    low: str, high: str, lower: Array, upper: Array, names: tuple[str, ...]
+) -> Iterator[str]:
+    good = (lower <= upper) & (lower < np.inf) & (upper > -np.inf)
+    for i in np.flatnonzero(~good):
+        yield (
+            f"QP.{low}, QP.{high}: {names[i]!r} must lie between {lower[i]:g} and {upper[i]:g}, "
+            "which no number does; check the limits that wrote it"
+        )

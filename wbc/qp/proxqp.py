@@ -1,0 +1,93 @@
+"""The default backend: ProxQP kept warm between ticks, one workspace per contact set."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from time import perf_counter
+
+from wbc.errors import InvalidInputError
+from wbc.qp.native import Workspace
+from wbc.qp.polish import polish
+from wbc.qp.problem import QP, check_qp
+from wbc.qp.solution import Solution
+from wbc.qp.verdict import Trial
+from wbc.validate import finite_number
+
+
+class ProxQP:
+    """ProxQP's dense solver, its answers checked, its failures retried.
+
+    Policy: (1) solve warm from the last tick; (2) if our KKT residuals reject that, look for rows
+    in conflict, and if there are none solve cold in a new workspace; (3) if they reject that too,
+    settle the active set by a few exact steps (:mod:`wbc.qp.polish`); (4) return a status that says
+    what was found. The workspace of a failed tick is dropped, so a failure cannot poison the next
+    tick. The warm start is the only memory between calls.
+
+    Parameters
+    ----------
+    eps:
+        Accuracy promised: a solution is accepted when every KKT residual is below eps (1 + the
+        largest term it is made of).
+    max_iterations:
+        Cap on ProxQP's outer iterations, per attempt. Ticks take 2-10. Of 2870 cold solves none
+        needed more than 30 for an acceptable answer; a higher cap only prolongs infeasible ticks.
+    warm:
+        False: every solve is cold, as a stateless solver would be.
+
+    Raises
+    ------
+    InvalidInputError
+        eps or max_iterations out of range.
+    """
+
+    def __init__(self, eps: float = 1e-8, max_iterations: int = 50, warm: bool = True) -> None:
+        self.name = "proxqp" if warm else "proxqp_cold"
+        self.eps = finite_number("eps of ProxQP", eps, least=1e-12)
+        if max_iterations < 1:
+            raise InvalidInputError(
+                f"max_iterations of ProxQP: must be at least 1, got {max_iterations}"
+            )
+        self.max_iterations = int(max_iterations)
+        self.warm = warm
+        self._workspaces: dict[Hashable, Workspace] = {}
+
+    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+        """Return the checked solution of ``qp``; 70-80 us at n = 35 on a smooth tick.
+
+        Parameters
+        ----------
+        workspace:
+            Names the contact set. QPs of the same name and sizes share a warm start, so two
+            contact sets of equal size need two names.
+
+        Raises
+        ------
+        InvalidInputError
+            See :func:`wbc.qp.problem.check_qp`.
+        """
+        trial = Trial(self.name, self.eps, perf_counter())
+        check_qp(qp)
+        key = (workspace, qp.g.size, qp.b.size, qp.u.size)
+        attempts = 1
+        last = self._workspaces.pop(key, None)
+        if last is not None:
+            answer = last.solve_warm(qp)
+            accepted = trial.accept(qp, answer)
+            if accepted is not None:
+                self._workspaces[key] = last
+                return accepted
+            # On an infeasible QP the search takes a fifth of the time of a cold attempt.
+            refuted = trial.refute(qp, answer)
+            if refuted is not None:
+                return refuted
+            attempts = 2
+        fresh = Workspace.create(qp, self.eps, self.max_iterations)
+        answer = fresh.solve_cold()
+        solution = (
+            trial.accept(qp, answer, attempts)
+            or trial.refute(qp, answer, attempts)
+            or trial.judge(qp, polish(qp, answer), attempts + 1)
+        )
+        if self.warm and solution.solved:
+            self._workspaces[key] = fresh
+        return solution

@@ -1,0 +1,141 @@
+"""Any solver that qpsolvers knows, for comparison: stateless, and its answers checked like ours."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Hashable, Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import qpsolvers
+from scipy.sparse import csc_matrix
+
+from wbc.errors import SolverError
+from wbc.qp.answer import Answer
+from wbc.qp.one_sided import OneSided
+from wbc.qp.problem import QP, check_qp
+from wbc.qp.solution import Solution, Status
+from wbc.qp.verdict import Trial
+from wbc.validate import Array, finite_number
+
+# At a duality gap of d an interior point may still be sqrt(d) away from a weakly active bound;
+# asked for less than 1e-13, Clarabel runs past the optimum and diverges now and then.
+_GAP = 1e-13
+
+# One accuracy for all: how each solver is told. A solver that is not listed keeps its defaults.
+_ACCURACY: Mapping[str, Callable[[float], dict[str, Any]]] = {
+    "clarabel": lambda eps: {"tol_feas": eps, "tol_gap_abs": _GAP, "tol_gap_rel": _GAP},
+    "daqp": lambda eps: {"primal_tol": eps},
+    "osqp": lambda eps: {"eps_abs": eps, "eps_rel": 0.0, "max_iter": 20_000},
+    "piqp": lambda eps: {
+        "eps_abs": eps,
+        "eps_rel": 0.0,
+        "eps_duality_gap_abs": _GAP,
+        "eps_duality_gap_rel": 0.0,
+    },
+}
+# These take infinite bounds in their own box; for all others the finite ones become rows.
+_BOX = frozenset({"daqp", "osqp", "piqp"})
+# Settings are given a tenth of the accuracy promised: each scales its residuals differently.
+_MARGIN = 0.1
+
+
+class QpsolversBackend:
+    """One solver of the qpsolvers package by name, cold every time.
+
+    Parameters
+    ----------
+    name:
+        A name in ``qpsolvers.available_solvers``; see :func:`wbc.qp.backend.make_backend`.
+    eps:
+        Accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
+    settings:
+        Passed to the solver as they are, over those that set the accuracy.
+    """
+
+    def __init__(self, name: str, eps: float = 1e-8, **settings: Any) -> None:
+        self.name = name
+        self.eps = finite_number(f"eps of {name}", eps, least=1e-12)
+        accuracy = _ACCURACY.get(name, _defaults)(_MARGIN * self.eps)
+        self._settings = accuracy | settings
+        self._matrix = _dense if name in qpsolvers.dense_solvers else csc_matrix
+
+    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+        """Return the checked solution of ``qp``; ``workspace`` is ignored.
+
+        Raises
+        ------
+        InvalidInputError
+            See :func:`wbc.qp.problem.check_qp`.
+        SolverError
+            The solver does not take the settings it was given.
+        """
+        trial = Trial(self.name, self.eps, perf_counter())
+        check_qp(qp)
+        return trial.judge(qp, self._answer(qp))
+
+    def _answer(self, qp: QP) -> Answer:
+        keep_box = self.name in _BOX
+        rows = OneSided.of(qp, keep_box)
+        matrix = self._matrix
+        problem = qpsolvers.Problem(
+            matrix(qp.P),
+            qp.g,
+            matrix(rows.G) if rows.h.size else None,
+            rows.h if rows.h.size else None,
+            matrix(qp.A) if qp.b.size else None,
+            qp.b if qp.b.size else None,
+            qp.lower if keep_box else None,
+            qp.upper if keep_box else None,
+        )
+        try:
+            with warnings.catch_warnings():
+                # They warn about every status but "solved"; ours is in the Solution.
+                warnings.simplefilter("ignore")
+                found = qpsolvers.solve_problem(problem, self.name, **self._settings)
+        except (qpsolvers.exceptions.QPError, ValueError, RuntimeError) as error:
+            return Answer.nothing(qp, Status.FAILED, str(error))
+        except (TypeError, AttributeError) as error:
+            raise SolverError(
+                f"QP solver {self.name!r} refused its settings {self._settings}: {error}"
+            ) from error
+        return _answer(qp, rows, found)
+
+
+def _answer(qp: QP, rows: OneSided, found: Any) -> Answer:
+    """Return what qpsolvers found with multipliers of our rows; their signs agree with ours."""
+    if found.x is None:
+        return Answer.nothing(qp, Status.FAILED, "no solution found")
+    z, z_box = rows.two_sided(qp, _sized(found.z, rows.h.size))
+    if found.z_box is not None and np.size(found.z_box):
+        z_box += found.z_box
+    return Answer(
+        x=np.asarray(found.x, dtype=np.float64),
+        y=_sized(found.y, qp.b.size),
+        z=z,
+        z_box=z_box,
+        claim=Status.SOLVED if found.found else Status.FAILED,
+        iterations=_iterations(found.extras),
+        message="" if found.found else "no solution found",
+    )
+
+
+def _sized(multipliers: Any, size: int) -> Array:
+    """Return (size,) multipliers; NaN when the solver reports none, or another number of them."""
+    vector = np.asarray([] if multipliers is None else multipliers, dtype=np.float64)
+    return vector if vector.size == size else np.full(size, np.nan)
+
+
+def _iterations(extras: Mapping[str, Any]) -> int:
+    """Return the iteration count where a solver reports one, else 0."""
+    count = extras.get("iterations", getattr(extras.get("info"), "iter", 0))
+    return int(np.ravel(count)[0])
+
+
+def _defaults(eps: float) -> dict[str, Any]:
+    return {}
+
+
+def _dense(matrix: Array) -> Array:
+    return matrix

@@ -1,0 +1,102 @@
+"""What a QP backend returns: the point, its multipliers, and the evidence for its status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from wbc.qp.kkt import KktResiduals
+from wbc.validate import Array
+
+
+class Status(StrEnum):
+    """What the evidence says about an answer; never merely what the solver said.
+
+    ``SOLVED``: our own KKT residuals are small. ``INFEASIBLE``: a certificate that we checked
+    says that no point meets every row (see ``Solution.conflict``). ``ITERATION_LIMIT``: the
+    solver ran out of iterations. ``CONTRADICTED``: the solver claims a result (solved, or
+    infeasible) that our residuals or our conflict analysis disagree with. ``FAILED``: the solver
+    returned nothing, or gave up.
+    """
+
+    SOLVED = "solved"
+    INFEASIBLE = "infeasible"
+    ITERATION_LIMIT = "iteration_limit"
+    CONTRADICTED = "contradicted"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class ConflictRow:
+    """One row or bound that takes part in a conflict.
+
+    ``violation`` is how far the nearest compromise misses it, in the row's own units: zero for a
+    bound, which the compromise keeps. ``multiplier`` is its weight in the certificate: multiplier
+    times row, summed over the conflict, vanishes; signs as in :class:`Solution`. ``side`` is
+    ``"equality"``, ``"upper limit"`` or ``"lower limit"`` of an inequality row, ``"upper bound"``
+    or ``"lower bound"`` of a variable, ``"crossed limits"`` where lower lies above upper.
+    """
+
+    label: str
+    violation: float
+    multiplier: float
+    side: str = "equality"
+
+    def describe(self) -> str:
+        """Return the row's name, its side, and by how much it is missed."""
+        side = "" if self.side == "equality" else f" ({self.side})"
+        missed = f", missed by {self.violation:.3g}" if self.violation > 0.0 else ""
+        return f"{self.label!r}{side}{missed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Conflict:
+    """Rows and bounds that cannot all hold, the heaviest in the certificate first."""
+
+    rows: tuple[ConflictRow, ...]
+
+    def describe(self, shown: int = 6) -> str:
+        """Return one plain sentence that names the first ``shown`` rows."""
+        names = "; ".join(row.describe() for row in self.rows[:shown])
+        more = len(self.rows) - shown
+        return f"these cannot all hold: {names}" + (f"; and {more} more" if more > 0 else "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """One answer of a backend. Signs: P x + g + A'y + C'z + z_box = 0.
+
+    A multiplier in ``z`` or ``z_box`` is positive where the upper bound is active, negative where
+    the lower one is, zero in between. Use ``x`` only when ``solved``: on any other status it is
+    the solver's last point, possibly NaN, and kept as evidence.
+    """
+
+    x: Array  # (n,)
+    y: Array  # (me,)
+    z: Array  # (mi,)
+    z_box: Array  # (n,)
+    status: Status
+    residuals: KktResiduals
+    iterations: int
+    solve_time: float  # seconds, checks and every attempt included
+    solver: str
+    conflict: Conflict | None = None
+    attempts: int = 1  # how many times a backend tried before it was satisfied or gave up
+    message: str = ""  # what the solver itself said, when it failed
+
+    @property
+    def solved(self) -> bool:
+        """Whether ``x`` may be used."""
+        return self.status is Status.SOLVED
+
+    def describe(self) -> str:
+        """Return one plain sentence: the status, and the evidence for it."""
+        r = self.residuals
+        text = (
+            f"{self.solver}: {self.status.value} after {self.iterations} iterations in attempt "
+            f"{self.attempts} (primal residual {r.primal:.1e}, dual {r.dual:.1e}, "
+            f"complementarity {r.complementarity:.1e})"
+        )
+        if self.message:
+            text += f"; the solver said {self.message!r}"
+        return f"{text}; {self.conflict.describe()}" if self.conflict else text
