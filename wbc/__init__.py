@@ -1,1 +1,87 @@
 """Whole-body control of humanoid robots, with the robot's inertia as a task like any other."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wbc.constraints import Contact, Limits, PointContact, support
+    from wbc.controllers import KinematicController, PseudoInverseController, Tick
+    from wbc.errors import WbcError
+    from wbc.problem import load_problem
+    from wbc.robot import Robot, Snapshot, robot_names
+    from wbc.tasks import (
+        AxisTask,
+        ComTask,
+        InertiaTask,
+        MomentumTask,
+        OrientationTask,
+        PoseTask,
+        PositionTask,
+        PostureTask,
+        PrincipalInertiaTask,
+        Task,
+    )
+
+__version__ = "0.1.0"
+
+# Public names and where they live. Loaded when first used, so that the command line can print its
+# help without loading Pinocchio.
+_HOMES = {
+    "AxisTask": "wbc.tasks",
+    "ComTask": "wbc.tasks",
+    "Contact": "wbc.constraints",
+    "InertiaTask": "wbc.tasks",
+    "KinematicController": "wbc.controllers",
+    "Limits": "wbc.constraints",
+    "MomentumTask": "wbc.tasks",
+    "OrientationTask": "wbc.tasks",
+    "PointContact": "wbc.constraints",
+    "PoseTask": "wbc.tasks",
+    "PositionTask": "wbc.tasks",
+    "PostureTask": "wbc.tasks",
+    "PrincipalInertiaTask": "wbc.tasks",
+    "PseudoInverseController": "wbc.controllers",
+    "Robot": "wbc.robot",
+    "Snapshot": "wbc.robot",
+    "Task": "wbc.tasks",
+    "Tick": "wbc.controllers",
+    "WbcError": "wbc.errors",
+    "load_problem": "wbc.problem",
+    "robot_names": "wbc.robot",
+    "support": "wbc.constraints",
+}
+
+__all__ = [
+    "AxisTask",
+    "ComTask",
+    "Contact",
+    "InertiaTask",
+    "KinematicController",
+    "Limits",
+    "MomentumTask",
+    "OrientationTask",
+    "PointContact",
+    "PoseTask",
+    "PositionTask",
+    "PostureTask",
+    "PrincipalInertiaTask",
+    "PseudoInverseController",
+    "Robot",
+    "Snapshot",
+    "Task",
+    "Tick",
+    "WbcError",
+    "load_problem",
+    "robot_names",
+    "support",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'wbc' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

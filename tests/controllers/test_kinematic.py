@@ -1,0 +1,237 @@
+"""The velocity-level controller: formulations agree, limits hold, failures are values."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Contact, Limits, PointContact, support
+from wbc.controllers import KinematicController
+from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import ComTask, InertiaTask, OrientationTask, PostureTask, Task
+
+DT = 0.005
+HUMANOIDS = ("hoap2_like", "g1_27", "talos")
+Load = Callable[[str], Robot]
+
+
+def stance(robot: Robot, rng: np.random.Generator, spread: float = 0.1) -> Snapshot:
+    q = robot.posture("standing")
+    step = np.concatenate((np.zeros(6), spread * rng.normal(size=robot.nv - 6)))
+    return robot.snapshot(bring_inside(robot, robot.integrate(q, step, 1.0)))
+
+
+def bring_inside(robot: Robot, q: np.ndarray) -> np.ndarray:
+    p = robot.limits.joint_positions(q)
+    within = np.clip(p, robot.limits.lower, robot.limits.upper)
+    return robot.integrate(q, np.concatenate((np.zeros(6), within - p)), 1.0)
+
+
+def some_tasks(robot: Robot, here: Snapshot, rng: np.random.Generator) -> list[Task]:
+    return [
+        InertiaTask(robot, here.inertia * rng.uniform(0.7, 1.3), per_mass=True, weight=3.0),
+        ComTask(robot, here.com + 0.02 * rng.normal(size=3), weight=5.0),
+        OrientationTask(robot, "base", here.rotation("base")),
+        PostureTask(robot, here.q, weight=0.1),
+    ]
+
+
+@pytest.mark.parametrize("name", HUMANOIDS)
+@pytest.mark.parametrize("mode", ["left", "right", "double"])
+def test_reduced_and_equality_forms_agree(name, mode, robot_named: Load, rng) -> None:
+    robot = robot_named(name)
+    for _ in range(5):
+        here = stance(robot, rng)
+        tasks = some_tasks(robot, here, rng)
+        velocities = []
+        for formulation in ("equality", "reduced"):
+            controller = KinematicController(
+                robot,
+                tasks,
+                contacts=support(here, mode),
+                limits=Limits(robot),
+                damping=1e-4,
+                formulation=formulation,
+            )
+            tick = controller.step(here)
+            assert tick.ok, tick.report()
+            assert tick.solution.residuals.primal < 1e-7
+            assert tick.solution.residuals.dual < 1e-6
+            velocities.append(tick.velocity)
+        np.testing.assert_allclose(velocities[0], velocities[1], atol=1e-6)
+
+
+def test_a_list_of_frames_and_points_can_be_held(robot_named: Load, rng) -> None:
+    robot = robot_named("hoap2_like")
+    here = stance(robot, rng)
+    contacts = [
+        *support(here, ["left_sole"]),
+        PointContact.hold(here, "right_palm"),
+    ]
+    controller = KinematicController(
+        robot, [ComTask(robot, here.com - [0.01, 0, 0.01])], contacts=contacts, dt=DT
+    )
+    q, v = here.q, np.zeros(robot.nv)
+    for _ in range(100):
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+    end = robot.snapshot(q)
+    assert np.linalg.norm(end.com - controller.tasks[0].target) < 1e-6
+    assert max(contact.slip(end) for contact in contacts) < 1e-5
+    turned = here.rotation("right_palm").T @ end.rotation("right_palm")
+    assert np.abs(turned - np.eye(3)).max() > 1e-4, "a point contact leaves the hand free to turn"
+
+
+@pytest.mark.parametrize("mode", ["floating", "left", "double"])
+@pytest.mark.parametrize("name", HUMANOIDS)
+def test_limits_hold_under_greedy_targets(name, mode, robot_named: Load, rng) -> None:
+    """Targets far out of reach, new ones now and then; the long version is in benchmarks/."""
+    robot = robot_named(name)
+    here = stance(robot, rng)
+    limits = Limits(robot)
+    tasks = [
+        InertiaTask(robot, 2 * here.inertia, per_mass=True, weight=3, lm_damping=0.01),
+        ComTask(robot, here.com),
+        PostureTask(robot, here.q, weight=0.01),
+    ]
+    controller = KinematicController(
+        robot, tasks, contacts=support(here, mode), limits=limits, dt=DT
+    )
+    q, v = here.q, np.zeros(robot.nv)
+    for k in range(200):
+        if k % 50 == 0:
+            tasks[0].set_target(here.inertia * np.exp(rng.normal()))
+            tasks[1].set_target(here.com + 0.2 * rng.normal(size=3))
+        snapshot = robot.snapshot(q, v)
+        tick = controller.step(snapshot)
+        assert tick.ok, tick.report()
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+        assert limits.worst_margin(q)[0] > -1e-6
+        assert (np.abs(v[6:]) <= robot.limits.velocity * (1 + 1e-6)).all()
+
+
+@pytest.mark.parametrize("mode", ["floating", "left", "double"])
+def test_from_outside_its_limits_a_robot_comes_back(mode, robot_named: Load, rng) -> None:
+    """Any start: the QP is never infeasible, and every joint returns."""
+    robot = robot_named("hoap2_like")
+    for _ in range(5):
+        q = robot.posture("standing")
+        step = np.concatenate((np.zeros(6), 0.8 * rng.normal(size=robot.nv - 6)))
+        q = robot.integrate(q, step, 1.0)
+        here = robot.snapshot(q)
+        limits = Limits(robot)
+        assert limits.worst_margin(q)[0] < -0.01
+        controller = KinematicController(
+            robot,
+            [PostureTask(robot, robot.posture("standing"), weight=0.1)],
+            contacts=support(here, mode) if mode != "double" else support(here, ["left_sole"]),
+            limits=limits,
+            dt=DT,
+        )
+        v = np.zeros(robot.nv)
+        for _ in range(400):
+            tick = controller.step(robot.snapshot(q, v))
+            assert tick.ok, tick.report()
+            v = tick.velocity
+            q = robot.integrate(q, v, DT)
+        assert limits.worst_margin(q)[0] > -1e-6
+
+
+def contradictory(robot: Robot, here: Snapshot, on_failure: str) -> KinematicController:
+    """One sole asked to be in two places."""
+    elsewhere = Contact(
+        robot, "left_foot", here.position("left_foot") + [0.1, 0, 0], here.rotation("left_foot")
+    )
+    return KinematicController(
+        robot,
+        [ComTask(robot, here.com)],
+        contacts=[Contact.hold(here, "left_sole"), elsewhere],
+        limits=Limits(robot),
+        on_failure=on_failure,
+    )
+
+
+def test_an_infeasible_tick_names_the_rows_and_commands_nothing(robot_named: Load, rng) -> None:
+    robot = robot_named("hoap2_like")
+    here = stance(robot, rng)
+    tick = contradictory(robot, here, "hold").step(here)
+    assert not tick.ok
+    assert tick.status.value == "infeasible"
+    assert tick.policy == "hold"
+    assert (tick.velocity == 0).all()
+    named = {row.label for row in tick.solution.conflict.rows}
+    assert any(label.startswith("left_foot") for label in named)
+    assert any(label.startswith("left_sole") for label in named)
+    assert "left_foot" in tick.report()
+
+
+def test_declared_policies(robot_named: Load, rng) -> None:
+    robot = robot_named("hoap2_like")
+    still = stance(robot, rng)
+    moving = robot.snapshot(still.q, rng.normal(size=robot.nv))
+    damped = contradictory(robot, moving, "damp").step(moving)
+    np.testing.assert_array_equal(damped.velocity, 0.5 * moving.v)
+    with pytest.raises(ControllerFailure, match="left_foot") as caught:
+        contradictory(robot, moving, "raise").step(moving)
+    assert caught.value.tick.status.value == "infeasible"
+
+
+def test_the_same_inputs_give_the_same_commands(robot_named: Load, rng) -> None:
+    robot = robot_named("g1_27")
+    here = stance(robot, rng)
+    tasks = some_tasks(robot, here, rng)
+
+    def run() -> np.ndarray:
+        controller = KinematicController(
+            robot, tasks, contacts=support(here, "double"), limits=Limits(robot)
+        )
+        q, v = here.q, np.zeros(robot.nv)
+        for _ in range(20):
+            v = controller.step(robot.snapshot(q, v)).velocity
+            q = robot.integrate(q, v, DT)
+        return q
+
+    np.testing.assert_array_equal(run(), run())
+
+
+def test_diagnostics(robot_named: Load, rng) -> None:
+    robot = robot_named("hoap2_like")
+    here = stance(robot, rng)
+    com = ComTask(robot, here.com + [0.01, 0, 0])
+    tick = KinematicController(robot, [com], limits=Limits(robot)).step(here)
+    np.testing.assert_allclose(tick.errors["com"], [-0.01, 0, 0], atol=1e-12)
+    assert tick.times.total > 0
+    assert tick.report() == "solved"
+    assert tick.qp.labels.variables[6:] == robot.joint_names
+    with pytest.raises(ValueError, match="read-only"):
+        tick.velocity[0] = 1.0
+
+
+def test_parts_are_checked_before_anything_moves(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    com = ComTask(robot, here.com)
+    with pytest.raises(InvalidInputError, match="no task"):
+        KinematicController(robot, [])
+    with pytest.raises(InvalidInputError, match="two tasks are called 'com'"):
+        KinematicController(robot, [com, ComTask(robot, here.com)])
+    with pytest.raises(InvalidInputError, match="two contacts are called 'left_sole'"):
+        KinematicController(robot, [com], contacts=support(here, ["left_sole", "left_sole"]))
+    with pytest.raises(InvalidInputError, match="another robot"):
+        KinematicController(robot_named("talos"), [com])
+    with pytest.raises(InvalidInputError, match="another robot"):
+        KinematicController(robot, [com], limits=Limits(robot_named("talos")))
+    with pytest.raises(UnknownNameError, match="did you mean 'reduced'"):
+        KinematicController(robot, [com], formulation="reducd")
+    with pytest.raises(UnknownNameError, match="proxqp"):
+        KinematicController(robot, [com], solver="proxpq")
+    with pytest.raises(InvalidInputError, match="dt"):
+        KinematicController(robot, [com], dt=0.0)
+    with pytest.raises(UnknownNameError, match="failure policy"):
+        KinematicController(robot, [com], on_failure="panic")
+    with pytest.raises(UnknownNameError, match="support mode"):
+        support(here, "both")

@@ -1,0 +1,43 @@
+"""The eq. 38 baseline against NumPy's least squares, and what it does at limits."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits, support
+from wbc.controllers import KinematicController, PseudoInverseController
+from wbc.tasks import ComTask, InertiaTask
+
+
+def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
+    """Floating, nothing active, vanishing damping: the minimum-norm solution of J v = -k e."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.5}))
+    task = InertiaTask(robot, here.inertia * 1.001, gain=0.1)
+    tick = PseudoInverseController(robot, [task], dt=0.005, damping=1e-12).step(here)
+    residual = task.residual(here)
+    expected = np.linalg.pinv(residual.jacobian) @ (-0.1 / 0.005 * residual.error)
+    np.testing.assert_allclose(tick.velocity, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("mode", ["floating", "left", "double"])
+def test_without_active_limits_it_is_the_qp(mode: str, robot_named, rng) -> None:
+    robot = robot_named("g1_27")
+    here = robot.snapshot(robot.posture("standing"))
+    tasks = [ComTask(robot, here.com + [0.001, 0, 0]), InertiaTask(robot, here.inertia, weight=0.1)]
+    same = {"contacts": support(here, mode), "limits": Limits(robot), "damping": 1e-3}
+    by_qp = KinematicController(robot, tasks, **same).step(here)
+    baseline = PseudoInverseController(robot, tasks, **same).step(here)
+    np.testing.assert_allclose(baseline.velocity, by_qp.velocity, atol=1e-6)
+    assert baseline.solution.residuals.dual < 1e-6
+
+
+def test_clipping_is_not_the_optimum_and_says_so(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    tasks = [ComTask(robot, here.com + [0.1, 0, 0.1])]
+    same = {"contacts": support(here, "double"), "limits": Limits(robot), "damping": 1e-4}
+    baseline = PseudoInverseController(robot, tasks, **same).step(here)
+    by_qp = KinematicController(robot, tasks, **same).step(here)
+    residuals = baseline.solution.residuals
+    assert max(residuals.primal, residuals.dual, residuals.complementarity) > 1e-3
+    assert max(by_qp.solution.residuals.dual, by_qp.solution.residuals.primal) < 1e-6

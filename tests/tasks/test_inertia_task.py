@@ -1,0 +1,106 @@
+"""What the inertia tasks mean: norms, masks, frames, normalisation, curvature, equal moments."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits
+from wbc.controllers import KinematicController
+from wbc.robot import Robot
+from wbc.tasks import InertiaTask, PrincipalInertiaTask
+from wbc.tasks.principal_inertia import turning_ratios
+
+H = 1e-5
+
+
+def test_the_error_is_the_frobenius_norm(robot: Robot, rng, random_snapshot) -> None:
+    here = random_snapshot(robot, rng)
+    target = here.inertia + np.diag([0.3, 0.2, 0.1]) + 0.05 * (np.ones((3, 3)) - np.eye(3))
+    error = InertiaTask(robot, target).residual(here).error
+    expected = np.linalg.norm(here.inertia - target, "fro")
+    assert np.linalg.norm(error) == pytest.approx(expected, rel=1e-12)
+    scaled = InertiaTask(robot, target, per_mass=True).residual(here).error
+    np.testing.assert_allclose(scaled * robot.mass, error, rtol=1e-12)
+
+
+def test_targets_in_every_accepted_form(robot: Robot, rng, random_snapshot) -> None:
+    here = random_snapshot(robot, rng)
+    diagonal = ("xx", "yy", "zz")
+    forms = [np.diag([1.0, 2, 3]), [1.0, 0, 0, 2, 0, 3], [1.0, 2, 3]]
+    errors = [InertiaTask(robot, t, components=diagonal).residual(here).error for t in forms]
+    np.testing.assert_array_equal(errors[0], errors[1])
+    np.testing.assert_array_equal(errors[0], errors[2])
+    trace = InertiaTask(robot, 6.0, components=("trace",)).residual(here).error
+    assert trace[0] == pytest.approx(errors[0].sum(), rel=1e-9)
+    assert trace[0] == pytest.approx(np.trace(here.inertia) - 6.0, rel=1e-9)
+
+
+def test_principal_error_does_not_depend_on_orientation(robot: Robot, rng, random_snapshot) -> None:
+    here = random_snapshot(robot, rng)
+    moments = np.linalg.eigvalsh(here.inertia)
+    task = PrincipalInertiaTask(robot, moments + [0.1, 0.2, 0.3])
+    error = task.residual(here).error
+    assert np.linalg.norm(error) == pytest.approx(np.linalg.norm([0.1, 0.2, 0.3]), rel=1e-9)
+    spin = np.zeros(robot.nv)
+    spin[3:6] = [0.4, -1.0, 0.3]
+    turned = robot.snapshot(robot.integrate(here.q, spin, 1.0))
+    np.testing.assert_allclose(task.residual(turned).error, error, atol=1e-10 * moments.max())
+    np.testing.assert_allclose(task.deviation(here, task.residual(here)), [-0.1, -0.2, -0.3])
+
+
+def test_ratios_are_bounded_at_equal_moments() -> None:
+    equal = np.array([1.0, 1.0, 2.0])
+    # The wanted ones differ where the actual ones are equal: limited to 1, not infinite.
+    assert turning_ratios(equal, np.array([0.5, 1.5, 2.0]))[0, 1] == 1.0
+    # Equal wanted moments: the whole block is driven, off-diagonal entry included.
+    assert (turning_ratios(equal, np.ones(3)) == 0.0).all()
+
+
+def test_principal_moments_converge_to_equal_ones(robot_named) -> None:
+    """The hard case for separate eigenvalues: two targets meet, at full gain."""
+    robot = robot_named("hoap2_like")
+    start = robot.posture("standing", {"left_shoulder_roll": 1.0, "right_shoulder_roll": -1.0})
+    moments = np.linalg.eigvalsh(robot.snapshot(start).inertia)
+    wanted = np.array([moments[0], moments[1:].mean(), moments[1:].mean()])
+    task = PrincipalInertiaTask(robot, wanted, gain=0.3)
+    controller = KinematicController(robot, [task], limits=Limits(robot), damping=1e-6)
+    q, v = start, np.zeros(robot.nv)
+    for _ in range(300):
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        v = tick.velocity
+        q = robot.integrate(q, v, 0.005)
+    reached = np.linalg.eigvalsh(robot.snapshot(q).inertia)
+    np.testing.assert_allclose(reached, wanted, rtol=1e-6)
+
+
+@pytest.mark.parametrize("frame", ["base", "world"])
+def test_curvature_is_the_hessian_gauss_newton_leaves_out(
+    frame, robot: Robot, rng, random_snapshot
+):
+    """Oracle: differences of the cost's gradient by the joints, the base at rest."""
+    here = random_snapshot(robot, rng)
+    target = here.inertia + np.diag([0.5, -0.2, 0.3])
+    task = InertiaTask(robot, target, frame=frame, weight=2.0, second_order=True)
+    residual = task.residual(here)
+
+    def gradient(step: np.ndarray) -> np.ndarray:
+        r = task.residual(robot.snapshot(robot.integrate(here.q, step, 1.0)))
+        return (4.0 * r.jacobian.T @ r.error)[6:]
+
+    columns = [(gradient(H * e) - gradient(-H * e)) / (2 * H) for e in np.eye(robot.nv)[6:]]
+    hessian = np.stack(columns, axis=1)
+    gauss_newton = 4.0 * (residual.jacobian.T @ residual.jacobian)[6:, 6:]
+    expected = hessian - gauss_newton
+    # Second differences of a product of sums: 1e-6 of the largest entry.
+    scale = max(1.0, np.abs(hessian).max())
+    np.testing.assert_allclose(residual.curvature[6:, 6:], expected, atol=1e-6 * scale)
+
+
+def test_frames_see_the_same_tensor(robot: Robot, rng, random_snapshot) -> None:
+    here = random_snapshot(robot, rng)
+    for frame in ("base", robot.frame_names[-1]):
+        R = here.rotation(frame)
+        in_frame = InertiaTask(robot, np.eye(3), frame=frame).residual(here).error
+        in_world = InertiaTask(robot, np.eye(3)).residual(here).error
+        assert np.linalg.norm(in_frame) == pytest.approx(np.linalg.norm(in_world), rel=1e-9)
+        np.testing.assert_allclose(R @ here.inertia_in(frame) @ R.T, here.inertia, atol=1e-10)

@@ -1,0 +1,80 @@
+"""Wrong targets, weights and names are refused when the task is made, in words."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.tasks import (
+    AxisTask,
+    ComTask,
+    InertiaTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    PrincipalInertiaTask,
+)
+
+NAN = float("nan")
+WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
+    "com nan": (lambda r: ComTask(r, [0, NAN, 1]), r"'com', target: NaN or infinite at \(1,\)"),
+    "com size": (lambda r: ComTask(r, [0, 1]), r"target: expected shape \(3,\), got \(2,\)"),
+    "com words": (lambda r: ComTask(r, "left"), "target: expected numbers"),
+    "gain zero": (lambda r: ComTask(r, [0, 0, 1], gain=0), "gain: must be greater than 0"),
+    "gain large": (lambda r: ComTask(r, [0, 0, 1], gain=2), "gain: 2 is above 1"),
+    "weight sign": (lambda r: ComTask(r, [0, 0, 1], weight=-1), "must not be negative"),
+    "weight size": (lambda r: ComTask(r, [0, 0, 1], weight=[1, 2]), "weight: expected shape"),
+    "weight inf": (lambda r: ComTask(r, [0, 0, 1], weight=np.inf), "weight: NaN or infinite"),
+    "damping": (lambda r: ComTask(r, [0, 0, 1], lm_damping=-1), "lm_damping: must be at least"),
+    "rate": (lambda r: ComTask(r, [0, 0, 1]).set_target([0, 0, 1], [NAN, 0, 0]), "target rate"),
+    "inertia shape": (lambda r: InertiaTask(r, [1, 2]), "expected a symmetric .* got shape"),
+    "inertia": (lambda r: InertiaTask(r, np.arange(9.0).reshape(3, 3)), "symmetric"),
+    "inertia nan": (lambda r: InertiaTask(r, np.full((3, 3), NAN)), "NaN"),
+    "inertia three": (lambda r: InertiaTask(r, [1, 2, 3]), "only those are controlled"),
+    "principal": (lambda r: PrincipalInertiaTask(r, [1, 2]), r"shape \(3,\)"),
+    "rotation": (lambda r: OrientationTask(r, "base", 2 * np.eye(3)), "not a rotation matrix"),
+    "mirror": (lambda r: OrientationTask(r, "base", -np.eye(3)), "not a rotation matrix"),
+    "pose": (lambda r: PoseTask(r, "base", [0, 0, NAN], np.eye(3)), "position: NaN"),
+    "axis": (lambda r: AxisTask(r, "base", [0, 0, 0]), "needs some length"),
+    "posture size": (lambda r: PostureTask(r, np.zeros(3)), "shape"),
+    "posture zero": (lambda r: PostureTask(r, r.posture(), joints={"*": 0}), "leave the task out"),
+    "posture weight": (lambda r: PostureTask(r, r.posture(), joints={"*": -1}), "at least 0"),
+    "momentum": (lambda r: MomentumTask(r, [0, 0, 0]), r"shape \(6,\)"),
+}
+UNKNOWN: dict[str, tuple[Callable[[Robot], object], str]] = {
+    "axes": (lambda r: ComTask(r, [0, 0, 0], axes=("x", "w")), "unknown axis 'w'"),
+    "frame": (lambda r: PositionTask(r, "left_sol", [0, 0, 0]), "did you mean 'left_sole'"),
+    "inertia frame": (lambda r: InertiaTask(r, np.eye(3), frame="torsso"), "did you mean 'torso'"),
+    "component": (
+        lambda r: InertiaTask(r, np.eye(3), components=("xx", "zx")),
+        "unknown inertia component 'zx'",
+    ),
+    "momentum component": (lambda r: MomentumTask(r, components=("kw",)), "unknown momentum"),
+    "joint": (lambda r: PostureTask(r, r.posture(), joints={"left_kneee*": 1}), "unknown joint"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_values(case: str, robot_named: Callable[[str], Robot]) -> None:
+    make, words = WRONG[case]
+    with pytest.raises(InvalidInputError, match=words):
+        make(robot_named("hoap2_like"))
+
+
+@pytest.mark.parametrize("case", UNKNOWN)
+def test_unknown_names(case: str, robot_named: Callable[[str], Robot]) -> None:
+    make, words = UNKNOWN[case]
+    with pytest.raises(UnknownNameError, match=re.escape(words)):
+        make(robot_named("hoap2_like"))
+
+
+def test_a_refused_target_leaves_the_old_one(robot_named: Callable[[str], Robot]) -> None:
+    task = ComTask(robot_named("hoap2_like"), [0.0, 0.0, 0.3])
+    with pytest.raises(InvalidInputError):
+        task.set_target([NAN, 0, 0])
+    assert task.target.tolist() == [0.0, 0.0, 0.3]

@@ -1,0 +1,39 @@
+"""The names that users rely on exist, are documented, and are the ones listed."""
+
+import inspect
+
+import pytest
+
+import wbc
+
+
+@pytest.mark.parametrize("name", wbc.__all__)
+def test_public_name(name: str) -> None:
+    thing = getattr(wbc, name)
+    assert inspect.getdoc(thing), f"wbc.{name} has no docstring"
+
+
+def test_lists_agree() -> None:
+    assert sorted(wbc.__all__) == sorted(wbc._HOMES)
+    assert set(wbc.__all__) <= set(dir(wbc))
+
+
+def test_unknown_names_are_attribute_errors() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'Robto'"):
+        _ = wbc.Robto
+
+
+SNAPSHOT = (
+    "com com_jacobian com_drift inertia inertia_jacobian inertia_drift momentum centroidal_map "
+    "mechanical_connection mass_matrix bias"
+)
+
+
+def test_snapshot_names() -> None:
+    robot = wbc.Robot.load("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    shapes = {name: getattr(here, name).shape for name in SNAPSHOT.split()}
+    assert shapes["inertia"] == (3, 3)
+    assert shapes["inertia_jacobian"] == (6, robot.nv)
+    assert shapes["inertia_drift"] == (6,)
+    assert shapes["com_jacobian"] == (3, robot.nv)

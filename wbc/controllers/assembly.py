@@ -1,0 +1,83 @@
+"""From rows to the QP: costs are squared and added, contacts become equalities, limits the box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.laws import Rows
+from wbc.qp.problem import QP, Labels
+from wbc.validate import Array
+
+# Curvatures below this fraction of the largest are raised to it: steps stay finite in flat valleys.
+FLATTEST = 1e-5
+
+
+def assemble(
+    costs: Sequence[Rows],
+    equalities: Sequence[Rows],
+    box: tuple[Array, Array],
+    labels: Labels,
+    damping: float,
+) -> QP:
+    """Return the QP of one tick.
+
+    Parameters
+    ----------
+    costs:
+        Rows met in the weighted least-squares sense.
+    equalities:
+        Rows met exactly; their weights are not used.
+    box:
+        Bounds (n,), (n,) on the unknown.
+    damping:
+        Weight of 1/2 |x|^2, which makes the optimum unique; ``costs`` add their own damping.
+    """
+    lower, upper = box
+    n = lower.size
+    stacked, wanted = _weighted(costs, n)
+    P: Array = stacked.T @ stacked
+    curved = [rows.curvature for rows in costs if rows.curvature is not None]
+    if curved:
+        P = convexified(P + sum(curved))
+    P.flat[:: n + 1] += damping + sum(rows.damping for rows in costs)
+    A = np.concatenate([rows.matrix for rows in equalities]) if equalities else np.zeros((0, n))
+    b = np.concatenate([rows.target for rows in equalities]) if equalities else np.zeros(0)
+    return QP(
+        P=P,
+        g=-(wanted @ stacked),
+        A=A,
+        b=b,
+        C=np.zeros((0, n)),
+        l=np.zeros(0),
+        u=np.zeros(0),
+        lower=lower,
+        upper=upper,
+        labels=labels,
+    )
+
+
+def _weighted(costs: Sequence[Rows], n: int) -> tuple[Array, Array]:
+    """Return all rows times their weights, stacked: one product is cheaper than one per task."""
+    size = sum(rows.target.size for rows in costs)
+    stacked, wanted = np.empty((size, n)), np.empty(size)
+    start = 0
+    for rows in costs:
+        end = start + rows.target.size
+        np.multiply(rows.matrix, rows.weight[:, None], out=stacked[start:end])
+        np.multiply(rows.target, rows.weight, out=wanted[start:end])
+        start = end
+    return stacked, wanted
+
+
+def convexified(H: Array) -> Array:
+    """Return the nearest thing to H (n, n) that a QP can use: its eigenvalues made positive.
+
+    Taking their absolute values keeps the Newton step where H is convex and leaves a saddle by the
+    direction of negative curvature at the same scale (Dauphin et al. 2014, "saddle-free Newton").
+    """
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T))
+    sizes = np.abs(values)
+    np.maximum(sizes, FLATTEST * sizes.max(), out=sizes)
+    return (vectors * sizes) @ vectors.T

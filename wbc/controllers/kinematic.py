@@ -1,0 +1,195 @@
+"""The velocity-level controller: one tick, from a snapshot to a joint velocity.
+
+    measurement -> snapshot -> residuals of tasks and contacts -> rows -> QP -> solution -> tick
+
+The only memory between ticks is the solver's warm start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from wbc.constraints.contact import Contact
+from wbc.constraints.limits import BASE_ROWS, Limits
+from wbc.controllers.assembly import assemble
+from wbc.controllers.tick import POLICIES, Tick, Times
+from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
+from wbc.laws import Rows, velocity_law
+from wbc.qp.backend import Backend, make_backend
+from wbc.qp.elimination import eliminate
+from wbc.qp.problem import QP, Labels
+from wbc.qp.solution import Solution, Status
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.task import Residual, Task
+from wbc.validate import Array, finite_number, read_only
+
+FORMULATIONS = ("equality", "reduced")
+# Recovery from outside a joint limit outweighs the tasks by this factor (in the squared cost).
+RECOVERY_FACTOR = 1e4
+
+
+class KinematicController:
+    """Inverse kinematics by one QP per tick; the unknown is the velocity v.
+
+    Parameters
+    ----------
+    tasks:
+        What to do; names must differ.
+    contacts:
+        Frames that are held; see :func:`wbc.constraints.support`.
+    limits:
+        Joint and base limits, or None for none.
+    dt:
+        Time step [s]: the command is meant to be applied for this long.
+    solver:
+        A backend, or its name: ``"proxqp"`` or any that qpsolvers finds installed.
+    formulation:
+        ``"equality"``: contacts are equality rows. ``"reduced"``: they are eliminated first (paper
+        eqs. 34-37), which leaves a smaller QP with the same optimum.
+    damping:
+        Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
+    on_failure:
+        What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
+        (half the measured velocity) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Sequence[Task],
+        *,
+        contacts: Sequence[Contact] = (),
+        limits: Limits | None = None,
+        dt: float = 0.005,
+        solver: str | Backend = "proxqp",
+        formulation: str = "equality",
+        damping: float = 1e-6,
+        on_failure: str = "hold",
+    ) -> None:
+        self.robot = robot
+        self.tasks = tuple(tasks)
+        self.contacts = tuple(contacts)
+        self.limits = limits
+        self.dt = finite_number("controller, dt", dt, above=0.0)
+        self.damping = finite_number("controller, damping", damping, above=0.0)
+        self.backend = make_backend(solver) if isinstance(solver, str) else solver
+        self.formulation = _one_of("formulation", formulation, FORMULATIONS)
+        self.on_failure = _one_of("failure policy", on_failure, POLICIES)
+        self._check_parts()
+        self._workspace = (formulation, tuple(contact.labels for contact in self.contacts))
+        self._labels = Labels(
+            equality=sum((contact.labels for contact in self.contacts), ()),
+            inequality=(),
+            variables=BASE_ROWS + robot.joint_names,
+        )
+        unlimited = np.full(robot.nv, np.inf)
+        self._no_box = -unlimited, unlimited
+
+    def step(self, snapshot: Snapshot) -> Tick:
+        """Return the command for ``snapshot``."""
+        start = perf_counter()
+        residuals = [task.residual(snapshot) for task in self.tasks]
+        rows = self._rows(residuals)
+        contacts = self._contact_rows(snapshot)
+        assembled = perf_counter()
+        qp = self._qp(snapshot, rows, contacts)
+        ready = perf_counter()
+        solution = self._solve(qp)
+        times = Times(assembled - start, ready - assembled, perf_counter() - ready)
+        return self._answer(snapshot, residuals, qp, solution, times)
+
+    def _rows(self, residuals: Sequence[Residual]) -> list[Rows]:
+        """Apply the velocity law to every task."""
+        return [
+            velocity_law(residual, task.gain / self.dt, task.weight, task.lm_damping)
+            for task, residual in zip(self.tasks, residuals, strict=True)
+        ]
+
+    def _contact_rows(self, snapshot: Snapshot) -> list[Rows]:
+        """Apply the velocity law to every contact: hold, and take back what has drifted."""
+        held = []
+        for contact in self.contacts:
+            residual = contact.residual(snapshot)
+            held.append(velocity_law(residual, contact.gain / self.dt, contact.weight))
+        return held
+
+    def _qp(self, snapshot: Snapshot, rows: list[Rows], contacts: list[Rows]) -> QP:
+        """Join costs, contacts and limits."""
+        box = self._no_box
+        if self.limits is not None:
+            box = self.limits.box(snapshot, self.dt)
+            recovery = self.limits.recovery_rows(snapshot, self.dt)
+            if recovery is not None:
+                rows = [*rows, _outweighing(recovery, rows)]
+        return assemble(rows, contacts, box, self._labels, self.damping)
+
+    def _solve(self, qp: QP) -> Solution:
+        """Solve in the chosen formulation; the answer is always that of the full QP."""
+        if self.formulation == "equality" or not self.contacts:
+            return self.backend.solve(qp, workspace=self._workspace)
+        elimination = eliminate(qp)
+        return elimination.lift(self.backend.solve(elimination.reduced, workspace=self._workspace))
+
+    def _answer(
+        self,
+        snapshot: Snapshot,
+        residuals: Sequence[Residual],
+        qp: QP,
+        solution: Solution,
+        times: Times,
+    ) -> Tick:
+        """Turn the solution into a command, by the declared policy if there is none."""
+        solved = solution.status is Status.SOLVED
+        tick = Tick(
+            velocity=read_only(solution.x if solved else self._fallback(snapshot)),
+            status=solution.status,
+            policy=None if solved else self.on_failure,
+            errors={
+                task.name: task.deviation(snapshot, residual)
+                for task, residual in zip(self.tasks, residuals, strict=True)
+            },
+            solution=solution,
+            qp=qp,
+            times=times,
+        )
+        if not solved and self.on_failure == "raise":
+            raise ControllerFailure(tick.report(), tick)
+        return tick
+
+    def _fallback(self, snapshot: Snapshot) -> Array:
+        """Return the command of the ``damp`` policy, or zero."""
+        return 0.5 * snapshot.v if self.on_failure == "damp" else np.zeros(self.robot.nv)
+
+    def _check_parts(self) -> None:
+        """Refuse tasks, contacts and limits of another robot, and names given twice."""
+        if not self.tasks:
+            raise InvalidInputError("controller: no task given; there is nothing to do")
+        parts: list[Task | Contact | Limits] = [*self.tasks, *self.contacts]
+        for part in [*parts, *([self.limits] if self.limits else [])]:
+            if part.robot is not self.robot:
+                raise InvalidInputError(f"controller: {part!r} was made for another robot object")
+        for kind, names in (
+            ("task", [task.name for task in self.tasks]),
+            ("contact", [contact.frame for contact in self.contacts]),
+        ):
+            for name in names:
+                if names.count(name) > 1:
+                    raise InvalidInputError(f"controller: two {kind}s are called {name!r}")
+
+
+def _one_of(kind: str, value: str, choices: Sequence[str]) -> str:
+    if value not in choices:
+        raise UnknownNameError(kind, value, choices)
+    return value
+
+
+def _outweighing(recovery: Rows, rows: Sequence[Rows]) -> Rows:
+    """Return ``recovery`` with a weight that no task row can compete with."""
+    squared = [np.square(row.matrix).sum(axis=1) * np.square(row.weight) for row in rows]
+    heaviest = max(float(row.max(initial=0.0)) for row in squared)
+    weight = np.sqrt(RECOVERY_FACTOR * max(heaviest, 1e-6))
+    return replace(recovery, weight=weight * recovery.weight)

@@ -1,0 +1,70 @@
+"""What one control tick answers, and what is done when the QP has no answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from wbc.qp.problem import QP
+from wbc.qp.solution import Solution, Status
+from wbc.validate import Array
+
+POLICIES = ("hold", "damp", "raise")
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Where a tick spent its time [s]: from residuals to rows, to the QP, and in the solver."""
+
+    tasks: float
+    assembly: float
+    solve: float
+
+    @property
+    def total(self) -> float:
+        """The whole tick without the snapshot [s]."""
+        return self.tasks + self.assembly + self.solve
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """The answer of a controller at one snapshot.
+
+    Attributes
+    ----------
+    velocity:
+        (nv,) command; always finite. If ``status`` is not ``solved`` it comes from the policy.
+    status:
+        Of the QP.
+    policy:
+        None, or the declared policy that made the command because the QP gave none.
+    errors:
+        Error of each task by name, actual minus target.
+    solution, qp:
+        The evidence: multipliers, recomputed KKT residuals, named rows, rows in conflict.
+    times:
+        Seconds by stage.
+    """
+
+    velocity: Array
+    status: Status
+    policy: str | None
+    errors: Mapping[str, Array]
+    solution: Solution
+    qp: QP
+    times: Times
+
+    @property
+    def ok(self) -> bool:
+        """True if the QP was solved and checked."""
+        return self.status is Status.SOLVED
+
+    def report(self) -> str:
+        """Return what went wrong in one or two sentences, or ``"solved"``."""
+        if self.ok:
+            return "solved"
+        conflict = self.solution.conflict
+        reason = conflict.describe() if conflict is not None else str(self.solution.residuals)
+        return (
+            f"QP {self.status.value} ({self.solution.solver}): {reason}; command by {self.policy!r}"
+        )
