@@ -1,0 +1,248 @@
+"""Figures of robots and runs: files, what is plotted, and how bad input is refused."""
+
+import importlib
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import wbc.view
+from wbc.errors import InvalidInputError, WbcError
+from wbc.robot import Robot
+from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
+from wbc.view.files import save
+from wbc.view.portrait import portraits_of
+from wbc.view.run import spread
+
+Array = NDArray[np.float64]
+
+MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+
+
+@dataclass(frozen=True)
+class Run:
+    time: Array
+    q: Array
+    errors: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class RunWithInertia(Run):
+    inertia: Array
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw with fewer pixels, where they do not matter: it saves time."""
+    monkeypatch.setattr(style, "DPI", 50)
+
+
+@pytest.fixture(scope="module")
+def run(robot: Robot) -> Run:
+    start = robot.postures["standing"]
+    spread_arms = robot.posture(
+        "standing", {"left_shoulder_roll": 1.4, "right_shoulder_roll": -1.4}
+    )
+    time = np.linspace(0.0, 2.0, 21)
+    way = robot.difference(start, spread_arms)
+    q = np.array([robot.integrate(start, way, part) for part in time / 2.0])
+    fading = np.exp(-3.0 * time)[:, None]
+    errors = {
+        "inertia": fading * [0.3, 0.0, 0.4],
+        "left foot": np.zeros((21, 6)),
+        "head": np.where(time < 1.0, np.nan, 0.25),  # one number a time; inactive at first
+    }
+    return Run(time, q, errors)
+
+
+@pytest.fixture(scope="module")
+def figure(robot: Robot, run: Run) -> Figure:
+    return run_figure(robot, run, title="Reaching out")
+
+
+@pytest.mark.parametrize("suffix", MAGIC)
+def test_a_figure_is_written_in_each_format(figure: Figure, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    save(figure, path)
+    content = path.read_bytes()
+    assert content.startswith(MAGIC[suffix])
+    assert len(content) > 50_000  # both robots, not an empty frame
+
+
+def test_both_ends_are_drawn_with_their_semi_axes(robot: Robot, run: Run, figure: Figure) -> None:
+    before, after, errors, moments = figure.axes
+    assert (before.get_title(), after.get_title()) == ("before, t = 0 s", "after, t = 2 s")
+    assert errors.get_yscale() == "log"
+    for axes, q in ((before, run.q[0]), (after, run.q[-1])):
+        # Second moment about each principal axis from Pinocchio's centroidal inertia.
+        data = robot.model.createData()
+        pin.ccrba(robot.model, data, q, np.zeros(robot.nv))
+        principal = np.linalg.eigvalsh(data.Ig.inertia)
+        extents = np.sqrt(5.0 * (principal.sum() / 2.0 - principal) / data.Ig.mass)
+        texts = [text.get_text() for text in axes.texts]
+        assert texts == [f"a{'₁₂₃'[k]} {1e3 * extents[k]:.0f} mm" for k in range(3)]
+    labels = [text.get_text() for text in moments.texts]
+    assert labels == ["about a₁", "about a₂", "about a₃"]
+
+
+def test_the_panels_show_the_robot_and_fill_it(figure: Figure) -> None:
+    for axes in figure.axes[:2]:
+        (image,) = axes.get_images()
+        pixels = np.asarray(image.get_array())
+        assert (pixels < 0.97).any(axis=-1).mean() > 0.15  # neither empty nor all background
+        np.testing.assert_array_equal(pixels[0], 1.0)  # nothing is cut off at the top
+
+
+def test_errors_are_norms_over_time(run: Run, figure: Figure) -> None:
+    inertia, foot, head = (line.get_ydata() for line in figure.axes[2].lines)
+    np.testing.assert_allclose(inertia, 0.5 * np.exp(-3.0 * run.time), rtol=1e-12)
+    np.testing.assert_array_equal(foot, 1e-12)  # zero, on a logarithmic scale
+    assert np.isnan(head[run.time < 1.0]).all()
+    np.testing.assert_array_equal(head[run.time >= 1.0], 0.25)
+    labels = [text.get_text() for text in figure.axes[2].texts]
+    assert labels == ["inertia", "left foot", "head"]
+
+
+def test_principal_moments_over_time(robot: Robot, run: Run, figure: Figure) -> None:
+    data = robot.model.createData()
+    expected = []
+    for q in run.q:
+        pin.ccrba(robot.model, data, q, np.zeros(robot.nv))
+        expected.append(np.linalg.eigvalsh(data.Ig.inertia))
+    plotted = np.column_stack([line.get_ydata() for line in figure.axes[3].lines])
+    np.testing.assert_allclose(plotted, expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.usefixtures("coarse")
+def test_inertias_of_the_history_are_used_if_given(robot: Robot, run: Run) -> None:
+    inertia = np.tile([0.3, 0.1, 0.0, 0.3, 0.0, 0.35], (2, 1))  # moments 0.2, 0.35, 0.4
+    given = RunWithInertia(run.time[:2], run.q[:2], {}, inertia)
+    moments = run_figure(robot, given, title="given").axes[3]
+    np.testing.assert_allclose(
+        [line.get_ydata() for line in moments.lines], [[0.2] * 2, [0.35] * 2, [0.4] * 2], rtol=1e-12
+    )
+
+
+@pytest.mark.usefixtures("coarse")
+def test_a_run_of_one_tick(robot: Robot, run: Run, tmp_path: Path) -> None:
+    path = plot_run(robot, Run(run.time[:1], run.q[:1], {}), tmp_path / "one.PNG", title="one tick")
+    assert path.read_bytes().startswith(MAGIC[".png"])
+
+
+@pytest.mark.usefixtures("coarse")
+def test_robots_side_by_side(robot: Robot, tmp_path: Path) -> None:
+    q = robot.postures["standing"]
+    single = robot_figure(robot, {"standing": q}, title="A robot")
+    assert [axes.get_title() for axes in single.axes] == ["standing"]
+    path = plot_robot(robot, {"one": q, "two": q, "three": q}, tmp_path / "robots.png")
+    width, height = np.frombuffer(path.read_bytes()[16:24], dtype=">u4")
+    assert width == pytest.approx(3 * single.get_figwidth() * single.dpi, abs=3)
+    assert 300 < height < 1500
+
+
+@pytest.mark.usefixtures("coarse")
+def test_the_same_run_gives_the_same_file(robot: Robot, run: Run, tmp_path: Path) -> None:
+    short = Run(run.time[:2], run.q[:2], {"inertia": run.errors["inertia"][:2]})
+    paths = [tmp_path / "first.png", tmp_path / "second.png"]
+    for path in paths:
+        plot_run(robot, short, path, title="twice")
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_the_ground_is_under_a_robot_that_is_not_at_zero(robot: Robot) -> None:
+    q = robot.postures["standing"].copy()
+    sunk, flying = q.copy(), q.copy()
+    sunk[2] -= 0.3
+    flying[2] += 0.2
+    portraits = portraits_of(robot, {"stands": q, "sunk": sunk, "flies": flying})
+    assert [one.scene.ground for one in portraits] == pytest.approx([0.0, -0.3, 0.0], abs=1e-9)
+    for one in portraits:
+        np.testing.assert_allclose(one.below_com[:2], one.snapshot.com[:2])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"time": np.empty(0), "q": np.empty((0, 32))}, "it is empty"),
+        ({"time": np.array([0.0, np.nan])}, "history: time: NaN"),
+        ({"q": np.zeros((2, 7))}, r"history: q: expected shape \(2, 32\), got \(2, 7\)"),
+        ({"errors": {"com": np.zeros((3, 1))}}, "errors of 'com'.*one row for each time"),
+        ({"errors": {"com": ["a", "b"]}}, "errors of 'com': expected numbers"),
+        ({"inertia": np.zeros((2, 3))}, r"history: inertia: expected shape \(2, 6\)"),
+    ],
+)
+def test_a_history_that_does_not_fit_is_refused(
+    robot: Robot, run: Run, changes: dict[str, Array], message: str
+) -> None:
+    values = {"time": run.time[:2], "q": run.q[:2], "errors": {}, "inertia": np.zeros((2, 6))}
+    with pytest.raises(InvalidInputError, match=message):
+        run_figure(robot, RunWithInertia(**{**values, **changes}), title="")
+
+
+@pytest.mark.parametrize("name", ["run.gif", "run", "run.png.txt"])
+def test_other_suffixes_are_refused_by_name(
+    robot: Robot, run: Run, tmp_path: Path, name: str
+) -> None:
+    for call in (
+        lambda path: plot_run(robot, run, path, title=""),
+        lambda path: plot_robot(robot, {"a": run.q[0]}, path),
+    ):
+        with pytest.raises(InvalidInputError, match=r"suffix .*use one of \.png, \.svg, \.pdf"):
+            call(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folders_and_unwritable_files(robot: Robot, run: Run, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"there is no folder .*nowhere; make it first"):
+        plot_run(robot, run, tmp_path / "nowhere" / "run.png", title="")
+    (tmp_path / "taken.png").mkdir()
+    with pytest.raises(InvalidInputError, match="cannot be written"):
+        save(Figure(), tmp_path / "taken.png")
+
+
+def test_nothing_to_draw(robot: Robot) -> None:
+    with pytest.raises(InvalidInputError, match="give at least one"):
+        robot_figure(robot, {})
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_labels_are_spread_apart(seed: int) -> None:
+    heights = np.random.default_rng(seed).uniform(0.0, 1.0, size=8)
+    placed = spread(heights, 0.1)
+    assert (np.diff(np.sort(placed)) >= 0.1 - 1e-12).all()
+    assert placed.max() <= 1.0
+    np.testing.assert_array_equal(np.argsort(placed), np.argsort(heights))
+    alone = np.array([0.2, 0.9, 0.5])
+    np.testing.assert_array_equal(spread(alone, 0.1), alone)
+
+
+def test_without_matplotlib_the_error_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(WbcError, match=r"pip install 'wbc\[plot\]'"):
+        importlib.reload(wbc.view)
+
+
+def test_matplotlib_is_left_as_it_was() -> None:
+    """No pyplot, no backend, no settings: a program that uses wbc keeps its own."""
+    code = (
+        "import sys, matplotlib\n"
+        "before = matplotlib.rcParams.copy()\n"  # a plain dict() would choose a backend
+        "import wbc.view\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+        "assert matplotlib.rcParams.copy() == before\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

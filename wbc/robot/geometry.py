@@ -1,0 +1,119 @@
+"""The shapes of a robot as triangles in the world, for drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.robot.model import Robot
+from wbc.robot.tessellation import Surface, box, cone, cylinder, ellipsoid, rounded_cylinder
+from wbc.validate import Array, read_only
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """One shape of a link.
+
+    Attributes
+    ----------
+    name:
+        The link.
+    vertices:
+        (k, 3) [m], read-only.
+    faces:
+        Triangles (m, 3) as indices of vertices, read-only. Their winding is the file's and may be
+        either.
+    colour:
+        Red, green, blue in [0, 1], as the file says.
+    """
+
+    name: str
+    vertices: Array
+    faces: NDArray[np.int64]
+    colour: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        read_only(self.vertices)
+        self.faces.flags.writeable = False
+
+
+class RobotMeshes:
+    """The triangles of a robot, made once and placed as often as wanted.
+
+    The visual shapes, or the collision shapes of a robot that has none. Fully transparent shapes
+    and those that end nowhere (planes) are left out.
+
+    Raises
+    ------
+    ModelError
+        A mesh file cannot be read.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        shapes = robot.visual_model
+        if not shapes.ngeoms:
+            shapes = robot.collision_model
+        placed = [_in_joint_frame(robot.model, shape) for shape in shapes.geometryObjects]
+        self._meshes = [(joint, mesh) for joint, mesh in placed if len(mesh.faces)]
+
+    def at(self, q: ArrayLike) -> list[Mesh]:
+        """Return the meshes in the world at configuration ``q`` (nq,)."""
+        model, q = self._robot.model, self._robot.check_configuration(q)
+        data = model.createData()
+        pin.forwardKinematics(model, data, q)
+        return [_moved(mesh, data.oMi[joint]) for joint, mesh in self._meshes]
+
+
+def link_meshes(robot: Robot, q: ArrayLike) -> list[Mesh]:
+    """Return the robot's meshes in the world at ``q``; see :class:`RobotMeshes` for many ``q``."""
+    return RobotMeshes(robot).at(q)
+
+
+def _in_joint_frame(model: pin.Model, shape: pin.GeometryObject) -> tuple[int, Mesh]:
+    rgba = [float(value) for value in shape.meshColor]
+    surface = triangulated(shape.geometry) if rgba[3] > 0.0 else _NOTHING
+    link = str(model.frames[shape.parentFrame].name)
+    mesh = Mesh(link, surface.vertices, surface.faces, (rgba[0], rgba[1], rgba[2]))
+    return int(shape.parentJoint), _moved(mesh, shape.placement)
+
+
+def _moved(mesh: Mesh, pose: pin.SE3) -> Mesh:
+    vertices = mesh.vertices @ pose.rotation.T + pose.translation
+    return Mesh(mesh.name, vertices, mesh.faces, mesh.colour)
+
+
+_NOTHING = Surface(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
+
+
+def triangulated(shape: object) -> Surface:
+    """Return the surface of a ``coal`` shape in its own frame; empty if it has none."""
+    match shape:
+        case coal.Box():
+            return box(np.asarray(shape.halfSide))
+        case coal.Sphere():
+            return ellipsoid(np.full(3, shape.radius))
+        case coal.Ellipsoid():
+            return ellipsoid(np.asarray(shape.radii))
+        case coal.Capsule():
+            return rounded_cylinder(shape.radius, shape.halfLength)
+        case coal.Cylinder():
+            return cylinder(shape.radius, shape.halfLength)
+        case coal.Cone():
+            return cone(shape.radius, shape.halfLength)
+        case coal.Convex():
+            triangles = [shape.polygons(k) for k in range(shape.num_polygons)]
+            return Surface(np.array(shape.points()), _indices(triangles))
+        case coal.BVHModelBase():
+            triangles = [shape.tri_indices(k) for k in range(shape.num_tris)]
+            return Surface(np.array(shape.vertices()), _indices(triangles))
+    return _NOTHING
+
+
+def _indices(triangles: list[coal.Triangle]) -> NDArray[np.int64]:
+    corners = [(triangle[0], triangle[1], triangle[2]) for triangle in triangles]
+    return np.array(corners, dtype=np.int64).reshape(-1, 3)
