@@ -80,4 +80,5 @@ def convexified(H: Array) -> Array:
     values, vectors = np.linalg.eigh(0.5 * (H + H.T))
     sizes = np.abs(values)
     np.maximum(sizes, FLATTEST * sizes.max(), out=sizes)
-    return (vectors * sizes) @ vectors.T
+    half = vectors * np.sqrt(sizes)
+    return half @ half.T

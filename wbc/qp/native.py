@@ -39,8 +39,9 @@ _MARGIN = 0.1
 _ROUNDING = 2e-15
 # Inner iterations per outer one: 5 suffice, and without a cap an infeasible QP takes 25,000.
 _INNER = 50
-# Small enough that ProxQP practically never claims infeasibility: we look for a certificate.
-_INFEASIBILITY = 1e-14
+# ProxQP's own infeasibility tests are turned off, we look for a certificate: even at 1e-14 they
+# have called a QP infeasible whose right-hand side was 1e-14 of rounding.
+_INFEASIBILITY = 0.0
 
 _CLAIMS = {
     proxqp.QPSolverOutput.PROXQP_SOLVED: Status.SOLVED,
