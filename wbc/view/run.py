@@ -25,6 +25,7 @@ WIDTH = 9.0  # inches
 PANEL_SHAPE = (0.55, 0.95)  # height to width, at least and at most
 HEADING, BETWEEN, PLOT, BELOW = 0.65, 0.85, 2.1, 0.5  # inches, from the top
 LEFT, PLOT_WIDTH = 0.75, 2.6  # inches, of each plot; the labels of its curves take the rest
+DECADE = 10.0
 SMALLEST = 1e-12  # errors below are drawn as this: they are zero but for rounding
 LONGEST = 20  # characters of a label
 LABEL_GAP = 0.075  # between two labels, part of the plot's height
@@ -156,8 +157,15 @@ def _moment_series(inertias: Array) -> list[_Series]:
 
 def _plot_errors(axes: Axes, time: Array, errors: Iterable[_Series]) -> None:
     style.plain(axes, "Task errors", "time [s]", "norm of the error, own unit")
-    axes.set_yscale("log")
-    _plot(axes, time, list(errors))
+    series = [*errors]
+    # Within a decade a logarithmic axis has no round numbers to show.
+    finite = [one.values[np.isfinite(one.values)] for one in series]
+    seen = np.concatenate([np.zeros(0), *finite])
+    if seen.max(initial=0.0) > DECADE * seen.min(initial=np.inf):
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0.0, 1.05 * seen.max(initial=SMALLEST))
+    _plot(axes, time, series)
 
 
 def _plot_moments(axes: Axes, time: Array, moments: Iterable[_Series]) -> None:
