@@ -1,0 +1,219 @@
+"""The command line as a user meets it: output, exit codes, and errors on one line."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import wbc
+from wbc.cli import app
+from wbc.errors import ModelError
+from wbc.problem import History
+from wbc.robot import robot_names
+
+GOOD = """\
+robot: hoap2_like
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0, 0, 0.01]}}
+stop: {duration: 1.0, speed: 1.0e-3, accept: {hand: 1.0e-3}}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "p.yaml"
+    path.write_text(GOOD)
+    return path
+
+
+def wbc_command(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def refused(*arguments: object) -> str:
+    """Run what must fail as bad input; return the message."""
+    answer = wbc_command(*arguments)
+    assert answer.exit_code == 1
+    assert answer.stdout == ""
+    assert answer.stderr.startswith("error: ")
+    assert "Traceback" not in answer.stderr
+    return answer.stderr.removeprefix("error: ").rstrip("\n")
+
+
+def test_a_good_run(file: Path, tmp_path: Path) -> None:
+    answer = wbc_command("run", file, "--output", tmp_path / "r.json")
+    assert answer.exit_code == 0
+    for words in ("converged", "hand", "joint limits", "every tick solved", "median", "r.json"):
+        assert words in answer.stdout
+    assert answer.stderr == ""  # too short for a line of progress
+    assert json.loads((tmp_path / "r.json").read_text())["status"] == "converged"
+
+
+def test_quiet_says_nothing(file: Path) -> None:
+    answer = wbc_command("run", file, "--quiet")
+    assert (answer.exit_code, answer.stdout, answer.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("assignments", "code", "words"),
+    [
+        (["stop.duration=0.02", "stop.accept.hand=1e-9"], 3, "not reached"),
+        (["stop.duration=0.05", "stop.accept={}"], 3, "timeout"),
+        (["stop.duration=0.05", "stop.accept={}", "stop.speed=null"], 0, "completed"),
+        (["stop.duration=0.5", "stop.speed=null"], 0, "accepted"),
+    ],
+)
+def test_exit_codes(file: Path, assignments: list[str], code: int, words: str) -> None:
+    options = [part for assignment in assignments for part in ("--set", assignment)]
+    answer = wbc_command("run", file, *options)
+    assert answer.exit_code == code
+    assert words in answer.stdout
+
+
+def test_a_failed_qp_has_its_own_exit_code(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataclasses import replace
+
+    from wbc.qp.proxqp import ProxQP
+    from wbc.qp.solution import Status
+
+    solve = ProxQP.solve
+    monkeypatch.setattr(
+        ProxQP,
+        "solve",
+        lambda *arguments, **named: replace(solve(*arguments, **named), status=Status.FAILED),
+    )
+    answer = wbc_command("run", file, "--set", "stop.duration=0.02")
+    assert answer.exit_code == 4
+    assert "4 of 4 ticks failed; the first, tick 0: QP failed" in " ".join(answer.stdout.split())
+
+
+def test_the_solver_can_be_chosen(file: Path, tmp_path: Path) -> None:
+    answer = wbc_command("run", file, "--solver", "proxqp_cold", "-q", "-o", tmp_path / "r.json")
+    assert answer.exit_code == 0
+    overrides = json.loads((tmp_path / "r.json").read_text())["problem"]["overrides"]
+    assert overrides == {"controller.solver": "proxqp_cold"}
+    message = refused("run", file, "--solver", "proxpq")
+    assert message.startswith("--set controller.solver: unknown QP solver 'proxpq'; did you mean")
+
+
+def test_bad_input_is_one_clean_message(file: Path, tmp_path: Path) -> None:
+    assert refused("run", tmp_path / "missing.yaml") == f"{tmp_path}/missing.yaml: no such file"
+    assert refused("run", tmp_path) == f"{tmp_path}: a folder; name a problem file in it"
+    assert "expected PATH=VALUE" in refused("run", file, "--set", "tasks.hand.gain")
+    assert "must be at most 1, got 2" in refused("run", file, "--set", "tasks.hand.gain=2")
+    file.write_text(GOOD.replace("left_hand", "left_hnd"))
+    message = refused("run", file)
+    assert message.startswith(f"{file}:3: tasks.hand.frame: unknown frame 'left_hnd'; did you mean")
+    assert "\n" not in message
+
+
+def test_outputs_are_checked_before_the_run(file: Path, tmp_path: Path) -> None:
+    file.write_text(GOOD.replace("left_hand", "left_hnd"))  # would be the next complaint
+    assert "written as .json (summary) or .npz" in refused("run", file, "-o", tmp_path / "r.txt")
+    assert "there is no folder" in refused("run", file, "-o", tmp_path / "no" / "r.json")
+    (tmp_path / "r.json").mkdir()
+    assert "is a folder" in refused("run", file, "-o", tmp_path / "r.json")
+    assert "there is no folder" in refused("run", file, "--plot", tmp_path / "no" / "r.png")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.yaml", "r.json"]
+
+
+def test_plot_without_matplotlib_fails_before_the_run(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wbc.cli.outputs.find_spec", lambda name: None)
+    message = refused("run", file, "--plot", tmp_path / "r.png")
+    assert message == "--plot needs matplotlib: pip install 'wbc[plot]'"
+
+
+def test_a_picture_is_drawn_last_and_may_fail(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[tuple[int, str]] = []
+    outputs = ("-o", tmp_path / "r.json", "--plot", tmp_path / "r.png")
+
+    def draw(robot: object, history: History, path: Path, *, title: str) -> None:
+        assert (tmp_path / "r.json").is_file()
+        drawn.append((len(history), title))
+        if len(drawn) > 1:
+            raise ModelError("a mesh is broken")
+
+    monkeypatch.setattr("wbc.view.plot_run", draw)
+    answer = wbc_command("run", file, *outputs)
+    assert answer.exit_code == 0
+    assert "r.png" in answer.stdout
+    ((ticks, title),) = drawn
+    assert title == "p: converged"
+    assert ticks == json.loads((tmp_path / "r.json").read_text())["ticks"]
+    answer = wbc_command("run", file, *outputs)
+    assert answer.exit_code == 1
+    assert "converged" in answer.stdout
+    assert answer.stderr == f"error: --plot {tmp_path / 'r.png'}: a mesh is broken\n"
+
+
+def test_a_result_that_cannot_be_saved_is_saved_elsewhere(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from wbc.problem import Result as RunResult
+
+    save = RunResult.save
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def full_disk(self: RunResult, path: Path) -> None:
+        if path.parent == tmp_path:
+            raise OSError(28, "No space left on device")
+        save(self, path)
+
+    monkeypatch.setattr(RunResult, "save", full_disk)
+    answer = wbc_command("run", file, "-o", tmp_path / "r.json")
+    assert answer.exit_code == 1
+    assert "cannot be written: No space left on device" in answer.stderr
+    (saved,) = tmp_path.glob("wbc-*/r.json")
+    assert f"the result is in {saved} instead" in answer.stderr.replace("\n", "")
+    assert json.loads(saved.read_text())["status"] == "converged"
+
+
+def test_schema(tmp_path: Path) -> None:
+    printed = wbc_command("schema")
+    assert printed.exit_code == 0
+    schema = json.loads(printed.stdout)
+    assert set(schema["required"]) == {"robot", "tasks"}
+    assert wbc_command("schema", "--output", tmp_path / "s.json").exit_code == 0
+    assert json.loads((tmp_path / "s.json").read_text()) == schema
+
+
+def test_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = wbc_command("robots").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(robot_names())
+    monkeypatch.setattr("wbc.robot.library._data_folders", lambda: iter(()))
+    missing = dict(line.split(maxsplit=1) for line in wbc_command("robots").stdout.splitlines())
+    assert missing["hoap2_like"].endswith("hoap2_like.urdf")
+    assert missing["g1"] == "not installed (pip install 'wbc[robots]')"
+
+
+def test_version_and_wrong_usage() -> None:
+    assert wbc_command("--version").stdout == f"wbc {wbc.__version__}\n"
+    assert wbc_command("run").exit_code == 2
+    assert wbc_command("rnu").exit_code == 2
+    assert wbc_command("run", "x.yaml", "--nonsense").exit_code == 2
+
+
+def test_help_does_not_load_the_robotics_libraries() -> None:
+    code = (
+        "import sys; from wbc.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'pinocchio', 'numpy', 'pydantic', 'proxsuite'} & set(sys.modules)))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code, "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(Path(wbc.__file__).parents[1])},
+    )
+    assert answer.stdout.splitlines()[-1] == "[]"
+    assert "robots" in answer.stdout

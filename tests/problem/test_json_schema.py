@@ -1,0 +1,165 @@
+"""The JSON Schema says what the models say; checked by a small validator of its own."""
+
+import re
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from pydantic import ValidationError
+
+from wbc.controllers.kinematic import FORMULATIONS
+from wbc.controllers.tick import POLICIES
+from wbc.problem.controller_specs import QpSpec
+from wbc.problem.reading import parse, read_source
+from wbc.problem.spec import ProblemSpec, json_schema
+
+PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.yaml"))
+SCHEMA = json_schema()
+KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
+
+
+def fits(value: Any, schema: dict[str, Any]) -> bool:
+    """Whether a value satisfies a schema: the keywords that ours uses, as draft 2020-12 says."""
+    if "$ref" in schema and not fits(value, SCHEMA["$defs"][schema["$ref"].rsplit("/", 1)[1]]):
+        return False
+    kind = schema.get("type")
+    if kind == "number" and (isinstance(value, bool) or not isinstance(value, int | float)):
+        return False
+    if kind in KINDS and not isinstance(value, KINDS[kind]):
+        return False
+    checks = [
+        "const" not in schema or value == schema["const"],
+        "enum" not in schema or value in schema["enum"],
+        "oneOf" not in schema or sum(fits(value, one) for one in schema["oneOf"]) == 1,
+        "anyOf" not in schema or any(fits(value, one) for one in schema["anyOf"]),
+    ]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        checks += [
+            value >= schema.get("minimum", value),
+            value <= schema.get("maximum", value),
+            "exclusiveMinimum" not in schema or value > schema["exclusiveMinimum"],
+        ]
+    if isinstance(value, str):
+        checks.append(len(value) >= schema.get("minLength", 0))
+    if isinstance(value, list):
+        checks.append(schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", 1e9))
+        checks += [fits(entry, schema.get("items", {})) for entry in value]
+    if isinstance(value, dict):
+        checks.append(set(schema.get("required", ())) <= set(value))
+        checks.append(len(value) >= schema.get("minProperties", 0))
+        checks += [fits(entry, property_schema(schema, key)) for key, entry in value.items()]
+    return all(checks)
+
+
+def property_schema(schema: dict[str, Any], key: str) -> dict[str, Any]:
+    if key in schema.get("properties", {}):
+        return schema["properties"][key]
+    for pattern, one in schema.get("patternProperties", {}).items():
+        if re.search(pattern, key):
+            return one
+    other = schema.get("additionalProperties", {})
+    return {"enum": []} if other is False else {} if other is True else other
+
+
+def good_by_model(data: Any) -> bool:
+    try:
+        ProblemSpec.model_validate(data)
+    except ValidationError:
+        return False
+    return True
+
+
+BASE = "robot: g1\ntasks:\n  t: {type: com, target: start}\n"
+
+
+def with_task(task: str) -> str:
+    return f"robot: g1\ntasks:\n  t: {task}\n"
+
+
+GOOD = [
+    BASE,
+    BASE + "limits: none\nsupport: [a, {frame: b, type: point}]\nversion: 1\n",
+    BASE + "limits: {velocity: null, acceleration: {'*': 3}, base_twist: [1, 1, 1, 1, 1, 1]}\n",
+    BASE
+    + "controller: {method: pseudo_inverse, damping: 0.1}\nstop: {speed: null, accept: {t: 1}}\n",
+    BASE.replace(
+        "g1", "{model: x.urdf, locked: {a: 0}, feet: {l: {link: f}}, srdf: s, package_dirs: [.]}"
+    ),
+    with_task("{type: inertia, target: {scale: 2}}"),
+    with_task("{type: inertia, target: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}"),
+    with_task("{type: inertia, components: trace, target: 3, per_mass: true, ramp: 1}"),
+    with_task("{type: inertia, components: [xx, xy], target: [1, 0, 0, 1, 0, 1], weight: [1, 2]}"),
+    with_task("{type: frame, frame: f, control: position, target: {offset: [0, 0, 1]}, axes: [z]}"),
+    with_task("{type: frame, frame: f, control: orientation, target: {rpy: [0, 0, 1]}}"),
+    with_task("{type: frame, frame: f, control: orientation, target: {quaternion: [0, 0, 0, 1]}}"),
+    with_task("{type: frame, frame: f, control: pose, target: {position: [1, 2, 3]}}"),
+    with_task("{type: frame, frame: f, control: axis, axis: [1, 0, 0], target: [0, 0, 1]}"),
+    with_task("{type: posture, target: standing, joints: {'*': 0.5}}"),
+    with_task("{type: posture, target: {knee: 1}}"),
+    with_task("{type: posture, target: start}"),
+    with_task("{type: momentum, components: [kx], target: [1]}"),
+]
+BAD = [
+    "robot: g1\n",
+    BASE + "robots: 1\n",
+    BASE + "version: 2\n",
+    BASE + "limits: {margin: -1}\n",
+    BASE + "limits: off\n",
+    BASE + "support: {frame: a}\n",
+    BASE + "controller: {method: pseudo_inverse, solver: daqp}\n",
+    BASE + "stop: {duration: 0}\n",
+    with_task("{type: com}"),
+    with_task("{type: com, target: [1, 2]}"),
+    with_task("{type: com, target: start, gain: 0}"),
+    with_task("{type: com, target: start, gain: '0.5'}"),
+    with_task("{type: com, target: start, axes: xy}"),
+    with_task("{type: frame, frame: f, target: start}"),
+    with_task("{type: frame, frame: f, control: orientation, target: [0, 0, 1]}"),
+    with_task("{type: frame, frame: f, control: axis, target: {offset: [0, 0, 1]}}"),
+    with_task("{type: posture, gain: true}"),
+    with_task("{type: momentum, gain: 0.5}"),
+    with_task("{type: inertia, target: wide}"),
+]
+
+
+@pytest.mark.parametrize("text", GOOD)
+def test_accepted_by_both(text: str) -> None:
+    data = parse(text, "p.yaml").data
+    assert good_by_model(data)
+    assert fits(data, SCHEMA)
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_refused_by_both(text: str) -> None:
+    data = parse(text, "p.yaml").data
+    assert not good_by_model(data)
+    assert not fits(data, SCHEMA)
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
+def test_the_problems_of_this_repository_fit(path: Path) -> None:
+    assert fits(read_source(path).data, SCHEMA)
+
+
+@pytest.mark.parametrize("text", GOOD)
+def test_a_description_survives_being_written_and_read(text: str) -> None:
+    spec = ProblemSpec.model_validate(parse(text, "p.yaml").data)
+    assert ProblemSpec.model_validate(spec.model_dump()) == spec
+
+
+def test_every_key_is_described() -> None:
+    sections = [SCHEMA, *SCHEMA["$defs"].values()]
+    missing = [
+        f"{section['title']}.{key}"
+        for section in sections
+        for key, one in section["properties"].items()
+        if "description" not in one and "const" not in one  # `type: com` describes itself
+    ]
+    assert missing == []
+    assert all(section.get("description") for section in sections)
+
+
+def test_choices_are_those_of_the_controller() -> None:
+    fields = QpSpec.model_fields
+    assert get_args(fields["formulation"].annotation) == FORMULATIONS
+    assert get_args(fields["on_failure"].annotation) == POLICIES

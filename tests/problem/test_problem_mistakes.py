@@ -1,0 +1,279 @@
+"""Every class of mistake in a problem file gives a typed error that says where and what to do."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wbc.errors import ProblemFileError
+from wbc.problem import load_problem
+
+GOOD = """\
+robot: hoap2_like
+start: {posture: standing, joints: {"*_knee_pitch": 0.5}}
+support: double
+tasks:
+  shape: {type: inertia, components: diagonal, frame: base, target: [0.1, 0.1, 0.03]}
+  com: {type: com, axes: [x, y], target: {offset: [0.0, 0.0, 0.0]}, weight: 2}
+  hand: {type: frame, frame: left_hand, control: position, target: start}
+  calm: {type: posture, target: start, joints: {"*_hip_*": 0}, weight: 0.1}
+  spin: {type: momentum, components: angular}
+limits: {margin: 0.01}
+controller: {solver: proxqp}
+stop: {duration: 1.0, accept: {com: 1.0e-3}}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "p.yaml"
+
+
+def complaint(file: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
+    file.write_text(text)
+    with pytest.raises(ProblemFileError) as caught:
+        load_problem(file, overrides)
+    return str(caught.value).replace(str(file), "p.yaml")
+
+
+def test_the_good_file_is_good(file: Path) -> None:
+    file.write_text(GOOD)
+    problem = load_problem(file)
+    assert [task.name for task in problem.parts.tasks] == ["shape", "com", "hand", "calm", "spin"]
+    assert [contact.frame for contact in problem.parts.contacts] == ["left_sole", "right_sole"]
+
+
+# What to replace in the good file by what, the line of the mistake, and words of the message.
+MISTAKES = [
+    # unknown keys and names: with the nearest that exists
+    ("margin:", "margni:", 10, "limits.margni: unknown key; did you mean 'margin'?"),
+    ("stop:", "stpo:", 12, "stpo: unknown key; did you mean 'stop'?"),
+    ("target: start}", "taget: start}", 7, "tasks.hand.taget: unknown key; did you mean 'target'?"),
+    (
+        "components: angular",
+        "gain: 0.5",
+        9,
+        "tasks.spin.gain: unknown key (choose from: components",
+    ),
+    ("hoap2_like", "hoap2", 1, "robot: unknown robot 'hoap2'; did you mean 'hoap2_like'?"),
+    ("hoap2_like", "missing.urdf", 1, "no such file"),
+    ("posture: standing", "posture: stading", 2, "start.posture: unknown posture 'stading'; did"),
+    ('"*_knee_pitch"', "left_knee_pich", 2, "unknown joint 'left_knee_pich'; did you mean"),
+    ('"*_knee_pitch"', '"*_kneee"', 2, "start.joints.*_kneee: unknown joint"),
+    ("double", "doubel", 3, "support: 'doubel' does not exist; did you mean 'double'?"),
+    (
+        "double",
+        "[left_sole, right_sloe]",
+        3,
+        "support[1]: unknown frame 'right_sloe'; did you mean",
+    ),
+    ("double", "[left_sole, left_sole]", 3, "support[1]: frame 'left_sole' is named twice"),
+    (
+        "frame: base",
+        "frame: bsae",
+        5,
+        "tasks.shape.frame: unknown frame 'bsae'; did you mean 'base'",
+    ),
+    ("frame: left_hand", "frame: left_hnd", 7, "tasks.hand.frame: unknown frame 'left_hnd'; did"),
+    ('"*_hip_*"', "waist_pich", 8, "tasks.calm.joints.waist_pich: unknown joint 'waist_pich'; did"),
+    ("type: com,", "type: comm,", 6, "tasks.com.type: 'comm' does not exist; did you mean 'com'?"),
+    ("type: com,", "", 6, "tasks.com: 'type' is missing (choose from: inertia, com, frame"),
+    (
+        "control: position",
+        "control: positon",
+        7,
+        "tasks.hand.control: 'positon' does not exist; did",
+    ),
+    ("control: position,", "", 7, "tasks.hand: 'control' is missing"),
+    ("solver: proxqp", "solver: proxpq", 11, "controller.solver: unknown QP solver 'proxpq'; did"),
+    (
+        "solver: proxqp",
+        "method: qpp",
+        11,
+        "controller.method: 'qpp' does not exist; did you mean 'qp'",
+    ),
+    ("solver: proxqp", "formulation: full", 11, "controller.formulation: 'full' does not exist"),
+    (
+        "accept: {com:",
+        "accept: {cmo:",
+        12,
+        "stop.accept.cmo: unknown task 'cmo'; did you mean 'com'?",
+    ),
+    # numbers
+    ("[0.1, 0.1, 0.03]", "[0.1, 0.1]", 5, "tasks.shape.target: needs at least 3 entries, got 2"),
+    (
+        "[0.1, 0.1, 0.03]",
+        "[1, 1, 1, 1]",
+        5,
+        "tasks.shape.target: expected a symmetric (3, 3) matrix",
+    ),
+    ("[0.1, 0.1, 0.03]", "[0.1, .nan, 0.1]", 5, "target[1]: must be a finite number, got .nan"),
+    ("[0.1, 0.1, 0.03]", "[0.1, -0.1, 0.1]", 5, "target: a moment of inertia is not negative"),
+    ("[0.1, 0.1, 0.03]", '["0.1", 0.1, 0.1]', 5, "got the text '0.1' (leave out the quotes)"),
+    ("[0.1, 0.1, 0.03]", "expand", 5, "tasks.shape.target: expected numbers in kg m^2"),
+    (
+        "[0.0, 0.0, 0.0]",
+        "[0.0, 0.0]",
+        6,
+        "tasks.com.target.offset: needs at least 3 entries, got 2",
+    ),
+    ("[0.0, 0.0, 0.0]", "[0, 0, .inf]", 6, "must be a finite number, got .inf"),
+    ("weight: 2}", "weight: -2}", 6, "tasks.com.weight: must be at least 0, got -2"),
+    ("weight: 2}", "weight: [1, 2, 3]}", 6, "weight: needs one number, or 2 (x, y), got 3"),
+    ("weight: 2}", "weight: [1, -1]}", 6, "tasks.com.weight[1]: must be at least 0, got -1"),
+    ("weight: 2}", "weight: true}", 6, "tasks.com.weight: expected a number, or a list"),
+    ("weight: 2}", "weight: 2, gain: 1.5}", 6, "tasks.com.gain: must be at most 1, got 1.5"),
+    ("weight: 2}", "weight: 2, gain: }", 6, "tasks.com.gain: expected a number, got nothing"),
+    ("weight: 2}", "weight: 2, ramp: 3}", 6, "tasks.com.ramp: 3 s is longer than the run"),
+    ("angular}", "angular, target: [1, 2]}", 9, "needs 3 entries (kx, ky, kz) or all 6, got 2"),
+    ("0.5}", "5.0}", 2, "joint 'left_knee_pitch': 5 is outside its limits"),
+    ("margin: 0.01", "margin: 3", 10, "leaves no range for joint"),
+    ("margin: 0.01", "position: yes", 10, "limits.position: expected true or false, got 'yes'"),
+    (
+        "margin: 0.01",
+        "base_twist: [1, 1]",
+        10,
+        "limits.base_twist: needs at least 6 entries, got 2",
+    ),
+    ("duration: 1.0", "duration: 1.0e+9", 12, "2e+11 ticks; at most 1,000,000 are possible"),
+    ("solver: proxqp", "eps: 0", 11, "controller.eps: must be greater than 0, got 0"),
+    ("solver: proxqp", "eps: 1.0e-20", 11, "controller: eps of ProxQP: must be at least 1e-12"),
+    # masks: bare digits are a number, quoted ones a text, and both are refused
+    (
+        "axes: [x, y]",
+        "axes: 110",
+        6,
+        "tasks.com.axes: expected a list such as [x, y], got 110; a mask",
+    ),
+    ("axes: [x, y]", 'axes: "110"', 6, "expected a list such as [x, y], got '110'; a mask"),
+    ("axes: [x, y]", "axes: xy", 6, "expected a list such as [x, y], got 'xy'; a mask"),
+    ("axes: [x, y]", "axes: [x, x]", 6, "tasks.com.axes: 'x' is named twice"),
+    ("axes: [x, y]", "axes: [x, w]", 6, "tasks.com.axes[1]: 'w' does not exist"),
+    # forms
+    ("limits: {margin: 0.01}", "limits:", 10, "limits: expected none, or keys such as margin:"),
+    ("limits: {margin: 0.01}", "limits: off", 10, "'off' does not exist (choose from: none)"),
+    (
+        "double",
+        "2",
+        3,
+        "support: expected floating, left, right, double, or a list of frames, got 2",
+    ),
+    ("hoap2_like", "7", 1, "robot: expected a robot's name"),
+    (
+        "{type: momentum, components: angular}",
+        "momentum",
+        9,
+        "tasks.spin: expected keys and values",
+    ),
+    ("spin:", "spin.2:", 9, "'spin.2' cannot be a name"),
+]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"), MISTAKES, ids=[mistake[1] for mistake in MISTAKES]
+)
+def test_mistake(file: Path, old: str, new: str, line: int, words: str) -> None:
+    assert old in GOOD
+    message = complaint(file, GOOD.replace(old, new, 1))
+    assert message.startswith(f"p.yaml:{line}: "), message
+    assert words in message
+    assert "\n" not in message  # one mistake, one line
+    assert "pydantic" not in message.lower()
+
+
+def test_missing_parts_are_named(file: Path) -> None:
+    assert "p.yaml:1: 'robot' is missing" in complaint(
+        file, "tasks: {c: {type: com, target: start}}\n"
+    )
+    assert "p.yaml:1: 'tasks' is missing" in complaint(file, "robot: hoap2_like\n")
+    assert "p.yaml:2: tasks: empty" in complaint(file, "robot: hoap2_like\ntasks: {}\n")
+
+
+def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(file: Path) -> None:
+    text = GOOD.replace("margin:", "margni:").replace("type: com,", "type: comm,")
+    lines = complaint(
+        file, text.replace("taget", "target").replace("weight: 0.1", "gain: 2")
+    ).split("\n")
+    assert lines[0] == "3 mistakes in p.yaml:"
+    assert [line.split(": ")[0].strip() for line in lines[1:]] == [
+        f"p.yaml:{k}" for k in (6, 8, 10)
+    ]
+
+
+def test_names_are_looked_up_for_the_whole_file_too(file: Path) -> None:
+    text = GOOD.replace("frame: base", "frame: bsae").replace("proxqp", "proxpq")
+    lines = complaint(file, text.replace("{com: 1", "{cmo: 1")).split("\n")
+    assert [line.split(": ")[1] for line in lines[1:]] == [
+        "tasks.shape.frame",
+        "controller.solver",
+        "stop.accept.cmo",
+    ]
+
+
+def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
+    message = complaint(file, GOOD.replace("target: start}", "taget: start}", 1))
+    assert "missing" not in message
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("tasks.com.gain", 2, "--set tasks.com.gain: must be at most 1, got 2"),
+        ("tasks.com.target.offset[1]", float("nan"), "must be a finite number, got .nan"),
+        ("tasks.com.gian", 0.1, "--set tasks.com.gian: unknown key; did you mean 'gain'?"),
+        (
+            "tasks.hand.frame",
+            "left_hnd",
+            "--set tasks.hand.frame: unknown frame 'left_hnd'; did you",
+        ),
+        (
+            "controller",
+            {"method": "pseudo_inverse", "solver": "x"},
+            "controller.solver: unknown key",
+        ),
+        ("tasks.new", {"type": "com"}, "--set tasks.new: 'target' is missing"),
+    ],
+)
+def test_overrides_are_checked_like_the_file(file: Path, path: str, value: Any, words: str) -> None:
+    message = complaint(file, GOOD, {path: value})
+    assert message.startswith(f"--set {path}: ")
+    assert words in message
+
+
+@pytest.mark.parametrize("mode", ["left", "double"])
+def test_support_needs_feet(file: Path, mode: str) -> None:
+    robot = "{model: hoap2_like, feet: {heel: {link: left_foot}}}"
+    text = GOOD.replace("hoap2_like", robot).replace("double", mode)
+    assert "p.yaml:3: support: unknown foot of hoap2_like 'left'" in complaint(file, text)
+
+
+def test_locked_joints_are_looked_up(file: Path) -> None:
+    text = GOOD.replace("hoap2_like", "{model: hoap2_like,\n  locked: {waist_pich: 0}}")
+    assert "p.yaml:2: robot.locked.waist_pich: unknown" in complaint(file, text)
+
+
+def test_rotations_need_length(file: Path) -> None:
+    task = "{type: frame, frame: torso, control: orientation, target: {quaternion: [0, 0, 0, 0]}}"
+    text = GOOD.replace("{type: momentum, components: angular}", task)
+    assert "tasks.spin.target.quaternion: a quaternion needs some length" in complaint(file, text)
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        (
+            "frame: base, target: start",
+            "tasks.shape.frame: principal moments are the same in every",
+        ),
+        (
+            "weight: [1, 1, 1], target: start",
+            "tasks.shape.weight: principal moments take one weight",
+        ),
+        ("second_order: true, target: start", "tasks.shape.second_order: there is no second order"),
+        ("target: [1, 1, 1, 1, 1, 1]", "tasks.shape.target: expected the three principal moments"),
+        ("target: [1, 1, -1]", "tasks.shape.target: a moment of inertia is not negative"),
+    ],
+)
+def test_principal_moments(file: Path, entries: str, words: str) -> None:
+    task = f"{{type: inertia, components: principal, {entries}}}"
+    assert words in complaint(file, f"robot: hoap2_like\ntasks:\n  shape: {task}\n")

@@ -1,0 +1,222 @@
+"""Short real runs on the small humanoid: what moves, what is held, and how a run ends."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.problem import Problem, RunStatus, load_problem
+from wbc.problem.ending import REST_TICKS, RestWatch, ending
+from wbc.problem.part_specs import StopSpec
+from wbc.qp.proxqp import ProxQP
+from wbc.qp.solution import Status
+from wbc.spatial import strung
+
+FLOATING = """\
+robot: hoap2_like
+tasks:
+  shape:
+    {type: inertia, components: diagonal, frame: base, target: {scale: 1.02}, gain: 0.1, weight: 99}
+  calm: {type: posture, weight: 1.0e-2}
+stop: {duration: 2.0, speed: 1.0e-3, accept: {shape: 1.0e-3}}
+"""
+DOUBLE = """\
+robot: hoap2_like
+support: double
+tasks:
+  com: {type: com, target: {offset: [0.01, 0.0, -0.02]}, ramp: 0.6, weight: 100}
+  torso: {type: frame, frame: torso, control: orientation, target: start}
+  calm: {type: posture, weight: 1.0e-2}
+stop: {duration: 2.0, speed: 1.0e-3, accept: {com: 1.0e-3}}
+"""
+
+
+def problem(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> Problem:
+    file = folder / "p.yaml"
+    file.write_text(text)
+    return load_problem(file, overrides)
+
+
+def test_floating_robot_grows(tmp_path: Path) -> None:
+    one = problem(tmp_path, FLOATING)
+    result = one.run()
+    robot = one.parts.robot
+    assert result.status is RunStatus.CONVERGED
+    reading = result.inertia["shape"]
+    np.testing.assert_allclose(reading.wanted, 1.02 * reading.start, rtol=1e-12)
+    np.testing.assert_allclose(reading.reached, reading.wanted, atol=1e-3)
+    # The reading is that of the final state, computed anew.
+    end = robot.snapshot(result.q)
+    np.testing.assert_allclose(reading.reached, np.diag(end.inertia_in("base")), atol=1e-15)
+    # Base-frame inertia needs the joints only: damping leaves the base where it is.
+    np.testing.assert_allclose(result.q[:3], one.parts.start[:3], atol=1e-6)
+    assert result.slip is None
+    assert not result.failures
+
+
+def test_history_is_the_run(tmp_path: Path) -> None:
+    one = problem(tmp_path, FLOATING, {"stop.duration": 0.5, "stop.speed": None})
+    result = one.run()
+    history, robot = result.history, one.parts.robot
+    assert len(history) == 100
+    np.testing.assert_allclose(history.time, 0.005 * np.arange(100))
+    assert history.q.shape == (100, robot.nq)
+    assert history.v.shape == (100, robot.nv)
+    np.testing.assert_array_equal(history.q[0], one.parts.start)
+    for k in (0, 50, 98):  # each state follows from the one before
+        np.testing.assert_allclose(
+            robot.integrate(history.q[k], history.v[k], 0.005), history.q[k + 1], atol=1e-12
+        )
+    np.testing.assert_allclose(robot.integrate(history.q[-1], history.v[-1], 0.005), result.q)
+    here = robot.snapshot(history.q[50])
+    np.testing.assert_allclose(history.inertia[50], strung(here.inertia), atol=1e-14)
+    np.testing.assert_allclose(
+        history.task_inertia["shape"][50], strung(here.inertia_in("base")), atol=1e-14
+    )
+    np.testing.assert_allclose(history.com[50], here.com, atol=1e-14)
+    wanted = result.inertia["shape"].wanted
+    np.testing.assert_allclose(
+        history.errors["shape"][50], np.diag(here.inertia_in("base")) - wanted, atol=1e-14
+    )
+    assert (history.tick_time > 0.0).all()
+    assert (history.status == "solved").all()
+    assert history.kkt.max() < 1e-6
+
+
+def test_double_support_holds_the_feet(tmp_path: Path) -> None:
+    one = problem(tmp_path, DOUBLE)
+    result = one.run()
+    assert result.status is RunStatus.CONVERGED
+    assert result.tasks["com"].norm < 1e-3
+    assert result.slip is not None
+    assert result.slip.value < 1e-4  # m; what one explicit Euler step drifts is taken back
+    feet = one.parts.robot.snapshot(result.q), one.parts.robot.snapshot(one.parts.start)
+    for frame in ("left_sole", "right_sole"):
+        np.testing.assert_allclose(*(foot.position(frame) for foot in feet), atol=1e-4)
+        assert result.history.slip[frame].max() <= result.slip.value
+        assert result.history.turn[frame].max() < 1e-3
+    limits = one.parts.robot.limits
+    joints = result.history.q[:, 7:]
+    # The box keeps positions inside up to the accuracy of the solver, 1e-8 rad/s over a tick.
+    assert (joints <= limits.upper + 1e-8).all()
+    assert (joints >= limits.lower - 1e-8).all()
+    assert (np.abs(result.history.v[:, 6:]) <= limits.velocity + 1e-6).all()
+    margins = np.minimum(limits.upper - joints, joints - limits.lower)
+    assert result.margin.value == pytest.approx(margins.min(), abs=1e-12)
+    assert result.margin.where == limits.names[np.argmin(margins.min(axis=0))]
+
+
+def test_a_ramp_is_followed(tmp_path: Path) -> None:
+    fixed = problem(tmp_path, DOUBLE.replace(", ramp: 0.6", "")).run().history.errors["com"]
+    one = problem(tmp_path, DOUBLE)
+    ramped = one.run().history.errors["com"]
+    assert np.linalg.norm(fixed[0]) == pytest.approx(np.hypot(0.01, 0.02), rel=1e-9)
+    # With its rate fed forward the target is never far away; without, it would lag by
+    # rate * dt / gain = 1.875 * 0.022 m / 0.6 s * 0.005 s / 0.5 = 0.7 mm.
+    assert np.linalg.norm(ramped, axis=1).max() < 2e-4
+
+
+def test_a_run_can_be_repeated(tmp_path: Path) -> None:
+    one = problem(tmp_path, DOUBLE, {"stop.duration": 0.7, "stop.speed": None})
+    np.testing.assert_array_equal(one.run().history.q, one.run().history.q)
+
+
+@pytest.mark.parametrize(
+    "head", ["left", "[left_sole]", "[{frame: left_hand, type: point, gain: 1}]"]
+)
+def test_other_supports(tmp_path: Path, head: str) -> None:
+    text = DOUBLE.replace("double", head)
+    one = problem(tmp_path, text, {"stop.duration": 0.2, "tasks.com.ramp": None})
+    result = one.run()
+    assert result.slip is not None
+    # m; the CoM target jumps, and an Euler step of a foot turning at speed drifts by its square.
+    assert result.slip.value < 5e-4
+    assert not result.failures
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        {"controller": {"method": "pseudo_inverse", "damping": 1e-2}},
+        {"controller.formulation": "reduced"},
+        {"limits": "none"},
+        {"tasks.shape.components": "principal", "tasks.shape.target": "start"},
+        {"tasks.shape.components": "trace", "tasks.shape.target": 0.22, "tasks.shape.ramp": 0.1},
+        {"tasks.shape.second_order": True},
+        {"tasks.spin": {"type": "momentum", "components": "angular", "weight": 0.1}},
+    ],
+)
+def test_every_way_to_control(tmp_path: Path, overrides: dict[str, Any]) -> None:
+    base = {"stop": {"duration": 0.2, "speed": None}}
+    text = FLOATING
+    if "tasks.shape.components" in overrides:
+        text = text.replace(", frame: base", "")
+    result = problem(tmp_path, text, {**base, **overrides}).run()
+    assert result.status is RunStatus.COMPLETED
+    assert len(result.history) == 40
+
+
+def test_progress_is_told(tmp_path: Path) -> None:
+    calls: list[tuple[int, int, float]] = []
+    one = problem(tmp_path, FLOATING, {"stop": {"duration": 0.25, "speed": None}})
+    one.run(lambda done, total, info: calls.append((done, total, info["time"])))
+    assert [done for done, _, _ in calls] == [1, 11, 21, 31, 41, 50]
+    assert all(total == 50 for _, total, _ in calls)
+    assert calls[-1][2] == pytest.approx(49 * 0.005)
+
+
+# A solver that contradicts itself on every tick: the controller then uses its declared policy.
+@pytest.mark.parametrize(("policy", "ticks"), [("hold", 20), ("damp", 20), ("raise", 1)])
+def test_failed_ticks_end_as_qp_failed(
+    tmp_path: Path, policy: str, ticks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    solve = ProxQP.solve
+
+    def refuse(self: ProxQP, qp: Any, workspace: Any = "default") -> Any:
+
+        return replace(solve(self, qp, workspace), status=Status.CONTRADICTED)
+
+    monkeypatch.setattr(ProxQP, "solve", refuse)
+    overrides = {"stop.duration": 0.1, "controller.on_failure": policy}
+    result = problem(tmp_path, FLOATING, overrides).run()
+    assert result.status is RunStatus.QP_FAILED
+    assert len(result.history) == len(result.failures) == ticks  # standing still is not "at rest"
+    assert result.failures[0].tick == 0
+    assert "contradicted" in result.failures[0].report
+    assert np.isnan(result.worst_kkt)
+
+
+def test_rest_needs_ten_slow_solved_ticks_after_the_ramps() -> None:
+    watch = RestWatch(speed=0.1, ramps_over=1.0)
+    assert not any(watch.at_rest(0.5, 0.0, True) for _ in range(50))
+    assert not any(watch.at_rest(1.0, 0.0, False) for _ in range(50))
+    assert not any(watch.at_rest(1.0, 0.2, True) for _ in range(50))
+    assert [watch.at_rest(1.0, 0.05, True) for _ in range(REST_TICKS)] == [False] * 9 + [True]
+    never = RestWatch(speed=None, ramps_over=0.0)
+    assert not any(never.at_rest(9.0, 0.0, True) for _ in range(50))
+
+
+@pytest.mark.parametrize(
+    ("stop", "at_rest", "failed", "error", "status", "words"),
+    [
+        ({}, True, 0, 9.0, "converged", "at rest"),
+        ({}, False, 0, 9.0, "timeout", "still moving after 20 s"),
+        ({"speed": None}, False, 0, 9.0, "completed", "ran for 20 s"),
+        ({"accept": {"t": 1.0}}, True, 0, 0.5, "converged", "every tolerance met"),
+        ({"accept": {"t": 1.0}}, False, 0, 0.5, "accepted", "still moving"),
+        ({"accept": {"t": 1.0}}, True, 0, 2.0, "not_reached", "t (error 2, tolerance 1)"),
+        ({"accept": {"t": 1.0}}, False, 0, 2.0, "not_reached", "still moving after 20 s"),
+        ({"accept": {"t": 1.0}}, True, 0, float("nan"), "not_reached", "error nan"),
+        ({"accept": {"t": 1.0}}, True, 3, 0.5, "qp_failed", "3 of 9 ticks"),
+    ],
+)
+def test_what_an_end_is_called(
+    stop: dict[str, Any], at_rest: bool, failed: int, error: float, status: str, words: str
+) -> None:
+    end = ending(StopSpec(**stop), at_rest, failed, 9, {"t": error})
+    assert end.status.value == status
+    assert words in end.reason
+    assert end.status.good == (status in ("converged", "accepted", "completed"))

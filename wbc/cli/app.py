@@ -1,0 +1,181 @@
+"""The command line: ``wbc run``, ``wbc schema``, ``wbc robots``.
+
+Only typer is imported on top: ``wbc --help`` must not wait for the robotics libraries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wbc import __version__
+from wbc.errors import WbcError
+
+if TYPE_CHECKING:
+    from wbc.problem import Result
+
+BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED = 1, 3, 4, 130
+
+app = typer.Typer(
+    help="Whole-body control of humanoid robots, with the robot's inertia as a task.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def main() -> None:
+    """Run the command line; the entry point of the ``wbc`` script."""
+    app()
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"wbc {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Whole-body control of humanoid robots, with the robot's inertia as a task."""
+
+
+# ---------------------------------------------------------------------- wbc run
+
+
+@app.command(
+    epilog="Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met "
+    "in time; 4 a QP failed."
+)
+def run(
+    problem: Annotated[Path, typer.Argument(help="The problem file.", metavar="PROBLEM.yaml")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Write the result: .json, or .npz with histories."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the run into a picture.")] = None,
+    solver: Annotated[
+        str | None, typer.Option(help="QP solver; short for --set controller.solver=NAME.")
+    ] = None,
+    assign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Replace a value of the file, as in --set tasks.com.gain=0.3; repeatable.",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Run a problem and say what came of it."""
+    with _errors_in_one_line():
+        code = _solve(problem, output, plot, _overrides(assign or [], solver), quiet)
+    raise typer.Exit(code)
+
+
+def _solve(
+    path: Path, output: Path | None, plot: Path | None, overrides: dict[str, Any], quiet: bool
+) -> int:
+    """Run a problem, write and print what came of it, and return the exit code."""
+    from wbc.cli.outputs import Outputs
+    from wbc.cli.printing import print_result
+    from wbc.cli.progress import shown_progress
+    from wbc.problem import load_problem
+
+    outputs = Outputs(output, plot)
+    problem = load_problem(path, overrides)
+    with nullcontext() if quiet else shown_progress() as progress:
+        result = problem.run(progress)
+    outputs.write(result, path.stem)
+    if not quiet:
+        print_result(result, outputs.written)
+    for failure in outputs.failures:
+        _complain(failure)
+    return BAD_INPUT if outputs.failures else _exit_code(result)
+
+
+def _overrides(assignments: list[str], solver: str | None) -> dict[str, Any]:
+    from wbc.problem import parse_override
+
+    overrides = dict(parse_override(assignment) for assignment in assignments)
+    return overrides if solver is None else {**overrides, "controller.solver": solver}
+
+
+def _exit_code(result: Result) -> int:
+    from wbc.problem import RunStatus
+
+    if result.status.good:
+        return 0
+    return QP_FAILED if result.status is RunStatus.QP_FAILED else NOT_REACHED
+
+
+# ---------------------------------------------------------------------- other commands
+
+
+@app.command()
+def schema(
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write to a file instead.")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of problem files, for completion and checks in an editor."""
+    with _errors_in_one_line():
+        import json
+
+        from wbc.cli.outputs import check_place
+        from wbc.problem.spec import json_schema
+
+        text = json.dumps(json_schema(), indent=2)
+        if output is None:
+            typer.echo(text)
+            return
+        check_place("--output", output)
+        output.write_text(text + "\n", encoding="utf-8")
+
+
+@app.command()
+def robots() -> None:
+    """List the robots that a problem can name."""
+    with _errors_in_one_line():
+        from wbc.errors import ModelError
+        from wbc.robot.library import find_robot, robot_names
+
+        width = max(len(name) for name in robot_names())
+        for name in robot_names():
+            try:
+                where = str(find_robot(name).path)
+            except ModelError:
+                where = "not installed (pip install 'wbc[robots]')"
+            typer.echo(f"{name:{width}}  {where}")
+
+
+# ---------------------------------------------------------------------- errors
+
+
+@contextmanager
+def _errors_in_one_line() -> Iterator[None]:
+    """Turn the package's own errors into a message and an exit code; others are bugs."""
+    try:
+        yield
+    except WbcError as error:
+        _complain(str(error))
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        _complain("interrupted")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _complain(text: str) -> None:
+    head = typer.style("error:", fg="red", bold=True)
+    typer.echo(f"{head} {text}", err=True)

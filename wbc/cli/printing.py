@@ -1,0 +1,110 @@
+"""What ``wbc run`` prints when it is done: a status, a few short tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console, JustifyMethod
+from rich.table import Table
+from rich.text import Text
+
+from wbc.problem import Result
+from wbc.problem.result import TaskResult
+
+
+def print_result(result: Result, written: Iterable[Path]) -> None:
+    """Print how a run ended, how far each task is from its target, and the worst of the rest."""
+    console = Console(highlight=False)
+    colour = "green" if result.status.good else "red"
+    seconds = len(result.history) * _time_step(result)
+    head = Text(result.status.value.replace("_", " "), style=f"bold {colour}")
+    head.append(
+        f": {result.reason} ({len(result.history)} ticks, {seconds:.2f} s)",
+        style="not bold default",
+    )
+    console.print(head)
+    console.print(_tasks(result))
+    if result.inertia:
+        console.print(_inertia(result))
+    console.print(_rest(result))
+    for path in written:  # never folded: a path is to be copied
+        console.print(Text.assemble((f"{'written':15}", "dim"), str(path)), soft_wrap=True)
+
+
+def _time_step(result: Result) -> float:
+    time = result.history.time
+    return float(time[1] - time[0]) if time.size > 1 else 0.0
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
+    for k, column in enumerate(columns):
+        justify: JustifyMethod = "left" if k == 0 else "right"
+        table.add_column(Text(f"\n{column}"), justify=justify, overflow="fold")
+    return table
+
+
+def _tasks(result: Result) -> Table:
+    accepts = any(task.tolerance is not None for task in result.tasks.values())
+    table = _table("task", "error", "largest entry", *(["tolerance"] if accepts else []))
+    for name, task in result.tasks.items():
+        cells = [Text(name), Text(f"{task.norm:.3g}{_unit(task)}"), Text(_largest(task))]
+        if task.tolerance is not None:
+            met = task.norm <= task.tolerance
+            cells.append(Text(f"{task.tolerance:g}", style="green" if met else "red"))
+        table.add_row(*cells)
+    return table
+
+
+def _unit(task: TaskResult) -> str:
+    units = dict.fromkeys(task.units)
+    return f" {', '.join(units)}" if units != {"1": None} else ""
+
+
+def _largest(task: TaskResult) -> str:
+    worst = int(np.argmax(np.abs(task.error)))
+    return f"{task.rows[worst]} {task.error[worst]:+.3g}"
+
+
+def _inertia(result: Result) -> Table:
+    table = _table("inertia [kg m^2]", "start", "wanted", "reached")
+    for name, one in result.inertia.items():
+        for k, component in enumerate(one.components):
+            numbers = (f"{values[k]:.4f}" for values in (one.start, one.wanted, one.reached))
+            table.add_row(Text(f"{name}: {component} in {one.axes} axes"), *numbers)
+    return table
+
+
+def _rest(result: Result) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_row("", "")
+    margin, slip = result.margin, result.slip
+    if np.isfinite(margin.value):
+        size = f"{abs(margin.value):.2g}"
+        how = f"at least {size} left" if margin.value >= 0.0 else f"exceeded by at most {size}"
+        table.add_row("joint limits", f"{how} ({margin.where}, tick {margin.tick})")
+    if slip is not None:
+        table.add_row("slip", f"at most {slip.value:.2g} m ({slip.where}, tick {slip.tick})")
+    table.add_row("QP", Text(_qp(result)))
+    table.add_row("tick time", _times(result))
+    return table
+
+
+def _qp(result: Result) -> str:
+    if not result.failures:
+        return f"every tick solved, KKT residual {result.worst_kkt:.1g} at most"
+    first = result.failures[0]
+    count, ticks = len(result.failures), len(result.history)
+    return f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
+
+
+def _times(result: Result) -> str:
+    wall, cpu = (result.tick_times()[clock] for clock in ("wall", "cpu"))
+    return (
+        f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms "
+        f"(CPU {1e3 * cpu['median']:.2f}, {1e3 * cpu['p99']:.2f})"
+    )

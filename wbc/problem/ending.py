@@ -1,0 +1,89 @@
+"""How a run ends: when it is at rest, and what its end is called."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import NamedTuple
+
+from wbc.problem.part_specs import StopSpec
+
+REST_TICKS = 10
+
+
+class RunStatus(StrEnum):
+    """How a run ended.
+
+    ``CONVERGED``: at rest, and every tolerance met. ``ACCEPTED``: every tolerance met, though not
+    at rest, when the time was over. ``COMPLETED``: the whole duration was asked for (``speed:
+    null``) and no tolerance given. ``TIMEOUT``: not at rest when the time was over.
+    ``NOT_REACHED``: a tolerance was not met. ``QP_FAILED``: a tick had no solution.
+    """
+
+    CONVERGED = "converged"
+    ACCEPTED = "accepted"
+    COMPLETED = "completed"
+    TIMEOUT = "timeout"
+    NOT_REACHED = "not_reached"
+    QP_FAILED = "qp_failed"
+
+    @property
+    def good(self) -> bool:
+        """True if the run did what the problem asks."""
+        return self in (RunStatus.CONVERGED, RunStatus.ACCEPTED, RunStatus.COMPLETED)
+
+
+class Ending(NamedTuple):
+    """A status and the reason for it, in words."""
+
+    status: RunStatus
+    reason: str
+
+
+class RestWatch:
+    """Tells when nothing has moved for ten solved ticks in a row, all ramps being over."""
+
+    def __init__(self, speed: float | None, ramps_over: float) -> None:
+        self._speed = speed
+        self._ramps_over = ramps_over
+        self._still = 0
+
+    def at_rest(self, time: float, fastest: float, solved: bool) -> bool:
+        """Take note of a tick; ``fastest`` is the largest absolute velocity it commands."""
+        slow = self._speed is not None and fastest < self._speed
+        # A tick without solution commands zero: that is no rest.
+        self._still = self._still + 1 if slow and solved and time >= self._ramps_over else 0
+        return self._still >= REST_TICKS
+
+
+def ending(
+    stop: StopSpec, at_rest: bool, failed: int, ticks: int, norms: Mapping[str, float]
+) -> Ending:
+    """Return how a run ended.
+
+    Parameters
+    ----------
+    failed, ticks:
+        How many ticks had no solution, of how many.
+    norms:
+        Norm of each task's error at the end.
+    """
+    if failed:
+        return Ending(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
+    missed = [
+        f"{name} (error {norms[name]:.3g}, tolerance {tolerance:g})"
+        for name, tolerance in stop.accept.items()
+        if not norms[name] <= tolerance
+    ]
+    how = "at rest" if at_rest else f"still moving after {stop.duration:g} s"
+    if stop.speed is None:
+        how = f"ran for {stop.duration:g} s"
+    if missed:
+        return Ending(RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}")
+    within = "; every tolerance met" if stop.accept else ""
+    if at_rest:
+        return Ending(RunStatus.CONVERGED, how + within)
+    if stop.accept:
+        return Ending(RunStatus.ACCEPTED, how + within)
+    status = RunStatus.COMPLETED if stop.speed is None else RunStatus.TIMEOUT
+    return Ending(status, how)

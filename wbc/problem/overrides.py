@@ -1,0 +1,103 @@
+"""Values that replace those of a problem file: ``--set tasks.com.gain=0.3``."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import ProblemFileError, suggest
+from wbc.problem.keys import KeyPath, parse_path, written
+from wbc.problem.reading import parse
+from wbc.problem.source import Source
+
+_ASSIGNMENT = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """Return key path and value of ``PATH=VALUE``; the value is a YAML scalar, list or mapping.
+
+    Raises
+    ------
+    ProblemFileError
+        Not of that form.
+    """
+    parts = _ASSIGNMENT.fullmatch(text)
+    if parts is None or not parts[1].strip() or not parts[2].strip():
+        raise ProblemFileError(
+            f"--set {text}: expected PATH=VALUE, for instance --set tasks.com.gain=0.3"
+        )
+    path = parts[1].strip()
+    source = parse(parts[2], f"--set {path}")
+    return path, source.data
+
+
+def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
+    """Return ``source`` with the value at each key path replaced, or added if it was not there.
+
+    Raises
+    ------
+    ProblemFileError
+        A path that leads into something that is no mapping or list, past the end of a list, or
+        into a task that does not exist.
+    """
+    data = copy.deepcopy(source.data)
+    overridden = dict(source.overridden)
+    for text, value in overrides.items():
+        label = f"--set {text}"
+        try:
+            path = parse_path(text)
+        except ProblemFileError as error:
+            raise ProblemFileError(f"--set {error}") from None
+        _put(data, path, plain(value), label)
+        overridden[path] = label
+    return replace(source, data=data, overridden=overridden)
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` with NumPy arrays and tuples as lists, as a YAML file would give them."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return value
+
+
+def _put(data: dict[str, Any], path: KeyPath, value: Any, label: str) -> None:
+    tasks = data.get("tasks")
+    if path[0] == "tasks" and len(path) > 2 and isinstance(tasks, dict) and path[1] not in tasks:
+        name = str(path[1])
+        raise ProblemFileError(f"{label}: no task {name!r}{suggest(name, tasks)}")
+    inside: Any = data
+    for k, step in enumerate(path):
+        _check_step(inside, step, path[:k], label)
+        if k == len(path) - 1:
+            inside[step] = value
+        elif isinstance(inside, dict):
+            inside = inside.setdefault(step, {})
+        else:
+            inside = inside[step]
+
+
+def _check_step(inside: Any, step: str | int, so_far: KeyPath, label: str) -> None:
+    """Refuse a step that the value it starts from cannot make."""
+    here = f"{written(so_far)!r}" if so_far else "the file"
+    if isinstance(step, int):
+        if not isinstance(inside, list):
+            raise ProblemFileError(f"{label}: {here} is not a list, so it has no entry [{step}]")
+        if step >= len(inside):
+            raise ProblemFileError(
+                f"{label}: {here} has {len(inside)} entries, the last is [{len(inside) - 1}]"
+            )
+    elif not isinstance(inside, dict):
+        kind = "a list" if isinstance(inside, list) else f"{inside!r}"
+        raise ProblemFileError(
+            f"{label}: {here} is {kind} and has no keys; replace it as a whole: "
+            f"--set {written(so_far)}='{{{step}: ...}}'"
+        )

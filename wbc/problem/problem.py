@@ -1,0 +1,101 @@
+"""A problem: loaded from a file, checked as a whole, ready to run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from wbc.problem.build import Parts, build
+from wbc.problem.messages import explained
+from wbc.problem.overrides import apply_overrides, plain
+from wbc.problem.reading import read_source
+from wbc.problem.result import Result
+from wbc.problem.run import Observe, Progress, run
+from wbc.problem.source import Source
+from wbc.problem.spec import ProblemSpec
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A whole-body control problem.
+
+    Attributes
+    ----------
+    source:
+        The file's text and data.
+    overrides:
+        What replaces the file's values, by key path.
+    spec:
+        The validated description.
+    parts:
+        Robot, start, tasks, contacts and limits made of it.
+    """
+
+    source: Source
+    overrides: Mapping[str, Any]
+    spec: ProblemSpec
+    parts: Parts
+
+    def run(self, progress: Progress | None = None, observe: Observe | None = None) -> Result:
+        """Run the problem from its start until it is at rest, out of time, or has failed.
+
+        The robot moves exactly as commanded: each tick's velocity is integrated over one time
+        step. A run starts afresh, so a second one gives the same result.
+
+        Parameters
+        ----------
+        progress:
+            Called every ten ticks and at the end with ticks done, ticks at most, and a mapping
+            with ``time`` [s], ``speed`` (largest velocity), ``errors`` (norm by task) and
+            ``failed`` (ticks without solution).
+        observe:
+            Called with every tick: its QP, solution and errors.
+        """
+        return run(self, progress, observe)
+
+    def provenance(self) -> dict[str, Any]:
+        """Return the problem's file, text and overrides: what is needed to run it again."""
+        return {
+            "file": self.source.name,
+            "text": self.source.text,
+            "overrides": plain(self.overrides),
+        }
+
+
+def load_problem(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Problem:
+    """Read and check a problem file; nothing is left to fail later for a wrong name or number.
+
+    Parameters
+    ----------
+    overrides:
+        Values by key path, such as ``{"tasks.com.gain": 0.3}``, that replace the file's. They are
+        checked like the file.
+
+    Raises
+    ------
+    ProblemFileError
+        With every mistake found: file, line, key path, what is wrong and what is valid.
+    """
+    overrides = dict(overrides or {})
+    source = apply_overrides(read_source(Path(path)), overrides)
+    spec = validated(source)
+    return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
+
+
+def validated(source: Source) -> ProblemSpec:
+    """Return the description that ``source`` holds.
+
+    Raises
+    ------
+    ProblemFileError
+        It is not a valid one; robots, joints and other names are not looked up yet.
+    """
+    keys: dict[int, tuple[str, ...]] = {}
+    try:
+        return ProblemSpec.model_validate(source.data, context=keys)
+    except ValidationError as error:
+        raise explained(error, source, keys) from error

@@ -1,0 +1,202 @@
+"""The result of a run: what it came to, and the history it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.problem.ending import RunStatus
+from wbc.problem.history import History
+from wbc.problem.recorder import Measured
+from wbc.problem.saving import result_format, save_json, save_npz
+from wbc.problem.task_rows import InertiaReading, by_row
+from wbc.robot import Robot
+from wbc.validate import Array
+
+FORMAT = "wbc result 1"
+SHOWN_FAILURES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class TaskResult:
+    """A task at the end of a run.
+
+    Attributes
+    ----------
+    error:
+        (k,) actual minus target.
+    rows, units:
+        Names and units of its entries.
+    tolerance:
+        On the norm of the error, if the problem gives one.
+    """
+
+    error: Array
+    rows: tuple[str, ...]
+    units: tuple[str, ...]
+    tolerance: float | None = None
+
+    @property
+    def norm(self) -> float:
+        """Norm of the error; mixes units where the rows do."""
+        return float(np.linalg.norm(self.error))
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The worst value of something over a run, where, and at which tick (counted from 0)."""
+
+    value: float
+    where: str
+    tick: int
+
+
+@dataclass(frozen=True, eq=False)
+class Failure:
+    """A tick without solution."""
+
+    tick: int
+    report: str
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a run came to.
+
+    Attributes
+    ----------
+    status, reason:
+        How it ended, and why that is so in words.
+    q, v:
+        Configuration (nq,) and velocity (nv,) at the end.
+    final:
+        What is measured there.
+    tasks, inertia:
+        Each task at the end by name, and for inertia tasks what was wanted and reached.
+    margin:
+        Smallest distance to a joint position limit [rad or m]; the tick ``len(history)`` is the
+        end of the run.
+    slip:
+        Farthest any contact was from its anchor [m]; None without contacts.
+    failures:
+        Every tick without solution.
+    history:
+        Every tick.
+    provenance:
+        Problem text, overrides and versions.
+    """
+
+    robot: Robot
+    status: RunStatus
+    reason: str
+    q: Array
+    v: Array
+    final: Measured
+    tasks: Mapping[str, TaskResult]
+    inertia: Mapping[str, InertiaReading]
+    margin: Worst
+    slip: Worst | None
+    failures: tuple[Failure, ...]
+    history: History
+    provenance: Mapping[str, Any]
+
+    @property
+    def worst_kkt(self) -> float:
+        """Largest KKT residual of the solved ticks; NaN if there is none."""
+        solved = self.history.kkt[np.isfinite(self.history.kkt)]
+        return float(solved.max()) if solved.size else float("nan")
+
+    def tick_times(self) -> dict[str, dict[str, float]]:
+        """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
+        both = {"wall": self.history.tick_time, "cpu": self.history.tick_cpu_time}
+        return {
+            name: {
+                "median": float(np.median(times)),
+                "p99": float(np.percentile(times, 99)),
+                "max": float(times.max()),
+            }
+            for name, times in both.items()
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the history as plain data; what ``save`` writes as JSON."""
+        return {
+            "format": FORMAT,
+            "status": self.status.value,
+            "reason": self.reason,
+            "ticks": len(self.history),
+            "robot": self.robot.name,
+            "final": self._final(),
+            "tasks": {name: _task_summary(task) for name, task in self.tasks.items()},
+            "inertia": {name: _inertia_summary(one) for name, one in self.inertia.items()},
+            "joint_limits": {
+                "smallest_margin": self.margin.value,
+                "joint": self.margin.where,
+                "tick": self.margin.tick,
+            },
+            "slip": self.slip
+            and {"largest": self.slip.value, "frame": self.slip.where, "tick": self.slip.tick},
+            "qp": {
+                "failed_ticks": len(self.failures),
+                "worst_kkt_residual": self.worst_kkt,
+                "failures": [
+                    {"tick": failure.tick, "report": failure.report}
+                    for failure in self.failures[:SHOWN_FAILURES]
+                ],
+            },
+            "tick_time": self.tick_times(),
+            **self.provenance,
+        }
+
+    def _final(self) -> dict[str, Any]:
+        limits = self.robot.limits
+        return {
+            "q": self.q.tolist(),
+            "joints": by_row(self.robot.joint_names, limits.joint_positions(self.q)),
+            "v": self.v.tolist(),
+            "com": self.final.com.tolist(),
+            "inertia_world": self.final.inertia.tolist(),
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the summary to a ``.json`` file, or summary and history to an ``.npz`` file.
+
+        The file appears whole or not at all. JSON is strict: what is not finite is null. In an
+        ``.npz`` the entry ``summary`` holds the JSON text.
+
+        Raises
+        ------
+        InvalidInputError
+            Another ending.
+        OSError
+            The file cannot be written.
+        """
+        if result_format(path) == ".npz":
+            save_npz(Path(path), self.summary(), self.history.arrays())
+        else:
+            save_json(Path(path), self.summary())
+
+
+def _task_summary(task: TaskResult) -> dict[str, Any]:
+    return {
+        "norm": task.norm,
+        "tolerance": task.tolerance,
+        "rows": list(task.rows),
+        "error": task.error.tolist(),
+        "units": list(task.units),
+    }
+
+
+def _inertia_summary(reading: InertiaReading) -> dict[str, Any]:
+    return {
+        "axes": reading.axes,
+        "unit": "kg m^2",
+        "components": list(reading.components),
+        "start": reading.start.tolist(),
+        "wanted": reading.wanted.tolist(),
+        "reached": reading.reached.tolist(),
+    }

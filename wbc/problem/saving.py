@@ -1,0 +1,86 @@
+"""Writing results: strict JSON and .npz, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+
+FORMATS = (".json", ".npz")
+
+
+def result_format(path: str | Path) -> str:
+    """Return the ending of a result file.
+
+    Raises
+    ------
+    InvalidInputError
+        Neither ``.json`` nor ``.npz``.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in FORMATS:
+        raise InvalidInputError(
+            f"{path}: a result is written as .json (summary) or .npz (summary and histories)"
+        )
+    return ending
+
+
+def save_json(path: Path, summary: Mapping[str, Any]) -> None:
+    """Write a summary; OSError if that fails."""
+    content = json_text(summary).encode()
+    _write(path, lambda file: file.write(content))
+
+
+def save_npz(
+    path: Path, summary: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]
+) -> None:
+    """Write a summary and arrays; OSError if that fails."""
+    entries: dict[str, Any] = {"summary": np.array(json_text(summary)), **arrays}
+    _write(path, lambda file: np.savez_compressed(file, **entries))
+
+
+def json_text(summary: Mapping[str, Any]) -> str:
+    """Return strict JSON, lists of numbers on one line; what is not finite is null."""
+    text = json.dumps(_finite(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    # Raw line ends stand between values only, never inside a JSON string.
+    lists = re.compile(r"\[\n\s*([^\[\]{}]*?)\n\s*\]")
+    return lists.sub(lambda found: "[" + re.sub(r"\n\s*", " ", found[1]) + "]", text) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return value
+
+
+def _write(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
+    """Write a neighbour first and rename it: an interrupted run leaves no half file."""
+    handle, neighbour = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            fill(file)
+        Path(neighbour).chmod(0o666 & ~_umask())
+        Path(neighbour).replace(path)
+    except BaseException:
+        Path(neighbour).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
