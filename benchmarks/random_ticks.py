@@ -1,0 +1,130 @@
+"""Many random ticks: no joint limit is exceeded, no QP fails, the feet stay where they are.
+
+Robots x support modes x random targets, new ones every 100 ticks, most of them out of reach, so
+that limits are met all the time. Counts what a user fears: limit violations, failed QPs, slipping
+feet, commands that are not finite, verdicts of infeasibility.
+
+    python benchmarks/random_ticks.py [--ticks 100000] [--solver proxqp] [--seed 1]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wbc.constraints import Limits, support
+from wbc.controllers import KinematicController
+from wbc.robot import Robot
+from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
+
+ROBOTS = ("hoap2_like", "g1", "g1_27", "talos", "icub", "romeo")
+SUPPORTS = ("floating", "left", "right", "double")
+DT = 0.005
+EPISODE = 100
+
+
+@dataclass
+class Record:
+    """What was seen over all ticks of one robot and support."""
+
+    ticks: int = 0
+    worst_violation: float = 0.0
+    worst_slip: float = 0.0
+    worst_kkt: float = 0.0
+    statuses: Counter[str] = field(default_factory=Counter)
+    examples: list[str] = field(default_factory=list)
+
+
+def random_tasks(robot: Robot, rng: np.random.Generator, here) -> list:
+    """Targets of inertia, CoM, base orientation and a hand, mostly out of reach."""
+    frame = robot.frame_names[rng.integers(len(robot.frame_names))]
+    factors = np.exp(rng.normal(scale=0.5, size=3))
+    shape = np.diag(np.diag(here.inertia_in("base")) * factors)
+    return [
+        InertiaTask(robot, shape, frame="base", per_mass=True, weight=3.0, gain=rng.uniform(0.02,
+        1),
+                    lm_damping=0.01, second_order=bool(rng.integers(2))),
+        ComTask(robot, here.com + rng.normal(scale=0.1, size=3), gain=rng.uniform(0.02, 1)),
+        OrientationTask(robot, "base", here.rotation("base"), weight=0.3, gain=0.2),
+        PositionTask(robot, frame, here.position(frame) + rng.normal(scale=0.3, size=3),
+                     weight=rng.uniform(0, 2), gain=rng.uniform(0.02, 1)),
+        PostureTask(robot, robot.posture("standing"), weight=0.01, gain=0.1),
+    ]  # fmt: skip
+
+
+def episode(robot: Robot, mode: str, rng: np.random.Generator, solver: str, record: Record) -> None:
+    """Run one set of random targets from a random posture."""
+    q = robot.posture("standing")
+    step = np.concatenate((np.zeros(6), rng.normal(scale=0.3, size=robot.nv - 6)))
+    q = inside(robot, robot.integrate(q, step, 1.0))
+    here = robot.snapshot(q)
+    limits = Limits(robot)
+    controller = KinematicController(
+        robot,
+        random_tasks(robot, rng, here),
+        contacts=support(here, mode),
+        limits=limits,
+        dt=DT,
+        solver=solver,
+    )
+    v = np.zeros(robot.nv)
+    for _ in range(EPISODE):
+        here = robot.snapshot(q, v)
+        tick = controller.step(here)
+        record.ticks += 1
+        record.statuses[tick.status.value] += 1
+        if tick.ok:
+            record.worst_kkt = max(record.worst_kkt, tick.solution.residuals.primal)
+        elif len(record.examples) < 3:
+            record.examples.append(tick.report())
+        v = tick.velocity
+        if not np.isfinite(v).all():
+            record.examples.append("command not finite")
+        q = robot.integrate(q, v, DT)
+        record.worst_violation = max(record.worst_violation, -limits.worst_margin(q)[0])
+        here = robot.snapshot(q)
+        for contact in controller.contacts:
+            record.worst_slip = max(record.worst_slip, contact.slip(here))
+
+
+def inside(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return q with its joints moved inside their limits."""
+    positions = robot.limits.joint_positions(q)
+    within = np.clip(positions, robot.limits.lower, robot.limits.upper)
+    return robot.integrate(q, np.concatenate((np.zeros(6), within - positions)), 1.0)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=100_000)
+    parser.add_argument("--solver", default="proxqp")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--robots", nargs="+", default=ROBOTS)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    cases = [(Robot.load(name), mode) for name in options.robots for mode in SUPPORTS]
+    share = -(-options.ticks // len(cases))
+    columns = f"{'violation':>11s}{'slip mm':>9s}{'primal':>9s}  statuses"
+    print(f"{'robot':12s}{'support':10s}{'ticks':>8s}" + columns)
+    total = Counter()
+    for robot, mode in cases:
+        record = Record()
+        while record.ticks < share:
+            episode(robot, mode, rng, options.solver, record)
+        total += record.statuses
+        print(
+            f"{robot.name:12s}{mode:10s}{record.ticks:8d}{max(record.worst_violation, 0):11.1e}"
+            f"{record.worst_slip * 1e3:9.4f}{record.worst_kkt:9.1e}  {dict(record.statuses)}"
+        )
+        for example in record.examples:
+            print("    ", example)
+    print("total", dict(total))
+
+
+if __name__ == "__main__":
+    main()
