@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, Field, Tag
 
 from wbc.problem.section import Name, Positive, Section
 
 METHODS = ("qp", "pseudo_inverse")
+
+
+TimeStep = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1.0)]
 
 
 class QpSpec(Section):
@@ -22,7 +25,7 @@ class QpSpec(Section):
     """Accuracy asked of the solver; null: its default here."""
     formulation: Literal["equality", "reduced"] = "equality"
     """equality: contacts are rows of the QP; reduced: they are eliminated first."""
-    dt: Positive = 0.005
+    dt: TimeStep = 0.005
     """Time step [s]."""
     damping: Positive = 1e-6
     """Weight of 1/2 |v|^2: picks one among equally good velocities."""
@@ -34,7 +37,7 @@ class PseudoInverseSpec(Section):
     """The damped pseudo-inverse of the paper, a baseline: limits are met by clipping."""
 
     method: Literal["pseudo_inverse"]
-    dt: Positive = 0.005
+    dt: TimeStep = 0.005
     """Time step [s]."""
     damping: Positive = 1e-3
     """Weight of 1/2 |v|^2; the tasks' rows nearly lose rank, so it must not be tiny."""

@@ -73,7 +73,7 @@ class ContactSpec(Section):
     """A link, sole or other frame of the robot."""
     type: Literal["fixed", "point"] = "fixed"
     """fixed: position and orientation are held; point: the position only."""
-    gain: Annotated[Number, Field(ge=0, le=1)] = 0.5
+    gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
     """Fraction of the drift to take back in one tick, in [0, 1]."""
 
 

@@ -76,10 +76,13 @@ def _distinct(entries: tuple[str, ...]) -> tuple[str, ...]:
     return entries
 
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[Number, Field(gt=0)]
-NonNegative = Annotated[Number, Field(ge=0)]
-Fraction = Annotated[Number, Field(gt=0, le=1)]
+# Nothing about a robot in SI units is larger; squared twice it still is far from overflow.
+LARGEST = 1e9
+
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0, le=LARGEST)]
+NonNegative = Annotated[float, Field(allow_inf_nan=False, ge=0, le=LARGEST)]
+Fraction = Annotated[float, Field(allow_inf_nan=False, gt=0, le=1)]
 PositiveOrInfinite = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(min_length=1)]
 
