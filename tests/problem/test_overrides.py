@@ -1,5 +1,6 @@
 """Key paths as text, and values that replace those of a file."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,7 @@ def test_what_stands_below_a_replaced_value_was_replaced_too() -> None:
 def test_arrays_and_tuples_become_lists() -> None:
     source = overridden({"tasks.com.target": np.arange(3.0), "tasks.com.gain": np.float64(0.5)})
     assert source.data["tasks"]["com"] == {"type": "com", "target": [0.0, 1.0, 2.0], "gain": 0.5}
+    assert overridden({"robot": Path("a/b.urdf")}).data["robot"] == "a/b.urdf"
     assert overridden({"tasks.com.axes": ("x",)}).data["tasks"]["com"]["axes"] == ["x"]
 
 

@@ -234,6 +234,7 @@ def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
             {"method": "pseudo_inverse", "solver": "x"},
             "controller.solver: unknown key",
         ),
+        ("robot", object(), "robot: expected a robot's name"),
         ("tasks.new", {"type": "com"}, "--set tasks.new: 'target' is missing"),
     ],
 )

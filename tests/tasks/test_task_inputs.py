@@ -78,3 +78,22 @@ def test_a_refused_target_leaves_the_old_one(robot_named: Callable[[str], Robot]
     with pytest.raises(InvalidInputError):
         task.set_target([NAN, 0, 0])
     assert task.target.tolist() == [0.0, 0.0, 0.3]
+
+
+def test_a_refused_rotation_leaves_the_old_one(robot_named: Callable[[str], Robot]) -> None:
+    robot = robot_named("hoap2_like")
+    turn = OrientationTask(robot, "base", np.eye(3))
+    pose = PoseTask(robot, "base", [0, 0, 1], np.eye(3))
+    with pytest.raises(InvalidInputError):
+        turn.set_target(2 * np.eye(3))
+    with pytest.raises(InvalidInputError):
+        pose.set_target([5, 5, 5], -np.eye(3))
+    assert (turn.target == np.eye(3)).all()
+    assert pose.position.tolist() == [0, 0, 1]
+
+
+def test_misspelt_keywords_are_refused(robot_named: Callable[[str], Robot]) -> None:
+    robot = robot_named("hoap2_like")
+    for make in (ComTask, InertiaTask, MomentumTask, PrincipalInertiaTask):
+        with pytest.raises(TypeError, match="gian"):
+            make(robot, np.ones(6 if make is MomentumTask else 3), gian=0.3)

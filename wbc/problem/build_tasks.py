@@ -37,10 +37,10 @@ from wbc.tasks import (
     PrincipalInertiaTask,
     Task,
 )
-from wbc.tasks.com import AXES
 from wbc.tasks.frame import TURNS
 from wbc.tasks.inertia import ALL, DIAGONAL_COMPONENTS, TRACE
 from wbc.tasks.momentum import ANGULAR, LINEAR
+from wbc.tasks.point import AXES
 from wbc.validate import Array
 
 INERTIA_COMPONENTS = {"all": ALL, "diagonal": DIAGONAL_COMPONENTS, "trace": TRACE}

@@ -6,6 +6,7 @@ import copy
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -59,9 +60,11 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
 
 
 def plain(value: Any) -> Any:
-    """Return ``value`` with NumPy arrays and tuples as lists, as a YAML file would give them."""
+    """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -58,6 +58,8 @@ def form_of(value: Any) -> str | None:
         return NUMBER.tag
     if isinstance(value, Mapping | BaseModel):
         return MAPPING.tag
+    if not isinstance(value, list | tuple):
+        return None
     nested = any(isinstance(entry, list | tuple) for entry in value)
     return MATRIX.tag if nested else LIST.tag
 

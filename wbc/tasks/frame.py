@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,15 +12,19 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.lie import log_jacobian, log_jacobian_rate, log_rotation
 from wbc.spatial import skew
-from wbc.tasks.com import AXES, axis_indices
-from wbc.tasks.task import Residual, Task
+from wbc.tasks.point import AXES, PointTask
+from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array
 
 TURNS = ("rx", "ry", "rz")
 
 
-class PositionTask(Task):
-    """Bring the origin of ``frame`` to ``target`` (3,) [m], world axes."""
+class PositionTask(PointTask):
+    """Bring the origin of ``frame`` to ``target`` (3,) [m], world axes.
+
+    ``weight`` is in [1/(m/s)]; see :class:`~wbc.tasks.task.Task` for it, ``gain`` and
+    ``lm_damping``, here and in the other tasks of frames.
+    """
 
     def __init__(
         self,
@@ -29,42 +34,20 @@ class PositionTask(Task):
         *,
         axes: Sequence[str] = AXES,
         name: str | None = None,
-        weight: ArrayLike = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
+        **law: Unpack[Law],
     ) -> None:
-        super().__init__(
-            robot,
-            name or f"{frame} position",
-            axes,
-            weight=weight,
-            gain=gain,
-            lm_damping=lm_damping,
-        )
-        robot.frame_id(frame)
+        robot.frame_id(frame)  # an unknown frame is an error now, not at the first tick
         self.frame = frame
-        self._selected = axis_indices(axes)
-        self.set_target(target)
+        super().__init__(robot, name or f"{frame} position", target, axes, **law)
 
-    def set_target(
-        self, target: ArrayLike, rate: ArrayLike = (0, 0, 0), acceleration: ArrayLike = (0, 0, 0)
-    ) -> None:
-        """Set target position [m] and, for a moving target, its velocity and acceleration."""
-        self.target = self._target(target, (3,))
-        self.target_rate = self._target(rate, (3,), "target rate")
-        self.target_acceleration = self._target(acceleration, (3,), "target acceleration")
+    def _place(self, snapshot: Snapshot) -> Array:
+        return snapshot.position(self.frame)
 
-    def residual(self, snapshot: Snapshot) -> Residual:
-        """Return position minus target [m]."""
-        rows = self._selected
-        error = (snapshot.position(self.frame) - self.target)[rows]
-        jacobian = snapshot.jacobian(self.frame)[:3][rows]
-        return Residual(error, jacobian, -self.target_rate[rows])
+    def _jacobian(self, snapshot: Snapshot) -> Array:
+        return snapshot.jacobian(self.frame)[:3]
 
-    def drift(self, snapshot: Snapshot) -> Array:
-        """Return the origin's acceleration at zero acceleration of v [m/s^2]."""
-        drift = snapshot.drift(self.frame)[:3] - self.target_acceleration
-        return drift[self._selected]
+    def _acceleration(self, snapshot: Snapshot) -> Array:
+        return snapshot.drift(self.frame)[:3]
 
 
 class OrientationTask(Task):
@@ -81,18 +64,9 @@ class OrientationTask(Task):
         target: ArrayLike,
         *,
         name: str | None = None,
-        weight: ArrayLike = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
+        **law: Unpack[Law],
     ) -> None:
-        super().__init__(
-            robot,
-            name or f"{frame} orientation",
-            TURNS,
-            weight=weight,
-            gain=gain,
-            lm_damping=lm_damping,
-        )
+        super().__init__(robot, name or f"{frame} orientation", TURNS, **law)
         robot.frame_id(frame)
         self.frame = frame
         self._none = self._zeros()
@@ -100,8 +74,9 @@ class OrientationTask(Task):
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted rotation (3, 3) from frame axes to world axes."""
-        self.target = self._target(target, (3, 3))
-        check_rotation(f"task {self.name!r}, target", self.target)
+        rotation = self._target(target, (3, 3))
+        check_rotation(f"task {self.name!r}, target", rotation)
+        self.target = rotation
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return log(target' R) [rad]."""
@@ -124,18 +99,9 @@ class PoseTask(Task):
         rotation: ArrayLike,
         *,
         name: str | None = None,
-        weight: ArrayLike = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
+        **law: Unpack[Law],
     ) -> None:
-        super().__init__(
-            robot,
-            name or f"{frame} pose",
-            AXES + TURNS,
-            weight=weight,
-            gain=gain,
-            lm_damping=lm_damping,
-        )
+        super().__init__(robot, name or f"{frame} pose", AXES + TURNS, **law)
         robot.frame_id(frame)
         self.frame = frame
         self._none = self._zeros()
@@ -143,9 +109,10 @@ class PoseTask(Task):
 
     def set_target(self, position: ArrayLike, rotation: ArrayLike) -> None:
         """Set the wanted position (3,) [m] and rotation (3, 3)."""
-        self.position = self._target(position, (3,), "position")
-        self.rotation = self._target(rotation, (3, 3), "rotation")
-        check_rotation(f"task {self.name!r}, rotation", self.rotation)
+        place = self._target(position, (3,), "position")
+        turn = self._target(rotation, (3, 3), "rotation")
+        check_rotation(f"task {self.name!r}, rotation", turn)
+        self.position, self.rotation = place, turn
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m] above log(target' R) [rad]."""
@@ -175,13 +142,9 @@ class AxisTask(Task):
         *,
         axis: ArrayLike = (0, 0, 1),
         name: str | None = None,
-        weight: ArrayLike = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
+        **law: Unpack[Law],
     ) -> None:
-        super().__init__(
-            robot, name or f"{frame} axis", AXES, weight=weight, gain=gain, lm_damping=lm_damping
-        )
+        super().__init__(robot, name or f"{frame} axis", AXES, **law)
         robot.frame_id(frame)
         self.frame = frame
         self.axis = self._unit(axis, "axis")

@@ -9,6 +9,7 @@ weight mean the same on a small and on a large robot.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, matrix, strung
-from wbc.tasks.task import Residual, Task
+from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
 
 ALL = COMPONENTS
@@ -67,13 +68,11 @@ class InertiaTask(Task):
         components: Sequence[str] = ALL,
         frame: str = WORLD,
         per_mass: bool = False,
-        name: str = "inertia",
-        weight: ArrayLike = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
         second_order: bool = False,
+        name: str = "inertia",
+        **law: Unpack[Law],
     ) -> None:
-        super().__init__(robot, name, components, weight=weight, gain=gain, lm_damping=lm_damping)
+        super().__init__(robot, name, components, **law)
         self.second_order = second_order
         if frame != WORLD:
             robot.frame_id(frame)
@@ -85,12 +84,13 @@ class InertiaTask(Task):
 
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
         """Set the wanted inertia [kg m^2] and, for a moving target, its rate, in the same form."""
-        self.target = read_only(strung_target(f"task {self.name!r}, target", target, self.rows))
-        self._wanted = self._selection @ self.target
+        goal = strung_target(f"task {self.name!r}, target", target, self.rows)
         self._bias = self._none
         if rate is not None:
             what = f"task {self.name!r}, target rate"
             self._bias = -self._selection @ strung_target(what, rate, self.rows)
+        self.target = read_only(goal)
+        self._wanted = self._selection @ goal
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""

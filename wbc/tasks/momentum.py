@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Residual, Task
+from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array
 
 LINEAR, ANGULAR = ("lx", "ly", "lz"), ("kx", "ky", "kz")
@@ -36,22 +37,21 @@ class MomentumTask(Task):
         *,
         components: Sequence[str] = LINEAR + ANGULAR,
         name: str = "momentum",
-        weight: ArrayLike = 1.0,
-        gain: float = 1.0,
-        lm_damping: float = 0.0,
+        **law: Unpack[Law],
     ) -> None:
         for component in components:
             if component not in LINEAR + ANGULAR:
                 raise UnknownNameError("momentum component", component, LINEAR + ANGULAR)
-        super().__init__(robot, name, components, weight=weight, gain=gain, lm_damping=lm_damping)
+        super().__init__(robot, name, components, **law)
         self._selected = np.array([(LINEAR + ANGULAR).index(c) for c in components])
         self._no_error = self._zeros()
         self.set_target(target)
 
     def set_target(self, target: ArrayLike, rate: ArrayLike = (0, 0, 0, 0, 0, 0)) -> None:
         """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
-        self.target = self._target(target, (6,))
+        goal = self._target(target, (6,))
         self.target_rate = self._target(rate, (6,), "target rate")
+        self.target = goal
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is momentum minus target."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Unpack
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import congruence, matrix, strung
 from wbc.tasks.inertia import ALL, FROBENIUS_ROWS
-from wbc.tasks.task import Residual, Task
+from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
 
 BASE = "base"
@@ -33,11 +35,9 @@ class PrincipalInertiaTask(Task):
         *,
         per_mass: bool = False,
         name: str = "principal inertia",
-        weight: float = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
+        **law: Unpack[Law],
     ) -> None:
-        super().__init__(robot, name, ALL, weight=weight, gain=gain, lm_damping=lm_damping)
+        super().__init__(robot, name, ALL, **law)
         self._rows = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
         self._none = self._zeros()
         self.set_target(target)

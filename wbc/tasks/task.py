@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +44,14 @@ class Residual:
     def rate(self, v: Array) -> Array:
         """Return the time derivative (k,) of the error at velocity ``v``."""
         return self.jacobian @ v + self.bias
+
+
+class Law(TypedDict, total=False):
+    """How a task pulls: keywords that every task hands on to :class:`Task`, which explains them."""
+
+    weight: ArrayLike
+    gain: float
+    lm_damping: float
 
 
 class Task(ABC):
@@ -84,7 +93,7 @@ class Task(ABC):
         self.gain = finite_number(f"task {name!r}, gain", gain, above=0.0)
         if self.gain > 1.0:
             raise InvalidInputError(
-                f"task {name!r}, gain: {gain:g} is above 1 (the whole error in one tick)"
+                f"task {name!r}, gain: {self.gain:g} is above 1 (the whole error in one tick)"
             )
         self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
 

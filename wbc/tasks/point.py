@@ -1,0 +1,75 @@
+"""A point of the robot brought to a place, which may move: what the CoM and frame origins share."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.task import Law, Residual, Task
+from wbc.validate import Array
+
+AXES = ("x", "y", "z")
+STILL = (0.0, 0.0, 0.0)
+
+
+class PointTask(Task):
+    """Bring a point to ``target`` along some of the world's axes."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        target: ArrayLike,
+        axes: Sequence[str],
+        **law: Unpack[Law],
+    ) -> None:
+        super().__init__(robot, name, axes, **law)
+        self._selected = axis_indices(axes)
+        self.set_target(target)
+
+    def set_target(
+        self, target: ArrayLike, rate: ArrayLike = STILL, acceleration: ArrayLike = STILL
+    ) -> None:
+        """Set target position [m] and, for a moving target, its velocity and acceleration."""
+        place = self._target(target, (3,))
+        self.target_rate = self._target(rate, (3,), "target rate")
+        self.target_acceleration = self._target(acceleration, (3,), "target acceleration")
+        self.target = place
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return position minus target [m]."""
+        rows = self._selected
+        error = (self._place(snapshot) - self.target)[rows]
+        return Residual(error, self._jacobian(snapshot)[rows], -self.target_rate[rows])
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the point's acceleration at zero acceleration of v, less the target's [m/s^2]."""
+        return (self._acceleration(snapshot) - self.target_acceleration)[self._selected]
+
+    @abstractmethod
+    def _place(self, snapshot: Snapshot) -> Array:
+        """Return where the point is (3,), world axes."""
+
+    @abstractmethod
+    def _jacobian(self, snapshot: Snapshot) -> Array:
+        """Return its Jacobian (3, nv)."""
+
+    @abstractmethod
+    def _acceleration(self, snapshot: Snapshot) -> Array:
+        """Return its acceleration (3,) at zero acceleration of v."""
+
+
+def axis_indices(axes: Sequence[str]) -> slice | np.ndarray:
+    """Return the index of the named axes; a slice (no copy) when all three are wanted in order."""
+    for axis in axes:
+        if axis not in AXES:
+            raise UnknownNameError("axis", axis, AXES)
+    if tuple(axes) == AXES:
+        return slice(0, 3)
+    return np.array([AXES.index(axis) for axis in axes])
