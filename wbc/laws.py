@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wbc.tasks.task import Residual
 from wbc.validate import Array
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(NamedTuple):
     """Rows ``matrix @ x = target`` to be met by the unknown x as well as ``weight`` asks.
 
     Attributes
@@ -35,18 +34,20 @@ class Rows:
 
 
 def velocity_law(
-    residual: Residual, rate_gain: float, weight: Array, lm_damping: float = 0.0
+    residual: Residual, gain: float, dt: float, weight: Array, lm_damping: float = 0.0
 ) -> Rows:
-    """Return rows asking for ``d(error)/dt = -rate_gain * error``; the unknown is the velocity.
+    """Return rows asking for ``d(error)/dt = -gain/dt * error``; the unknown is the velocity.
 
-    ``rate_gain`` [1/s] is the task's gain divided by the time step.
+    A Gauss-Newton step of length ``gain`` towards a target out of reach swings back and forth
+    unless its Hessian is above gain/2 of the true one. Hence half of gain times what a task says
+    of the curvature left out is added as damping; it fades as the error does.
     """
-    wanted = -rate_gain * residual.error
+    wanted = (-gain / dt) * residual.error
     wanted -= residual.bias
-    damping = 0.0
+    damping = 0.5 * gain * residual.curvature_bound
     if lm_damping > 0.0:
         weighted = weight * residual.error
-        damping = lm_damping * math.sqrt(float(weighted @ weighted))
+        damping += lm_damping * math.sqrt(float(weighted @ weighted))
     return Rows(residual.jacobian, wanted, weight, damping, residual.curvature)
 
 

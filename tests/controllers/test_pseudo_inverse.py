@@ -9,14 +9,16 @@ from wbc.tasks import ComTask, InertiaTask
 
 
 def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
-    """Floating, nothing active, vanishing damping: the minimum-norm solution of J v = -k e."""
+    """Floating, nothing active: J'(JJ' + damping)^-1 (-k e), the minimum-norm form of eq. 38."""
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.5}))
     task = InertiaTask(robot, here.inertia * 1.001, gain=0.1)
     tick = PseudoInverseController(robot, [task], dt=0.005, damping=1e-12).step(here)
     residual = task.residual(here)
-    expected = np.linalg.pinv(residual.jacobian) @ (-0.1 / 0.005 * residual.error)
-    np.testing.assert_allclose(tick.velocity, expected, atol=1e-5 * np.abs(expected).max())
+    J, wanted = residual.jacobian, -0.1 / 0.005 * residual.error
+    damping = 1e-12 + 0.05 * residual.curvature_bound  # the controller's, and gain/2 of the task's
+    expected = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), wanted)
+    np.testing.assert_allclose(tick.velocity, expected, atol=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("mode", ["floating", "left", "double"])

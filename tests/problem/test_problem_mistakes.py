@@ -213,6 +213,16 @@ def test_names_are_looked_up_for_the_whole_file_too(file: Path) -> None:
     ]
 
 
+def test_forms_are_shown_as_they_are_written(file: Path) -> None:
+    task = "{type: frame, frame: torso, control: orientation, target: {rp: [0, 0, 1]}}"
+    message = complaint(file, GOOD.replace("{type: momentum, components: angular}", task))
+    assert (
+        "expected {rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, or" in message
+    )
+    message = complaint(file, GOOD.replace("posture, target: start", "posture, target: 3"))
+    assert "expected the name of a posture, {joint: value}, or start, got 3" in message
+
+
 def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
     message = complaint(file, GOOD.replace("target: start}", "taget: start}", 1))
     assert "missing" not in message

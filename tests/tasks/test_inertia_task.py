@@ -56,7 +56,7 @@ def test_ratios_are_bounded_at_equal_moments() -> None:
 
 
 def test_principal_moments_converge_to_equal_ones(robot_named) -> None:
-    """The hard case for separate eigenvalues: two targets meet, at full gain."""
+    """The hard case for separate eigenvalues: two targets meet."""
     robot = robot_named("hoap2_like")
     start = robot.posture("standing", {"left_shoulder_roll": 1.0, "right_shoulder_roll": -1.0})
     moments = np.linalg.eigvalsh(robot.snapshot(start).inertia)
@@ -64,7 +64,7 @@ def test_principal_moments_converge_to_equal_ones(robot_named) -> None:
     task = PrincipalInertiaTask(robot, wanted, gain=0.3)
     controller = KinematicController(robot, [task], limits=Limits(robot), damping=1e-6)
     q, v = start, np.zeros(robot.nv)
-    for _ in range(300):
+    for _ in range(800):
         tick = controller.step(robot.snapshot(q, v))
         assert tick.ok, tick.report()
         v = tick.velocity
@@ -104,3 +104,26 @@ def test_frames_see_the_same_tensor(robot: Robot, rng, random_snapshot) -> None:
         in_world = InertiaTask(robot, np.eye(3)).residual(here).error
         assert np.linalg.norm(in_frame) == pytest.approx(np.linalg.norm(in_world), rel=1e-9)
         np.testing.assert_allclose(R @ here.inertia_in(frame) @ R.T, here.inertia, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
+@pytest.mark.parametrize("factors", [(3, 3, 3), (0.05, 0.05, 3), (3, 3, 0.05), (1.1, 1.1, 1.1)])
+def test_targets_out_of_reach_do_not_make_it_chatter(name, factors, robot_named) -> None:
+    """Plain settings: the command dies away, and its sign does not alternate."""
+    robot = robot_named(name)
+    q = robot.posture("standing")
+    start = np.diag(robot.snapshot(q).inertia_in("base"))
+    target = np.array(factors) * (start if factors[0] == factors[2] else start.max())
+    task = InertiaTask(robot, target, components=("xx", "yy", "zz"), frame="base")
+    controller = KinematicController(robot, [task], limits=Limits(robot))
+    v = np.zeros(robot.nv)
+    recent = []
+    for _ in range(1500):
+        v = controller.step(robot.snapshot(q, v)).velocity
+        q = robot.integrate(q, v, 0.005)
+        recent = [*recent[-39:], v]
+    late = np.array(recent)
+    assert np.abs(late).max() < 0.5  # still creeping; without the damping up to 5 rad/s, for ever
+    loud = np.abs(late).max(axis=0) > 1e-3
+    alternating = (late[1:] * late[:-1] < 0).mean(axis=0)
+    assert (alternating[loud] < 0.2).all()

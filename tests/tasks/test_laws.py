@@ -12,7 +12,7 @@ def test_velocity_law_removes_the_gain_in_one_tick(robot, rng, random_snapshot) 
     here = random_snapshot(robot, rng)
     task = ComTask(robot, here.com + [0.01, -0.02, 0.03], gain=0.25)
     dt = 1e-4
-    rows = velocity_law(task.residual(here), task.gain / dt, task.weight)
+    rows = velocity_law(task.residual(here), task.gain, dt, task.weight)
     v = np.linalg.pinv(rows.matrix) @ rows.target
     there = robot.snapshot(robot.integrate(here.q, v, dt))
     before, after = task.residual(here).error, task.residual(there).error
@@ -24,15 +24,15 @@ def test_velocity_law_follows_a_moving_target(robot, rng, random_snapshot) -> No
     task = ComTask(robot, here.com)
     rate = np.array([0.1, 0.2, -0.3])
     task.set_target(here.com, rate)
-    rows = velocity_law(task.residual(here), 100.0, task.weight)
+    rows = velocity_law(task.residual(here), 0.5, 0.005, task.weight)
     np.testing.assert_allclose(rows.target, rate)
 
 
 def test_lm_damping_is_proportional_to_the_weighted_error() -> None:
     residual = Residual(np.array([3.0, 4.0]), np.eye(2), np.zeros(2))
-    rows = velocity_law(residual, 1.0, np.array([2.0, 2.0]), lm_damping=0.1)
+    rows = velocity_law(residual, 1.0, 1.0, np.array([2.0, 2.0]), lm_damping=0.1)
     assert rows.damping == pytest.approx(1.0)
-    assert velocity_law(residual, 1.0, np.ones(2)).damping == 0.0
+    assert velocity_law(residual, 1.0, 1.0, np.ones(2)).damping == 0.0
 
 
 def test_acceleration_law_makes_a_damped_oscillator() -> None:

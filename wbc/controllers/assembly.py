@@ -36,7 +36,7 @@ def assemble(
     """
     lower, upper = box
     n = lower.size
-    stacked, wanted = _weighted(costs, n)
+    stacked, wanted = _weighted(costs)
     P: Array = stacked.T @ stacked
     curved = [rows.curvature for rows in costs if rows.curvature is not None]
     if curved:
@@ -58,17 +58,12 @@ def assemble(
     )
 
 
-def _weighted(costs: Sequence[Rows], n: int) -> tuple[Array, Array]:
+def _weighted(costs: Sequence[Rows]) -> tuple[Array, Array]:
     """Return all rows times their weights, stacked: one product is cheaper than one per task."""
-    size = sum(rows.target.size for rows in costs)
-    stacked, wanted = np.empty((size, n)), np.empty(size)
-    start = 0
-    for rows in costs:
-        end = start + rows.target.size
-        np.multiply(rows.matrix, rows.weight[:, None], out=stacked[start:end])
-        np.multiply(rows.target, rows.weight, out=wanted[start:end])
-        start = end
-    return stacked, wanted
+    stacked = np.concatenate([rows.matrix for rows in costs])
+    weight = np.concatenate([rows.weight for rows in costs])
+    stacked *= weight[:, None]
+    return stacked, weight * np.concatenate([rows.target for rows in costs])
 
 
 def convexified(H: Array) -> Array:

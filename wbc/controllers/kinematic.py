@@ -8,7 +8,6 @@ The only memory between ticks is the solver's warm start.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -105,7 +104,7 @@ class KinematicController:
     def _rows(self, residuals: Sequence[Residual]) -> list[Rows]:
         """Apply the velocity law to every task."""
         return [
-            velocity_law(residual, task.gain / self.dt, task.weight, task.lm_damping)
+            velocity_law(residual, task.gain, self.dt, task.weight, task.lm_damping)
             for task, residual in zip(self.tasks, residuals, strict=True)
         ]
 
@@ -114,7 +113,7 @@ class KinematicController:
         held = []
         for contact in self.contacts:
             residual = contact.residual(snapshot)
-            held.append(velocity_law(residual, contact.gain / self.dt, contact.weight))
+            held.append(velocity_law(residual, contact.gain, self.dt, contact.weight))
         return held
 
     def _qp(self, snapshot: Snapshot, rows: list[Rows], contacts: list[Rows]) -> QP:
@@ -192,4 +191,4 @@ def _outweighing(recovery: Rows, rows: Sequence[Rows]) -> Rows:
     squared = [np.square(row.matrix).sum(axis=1) * np.square(row.weight) for row in rows]
     heaviest = max(float(row.max(initial=0.0)) for row in squared)
     weight = np.sqrt(RECOVERY_FACTOR * max(heaviest, 1e-6))
-    return replace(recovery, weight=weight * recovery.weight)
+    return recovery._replace(weight=weight * recovery.weight)

@@ -85,8 +85,8 @@ RotationTarget = Annotated[
     Discriminator(
         _rotation_form,
         custom_error_type="form",
-        custom_error_message="expected {{rpy: [roll, pitch, yaw]}} in radians, "
-        "{{quaternion: [x, y, z, w]}}, or start",
+        custom_error_message="expected {rpy: [roll, pitch, yaw]} in radians, "
+        "{quaternion: [x, y, z, w]}, or start",
     ),
 ]
 
@@ -131,6 +131,6 @@ PostureTarget = Annotated[
     Discriminator(
         _posture_form,
         custom_error_type="form",
-        custom_error_message="expected the name of a posture, {{joint: value}}, or start",
+        custom_error_message="expected the name of a posture, {joint: value}, or start",
     ),
 ]

@@ -8,6 +8,7 @@ weight mean the same on a small and on a large robot.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Unpack
 
@@ -51,8 +52,9 @@ class InertiaTask(Task):
         Divide error and Jacobian by the robot's mass; weights are then in 1/(m^2/s).
     second_order:
         Add the curvature of the inertia to the cost. With a target out of reach the error stays
-        large, and Gauss-Newton (which leaves curvature out) chatters or creeps; this converges like
-        Newton's method, for about 200 us more per tick. The turning of a named frame is left out.
+        large; Gauss-Newton leaves curvature out, and the damping that keeps it from chattering
+        makes it slow. This converges like Newton's method, for about 200 us more per tick. The
+        turning of a named frame is left out.
 
     Notes
     -----
@@ -97,21 +99,33 @@ class InertiaTask(Task):
         actual = self._selection @ strung(snapshot.inertia_in(self.frame))
         jacobian = self._selection @ snapshot.inertia_jacobian_in(self.frame)
         error = actual - self._wanted
-        curvature = self._curvature(snapshot, error) if self.second_order else None
-        return Residual(error, jacobian, self._bias, curvature)
+        weighted = self.weight * error
+        weighted *= self.weight
+        pull = weighted @ self._selection  # the cost's slope by entry
+        if self.second_order:
+            return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
+        bound = curvature_bound(pull, snapshot.inertia)
+        return Residual(error, jacobian, self._bias, curvature_bound=bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at zero acceleration of v."""
         return self._selection @ snapshot.inertia_drift_in(self.frame)
 
-    def _curvature(self, snapshot: Snapshot, error: Array) -> Array:
+    def _curvature(self, snapshot: Snapshot, pull: Array) -> Array:
         """Return the Hessian of <G, I> with G the cost's derivative by the inertia, held fixed."""
-        by_entry = self._selection.T @ (np.square(self.weight) * error)
-        G = matrix(by_entry * _HALF_OFF_DIAGONAL)
+        G = matrix(pull * _HALF_OFF_DIAGONAL)
         S = snapshot.rotation(BASE)
         if self.frame != WORLD:
             S = snapshot.rotation(self.frame).T @ S
         return snapshot.base_inertia_hessian(S.T @ G @ S)
+
+
+def curvature_bound(pull: Array, inertia: Array) -> float:
+    """Return an estimate of the norm of the Hessian of ``pull @ strung(I)`` by the joints.
+
+    Second derivatives of the inertia are second moments of subtrees, at most tr(I) or so.
+    """
+    return math.sqrt(pull.dot(pull)) * float(inertia[0, 0] + inertia[1, 1] + inertia[2, 2])
 
 
 def _selection(components: Sequence[str]) -> Array:

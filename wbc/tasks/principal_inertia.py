@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import congruence, matrix, strung
-from wbc.tasks.inertia import ALL, FROBENIUS_ROWS
+from wbc.tasks.inertia import ALL, FROBENIUS_ROWS, curvature_bound
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
 
@@ -55,7 +55,10 @@ class PrincipalInertiaTask(Task):
         kept = 1.0 - turning_ratios(moments, self.target)
         reshaped = (congruence(V) * strung(kept)) @ congruence(V.T)  # (6, 6)
         jacobian = reshaped @ snapshot.base_inertia_jacobian
-        return Residual(self._rows @ strung(error), self._rows @ jacobian, self._none)
+        error_rows = self._rows @ strung(error)
+        pull = self._rows.T @ (np.square(self.weight) * error_rows)
+        bound = curvature_bound(pull, snapshot.inertia)
+        return Residual(error_rows, self._rows @ jacobian, self._none, curvature_bound=bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the error at zero acceleration of v."""

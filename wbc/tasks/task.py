@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +18,10 @@ from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 
-@dataclass(frozen=True, slots=True)
-class Residual:
+class Residual(NamedTuple):
     """Error of a task at one state and its first derivative: ``rate == jacobian @ v + bias``.
+
+    A named tuple rather than a frozen dataclass: a tick makes a dozen, at a third of the cost.
 
     Attributes
     ----------
@@ -34,12 +34,15 @@ class Residual:
     curvature:
         (nv, nv) sum over the rows of weight^2 * error * second derivative of the error, or None:
         what Gauss-Newton leaves out of the cost's Hessian. Few tasks give it.
+    curvature_bound:
+        A bound on the norm of that sum where it is not given; the law damps by it.
     """
 
     error: Array
     jacobian: Array
     bias: Array
     curvature: Array | None = None
+    curvature_bound: float = 0.0
 
     def rate(self, v: Array) -> Array:
         """Return the time derivative (k,) of the error at velocity ``v``."""
