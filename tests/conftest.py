@@ -10,8 +10,8 @@ import pytest
 from wbc.robot import Robot, Snapshot
 
 MIXED = Path(__file__).parent / "models" / "mixed_joints.urdf"
-# Two humanoids of very different size, one with locked joints, and a robot of every joint type.
-ROBOTS = ("hoap2_like", "g1_27", "talos", "mixed_joints")
+# Humanoids of very different size, one with locked joints, and a robot of every joint type.
+ROBOTS = ("hoap2_like", "g1_27", "talos", "icub", "romeo", "mixed_joints")
 
 
 @cache

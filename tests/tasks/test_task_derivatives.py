@@ -27,7 +27,13 @@ from wbc.tasks import (
 
 H = 1e-5
 RELATIVE = 1e-6
-FRAMES = {"hoap2_like": "left_palm", "g1_27": "left_sole", "talos": "right_sole"}
+FRAMES = {
+    "hoap2_like": "left_palm",
+    "g1_27": "left_sole",
+    "talos": "right_sole",
+    "icub": "left_sole",
+    "romeo": "right_sole",
+}
 
 
 def some_frame(robot: Robot) -> str:
