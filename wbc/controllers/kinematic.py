@@ -89,7 +89,17 @@ class KinematicController:
         self._no_box = -unlimited, unlimited
 
     def step(self, snapshot: Snapshot) -> Tick:
-        """Return the command for ``snapshot``."""
+        """Return the command for ``snapshot``.
+
+        Raises
+        ------
+        InvalidInputError
+            The snapshot is of another robot.
+        ControllerFailure
+            The QP has no solution and the policy is ``raise``.
+        """
+        if snapshot.robot is not self.robot:
+            raise InvalidInputError(f"controller: {snapshot!r} is of another robot object")
         start = perf_counter()
         residuals = [task.residual(snapshot) for task in self.tasks]
         rows = self._rows(residuals)
