@@ -15,6 +15,7 @@ import numpy as np
 from wbc.constraints.contact import Contact
 from wbc.constraints.limits import BASE_ROWS, Limits
 from wbc.controllers.assembly import assemble
+from wbc.controllers.levels import grouped, kept, level_labels
 from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.laws import Rows, velocity_law
@@ -37,7 +38,7 @@ class KinematicController:
     Parameters
     ----------
     tasks:
-        What to do; names must differ.
+        What to do; names must differ. Their priorities make strict levels, of one QP each.
     contacts:
         Frames that are held; see :func:`wbc.constraints.support`.
     limits:
@@ -80,11 +81,17 @@ class KinematicController:
         self.on_failure = _one_of("failure policy", on_failure, POLICIES)
         self._check_parts()
         self._workspace = (formulation, tuple(contact.labels for contact in self.contacts))
-        self._labels = Labels(
+        self._levels = grouped(self.tasks)
+        labels = Labels(
             equality=sum((contact.labels for contact in self.contacts), ()),
             inequality=(),
             variables=BASE_ROWS + robot.joint_names,
         )
+        above = [
+            [self.tasks[k] for level in self._levels[:depth] for k in level]
+            for depth in range(len(self._levels))
+        ]
+        self._labels = [level_labels(labels, tasks) for tasks in above]
         unlimited = np.full(robot.nv, np.inf)
         self._no_box = -unlimited, unlimited
 
@@ -103,11 +110,18 @@ class KinematicController:
         start = perf_counter()
         residuals = [task.residual(snapshot) for task in self.tasks]
         rows = self._rows(residuals)
-        contacts = self._contact_rows(snapshot)
+        equalities = self._contact_rows(snapshot)
         assembled = perf_counter()
-        qp = self._qp(snapshot, rows, contacts)
+        qp = self._qp(snapshot, rows, equalities, level=0)
         ready = perf_counter()
-        solution = self._solve(qp)
+        solution = self._solve(qp, level=0)
+        for level in range(1, len(self._levels)):
+            if solution.status is not Status.SOLVED:
+                break
+            above = [rows[k] for k in self._levels[level - 1]]
+            equalities = [*equalities, *kept(above, solution.x)]
+            qp = self._qp(snapshot, rows, equalities, level)
+            solution = self._solve(qp, level)
         times = Times(assembled - start, ready - assembled, perf_counter() - ready)
         return self._answer(snapshot, residuals, qp, solution, times)
 
@@ -126,22 +140,24 @@ class KinematicController:
             held.append(velocity_law(residual, contact.gain, self.dt, contact.weight))
         return held
 
-    def _qp(self, snapshot: Snapshot, rows: list[Rows], contacts: list[Rows]) -> QP:
-        """Join costs, contacts and limits."""
+    def _qp(self, snapshot: Snapshot, rows: list[Rows], equalities: list[Rows], level: int) -> QP:
+        """Join the costs of a level, equalities (contacts first) and limits."""
         box = self._no_box
+        rows = rows if len(self._levels) == 1 else [rows[k] for k in self._levels[level]]
         if self.limits is not None:
             box = self.limits.box(snapshot, self.dt)
-            recovery = self.limits.recovery_rows(snapshot, self.dt)
+            recovery = self.limits.recovery_rows(snapshot, self.dt) if level == 0 else None
             if recovery is not None:
                 rows = [*rows, _outweighing(recovery, rows)]
-        return assemble(rows, contacts, box, self._labels, self.damping)
+        return assemble(rows, equalities, box, self._labels[level], self.damping)
 
-    def _solve(self, qp: QP) -> Solution:
+    def _solve(self, qp: QP, level: int) -> Solution:
         """Solve in the chosen formulation; the answer is always that of the full QP."""
-        if self.formulation == "equality" or not self.contacts:
-            return self.backend.solve(qp, workspace=self._workspace)
+        workspace = (*self._workspace, level)
+        if qp.b.size == 0 or (self.formulation == "equality" and level == 0):
+            return self.backend.solve(qp, workspace=workspace)
         elimination = eliminate(qp)
-        return elimination.lift(self.backend.solve(elimination.reduced, workspace=self._workspace))
+        return elimination.lift(self.backend.solve(elimination.reduced, workspace=workspace))
 
     def _answer(
         self,

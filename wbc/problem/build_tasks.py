@@ -214,6 +214,7 @@ def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> Task:
         components=components,
         name=name,
         weight=_weight(spec.weight, components),
+        priority=spec.priority,
     )
 
 
@@ -227,7 +228,7 @@ def _weight(weight: float | Sequence[float], rows: Sequence[str]) -> ArrayLike:
 
 def _law(spec: Any) -> dict[str, Any]:
     """Return the settings that every task with an error to remove has."""
-    return {"gain": spec.gain, "lm_damping": spec.lm_damping}
+    return {"gain": spec.gain, "lm_damping": spec.lm_damping, "priority": spec.priority}
 
 
 def _ramp(

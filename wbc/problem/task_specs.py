@@ -48,7 +48,14 @@ MomentumComponents = Annotated[
 ]
 
 
-class _Settled(Section):
+class _Ranked(Section):
+    """What all tasks have in common."""
+
+    priority: int = Field(default=0, ge=0, le=9)
+    """Strict level, 0 the most important: a level never gives way to a later one."""
+
+
+class _Settled(_Ranked):
     """What tasks with an error to remove have in common."""
 
     gain: Fraction = 0.5
@@ -152,7 +159,7 @@ class PostureSpec(_Settled):
     """Weight of the task [1/(rad/s)]."""
 
 
-class MomentumSpec(Section):
+class MomentumSpec(_Ranked):
     """Centroidal momentum; a rate already, so there is no error to remove by a gain."""
 
     type: Literal["momentum"]

@@ -39,6 +39,7 @@ class PostureTask(Task):
         weight: float = 1.0,
         gain: float = 0.5,
         lm_damping: float = 0.0,
+        priority: int = 0,
     ) -> None:
         factors = _factors(robot, joints or {}, name)
         chosen = np.flatnonzero(factors > 0.0)
@@ -46,7 +47,15 @@ class PostureTask(Task):
             raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
         names = [robot.joint_names[k] for k in chosen]
         weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
-        super().__init__(robot, name, names, weight=weights, gain=gain, lm_damping=lm_damping)
+        super().__init__(
+            robot,
+            name,
+            names,
+            weight=weights,
+            gain=gain,
+            lm_damping=lm_damping,
+            priority=priority,
+        )
         self._joints = slice(None) if chosen.size == factors.size else chosen
         selection = np.zeros((chosen.size, robot.nv))
         selection[np.arange(chosen.size), 6 + chosen] = 1.0

@@ -55,6 +55,7 @@ class Law(TypedDict, total=False):
     weight: ArrayLike
     gain: float
     lm_damping: float
+    priority: int
 
 
 class Task(ABC):
@@ -77,6 +78,9 @@ class Task(ABC):
     lm_damping:
         Levenberg-Marquardt damping: ``lm_damping * |weight * error|`` is added to the diagonal of
         the cost. Keeps a task with an unreachable target from chattering round its optimum.
+    priority:
+        Level, 0 the most important: tasks of a level never give way to those of a later one.
+        Within a level tasks are weighed against each other.
     """
 
     def __init__(
@@ -88,6 +92,7 @@ class Task(ABC):
         weight: ArrayLike = 1.0,
         gain: float = 0.5,
         lm_damping: float = 0.0,
+        priority: int = 0,
     ) -> None:
         self.robot = robot
         self.name = name
@@ -99,6 +104,7 @@ class Task(ABC):
                 f"task {name!r}, gain: {self.gain:g} is above 1 (the whole error in one tick)"
             )
         self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
+        self.priority = int(finite_number(f"task {name!r}, priority", priority, least=0))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, rows={len(self.rows)}, gain={self.gain:g})"

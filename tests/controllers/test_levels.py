@@ -1,0 +1,77 @@
+"""Strict priorities against the null-space recursion, and what a level may not do."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits, support
+from wbc.controllers import KinematicController
+from wbc.tasks import ComTask, InertiaTask, PositionTask, PostureTask
+
+DT = 0.005
+
+
+def test_free_levels_are_the_null_space_recursion(robot_named, rng) -> None:
+    """Oracle: Siciliano and Slotine's recursion with NumPy's pinv, nothing else active."""
+    robot = robot_named("g1_27")
+    here = robot.snapshot(robot.posture("standing"))
+    tasks = [
+        ComTask(robot, here.com + 0.01 * rng.normal(size=3), gain=0.1),
+        PositionTask(robot, "left_sole", here.position("left_sole") + [0, 0, 0.02], priority=1),
+        PositionTask(robot, "right_sole", [1.0, 1.0, 1.0], priority=2, gain=0.01),
+    ]
+    tick = KinematicController(robot, tasks, dt=DT, damping=1e-8, solver="daqp").step(here)
+    assert tick.ok, tick.report()
+    v, N = np.zeros(robot.nv), np.eye(robot.nv)
+    for task in tasks:
+        r = task.residual(here)
+        J = r.jacobian @ N
+        v = v + N @ np.linalg.pinv(J, rcond=1e-9) @ (-task.gain / DT * r.error - r.jacobian @ v)
+        N = N @ (np.eye(robot.nv) - np.linalg.pinv(J, rcond=1e-9) @ J)
+    # The damping of 1e-8 bends each level by about 1e-8 / (smallest singular value)^2.
+    np.testing.assert_allclose(tick.velocity, v, atol=1e-5 * np.abs(v).max())
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1_27", "talos"])
+@pytest.mark.parametrize("mode", ["floating", "left", "double"])
+def test_a_level_never_gives_way(name, mode, robot_named, rng) -> None:
+    """Level 0 achieves the same with and without level 1, to 1e-7, limits active or not."""
+    robot = robot_named(name)
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    first = ComTask(robot, here.com + [0.01, 0.005, 0.0], weight=[1, 1, 0.0], gain=0.02)
+    second = InertiaTask(robot, 2 * here.inertia, per_mass=True, weight=100, priority=1)
+    third = PostureTask(robot, robot.posture("neutral"), priority=2)
+
+    def achieved(*tasks) -> tuple[np.ndarray, np.ndarray]:
+        controller = KinematicController(
+            robot, tasks, contacts=support(here, mode), limits=Limits(robot), dt=DT, damping=1e-4
+        )
+        tick = controller.step(here)
+        assert tick.ok, tick.report()
+        assert tick.solution.residuals.primal < 1e-7
+        return first.residual(here).jacobian[:2] @ tick.velocity, tick.velocity
+
+    alone, without = achieved(first)
+    for tasks in ([first, second], [third, first, second]):
+        together, velocity = achieved(*tasks)
+        np.testing.assert_allclose(together, alone, atol=1e-7)
+        assert np.abs(velocity - without).max() > 1e-3, "the lower level does act"
+
+
+def test_levels_run_warm_in_a_loop(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    start = robot.snapshot(q)
+    tasks = [
+        ComTask(robot, start.com + [0.01, 0, -0.02], gain=0.1),
+        InertiaTask(robot, 3 * start.inertia, per_mass=True, priority=1),
+    ]
+    controller = KinematicController(
+        robot, tasks, contacts=support(start, "double"), limits=Limits(robot), dt=DT
+    )
+    for _ in range(300):
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+    # Weighted against each other the inertia, three times too large, would drag the CoM away.
+    assert np.linalg.norm(tick.errors["com"]) < 1e-6
