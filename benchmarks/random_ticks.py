@@ -19,8 +19,9 @@ import numpy as np
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.robot import Robot
-from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
+from wbc.tasks.task import Law
 
 ROBOTS = ("hoap2_like", "g1", "g1_27", "talos", "icub", "romeo")
 SUPPORTS = ("floating", "left", "right", "double")
@@ -40,21 +41,24 @@ class Record:
     examples: list[str] = field(default_factory=list)
 
 
-def random_tasks(robot: Robot, rng: np.random.Generator, here) -> list:
-    """Targets of inertia, CoM, base orientation and a hand, mostly out of reach."""
+def random_tasks(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list[Task]:
+    """Targets of inertia, CoM, base and some frame, mostly out of reach; weights of any size."""
     frame = robot.frame_names[rng.integers(len(robot.frame_names))]
-    factors = np.exp(rng.normal(scale=0.5, size=3))
-    shape = np.diag(np.diag(here.inertia_in("base")) * factors)
+    shape = np.diag(np.diag(here.inertia_in("base")) * np.exp(rng.normal(scale=0.5, size=3)))
+    com = here.com + rng.normal(scale=0.1, size=3)
+    place = here.position(frame) + rng.normal(scale=0.3, size=3) * 10 ** rng.uniform(-1, 1)
+
+    def law() -> Law:
+        return {"weight": 10 ** rng.uniform(-2, 2), "gain": rng.uniform(0.02, 1)}
+
+    second = bool(rng.integers(2))
     return [
-        InertiaTask(robot, shape, frame="base", per_mass=True, weight=3.0, gain=rng.uniform(0.02,
-        1),
-                    lm_damping=0.01, second_order=bool(rng.integers(2))),
-        ComTask(robot, here.com + rng.normal(scale=0.1, size=3), gain=rng.uniform(0.02, 1)),
-        OrientationTask(robot, "base", here.rotation("base"), weight=0.3, gain=0.2),
-        PositionTask(robot, frame, here.position(frame) + rng.normal(scale=0.3, size=3),
-                     weight=rng.uniform(0, 2), gain=rng.uniform(0.02, 1)),
+        InertiaTask(robot, shape, frame="base", per_mass=True, second_order=second, **law()),
+        ComTask(robot, com, **law()),
+        OrientationTask(robot, "base", here.rotation("base"), **law()),
+        PositionTask(robot, frame, place, priority=int(rng.integers(2)), **law()),
         PostureTask(robot, robot.posture("standing"), weight=0.01, gain=0.1),
-    ]  # fmt: skip
+    ]
 
 
 def episode(robot: Robot, mode: str, rng: np.random.Generator, solver: str, record: Record) -> None:

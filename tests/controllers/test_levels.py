@@ -5,7 +5,7 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.tasks import ComTask, InertiaTask, PositionTask, PostureTask
+from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005
 
@@ -15,17 +15,19 @@ def test_free_levels_are_the_null_space_recursion(robot_named, rng) -> None:
     robot = robot_named("g1_27")
     here = robot.snapshot(robot.posture("standing"))
     tasks = [
-        ComTask(robot, here.com + 0.01 * rng.normal(size=3), gain=0.1),
-        PositionTask(robot, "left_sole", here.position("left_sole") + [0, 0, 0.02], priority=1),
-        PositionTask(robot, "right_sole", [1.0, 1.0, 1.0], priority=2, gain=0.01),
+        ComTask(robot, here.com),
+        PositionTask(robot, "left_sole", here.position("left_sole"), priority=1),
+        PositionTask(robot, "right_sole", here.position("right_sole"), priority=2),
     ]
+    for task in tasks:  # at their targets, which move: no error, so no damping of the tasks' own
+        task.set_target(task.target, rate=rng.normal(size=3))
     tick = KinematicController(robot, tasks, dt=DT, damping=1e-8, solver="daqp").step(here)
     assert tick.ok, tick.report()
     v, N = np.zeros(robot.nv), np.eye(robot.nv)
     for task in tasks:
         r = task.residual(here)
         J = r.jacobian @ N
-        v = v + N @ np.linalg.pinv(J, rcond=1e-9) @ (-task.gain / DT * r.error - r.jacobian @ v)
+        v = v + N @ np.linalg.pinv(J, rcond=1e-9) @ (-r.bias - r.jacobian @ v)
         N = N @ (np.eye(robot.nv) - np.linalg.pinv(J, rcond=1e-9) @ J)
     # The damping of 1e-8 bends each level by about 1e-8 / (smallest singular value)^2.
     np.testing.assert_allclose(tick.velocity, v, atol=1e-5 * np.abs(v).max())
@@ -75,3 +77,18 @@ def test_levels_run_warm_in_a_loop(robot_named) -> None:
         q = robot.integrate(q, v, DT)
     # Weighted against each other the inertia, three times too large, would drag the CoM away.
     assert np.linalg.norm(tick.errors["com"]) < 1e-6
+
+
+def test_a_level_that_takes_everything_leaves_the_next_nothing(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    everything = [
+        PostureTask(robot, robot.posture("neutral")),
+        PositionTask(robot, "base", here.position("base")),
+        OrientationTask(robot, "base", here.rotation("base")),
+    ]
+    last = ComTask(robot, [1, 1, 1], priority=1)
+    alone = KinematicController(robot, everything, limits=Limits(robot)).step(here)
+    tick = KinematicController(robot, [*everything, last], limits=Limits(robot)).step(here)
+    assert tick.ok
+    np.testing.assert_allclose(tick.velocity, alone.velocity, atol=1e-9)

@@ -65,3 +65,41 @@ def test_an_infeasible_qp_is_not_made_to_look_solved(rng: np.random.Generator) -
     polished = polish(far, rough)
     r = kkt_residuals(far, polished.x, polished.y, polished.z, polished.z_box)
     assert r.primal > 1.0
+
+
+def test_bounds_that_nearly_contradict_each_other() -> None:
+    """Two ankles tied by two feet, both pushed to their limits, which differ by 1e-7 of drift.
+
+    Least squares would exceed one limit and not reach the other; the closed form: the tighter one
+    is met, the other is not active.
+    """
+    qp = QP.build(
+        np.eye(2),
+        [-1.0, -1.0],
+        A=[[1.0, -1.0]],
+        b=[2e-7],
+        lower=[-1.0, -1.0],
+        upper=[0.25, 0.25],
+    )
+    rough = Answer(
+        np.array([0.25 + 1e-7, 0.25 - 1e-7]),
+        np.zeros(1),
+        np.zeros(0),
+        np.array([0.75, 0.75]),
+        Status.ITERATION_LIMIT,
+    )
+    polished = polish(qp, rough)
+    np.testing.assert_allclose(polished.x, [0.25, 0.25 - 2e-7], atol=1e-12)
+    np.testing.assert_allclose(polished.z_box, [1.5, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e3])
+def test_small_costs_are_solved_as_well_as_large_ones(scale, rng: np.random.Generator) -> None:
+    """The same QP with its cost scaled has the same optimum."""
+    for _ in range(20):
+        qp = random_qp(rng, 1e-2)
+        scaled = replace(qp, P=scale * qp.P, g=scale * qp.g)
+        first, second = make_backend("proxqp").solve(qp), make_backend("proxqp").solve(scaled)
+        assert first.solved
+        assert second.solved
+        np.testing.assert_allclose(second.x, first.x, atol=1e-6)

@@ -20,7 +20,7 @@ from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.laws import Rows, velocity_law
 from wbc.qp.backend import Backend, make_backend
-from wbc.qp.elimination import eliminate
+from wbc.qp.elimination import Elimination, eliminate
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot, Snapshot
@@ -114,14 +114,17 @@ class KinematicController:
         assembled = perf_counter()
         qp = self._qp(snapshot, rows, equalities, level=0)
         ready = perf_counter()
-        solution = self._solve(qp, level=0)
+        solution = self._solve(qp)
         for level in range(1, len(self._levels)):
+            above = [rows[k] for k in self._levels[level - 1]]
             if solution.status is not Status.SOLVED:
                 break
-            above = [rows[k] for k in self._levels[level - 1]]
             equalities = [*equalities, *kept(above, solution.x)]
-            qp = self._qp(snapshot, rows, equalities, level)
-            solution = self._solve(qp, level)
+            elimination = eliminate(self._qp(snapshot, rows, equalities, level))
+            if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
+                break
+            qp = elimination.full
+            solution = self._solve_reduced(elimination, level)
         times = Times(assembled - start, ready - assembled, perf_counter() - ready)
         return self._answer(snapshot, residuals, qp, solution, times)
 
@@ -151,12 +154,17 @@ class KinematicController:
                 rows = [*rows, _outweighing(recovery, rows)]
         return assemble(rows, equalities, box, self._labels[level], self.damping)
 
-    def _solve(self, qp: QP, level: int) -> Solution:
-        """Solve in the chosen formulation; the answer is always that of the full QP."""
+    def _solve(self, qp: QP) -> Solution:
+        """Solve the first level in the chosen formulation."""
+        if self.formulation == "reduced" and self.contacts:
+            elimination = eliminate(qp)
+            if elimination.reduced.g.size > 0:
+                return self._solve_reduced(elimination, level=0)
+        return self.backend.solve(qp, workspace=self._workspace)
+
+    def _solve_reduced(self, elimination: Elimination, level: int) -> Solution:
+        """Solve without the equalities; the answer is that of the full QP."""
         workspace = (*self._workspace, level)
-        if qp.b.size == 0 or (self.formulation == "equality" and level == 0):
-            return self.backend.solve(qp, workspace=workspace)
-        elimination = eliminate(qp)
         return elimination.lift(self.backend.solve(elimination.reduced, workspace=workspace))
 
     def _answer(

@@ -31,7 +31,7 @@ class PseudoInverseController(KinematicController):
         kwargs["formulation"] = "reduced"
         super().__init__(*args, damping=damping, **kwargs)
 
-    def _solve(self, qp: QP, level: int) -> Solution:
+    def _solve(self, qp: QP) -> Solution:
         """Solve without bounds, clip, and report the residuals of the bounded problem."""
         start = perf_counter()
         elimination = eliminate(qp)

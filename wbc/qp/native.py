@@ -22,6 +22,7 @@ QPs. "Wrong" means status "solved" and KKT residuals that disagree; x was then o
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +32,7 @@ from proxsuite import proxqp
 from wbc.qp.answer import Answer
 from wbc.qp.problem import QP
 from wbc.qp.solution import Status
+from wbc.validate import Array
 
 _RHO = 1e-7
 # The solver is asked for this part of the accuracy promised; see above why.
@@ -57,6 +59,7 @@ class Workspace:
 
     native: Any
     inequalities: int
+    scale: float  # of the cost, as the native solver sees it
 
     @classmethod
     def create(cls, qp: QP, eps: float, max_iterations: int) -> Workspace:
@@ -64,7 +67,8 @@ class Workspace:
         mi = qp.u.size
         native = proxqp.dense.QP(qp.g.size, qp.b.size, mi, True)
         settings = native.settings
-        largest = max(np.abs(part).max(initial=0.0) for part in (qp.P, qp.g, qp.b))
+        scale = _cost_scale(qp.P)
+        largest = max(np.abs(part).max(initial=0.0) for part in (scale * qp.P, scale * qp.g, qp.b))
         settings.eps_abs = max(_MARGIN * eps, _ROUNDING * float(largest))
         settings.eps_rel = 0.0
         settings.check_duality_gap = True
@@ -75,8 +79,9 @@ class Workspace:
         settings.max_iter = max_iterations
         settings.max_iter_in = _INNER
         settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
-        native.init(qp.P, qp.g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
-        return cls(native, mi)
+        P, g = scale * qp.P, scale * qp.g
+        native.init(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
+        return cls(native, mi, scale)
 
     def solve_cold(self) -> Answer:
         """Solve the QP given to :meth:`create`; the workspace is warm afterwards."""
@@ -88,8 +93,9 @@ class Workspace:
     def solve_warm(self, qp: QP) -> Answer:
         """Solve ``qp``, of the same sizes, starting from the last solution."""
         native = self.native
+        P, g = (qp.P, qp.g) if self.scale == 1.0 else (self.scale * qp.P, self.scale * qp.g)
         # Never solve() twice without update(): ProxQP 0.8 then scales the box a second time.
-        native.update(qp.P, qp.g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper, False)
+        native.update(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper, False)
         native.solve()
         return self._answer()
 
@@ -97,13 +103,23 @@ class Workspace:
         results, mi = self.native.results, self.inequalities
         status = results.info.status
         claim = _CLAIMS.get(status, Status.FAILED)
-        z = results.z.copy()  # the native arrays are views that the next solve overwrites
+        z = results.z / self.scale  # copies: the next solve overwrites the native arrays
         return Answer(
             x=results.x.copy(),
-            y=results.y.copy(),
+            y=results.y / self.scale,
             z=z[:mi],
             z_box=z[mi:],
             claim=claim,
             iterations=results.info.iter,
             message="" if claim is Status.SOLVED else status.name,
         )
+
+
+def _cost_scale(P: Array) -> float:
+    """Return a power of two that brings the largest curvature up to 1.
+
+    With a cost of 1e-3 the multipliers of active bounds sink into the accuracy asked for, and
+    ProxQP stops with bounds half active. Costs above 1 are left alone: large multipliers are seen.
+    """
+    largest = float(P.diagonal().max(initial=0.0))
+    return 2.0 ** math.ceil(-math.log2(largest)) if 1e-12 < largest < 1.0 else 1.0

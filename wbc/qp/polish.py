@@ -17,6 +17,7 @@ from wbc.qp.problem import QP
 from wbc.validate import Array
 
 STEPS = 15
+ROOM = 1e-11  # more than rounding leaves at a bound that is met exactly
 
 
 def polish(qp: QP, answer: Answer) -> Answer:
@@ -38,6 +39,10 @@ def polish(qp: QP, answer: Answer) -> Answer:
         held = np.flatnonzero(active)
         bound = np.where(active[held] > 0, upper[held], lower[held])
         x, y, at_bounds = _solve_equalities(qp, rows[held], bound)
+        # Bounds that depend on each other and do not quite agree are shared out by least squares:
+        # one is exceeded a little, another not reached. The one not reached is not active.
+        room = active[held] * (bound - rows[held] @ x)
+        at_bounds[room > ROOM] = 0.0
         multipliers = np.zeros(lower.size)
         multipliers[held] = at_bounds
     return answer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Unpack
@@ -45,12 +46,21 @@ class PointTask(Task):
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m]."""
         rows = self._selected
-        error = (self._place(snapshot) - self.target)[rows]
-        return Residual(error, self._jacobian(snapshot)[rows], -self.target_rate[rows])
+        place = self._place(snapshot)
+        error = (place - self.target)[rows]
+        jacobian, bias = self._jacobian(snapshot)[rows], -self.target_rate[rows]
+        bound = self._curvature_bound(error, place - snapshot.position("base"))
+        return Residual(error, jacobian, bias, curvature_bound=bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the point's acceleration at zero acceleration of v, less the target's [m/s^2]."""
         return (self._acceleration(snapshot) - self.target_acceleration)[self._selected]
+
+    def _curvature_bound(self, error: Array, lever: Array) -> float:
+        """Estimate the curvature left out: joints turn the point on levers like this one."""
+        pull = self.weight * error
+        pull *= self.weight
+        return math.sqrt(pull.dot(pull) * lever.dot(lever))
 
     @abstractmethod
     def _place(self, snapshot: Snapshot) -> Array:
