@@ -16,6 +16,7 @@ FLOORS = {
     "tasks": 2,
     "constraints": 2,
     "laws": 2,
+    "reduction": 2,
     "controllers": 3,
     "problem": 4,
     "view": 5,
@@ -25,6 +26,7 @@ FLOORS = {
 STRANGERS = [{"robot", "rmp", "qp"}]
 # Third-party packages and the only rooms that may import them.
 ONLY_IN = {
+    "casadi": {"rmp"},
     "pinocchio": {"robot"},
     "coal": {"robot"},
     "proxsuite": {"qp"},

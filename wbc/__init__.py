@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from wbc.controllers import KinematicController, PseudoInverseController, Tick
     from wbc.errors import WbcError
     from wbc.problem import load_problem
+    from wbc.reduction import RmpState, reduce
     from wbc.robot import Robot, Snapshot, robot_names
     from wbc.tasks import (
         AxisTask,
@@ -41,12 +42,14 @@ _HOMES = {
     "PostureTask": "wbc.tasks",
     "PrincipalInertiaTask": "wbc.tasks",
     "PseudoInverseController": "wbc.controllers",
+    "RmpState": "wbc.reduction",
     "Robot": "wbc.robot",
     "Snapshot": "wbc.robot",
     "Task": "wbc.tasks",
     "Tick": "wbc.controllers",
     "WbcError": "wbc.errors",
     "load_problem": "wbc.problem",
+    "reduce": "wbc.reduction",
     "robot_names": "wbc.robot",
     "support": "wbc.constraints",
 }
@@ -66,12 +69,14 @@ __all__ = [
     "PostureTask",
     "PrincipalInertiaTask",
     "PseudoInverseController",
+    "RmpState",
     "Robot",
     "Snapshot",
     "Task",
     "Tick",
     "WbcError",
     "load_problem",
+    "reduce",
     "robot_names",
     "support",
 ]

@@ -1,0 +1,170 @@
+"""Where the ground pushes: centre of pressure, centroidal moment pivot, support polygon.
+
+The ground is flat, at height z0, with the normal n = +z. Its push on the robot is given as the
+force f_r and its moment about the CoM, which is the rate of the centroidal angular momentum k'_c if
+nothing else but gravity acts (paper 8.1). Arrays may carry leading axes, such as one over frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_array
+
+# A ground that pushes with less than this fraction of the weight is taken as not touched: the CoP
+# divides by the push, and would be made of rounding and measuring errors.
+FLIGHT = 0.01
+STANDARD_GRAVITY = 9.81  # m/s^2
+# How far a corner may lie inside the hull of the others, as a fraction of the polygon's size^2.
+CONVEX = 1e-9
+
+Wrench = tuple[ArrayLike, ArrayLike]
+
+
+def pressed(force: Array, mass: float) -> Array:
+    """Return where the ground is pushed on (...,), bool: n . f_r is above ``FLIGHT`` M g.
+
+    False means flight, or a motion that only a ground that pulls could give (n . f_r < 0).
+
+    Parameters
+    ----------
+    force:
+        Ground reaction force f_r (..., 3) [N].
+    mass:
+        Mass M of the robot [kg].
+    """
+    return np.asarray(force[..., 2] > FLIGHT * STANDARD_GRAVITY * mass)
+
+
+def centre_of_pressure(com: Array, force: Array, moment: Array, height: float = 0.0) -> Array:
+    """Return the CoP (..., 3) [m]: the point of the ground about which f_r only turns about n.
+
+    p = n x (k'_c + c x f_r) / (n . f_r), heights measured from the ground. It may lie outside the
+    support polygon: then the motion is infeasible.
+
+    Parameters
+    ----------
+    com:
+        CoM c (..., 3) [m].
+    force:
+        Ground reaction force f_r (..., 3) [N], pushing in every frame (see :func:`pressed`).
+    moment:
+        Its moment about the CoM, k'_c (..., 3) [N m].
+    height:
+        Height z0 of the ground [m].
+
+    Raises
+    ------
+    InvalidInputError
+        The ground does not push somewhere: there is no CoP in flight.
+    """
+    p = centroidal_moment_pivot(com, force, height)
+    p[..., 0] -= moment[..., 1] / force[..., 2]
+    p[..., 1] += moment[..., 0] / force[..., 2]
+    return p
+
+
+def centroidal_moment_pivot(com: Array, force: Array, height: float = 0.0) -> Array:
+    """Return the CMP (..., 3) [m]: where the line through the CoM along f_r meets the ground.
+
+    CMP - CoP is n x k'_c / -(n . f_r), so it measures the rate of the angular momentum.
+    Parameters and errors as of :func:`centre_of_pressure`.
+    """
+    normal = force[..., 2:]
+    if not (normal > 0.0).all():
+        raise InvalidInputError(
+            "ground reaction: the ground does not push up, so there is neither CoP nor CMP; leave"
+            " out the frames that are in flight"
+        )
+    point = np.array(com - force * ((com[..., 2:] - height) / normal))
+    point[..., 2] = height
+    return point
+
+
+def normal_moment(com: Array, force: Array, moment: Array, point: Array) -> Array:
+    """Return n . m_r (...,) [N m]: the moment about n through a point of the ground.
+
+    n . (k'_c + (c - p) x f_r), paper 8.1 as corrected; at the CoP p it is all of the moment.
+    """
+    x, y = com[..., 0] - point[..., 0], com[..., 1] - point[..., 1]
+    return np.asarray(moment[..., 2] + x * force[..., 1] - y * force[..., 0])
+
+
+def total_wrench(wrenches: Iterable[Wrench], about: Array) -> tuple[Array, Array]:
+    """Return the sum of contact wrenches: force (3,) [N] and moment (3,) [N m] about a point.
+
+    Parameters
+    ----------
+    wrenches:
+        Pairs (position (3,), wrench (6,)): force and moment about that position, world axes.
+    about:
+        The point (3,) that the returned moment is about.
+
+    Raises
+    ------
+    InvalidInputError
+        Something that is not such a pair of finite numbers; the message says which.
+    """
+    force, moment = np.zeros(3), np.zeros(3)
+    for k, pair in enumerate(wrenches):
+        try:
+            position, wrench = pair
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"wrenches[{k}]: expected a pair (position (3,), wrench (6,)), got {pair!r}"
+            ) from error
+        p = finite_array(f"wrenches[{k}], position", position, (3,))
+        w = finite_array(f"wrenches[{k}], wrench", wrench, (6,))
+        force += w[:3]
+        moment += w[3:] + np.cross(p - about, w[:3])
+    return force, moment
+
+
+def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
+    """Return how far inside a convex polygon points lie (...,) [m]; negative outside.
+
+    The distance to the nearest point of the polygon's edge, in both cases.
+
+    Parameters
+    ----------
+    polygon:
+        Corners (k, 2) [m] of a convex polygon, counter-clockwise. One or two corners are a point
+        or segment, which has no inside: the margin is then at most zero.
+    points:
+        Points (..., 2) [m].
+
+    Raises
+    ------
+    InvalidInputError
+        No corners, not finite, or not convex and counter-clockwise.
+    """
+    corners = checked_polygon(polygon)
+    tested = finite_array("points", points, (*np.shape(points)[:-1], 2))
+    edges = np.roll(corners, -1, axis=0) - corners  # (k, 2)
+    arms = tested[..., None, :] - corners  # (..., k, 2)
+    squares = (edges * edges).sum(axis=-1)
+    along = (arms * edges).sum(axis=-1) / np.where(squares > 0.0, squares, 1.0)
+    away = arms - np.clip(along, 0.0, 1.0)[..., None] * edges
+    distance = np.sqrt((away * away).sum(axis=-1).min(axis=-1))
+    if len(corners) < 3:
+        return np.asarray(0.0 - distance)
+    left = edges[:, 0] * arms[..., 1] - edges[:, 1] * arms[..., 0]  # (..., k)
+    return np.where((left >= 0.0).all(axis=-1), distance, -distance)
+
+
+def checked_polygon(polygon: ArrayLike) -> Array:
+    """Return the corners (k, 2) as a fresh array; for the errors see :func:`polygon_margin`."""
+    rows = len(polygon) if isinstance(polygon, (list, tuple, np.ndarray)) else 0
+    if rows == 0:
+        raise InvalidInputError("polygon: needs corners [[x, y], ...]")
+    corners = finite_array("polygon", polygon, (rows, 2))
+    edges = np.roll(corners, -1, axis=0) - corners
+    arms = corners - corners[:, None]  # (edge, corner, 2)
+    left = edges[:, :1] * arms[..., 1] - edges[:, 1:] * arms[..., 0]
+    if left.min() < -CONVEX * float(np.square(edges).sum()):
+        raise InvalidInputError("polygon: corners must be those of a convex polygon, anticlockwise")
+    return corners
