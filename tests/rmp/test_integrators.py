@@ -1,0 +1,175 @@
+"""Steps against motions known in closed form, against each other, and what they must keep."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.drift import compare_steps, measure_drift
+from wbc.rmp.integrators import energy_momentum, rollout, runge_kutta
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+from wbc.rmp.springs import Springs
+
+Array = NDArray[np.float64]
+M, G = 20.0, 9.81
+SOLID, ANGLES = SolidRmp(M, G), EulerSolidRmp(M, G)
+SPRINGS = Springs(leg=4000.0, leg_rest=1.0, masses=3000.0, masses_rest=np.array((0.3, 0.35, 0.4)))
+
+# A body that turns on a swinging, bouncing leg: both descriptions of one state.
+LEG, LEG_RATE = (0.0, 0.0, -np.pi / 2 + 0.3, 0.2, 1.0), (0.0, 0.0, 0.5, 0.4, 0.1)
+RADII, RADII_RATE = (0.3, 0.35, 0.4), (0.1, 0.0, -0.1)
+TUMBLING = np.array((*LEG, 0, 0, 0, 1, *RADII, *LEG_RATE, 1.0, 4.0, 0.5, *RADII_RATE))
+TUMBLING_ANGLES = np.array((*LEG, 0, 0, 0, *RADII, *LEG_RATE, -4.0, 1.0, 0.5, *RADII_RATE))
+
+
+def test_the_group_step_keeps_energy_and_momentum() -> None:
+    """Rounding of 20,000 steps adds up to some 1e-14 of the start. Runge and Kutta's error does
+    not stay there, and grows near the angles' singular orientation."""
+    found = compare_steps(20_000)
+    kept, plain, angles = (
+        found[name] for name in ("energy_momentum", "runge_kutta", "runge_kutta_angles")
+    )
+    assert max(kept.energy, kept.spin, kept.yaw) < 1e-12
+    assert plain.energy > 1e-7
+    assert plain.spin > 1e-8
+    assert angles.spin > 10 * plain.spin
+
+
+def test_the_group_step_keeps_them_at_any_step_that_can_be_solved() -> None:
+    """At 20 ms Runge and Kutta's energy is off by parts in ten thousand and more."""
+    step = energy_momentum(SOLID, 0.02, SPRINGS)
+    kept = measure_drift(SOLID, step, SPRINGS, TUMBLING, 2000)
+    assert max(kept.energy, kept.spin, kept.yaw) < 1e-12
+    plain = runge_kutta(SOLID, 0.02, SPRINGS)
+    assert measure_drift(SOLID, plain, SPRINGS, TUMBLING, 2000).energy > 1e-4
+
+
+def test_both_descriptions_move_alike() -> None:
+    """Body rates and angles, from one state: CoM and radii after half a second."""
+    ends = []
+    for model, start in ((SOLID, TUMBLING), (ANGLES, TUMBLING_ANGLES)):
+        end = rollout(runge_kutta(model, 1e-3, SPRINGS), start, np.zeros(11), 500)[-1]
+        nq = len(model.Q)
+        k_G, k_P = model.momenta(end[:nq], end[nq:])
+        ends.append(np.concatenate((*model.com(end[:nq], end[nq:]), end[nq - 3 : nq], k_G, k_P)))
+    # Both off by the fourth power of 1e-3 times rates of some 30 rad/s.
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-6)
+
+
+def flying_apart(t: float, r0: float, w0: float) -> tuple[float, float, float, float]:
+    """Return r, r', angle and rate of free masses that start across the radius: straight lines."""
+    r = r0 * np.sqrt(1 + (w0 * t) ** 2)
+    return r, r0**2 * w0**2 * t / r, np.arctan(w0 * t), w0 / (1 + (w0 * t) ** 2)
+
+
+@pytest.mark.parametrize(("make", "order"), [(runge_kutta, 4), (energy_momentum, 2)])
+def test_masses_let_go_fly_along_straight_lines(make, order: int) -> None:  # type: ignore[no-untyped-def]
+    """Two equal pairs spin about the third axis, the CoM falls: known in closed form."""
+    w0, r0, t = 2.0, 0.3, 1.0
+    q = np.array((0.3, 0, 1.2, 0.1, 0.9, 0, 0, 0, 1, r0, r0, 0.2))
+    start = np.concatenate((q, (0, 0, 0.5, -0.4, 0.3, 0, 0, w0, 0, 0, 0)))
+    c, rate = SOLID.com(start[:12], start[12:])
+    r, slide, angle, spin = flying_apart(t, r0, w0)
+    mass = (r, r, 0.2, 0, 0, spin, slide, slide, 0)
+    errors = []
+    for count in (80, 160, 320):
+        end = rollout(make(SOLID, t / count), start, np.zeros(11), count)[-1]
+        com, com_rate = SOLID.com(end[:12], end[12:])
+        got = np.concatenate((end[9:12], end[17:], com, com_rate, (2 * np.arctan2(*end[7:9]),)))
+        fall = c + rate * t - (0, 0, G * t**2 / 2), rate - (0, 0, G * t)
+        errors.append(np.abs(got - np.concatenate((mass, *fall, (angle,)))).max())
+    assert errors[-1] < 1e-3
+    ratios = np.array(errors[:-1]) / errors[1:]
+    # Within a fifth of 2^order: the next order's share at these steps.
+    np.testing.assert_allclose(ratios, 2.0**order, rtol=0.2)
+
+
+def driven_inputs(count: int) -> Array:
+    """CoP accelerations, leg torques and force, torques and pushes on the masses."""
+    rng = np.random.default_rng(12)
+    size = np.array((1, 1, 5, 5, 40, 2, 2, 2, 4, 4, 4))
+    return np.asarray(np.repeat(rng.normal(size=(4, 11)) * size, count // 4, axis=0))
+
+
+def test_all_steps_agree_on_a_driven_motion() -> None:
+    """Every input at work, the CoP too: Runge and Kutta's fine solution is the reference."""
+    u = driven_inputs(4000)
+    fine = rollout(runge_kutta(SOLID, 1e-4, SPRINGS), TUMBLING, u, 4000)[-1]
+    errors = []
+    for count in (400, 800):
+        step = energy_momentum(SOLID, 0.4 / count, SPRINGS)
+        end = rollout(step, TUMBLING, driven_inputs(count), count)[-1]
+        errors.append(np.abs(end - fine).max())
+    assert errors[-1] < 1e-3
+    assert 3.8 < errors[0] / errors[1] < 4.2
+
+
+def test_energy_changes_by_the_work_done() -> None:
+    """Leg force, torques on the masses and pushes, over one long step: exact, not to some order."""
+    step = energy_momentum(SOLID, 0.01, SPRINGS)
+    u = np.array((0, 0, 0, 0, 50.0, 2.0, -3.0, 1.0, 6.0, -4.0, 5.0))
+    before, after = rollout(step, TUMBLING, u, 1)
+
+    def moments(x: Array) -> Array:
+        return M / 3 * (np.sum(x[9:12] ** 2) - x[9:12] ** 2)
+
+    def energy(x: Array) -> float:
+        return sum(SOLID.energies(x[:12], x[12:])) + float(SPRINGS.energy(SOLID, x[:12]))
+
+    I0, I1 = moments(before), moments(after)
+    turned = 0.01 * (1 / I0 + 1 / I1) / 2 * (I0 * before[17:20] + I1 * after[17:20]) / 2
+    work = 50.0 * (after[4] - before[4]) + u[5:8] @ turned + u[8:] @ (after - before)[9:12]
+    # Rounding of energies of some 300 J.
+    assert abs(energy(after) - energy(before) - work) < 1e-11
+    assert abs(work) > 0.01
+
+
+def test_planar_steps_keep_energy_to_fourth_order() -> None:
+    model = PlanarRmp(M, G)
+    springs = Springs(leg=4000.0, leg_rest=1.0, masses=3000.0, masses_rest=np.array((0.4,)))
+    start = np.array((0, -1.2, 1.0, 0.3, 0.4, 0, 0.5, 0.1, 3.0, 0.2))
+
+    def loss(count: int) -> float:
+        end = rollout(runge_kutta(model, 1.0 / count, springs), start, np.zeros(5), count)[-1]
+        ends = (start, end)
+        totals = [
+            sum(model.energies(x[:5], x[5:])) + float(springs.energy(model, x[:5])) for x in ends
+        ]
+        return abs(totals[1] - totals[0])
+
+    assert loss(400) < 1e-4
+    # The energy error of a fourth-order step falls at least 16 times; 32 where it oscillates.
+    assert loss(200) / loss(400) > 14.0
+
+
+def test_rolled_out_states_are_those_of_single_steps() -> None:
+    """Across the boundary of the chunks, with inputs of their own."""
+    step = runge_kutta(PlanarRmp(M, G), 1e-3)
+    rng = np.random.default_rng(2)
+    u = rng.normal(size=(1003, 5))
+    states = rollout(step, (0, 1.5, 0.9, 0, 0.4, 0, 0, 0, 0, 0), u, 1003)
+    x = states[0]
+    for each, expected in zip(u, states[1:], strict=True):
+        x = step(x, each)[0].full().ravel()
+        np.testing.assert_array_equal(x, expected)
+
+
+def test_mistakes_are_named() -> None:
+    for make in (runge_kutta, energy_momentum):
+        with pytest.raises(InvalidInputError, match="dt: must be greater than 0"):
+            make(SOLID, 0.0)
+    with pytest.raises(InvalidInputError, match=r"at step 1 the implicit equations are not solved"):
+        rollout(energy_momentum(SOLID, 0.2, SPRINGS), TUMBLING, np.zeros(11), 5)
+    with pytest.raises(InvalidInputError, match=r"start: expected shape \(23,\)"):
+        rollout(energy_momentum(SOLID, 0.01), TUMBLING[:-1], np.zeros(11), 5)
+    with pytest.raises(InvalidInputError, match=r"inputs: expected shape \(5, 11\)"):
+        rollout(energy_momentum(SOLID, 0.01), TUMBLING, np.zeros((4, 11)), 5)
+    flat = TUMBLING.copy()
+    flat[9:12] = 0.0
+    with pytest.raises(InvalidInputError, match="at step 1 the state is no longer finite"):
+        rollout(runge_kutta(SOLID, 0.01), flat, np.zeros(11), 5)
+    with pytest.raises(InvalidInputError, match="springs: leg: must be at least 0"):
+        Springs(-1.0, 1.0, 0.0, np.zeros(3))
+    with pytest.raises(InvalidInputError, match="holds 3 lengths, but a PlanarRmp has 1 radii"):
+        runge_kutta(PlanarRmp(M, G), 0.01, SPRINGS)

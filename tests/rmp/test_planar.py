@@ -1,0 +1,298 @@
+"""The planar pendulum against the paper's closed forms, corrected, and first principles."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.planar import PlanarRmp
+
+Array = NDArray[np.float64]
+M, G = 21.5, 9.81
+# Rounding of some hundred operations on numbers up to a thousand.
+EXACT = {"rtol": 1e-11, "atol": 1e-9}
+
+
+@pytest.fixture(scope="module")
+def model() -> PlanarRmp:
+    return PlanarRmp(M, G)
+
+
+def state(seed: int, cop: bool = True) -> tuple[Array, Array, Array]:
+    """Return random (q, v, a); without ``cop`` the CoP rests."""
+    rng = np.random.default_rng(seed)
+    q = np.array((rng.normal(), *rng.uniform((-3, 0.3, -3, 0.1), (3, 1.2, 3, 0.6))))
+    v, a = 2.0 * rng.normal(size=5), 5.0 * rng.normal(size=5)
+    if not cop:
+        v[0] = a[0] = 0.0
+    return q, v, a
+
+
+def paper_forces(q: Array, v: Array, a: Array) -> Array:
+    """Eqs. 22, 20, 23, 21 for a resting CoP, in the order (tau_theta, f_l, tau, f)."""
+    _, th, rl, _, r = q
+    _, dth, drl, dal, dr = v
+    _, ddth, ddrl, ddal, ddr = a
+    tau = M * r**2 * (ddth + ddal) + 2 * M * r * dr * (dth + dal)
+    return np.array(
+        (
+            tau + M * rl**2 * ddth + 2 * M * rl * drl * dth + M * G * rl * np.cos(th),
+            M * ddrl - M * rl * dth**2 + M * G * np.sin(th),
+            tau,
+            M * ddr - M * r * (dth + dal) ** 2,
+        )
+    )
+
+
+def masses(q: Array) -> Array:
+    """Return the (2, 2) places of the masses M/2, from geometry alone."""
+    x, th, rl, al, r = q
+    c = np.array((x + rl * np.cos(th), rl * np.sin(th)))
+    arm = r * np.array((np.cos(th + al), np.sin(th + al)))
+    return np.array((c + arm, c - arm))
+
+
+def along(q: Array, v: Array, a: Array, t: complex) -> Array:
+    return np.asarray(q + v * t + a * t**2 / 2)
+
+
+def first_rate(function, q: Array, v: Array, a: Array) -> Array:  # type: ignore[no-untyped-def]
+    """d/dt of an analytic function of q, by a complex step: exact to rounding."""
+    return np.asarray(np.imag(function(along(q, v, a, 1e-30j))) / 1e-30)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_closed_forms_20_to_23(model: PlanarRmp, seed: int) -> None:
+    q, v, a = state(seed, cop=False)
+    np.testing.assert_allclose(model.inverse_dynamics(q, v, a), paper_forces(q, v, a), **EXACT)
+    np.testing.assert_allclose(model.forward_dynamics(q, v, paper_forces(q, v, a)), a, **EXACT)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_energies_and_momenta_are_those_of_two_point_masses(model: PlanarRmp, seed: int) -> None:
+    """With a moving CoP too; velocities of the masses by a complex step."""
+    q, v, a = state(seed)
+
+    rates, points = first_rate(masses, q, v, a), masses(q)
+    c = points.mean(axis=0)
+    T = M / 4 * np.sum(rates**2)
+    V = M / 2 * G * points[:, 1].sum()
+    np.testing.assert_allclose(model.energies(q, v), (T, V), **EXACT)
+
+    def momentum(about: Array) -> float:
+        arms = points - about
+        return float(M / 2 * np.sum(arms[:, 0] * rates[:, 1] - arms[:, 1] * rates[:, 0]))
+
+    expected = (momentum(c), momentum(np.array((q[0], 0.0))))
+    np.testing.assert_allclose(model.momenta(q, v), expected, **EXACT)
+    np.testing.assert_allclose(model.com(q, v)[0], c, **EXACT)
+    np.testing.assert_allclose(model.com(q, v)[1], rates.mean(axis=0), **EXACT)
+
+
+def test_printed_momenta(model: PlanarRmp) -> None:
+    q, v, _ = state(3, cop=False)
+    k_G = M * q[4] ** 2 * (v[1] + v[3])
+    np.testing.assert_allclose(model.momenta(q, v), (k_G, k_G + M * q[2] ** 2 * v[1]), **EXACT)
+
+
+def momenta_by_hand(q: Array, v: Array) -> Array:
+    """(k_G, k_P) with the CoM's absolute velocity, also for complex numbers."""
+    k_G = M * q[4] ** 2 * (v[1] + v[3])
+    return np.array((k_G, k_G + M * q[2] ** 2 * v[1] - M * q[2] * np.sin(q[1]) * v[0]))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_torques_are_rates_of_momentum(model: PlanarRmp, seed: int) -> None:
+    """tau = k_G', tau_theta = k_P' + M g r_l cos(theta) + M x_cop' z_com'."""
+    q, v, a = state(seed)
+    np.testing.assert_allclose(model.momenta(q, v), momenta_by_hand(q, v), **EXACT)
+    t = 1e-30j
+    rates = np.imag(momenta_by_hand(along(q, v, a, t), v + a * t)) / 1e-30
+    tau_theta, _, tau, _ = model.inverse_dynamics(q, v, a)
+    rest = M * G * q[2] * np.cos(q[1]) + M * v[0] * model.com(q, v)[1][1]
+    np.testing.assert_allclose((tau, tau_theta), rates + (0.0, rest), **EXACT)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_ground_reaction(model: PlanarRmp, seed: int) -> None:
+    """M (c'' - g) by hand in polar coordinates; its horizontal part is the CoP's row of M a + b."""
+    q, v, a = state(seed)
+    _, th, rl, _, _ = q
+    n, t = np.array((np.cos(th), np.sin(th))), np.array((-np.sin(th), np.cos(th)))
+    radial, across = a[2] - rl * v[1] ** 2, rl * a[1] + 2 * v[2] * v[1]
+    expected = M * (radial * n + across * t + (a[0], 0.0) + (0.0, G))
+    np.testing.assert_allclose(model.ground_reaction(q, v, a), expected, **EXACT)
+    row = model.mass_matrix(q)[0] @ a + model.bias(q, v)[0]
+    np.testing.assert_allclose(row, expected[0], **EXACT)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_newton_and_euler_with_a_moving_cop(model: PlanarRmp, seed: int) -> None:
+    """k_G' = (p - c) x f_r + m, with the torque m of the foot = tau_theta: the CoP's own motion
+    enters the accelerations only."""
+    q, v, a = state(seed)
+    f = model.inverse_dynamics(q, v, a)
+    reaction = model.ground_reaction(q, v, a)
+    lever = np.array((q[0], 0.0)) - model.com(q, v)[0]
+    moment = lever[0] * reaction[1] - lever[1] * reaction[0] + f[0]
+    np.testing.assert_allclose(f[2], moment, **EXACT)
+    np.testing.assert_allclose(model.forward_dynamics(q, v, f, cop_acceleration=a[0]), a, **EXACT)
+
+
+def test_mass_matrix_is_singular_for_the_cop_alone(model: PlanarRmp) -> None:
+    """Four inertias for five velocities; the rest is positive definite."""
+    q, v, _ = state(1)
+    full = model.mass_matrix(q)
+    np.testing.assert_array_equal(full, full.T)
+    np.testing.assert_allclose(v @ full @ v / 2, model.energies(q, v)[0], **EXACT)
+    assert np.linalg.matrix_rank(full, tol=1e-9) == 4
+    assert np.linalg.eigvalsh(full[1:, 1:]).min() > 0.1
+
+
+@pytest.mark.parametrize("degrees", (60.0, 80.0, 100.0))
+def test_static_lean(model: PlanarRmp, degrees: float) -> None:
+    """tau = -M g r_l cos(theta_c) holds the leg still without a torque at the foot."""
+    th, rl, r = np.radians(degrees), 0.8, 0.3
+    q, v = np.array((0.0, th, rl, 0.2, r)), np.array((0.0, 0.0, 0.0, 1.5, 0.0))
+    tau = -M * G * rl * np.cos(th)
+    force = (0.0, M * G * np.sin(th), tau, -M * r * 1.5**2)
+    expected = (0.0, 0.0, 0.0, tau / (M * r**2), 0.0)
+    np.testing.assert_allclose(model.forward_dynamics(q, v, force), expected, **EXACT)
+    # As printed, with r in the place of r_l, the leg falls.
+    printed = (0.0, force[1], -M * G * r * np.cos(th), force[3])
+    assert abs(model.forward_dynamics(q, v, printed)[1]) > 1.0
+
+
+def test_printed_energy_does_not_give_the_printed_equations() -> None:
+    """Eq. 19 has theta'^2 + alpha'^2 for (theta' + alpha')^2: its tau lacks theta''.
+
+    d/dt of dT/d(alpha') = M r^2 alpha' against eq. 23.
+    """
+    q, v, a = state(5, cop=False)
+    from_19 = M * q[4] ** 2 * a[3] + 2 * M * q[4] * v[4] * v[3]
+    missing = M * q[4] ** 2 * a[1] + 2 * M * q[4] * v[4] * v[1]
+    eq_23 = paper_forces(q, v, a)[2]
+    assert abs(eq_23 - from_19) > 0.1
+    np.testing.assert_allclose(from_19 + missing, eq_23, **EXACT)
+    np.testing.assert_allclose(PlanarRmp(M, G).inverse_dynamics(q, v, a)[2], eq_23, **EXACT)
+
+
+def test_without_radius_it_is_an_inverted_pendulum(model: PlanarRmp) -> None:
+    """At any r the leg moves as a pendulum with the torque tau_theta - tau; at r = 0, tau = 0."""
+    q, v, a = state(8, cop=False)
+    f = np.array((1.5, 200.0, -0.7, 3.0))
+    _, th, rl, _, _ = q
+    ddth = ((f[0] - f[2]) / M - 2 * rl * v[2] * v[1] - G * rl * np.cos(th)) / rl**2
+    ddrl = f[1] / M + rl * v[1] ** 2 - G * np.sin(th)
+    for r in (0.4, 1e-3, 1e-6):
+        q[4] = r
+        # Relative: the wheel's acceleration grows as 1 / r^2, and rounding with it.
+        got = model.forward_dynamics(q, v, f)[1:3]
+        np.testing.assert_allclose(got, (ddth, ddrl), rtol=1e-9)
+    q[4] = v[4] = a[4] = 0.0
+    forces = model.inverse_dynamics(q, v, a)
+    pendulum = M * rl**2 * a[1] + 2 * M * rl * v[2] * v[1] + M * G * rl * np.cos(th)
+    np.testing.assert_allclose(forces, (pendulum, paper_forces(q, v, a)[1], 0, 0), **EXACT)
+    with pytest.raises(InvalidInputError, match="at r = 0 the wheel has no inertia"):
+        model.forward_dynamics(q, v, f)
+
+
+def test_with_a_fixed_wheel_it_is_a_compound_pendulum(model: PlanarRmp) -> None:
+    """A rigid body of inertia M r^2 about its CoM swings at M (r_l^2 + r^2) about the pivot."""
+    th, rl, r = 1.1, 0.7, 0.25
+    q, v = np.array((0.0, th, rl, 0.4, r)), np.array((0.0, 0.8, 0.0, 0.0, 0.0))
+    swing = -G * rl * np.cos(th) / (rl**2 + r**2)
+    held = model.inverse_dynamics(q, v, (0.0, swing, 0.0, 0.0, 0.0))
+    assert abs(held[0]) < 1e-9
+    np.testing.assert_allclose(
+        model.forward_dynamics(q, v, held), (0.0, swing, 0.0, 0.0, 0.0), **EXACT
+    )
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_power_balance(model: PlanarRmp, seed: int) -> None:
+    """d(T + V)/dt = f v, where the CoP rests; else the ground's force adds its power."""
+    q, v, a = state(seed)
+    t = 1e-30j
+    at, pace = along(q, v, a, t), v + a * t
+    _, th, rl, _, r = at
+    com_rate = np.array(
+        (
+            pace[0] + pace[2] * np.cos(th) - rl * np.sin(th) * pace[1],
+            pace[2] * np.sin(th) + rl * np.cos(th) * pace[1],
+        )
+    )
+    T = M / 2 * ((com_rate**2).sum() + pace[4] ** 2 + r**2 * (pace[1] + pace[3]) ** 2)
+    rate = np.imag(T + M * G * rl * np.sin(th)) / 1e-30
+    power = model.inverse_dynamics(q, v, a) @ v[1:] + model.ground_reaction(q, v, a)[0] * v[0]
+    np.testing.assert_allclose(power, rate, **EXACT)
+
+
+def test_without_forces_the_com_falls_freely(model: PlanarRmp) -> None:
+    """As in flight: c'' = g, no ground reaction, constant k_G."""
+    q, v, _ = state(11, cop=False)
+    a = model.forward_dynamics(q, v, np.zeros(4))
+    np.testing.assert_allclose(model.ground_reaction(q, v, a), np.zeros(2), atol=1e-9)
+    rate = M * q[4] ** 2 * (a[1] + a[3]) + 2 * M * q[4] * v[4] * (v[1] + v[3])
+    assert abs(rate) < 1e-9
+
+
+@pytest.mark.parametrize("theta", (np.pi / 2, 1.2, -np.pi / 2))
+def test_linearisation_is_the_slope_of_the_dynamics(model: PlanarRmp, theta: float) -> None:
+    q = np.array((0.2, theta, 0.8, 0.3, 0.3))
+    f = model.holding_force(q)
+    np.testing.assert_allclose(
+        f, (M * G * 0.8 * np.cos(theta), M * G * np.sin(theta), 0, 0), **EXACT
+    )
+    A, B = model.linearisation(q, f)
+
+    def rate(x: Array, u: Array) -> Array:
+        a = model.forward_dynamics(q + x[:5], x[5:], f + u[1:], u[0])
+        return np.concatenate((x[5:], a))
+
+    h = 1e-5  # central: error h^2 and 1e-14 / h
+    zero_x, zero_u = np.zeros(10), np.zeros(5)
+    for k, e in enumerate(np.eye(10) * h):
+        slope = (rate(e, zero_u) - rate(-e, zero_u)) / (2 * h)
+        np.testing.assert_allclose(A[:, k], slope, rtol=1e-7, atol=1e-7)
+    for k, e in enumerate(np.eye(5) * h):
+        slope = (rate(zero_x, e) - rate(zero_x, -e)) / (2 * h)
+        np.testing.assert_allclose(B[:, k], slope, rtol=1e-7, atol=1e-7)
+
+
+def test_upright_it_falls_as_an_inverted_pendulum(model: PlanarRmp) -> None:
+    """The unstable pole is sqrt(g / r_l), whatever the wheel."""
+    q = np.array((0.0, np.pi / 2, 0.8, 0.0, 0.3))
+    A, _ = model.linearisation(q, model.holding_force(q))
+    poles = np.linalg.eigvals(A)
+    assert abs(poles.real.max() - np.sqrt(G / 0.8)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("q", "message"),
+    [
+        ((0, 1, 0.0, 0, 0.2), "r_l, the leg's length, must be positive"),
+        ((0, 1, -0.5, 0, 0.2), "r_l, the leg's length, must be positive"),
+        ((0, 1, 0.5, 0, -0.2), "r must not be negative"),
+        ((0, np.nan, 0.5, 0, 0.2), r"q: NaN or infinite at \(1,\)"),
+        ((0, 1, 0.5, 0), r"q: expected shape \(5,\)"),
+    ],
+)
+def test_impossible_configurations(model: PlanarRmp, q: tuple[float, ...], message: str) -> None:
+    for name in ("mass_matrix", "holding_force"):
+        with pytest.raises(InvalidInputError, match=message):
+            getattr(model, name)(q)
+
+
+def test_other_mistakes(model: PlanarRmp) -> None:
+    with pytest.raises(InvalidInputError, match="PlanarRmp: mass: must be greater than 0"):
+        PlanarRmp(0.0)
+    with pytest.raises(InvalidInputError, match="PlanarRmp: gravity: must be at least 0"):
+        PlanarRmp(1.0, -9.81)
+    q = np.array((0.0, 1.2, 0.8, 0.0, 0.3))
+    with pytest.raises(InvalidInputError, match=r"no equilibrium; f0 lacks tau_theta \+61\.1"):
+        model.linearisation(q, model.holding_force(q) * (0, 1, 1, 1))
+    with pytest.raises(InvalidInputError, match=r"v: expected shape \(5,\)"):
+        model.bias(q, np.zeros(4))
+    with pytest.raises(InvalidInputError, match=r"f: expected shape \(4,\)"):
+        model.forward_dynamics(q, np.zeros(5), np.zeros(5))

@@ -1,0 +1,75 @@
+"""The pendulums' Functions as C: for other languages, and for speed."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+
+import casadi as ca
+
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.rmp.pendulum import ReactionMassPendulum
+
+
+class CompilerError(WbcError):
+    """No C compiler of the given name, or it refused the source; the message quotes it."""
+
+
+def export_c(
+    model: ReactionMassPendulum, directory: str | Path, names: Iterable[str] | None = None
+) -> Path:
+    """Write Functions of a pendulum as one C file and return its path, with a header beside it.
+
+    The file needs nothing but a C compiler. Mass and gravity are written into it as numbers; each
+    function is called as CasADi documents: ``int name(const double** arg, double** res, ...)``.
+
+    Parameters
+    ----------
+    directory:
+        Where to write; it must exist.
+    names:
+        Keys of ``model.functions``; all, unless given.
+
+    Raises
+    ------
+    UnknownNameError
+        No Function of that name.
+    InvalidInputError
+        No such directory.
+    """
+    directory = Path(directory)
+    if not directory.is_dir():
+        raise InvalidInputError(f"export_c: {directory} is not a directory")
+    name_of_file = f"{type(model).__name__.lower()}.c"
+    generator = ca.CodeGenerator(name_of_file, {"with_header": True})
+    for name in model.functions if names is None else names:
+        if name not in model.functions:
+            raise UnknownNameError("function", name, model.functions)
+        generator.add(model.functions[name])
+    # CasADi wants the folder with a separator at its end.
+    return Path(generator.generate(f"{directory}/"))
+
+
+def compile_c(source: str | Path, compiler: str = "cc") -> Path:
+    """Compile an exported file into a shared library beside it and return its path.
+
+    Its functions load with ``casadi.external(name, path)``.
+
+    Raises
+    ------
+    CompilerError
+        The compiler does not exist, or failed.
+    """
+    source = Path(source)
+    library = source.with_suffix(".so")
+    # Without contraction to fused operations, so that results are those of CasADi's own machine.
+    flags = ["-O2", "-ffp-contract=off", "-fPIC", "-shared"]
+    command = [compiler, *flags, str(source), "-o", str(library), "-lm"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise CompilerError(f"cannot run the C compiler {compiler!r}: {error.strerror}") from error
+    if done.returncode:
+        raise CompilerError(f"{compiler} failed on {source.name}:\n{done.stderr.strip()}")
+    return library

@@ -1,0 +1,91 @@
+"""The planar reaction mass pendulum: a reaction wheel of variable inertia on a leg (paper 4.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.lagrangian import Mechanism, com_velocity
+from wbc.rmp.pendulum import ReactionMassPendulum
+from wbc.validate import Array, finite_vector
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarRmp(ReactionMassPendulum):
+    """Two masses M/2 at distance r either side of the CoM, on a leg from the CoP to the CoM.
+
+    ======  ===========  ====  ============================================================
+    q       force in f   unit  meaning
+    ======  ===========  ====  ============================================================
+    x_cop   (ground)     m     position of the CoP on the ground
+    theta   tau_theta    rad   leg, from the horizontal x axis upward; pi/2 is upright
+    r_l     f_l          m     length of the leg, > 0
+    alpha   tau          rad   line of the masses, relative to the leg; the same sense as theta
+    r       f            m     distance of each mass from the CoM, >= 0
+    ======  ===========  ====  ============================================================
+
+    v = dq/dt (5,), f = (tau_theta, f_l, tau, f) (4,) in N m and N. Space is (x, z), z up. Angles,
+    torques and momenta are positive from x to z, which is about the axis -y of space.
+
+    tau_theta is the torque about the CoP. The foot cannot give any: at a true CoP it is zero, and
+    tau, which the wheel's motor takes from the leg, is all there is. The equations are those of
+
+        T = M/2 (|c'|^2 + r'^2 + r^2 (theta' + alpha')^2),    V = M g r_l sin(theta)
+
+    and so eqs. 20-23 of the paper. Its eq. 19 lacks the product theta' alpha' that they need.
+    Where the CoP moves, tau_theta = k_P' + M g r_l cos(theta) gains the term M x_cop' z_com'.
+    """
+
+    Q: ClassVar = ("x_cop", "theta", "r_l", "alpha", "r")
+    V: ClassVar = Q
+    F: ClassVar = ("tau_theta", "f_l", "tau", "f")
+
+    def momenta(self, q: ArrayLike, v: ArrayLike) -> tuple[float, float]:
+        """Return the angular momenta (k_G, k_P) about the CoM and the CoP [kg m^2/s].
+
+        k_P is that of absolute velocities: the motion of the CoP itself is not subtracted.
+        """
+        k_G, k_P = self.functions["momenta"](self._checked(q), self._velocity(v))
+        return float(k_G), float(k_P)
+
+    def _mechanism(self) -> Mechanism:
+        q, v = ca.SX.sym("q", 5), ca.SX.sym("v", 5)
+        x_cop, theta, r_l, _, r = ca.vertsplit(q)
+        _, theta_rate, _, alpha_rate, r_rate = ca.vertsplit(v)
+        com = ca.vertcat(x_cop + r_l * ca.cos(theta), r_l * ca.sin(theta))
+        spin = theta_rate + alpha_rate
+        T = 0.5 * self.mass * (ca.sumsqr(com_velocity(com, q, v)) + r_rate**2 + (r * spin) ** 2)
+        momentum = ca.gradient(T, v)
+        return Mechanism(
+            q=q,
+            v=v,
+            rate=v,
+            coordinates=tuple(range(5)),
+            places=tuple(range(5)),
+            spin=(),
+            driven=1,
+            com=com,
+            kinetic=T,
+            potential=self.mass * self.gravity * com[1],
+            # Turning alpha alone turns the masses about the CoM, turning theta all about the CoP.
+            momenta=(momentum[3], momentum[1]),
+        )
+
+    def _checked(self, q: ArrayLike) -> Array:
+        q = finite_vector("q", q, 5)
+        if q[2] <= 0.0:
+            raise InvalidInputError(f"q: r_l, the leg's length, must be positive, got {q[2]:g} m")
+        if q[4] < 0.0:
+            raise InvalidInputError(f"q: r must not be negative, got {q[4]:g} m")
+        return q
+
+    def _require_inertia(self, q: Array) -> None:
+        if q[4] == 0.0:
+            raise InvalidInputError(
+                "q: at r = 0 the wheel has no inertia, and its acceleration is undefined; give it a"
+                " small r (the leg moves as an inverted pendulum under tau_theta - tau at any r)"
+            )
