@@ -28,7 +28,7 @@ def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return ``value`` as a fresh float array of the given shape, every entry finite."""
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
     if array.shape != shape:
         raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}")
@@ -48,7 +48,7 @@ def finite_number(
     """Return ``value`` as a finite float, strictly above ``above`` and at least ``least``."""
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{what}: expected a number, got {value!r}") from error
     if not math.isfinite(number):
         raise InvalidInputError(f"{what}: must be finite, got {number}")

@@ -93,7 +93,7 @@ def test_jacobian_and_drift(
 
         columns = [(error_at(H * e) - error_at(-H * e)) / (2 * H) for e in np.eye(robot.nv)]
         differences = np.stack(columns, axis=1)
-        assert_close(residual.jacobian, differences, max(1.0, np.abs(differences).max()))
+        assert_close(residual.jacobian, differences, max(1e-3, np.abs(differences).max()))
 
         def rate_at(t: float, here: Snapshot = here, task: Task = task) -> np.ndarray:
             there = robot.snapshot(robot.integrate(here.q, here.v, t), here.v)

@@ -97,3 +97,27 @@ def test_misspelt_keywords_are_refused(robot_named: Callable[[str], Robot]) -> N
     for make in (ComTask, InertiaTask, MomentumTask, PrincipalInertiaTask):
         with pytest.raises(TypeError, match="gian"):
             make(robot, np.ones(6 if make is MomentumTask else 3), gian=0.3)
+
+
+def test_assigning_is_setting_with_its_checks(robot_named: Callable[[str], Robot]) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    posture, shape = PostureTask(robot, here.q), InertiaTask(robot, here.inertia)
+    posture.target = robot.posture("neutral")
+    shape.target = 2 * here.inertia
+    assert np.abs(posture.residual(here).error).max() > 0.1
+    assert np.abs(shape.residual(here).error).max() > 0.01
+    with pytest.raises(InvalidInputError, match="gain: 5 is above 1"):
+        shape.gain = 5.0
+    with pytest.raises(InvalidInputError, match="NaN"):
+        shape.target = np.full((3, 3), NAN)
+    shape.weight = 2.0
+    assert shape.weight.tolist() == [2.0] * 6
+    with pytest.raises(InvalidInputError, match="no row given"):
+        ComTask(robot, [0, 0, 1], axes=())
+    with pytest.raises(InvalidInputError, match="expected numbers"):
+        ComTask(robot, [10**400, 0, 0])
+    com = ComTask(robot, [0, 0, 1])
+    with pytest.raises(InvalidInputError):
+        com.set_target([0, 0, 2], [0.9, 0, 0], [NAN, 0, 0])
+    assert com.target_rate.tolist() == [0, 0, 0]

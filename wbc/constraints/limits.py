@@ -68,6 +68,8 @@ class Limits:
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)
         self.recovery = finite_number("limits, recovery", recovery, above=0.0)
+        if self.recovery > 1.0:
+            raise InvalidInputError(f"limits, recovery: {recovery:g} is above 1 (all in one tick)")
         self._box_of_base = -self.base_twist, self.base_twist
         self._signed_bounds = np.stack((-self.lower, self.upper))
         self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
@@ -104,6 +106,8 @@ class Limits:
         Negative when outside; the model's own limits count, without ``margin``.
         """
         limits = self.robot.limits
+        if not self.robot.joint_names:
+            return float("inf"), "no joint"
         position = limits.joint_positions(q)
         margin = np.minimum(limits.upper - position, position - limits.lower)
         worst = int(np.argmin(margin))

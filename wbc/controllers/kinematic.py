@@ -29,7 +29,7 @@ from wbc.validate import Array, finite_number, read_only
 
 FORMULATIONS = ("equality", "reduced")
 # Recovery from outside a joint limit outweighs the tasks by this factor (in the squared cost).
-RECOVERY_FACTOR = 1e4
+RECOVERY_FACTOR = 1e2
 
 
 class KinematicController:
@@ -54,7 +54,8 @@ class KinematicController:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
     on_failure:
         What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
-        (half the measured velocity) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
+        (half the measured velocity, within limits) or ``"raise"``
+        (:class:`~wbc.errors.ControllerFailure`).
     """
 
     def __init__(
@@ -163,9 +164,12 @@ class KinematicController:
         return self.backend.solve(qp, workspace=self._workspace)
 
     def _solve_reduced(self, elimination: Elimination, level: int) -> Solution:
-        """Solve without the equalities; the answer is that of the full QP."""
+        """Solve without the equalities; the answer is that of the full QP, and judged by it."""
         workspace = (*self._workspace, level)
-        return elimination.lift(self.backend.solve(elimination.reduced, workspace=workspace))
+        lifted = elimination.lift(self.backend.solve(elimination.reduced, workspace=workspace))
+        if lifted.status is Status.SOLVED and not elimination.admits(lifted):
+            return self.backend.solve(elimination.full, workspace=(*workspace, "full"))
+        return lifted
 
     def _answer(
         self,
@@ -178,7 +182,7 @@ class KinematicController:
         """Turn the solution into a command, by the declared policy if there is none."""
         solved = solution.status is Status.SOLVED
         tick = Tick(
-            velocity=read_only(solution.x if solved else self._fallback(snapshot)),
+            velocity=read_only(solution.x if solved else self._fallback(snapshot, qp)),
             status=solution.status,
             policy=None if solved else self.on_failure,
             errors={
@@ -193,9 +197,11 @@ class KinematicController:
             raise ControllerFailure(tick.report(), tick)
         return tick
 
-    def _fallback(self, snapshot: Snapshot) -> Array:
-        """Return the command of the ``damp`` policy, or zero."""
-        return 0.5 * snapshot.v if self.on_failure == "damp" else np.zeros(self.robot.nv)
+    def _fallback(self, snapshot: Snapshot, qp: QP) -> Array:
+        """Return the command of the ``damp`` policy, within the limits' box, or zero."""
+        if self.on_failure != "damp":
+            return np.zeros(self.robot.nv)
+        return np.clip(0.5 * snapshot.v, qp.lower, qp.upper)
 
     def _check_parts(self) -> None:
         """Refuse tasks, contacts and limits of another robot, and names given twice."""

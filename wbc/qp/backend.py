@@ -25,6 +25,10 @@ _NATIVE: dict[str, Callable[..., Backend]] = {
 }
 
 
+# An accuracy looser than this would let answers pass that are none.
+LOOSEST = 1e-2
+
+
 class Backend(Protocol):
     """Solves QPs and tells the truth about it: ``Solution.status`` rests on recomputed residuals.
 
@@ -68,6 +72,11 @@ def make_backend(name: str, **settings: Any) -> Backend:
     InvalidInputError
         A setting does not exist or is out of range.
     """
+    eps = settings.get("eps")
+    if isinstance(eps, int | float) and eps > LOOSEST:
+        raise InvalidInputError(
+            f"eps of QP solver {name!r}: {eps:g} is above {LOOSEST:g}; nothing would be checked"
+        )
     maker = _maker(name)
     try:
         inspect.signature(maker).bind(**settings)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import lapack
 
-from wbc.qp.kkt import kkt_residuals
+from wbc.qp.kkt import acceptable, kkt_residuals
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution
 from wbc.validate import Array
@@ -28,6 +28,8 @@ RANK_TOLERANCE = 1e-9
 # Unknowns without bounds are preferred as dependent ones: eliminating them adds no inequality row.
 # The factor only biases the pivoting; a column that is nearly dependent is still passed over.
 PREFERENCE = 10.0
+# Accuracy to which a lifted solution must solve the full QP; the elimination adds its own rounding.
+ADMITTED = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +65,11 @@ class Elimination:
     offset: Array
     bounded: np.ndarray
     mismatch: float
+
+    def admits(self, solution: Solution) -> bool:
+        """Whether a lifted solution solves the full QP: contradictions show only there."""
+        s = solution
+        return acceptable(s.residuals, ADMITTED, self.full, s.x, s.y, s.z, s.z_box)
 
     def lift(self, solution: Solution) -> Solution:
         """Return the solution of the full QP, with all its multipliers and residuals recomputed."""

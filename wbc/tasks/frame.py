@@ -76,7 +76,7 @@ class OrientationTask(Task):
         """Set the wanted rotation (3, 3) from frame axes to world axes."""
         rotation = self._target(target, (3, 3))
         check_rotation(f"task {self.name!r}, target", rotation)
-        self.target = rotation
+        self._goal = rotation
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return log(target' R) [rad]."""
@@ -153,7 +153,7 @@ class AxisTask(Task):
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted direction (3,), of any length but zero."""
-        self.target = self._unit(target, "target")
+        self._goal = self._unit(target, "target")
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the axis minus the target, both unit vectors in world axes."""

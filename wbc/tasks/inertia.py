@@ -87,11 +87,11 @@ class InertiaTask(Task):
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
         """Set the wanted inertia [kg m^2] and, for a moving target, its rate, in the same form."""
         goal = strung_target(f"task {self.name!r}, target", target, self.rows)
-        self._bias = self._none
+        bias = self._none
         if rate is not None:
             what = f"task {self.name!r}, target rate"
-            self._bias = -self._selection @ strung_target(what, rate, self.rows)
-        self.target = read_only(goal)
+            bias = -self._selection @ strung_target(what, rate, self.rows)
+        self._goal, self._bias = read_only(goal), bias
         self._wanted = self._selection @ goal
 
     def residual(self, snapshot: Snapshot) -> Residual:

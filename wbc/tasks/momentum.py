@@ -51,7 +51,7 @@ class MomentumTask(Task):
         """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
         goal = self._target(target, (6,))
         self.target_rate = self._target(rate, (6,), "target rate")
-        self.target = goal
+        self._goal = goal
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is momentum minus target."""

@@ -39,9 +39,9 @@ class PointTask(Task):
     ) -> None:
         """Set target position [m] and, for a moving target, its velocity and acceleration."""
         place = self._target(target, (3,))
-        self.target_rate = self._target(rate, (3,), "target rate")
-        self.target_acceleration = self._target(acceleration, (3,), "target acceleration")
-        self.target = place
+        speed = self._target(rate, (3,), "target rate")
+        push = self._target(acceleration, (3,), "target acceleration")
+        self._goal, self.target_rate, self.target_acceleration = place, speed, push
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m]."""
@@ -49,18 +49,18 @@ class PointTask(Task):
         place = self._place(snapshot)
         error = (place - self.target)[rows]
         jacobian, bias = self._jacobian(snapshot)[rows], -self.target_rate[rows]
-        bound = self._curvature_bound(error, place - snapshot.position("base"))
+        bound = self._curvature_bound(error, _lever(snapshot, place))
         return Residual(error, jacobian, bias, curvature_bound=bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the point's acceleration at zero acceleration of v, less the target's [m/s^2]."""
         return (self._acceleration(snapshot) - self.target_acceleration)[self._selected]
 
-    def _curvature_bound(self, error: Array, lever: Array) -> float:
+    def _curvature_bound(self, error: Array, lever: float) -> float:
         """Estimate the curvature left out: joints turn the point on levers like this one."""
         pull = self.weight * error
         pull *= self.weight
-        return math.sqrt(pull.dot(pull) * lever.dot(lever))
+        return math.sqrt(pull.dot(pull)) * lever
 
     @abstractmethod
     def _place(self, snapshot: Snapshot) -> Array:
@@ -73,6 +73,17 @@ class PointTask(Task):
     @abstractmethod
     def _acceleration(self, snapshot: Snapshot) -> Array:
         """Return its acceleration (3,) at zero acceleration of v."""
+
+
+def _lever(snapshot: Snapshot, place: Array) -> float:
+    """Return how far off the joints may be that move a point [m].
+
+    From the base, and, since a held foot makes the joints near it move everything, one and a half
+    times the robot's radius of gyration more: about the height of its CoM.
+    """
+    arm = place - snapshot.position("base")
+    size = float(np.trace(snapshot.inertia)) / snapshot.robot.mass
+    return math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt(size)
 
 
 def axis_indices(axes: Sequence[str]) -> slice | np.ndarray:

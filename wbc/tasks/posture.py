@@ -65,7 +65,7 @@ class PostureTask(Task):
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted configuration (nq,)."""
-        self.target = read_only(self.robot.check_configuration(target))
+        self._goal = read_only(self.robot.check_configuration(target))
         self._positions = self.robot.limits.joint_positions(self.target)
 
     def residual(self, snapshot: Snapshot) -> Residual:

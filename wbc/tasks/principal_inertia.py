@@ -45,7 +45,7 @@ class PrincipalInertiaTask(Task):
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted principal moments (3,) [kg m^2]; they are sorted."""
         moments = finite_array(f"task {self.name!r}, target", target, (3,))
-        self.target = read_only(np.sort(moments))
+        self._goal = read_only(np.sort(moments))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return strung(I - N) with off-diagonal entries times sqrt(2), and its Jacobian."""

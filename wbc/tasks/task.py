@@ -7,7 +7,7 @@ acceleration level :meth:`Task.drift` is added. :mod:`wbc.laws` turns either int
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypedDict
 
 import numpy as np
@@ -83,6 +83,8 @@ class Task(ABC):
         Within a level tasks are weighed against each other.
     """
 
+    _goal: Array
+
     def __init__(
         self,
         robot: Robot,
@@ -97,17 +99,48 @@ class Task(ABC):
         self.robot = robot
         self.name = name
         self.rows = tuple(rows)
-        self.weight = self._checked_weight(weight)
-        self.gain = finite_number(f"task {name!r}, gain", gain, above=0.0)
-        if self.gain > 1.0:
-            raise InvalidInputError(
-                f"task {name!r}, gain: {self.gain:g} is above 1 (the whole error in one tick)"
-            )
+        if not self.rows:
+            raise InvalidInputError(f"task {name!r}: no row given; there is nothing to control")
+        self.weight = weight
+        self.gain = gain
         self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
         self.priority = int(finite_number(f"task {name!r}, priority", priority, least=0))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, rows={len(self.rows)}, gain={self.gain:g})"
+
+    @property
+    def target(self) -> Array:
+        """What the task aims at; assigning calls ``set_target``, with its checks."""
+        return self._goal
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        set_target: Callable[[ArrayLike], None] = getattr(self, "set_target")  # noqa: B009
+        set_target(value)
+
+    @property
+    def weight(self) -> Array:
+        """Factors (k,) on the rows; assign one number or one per row."""
+        return self._weight
+
+    @weight.setter
+    def weight(self, value: ArrayLike) -> None:
+        self._weight = self._checked_weight(value)
+
+    @property
+    def gain(self) -> float:
+        """Fraction of the error to remove in one tick."""
+        return self._gain
+
+    @gain.setter
+    def gain(self, value: float) -> None:
+        gain = finite_number(f"task {self.name!r}, gain", value, above=0.0)
+        if gain > 1.0:
+            raise InvalidInputError(
+                f"task {self.name!r}, gain: {gain:g} is above 1 (the whole error in one tick)"
+            )
+        self._gain = gain
 
     @abstractmethod
     def residual(self, snapshot: Snapshot) -> Residual:
