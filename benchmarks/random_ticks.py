@@ -1,4 +1,4 @@
-"""Many random ticks: no joint limit is exceeded, no QP fails, the feet stay where they are.
+"""Many random ticks: no joint limit is exceeded, no QP fails, no command is not finite.
 
 Robots x support modes x random targets, new ones every 100 ticks, most of them out of reach, so
 that limits are met all the time. Counts what a user fears: limit violations, failed QPs, slipping

@@ -318,6 +318,11 @@ REFUSED_MJCFS = {
         ("'rail'", "radian"),
     ),
     "second body": ({"world": '<body name="ball"><geom size="1"/></body>'}, ("'ball'", "2 bodies")),
+    "total mass": ({"compiler": '<compiler settotalmass="50"/>'}, ("settotalmass",)),
+    "switched off": (
+        {"inner": '<joint name="knee" range="-1 1" limited="false"/>'},
+        ("'knee'", "switched off"),
+    ),
     "include": ({"world": '<include file="x.xml"/>'}, ("<include>",)),
     "loop": ({"end": '<equality><weld name="w" body1="shank"/></equality>'}, ("weld", "loops")),
     "coupled": (

@@ -14,6 +14,7 @@ from wbc.robot.description import Description, State
 from wbc.robot.xml_numbers import refuse_non_finite
 
 UNREAD = {"include", "frame", "attach", "replicate", "composite", "flexcomp"}
+MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
 QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 
 
@@ -97,6 +98,7 @@ def _check_structure(root: ET.Element, path: Path) -> None:
             f"{path}: the world holds {len(bodies)} bodies ({names}), expected the robot's root"
             " alone; remove the others (Pinocchio would drop them silently)"
         )
+    _check_compiler(root, path)
     compiler = root.find("compiler")
     from_shapes = compiler is not None and compiler.get("inertiafromgeom") == "true"
     for body in root.findall("worldbody//body"):
@@ -105,6 +107,25 @@ def _check_structure(root: ET.Element, path: Path) -> None:
             raise ModelError(
                 f"{path}: body {body.get('name', '?')!r} takes its inertia from a mesh, for which"
                 " Pinocchio puts 1 kg and 1 kg m^2; give the body an <inertial>"
+            )
+
+
+def _check_compiler(root: ET.Element, path: Path) -> None:
+    """Refuse settings that change masses or limits in MuJoCo and that Pinocchio passes over."""
+    for compiler in root.findall("compiler"):
+        for name in MISREAD:
+            if name in compiler.attrib:
+                raise ModelError(
+                    f"{path}: <compiler {name}=...> is not read by Pinocchio, masses would be"
+                    " wrong; let MuJoCo save the compiled model to one file"
+                )
+    loose = any(c.get("autolimits") == "false" for c in root.findall("compiler"))
+    for joint in root.iter("joint"):
+        limited = joint.get("limited", "false" if loose else "auto")
+        if limited == "false" and "range" in joint.attrib:
+            raise ModelError(
+                f"{path}: joint {joint.get('name', '?')!r} has a range that is switched"
+                " off, which Pinocchio would enforce; remove the range"
             )
 
 
