@@ -99,9 +99,7 @@ class InertiaTask(Task):
         actual = self._selection @ strung(snapshot.inertia_in(self.frame))
         jacobian = self._selection @ snapshot.inertia_jacobian_in(self.frame)
         error = actual - self._wanted
-        weighted = self.weight * error
-        weighted *= self.weight
-        pull = weighted @ self._selection  # the cost's slope by entry
+        pull = self._pull(error) @ self._selection  # the cost's slope by entry
         if self.second_order:
             return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
         bound = curvature_bound(pull, snapshot.inertia)

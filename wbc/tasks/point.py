@@ -58,8 +58,7 @@ class PointTask(Task):
 
     def _curvature_bound(self, error: Array, lever: float) -> float:
         """Estimate the curvature left out: joints turn the point on levers like this one."""
-        pull = self.weight * error
-        pull *= self.weight
+        pull = self._pull(error)
         return math.sqrt(pull.dot(pull)) * lever
 
     @abstractmethod

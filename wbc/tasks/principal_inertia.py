@@ -56,7 +56,7 @@ class PrincipalInertiaTask(Task):
         reshaped = (congruence(V) * strung(kept)) @ congruence(V.T)  # (6, 6)
         jacobian = reshaped @ snapshot.base_inertia_jacobian
         error_rows = self._rows @ strung(error)
-        pull = self._rows.T @ (np.square(self.weight) * error_rows)
+        pull = self._rows.T @ self._pull(error_rows)
         bound = curvature_bound(pull, snapshot.inertia)
         return Residual(error_rows, self._rows @ jacobian, self._none, curvature_bound=bound)
 

@@ -167,5 +167,11 @@ class Task(ABC):
     def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
         return read_only(finite_array(f"task {self.name!r}, {what}", value, shape))
 
+    def _pull(self, error: Array) -> Array:
+        """Return weight^2 * error (k,): the slope of the task's cost by its error."""
+        pull = self._weight * error
+        pull *= self._weight
+        return pull
+
     def _zeros(self) -> Array:
         return read_only(np.zeros(len(self.rows)))
