@@ -52,6 +52,19 @@ class PlanarRmp(ReactionMassPendulum):
         k_G, k_P = self.functions["momenta"](self._checked(q), self._velocity(v))
         return float(k_G), float(k_P)
 
+    def inertia(self, q: ArrayLike) -> float:
+        """Return the moment of inertia M r^2 of the masses about the CoM [kg m^2]."""
+        return float(self.mass * self._checked(q)[4] ** 2)
+
+    def inertia_rate(self, q: ArrayLike, v: ArrayLike) -> float:
+        """Return the rate 2 M r r' of :meth:`inertia` [kg m^2/s]."""
+        return float(2.0 * self.mass * self._checked(q)[4] * self._velocity(v)[4])
+
+    def momentum_rate(self, q: ArrayLike, f: ArrayLike) -> float:
+        """Return k_G' [N m] under the generalised forces f: the wheel's torque (eq. 23)."""
+        self._checked(q)
+        return float(finite_vector("f", f, 4)[2])
+
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 5), ca.SX.sym("v", 5)
         x_cop, theta, r_l, _, r = ca.vertsplit(q)

@@ -33,6 +33,16 @@ class _SolidPendulum(ReactionMassPendulum):
         k_G, k_P = self.functions["momenta"](self._checked(q), self._velocity(v))
         return k_G.full().ravel(), k_P.full().ravel()
 
+    def inertia(self, q: ArrayLike) -> Array:
+        """Return the moments of inertia (3,) about the axes of the masses [kg m^2]."""
+        squares = self._checked(q)[-3:] ** 2
+        return self.mass / 3.0 * (squares.sum() - squares)
+
+    def inertia_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Return the rate (3,) of :meth:`inertia` [kg m^2/s]."""
+        products = self._checked(q)[-3:] * self._velocity(v)[-3:]
+        return self.mass * 2.0 / 3.0 * (products.sum() - products)
+
     def _assemble(
         self, q: ca.SX, v: ca.SX, rate: ca.SX, rotation: ca.SX, w: ca.SX, spin: tuple[int, ...]
     ) -> Mechanism:
@@ -155,6 +165,12 @@ class SolidRmp(_SolidPendulum):
         f[:2] = leg_axes(q[2], q[3]).T @ reaction
         f[3:6] = torque
         return f
+
+    def momentum_rate(self, q: ArrayLike, f: ArrayLike) -> Array:
+        """Return k_G' (3,) [N m], world axes, under the generalised forces f (9,)."""
+        q = self._checked(q)
+        torque = finite_vector("f", f, len(self.F))[3:6]
+        return np.asarray(np.array(rotation_rows(*q[5:9])) @ torque)
 
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 12), ca.SX.sym("v", 11)

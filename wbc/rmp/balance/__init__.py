@@ -1,0 +1,1 @@
+"""Balance laws of the reaction mass pendulum, one per file."""
