@@ -25,7 +25,7 @@ from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Conflict, ConflictRow
 from wbc.validate import Array
 
-__all__ = ["Conflict", "ConflictRow", "find_conflict"]
+__all__ = ["Conflict", "ConflictRow", "compromise", "find_conflict"]
 
 # A row below this share of the heaviest one takes no part in the conflict.
 _SHARE = 1e-3
@@ -63,6 +63,25 @@ def find_conflict(qp: QP, tolerance: float = 1e-7) -> Conflict | None:
         if _contradicts(qp, rows, miss, box, np.abs(point).max()):
             return _named(qp, rows, miss, box)
     return None
+
+
+def compromise(qp: QP) -> tuple[Array, Array]:
+    """Return the point within the bounds that misses the rows least, and by how much.
+
+    Returns
+    -------
+    x : Array
+        (n,).
+    miss : Array
+        (me + mi,), equality rows first, in the rows' own units: positive above, negative below.
+        "Least" is in the sense of least squares over rows scaled to unit length.
+    """
+    rows = _Rows.of(qp)
+    if not rows.norms.size:
+        return np.clip(np.zeros(qp.g.size), qp.lower, qp.upper), np.zeros(0)
+    rough = _compromise(qp, rows)
+    x = min((_polished(qp, rows, rough), rough), key=lambda at: np.square(rows.miss(at)).sum())
+    return x, rows.miss(x) * rows.norms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
