@@ -1,24 +1,22 @@
-"""The command line: ``wbc run``, ``wbc schema``, ``wbc robots``.
+"""The command line: ``wbc run``, ``wbc codegen``, ``wbc schema``, ``wbc robots``.
 
 Only typer is imported on top: ``wbc --help`` must not wait for the robotics libraries.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wbc import __version__
-from wbc.errors import WbcError
+from wbc.cli.codegen import codegen
+from wbc.cli.errors import BAD_INPUT, NOT_REACHED, QP_FAILED, complain, errors_in_one_line
 
 if TYPE_CHECKING:
     from wbc.problem import Result
-
-BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED = 1, 3, 4, 130
 
 app = typer.Typer(
     help="Whole-body control of humanoid robots, with the robot's inertia as a task.",
@@ -79,7 +77,7 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Run a problem and say what came of it."""
-    with _errors_in_one_line():
+    with errors_in_one_line():
         code = _solve(problem, output, plot, _overrides(assign or [], solver), quiet)
     raise typer.Exit(code)
 
@@ -101,7 +99,7 @@ def _solve(
     if not quiet:
         print_result(result, outputs.written)
     for failure in outputs.failures:
-        _complain(failure)
+        complain(failure)
     return BAD_INPUT if outputs.failures else _exit_code(result)
 
 
@@ -130,7 +128,7 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of problem files, for completion and checks in an editor."""
-    with _errors_in_one_line():
+    with errors_in_one_line():
         import json
 
         from wbc.cli.outputs import check_place
@@ -147,7 +145,7 @@ def schema(
 @app.command()
 def robots() -> None:
     """List the robots that a problem can name."""
-    with _errors_in_one_line():
+    with errors_in_one_line():
         from wbc.errors import ModelError
         from wbc.robot.library import find_robot, robot_names
 
@@ -160,22 +158,4 @@ def robots() -> None:
             typer.echo(f"{name:{width}}  {where}")
 
 
-# ---------------------------------------------------------------------- errors
-
-
-@contextmanager
-def _errors_in_one_line() -> Iterator[None]:
-    """Turn the package's own errors into a message and an exit code; others are bugs."""
-    try:
-        yield
-    except WbcError as error:
-        _complain(str(error))
-        raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt:
-        _complain("interrupted")
-        raise typer.Exit(INTERRUPTED) from None
-
-
-def _complain(text: str) -> None:
-    head = typer.style("error:", fg="red", bold=True)
-    typer.echo(f"{head} {text}", err=True)
+app.command()(codegen)
