@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wbc.cli.errors import errors_in_one_line
+
+if TYPE_CHECKING:
+    from wbc.rmp.pendulum import ReactionMassPendulum
 
 
 class Model(StrEnum):
@@ -44,6 +48,7 @@ def codegen(
         from wbc.rmp.planar import PlanarRmp
         from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 
+        kinds: dict[Model, Callable[[float, float], ReactionMassPendulum]]
         kinds = {Model.PLANAR: PlanarRmp, Model.SOLID: SolidRmp, Model.EULER: EulerSolidRmp}
         pendulum = kinds[model](mass, gravity)
         source = export_c(pendulum, output, function or None)
