@@ -9,6 +9,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "wbc"
 FLOORS = {
     "errors": 0,
+    "files": 0,
     "validate": 0,
     "spatial": 0,
     "robot": 1,

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.files import write_whole
 
 FORMATS = (".json", ".npz")
 
@@ -38,7 +37,7 @@ def result_format(path: str | Path) -> str:
 def save_json(path: Path, summary: Mapping[str, Any]) -> None:
     """Write a summary; OSError if that fails."""
     content = json_text(summary).encode()
-    _write(path, lambda file: file.write(content))
+    write_whole(path, lambda file: file.write(content))
 
 
 def save_npz(
@@ -46,7 +45,7 @@ def save_npz(
 ) -> None:
     """Write a summary and arrays; OSError if that fails."""
     entries: dict[str, Any] = {"summary": np.array(json_text(summary)), **arrays}
-    _write(path, lambda file: np.savez_compressed(file, **entries))
+    write_whole(path, lambda file: np.savez_compressed(file, **entries))
 
 
 def json_text(summary: Mapping[str, Any]) -> str:
@@ -65,22 +64,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(entry) for entry in value]
     return value
-
-
-def _write(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
-    """Write a neighbour first and rename it: an interrupted run leaves no half file."""
-    handle, neighbour = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            fill(file)
-        Path(neighbour).chmod(0o666 & ~_umask())
-        Path(neighbour).replace(path)
-    except BaseException:
-        Path(neighbour).unlink(missing_ok=True)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
