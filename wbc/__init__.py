@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from wbc.constraints import Contact, Limits, PointContact, support
     from wbc.controllers import KinematicController, PseudoInverseController, Tick
     from wbc.errors import WbcError
+    from wbc.motion import Motion, RmpSeries, analyse, read_motion
     from wbc.problem import load_problem
     from wbc.reduction import RmpState, reduce
     from wbc.robot import Robot, Snapshot, robot_names
@@ -35,6 +36,7 @@ _HOMES = {
     "KinematicController": "wbc.controllers",
     "Limits": "wbc.constraints",
     "MomentumTask": "wbc.tasks",
+    "Motion": "wbc.motion",
     "OrientationTask": "wbc.tasks",
     "PointContact": "wbc.constraints",
     "PoseTask": "wbc.tasks",
@@ -42,13 +44,16 @@ _HOMES = {
     "PostureTask": "wbc.tasks",
     "PrincipalInertiaTask": "wbc.tasks",
     "PseudoInverseController": "wbc.controllers",
+    "RmpSeries": "wbc.motion",
     "RmpState": "wbc.reduction",
     "Robot": "wbc.robot",
     "Snapshot": "wbc.robot",
     "Task": "wbc.tasks",
     "Tick": "wbc.controllers",
     "WbcError": "wbc.errors",
+    "analyse": "wbc.motion",
     "load_problem": "wbc.problem",
+    "read_motion": "wbc.motion",
     "reduce": "wbc.reduction",
     "robot_names": "wbc.robot",
     "support": "wbc.constraints",
@@ -62,6 +67,7 @@ __all__ = [
     "KinematicController",
     "Limits",
     "MomentumTask",
+    "Motion",
     "OrientationTask",
     "PointContact",
     "PoseTask",
@@ -69,13 +75,16 @@ __all__ = [
     "PostureTask",
     "PrincipalInertiaTask",
     "PseudoInverseController",
+    "RmpSeries",
     "RmpState",
     "Robot",
     "Snapshot",
     "Task",
     "Tick",
     "WbcError",
+    "analyse",
     "load_problem",
+    "read_motion",
     "reduce",
     "robot_names",
     "support",

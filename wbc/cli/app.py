@@ -1,4 +1,4 @@
-"""The command line: ``wbc run``, ``wbc codegen``, ``wbc schema``, ``wbc robots``.
+"""The command line: ``wbc run``, ``wbc analyze``, ``wbc codegen``, ``wbc schema``, ``wbc robots``.
 
 Only typer is imported on top: ``wbc --help`` must not wait for the robotics libraries.
 """
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc import __version__
+from wbc.cli.analyze import analyze
 from wbc.cli.codegen import codegen
 from wbc.cli.errors import BAD_INPUT, NOT_REACHED, QP_FAILED, complain, errors_in_one_line
 
@@ -158,4 +159,5 @@ def robots() -> None:
             typer.echo(f"{name:{width}}  {where}")
 
 
+app.command()(analyze)
 app.command()(codegen)

@@ -82,13 +82,20 @@ def _rest(result: Result) -> Table:
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     table.add_row("", "")
-    margin, slip = result.margin, result.slip
+    margin, slip, balance = result.margin, result.slip, result.balance
     if np.isfinite(margin.value):
         size = f"{abs(margin.value):.2g}"
         how = f"at least {size} left" if margin.value >= 0.0 else f"exceeded by at most {size}"
         table.add_row("joint limits", f"{how} ({margin.where}, tick {margin.tick})")
     if slip is not None:
         table.add_row("slip", f"at most {slip.value:.2g} m ({slip.where}, tick {slip.tick})")
+    if balance is not None:
+        phase = f"{balance.where}, " if balance.where else ""
+        side = "inside" if balance.value >= 0.0 else "outside"
+        size = f"{1e3 * abs(balance.value):.1f} mm {side}"
+        table.add_row(
+            "balance", Text(f"CoM {size} the soles at worst ({phase}tick {balance.tick})")
+        )
     table.add_row("QP", Text(_qp(result)))
     table.add_row("tick time", _times(result))
     return table

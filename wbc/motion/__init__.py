@@ -1,1 +1,9 @@
 """Recorded motion: read, made even in time, filtered, and reduced to its pendulum."""
+
+from wbc.motion.analysis import analyse
+from wbc.motion.dropouts import Dropout
+from wbc.motion.errors import RecordingError
+from wbc.motion.recording import Motion, read_motion
+from wbc.motion.series import RmpSeries
+
+__all__ = ["Dropout", "Motion", "RecordingError", "RmpSeries", "analyse", "read_motion"]

@@ -1,0 +1,97 @@
+"""`wbc analyze` as a user meets it."""
+
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+import wbc.cli.analyze as command_module
+from wbc.cli.analyze import analyze
+from wbc.motion import analyse, read_motion
+from wbc.robot import Robot
+
+TIME = np.arange(100) / 100.0
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> Path:
+    robot = Robot.load("hoap2_like")
+    joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (100, 1))
+    for pattern, size in (("*_hip_pitch", -0.2), ("*_knee_pitch", 0.4), ("*_ankle_pitch", -0.2)):
+        for k in robot.joint_indices(pattern):
+            joints[:, k - 6] += size * np.sin(4.0 * TIME) ** 2
+    path = tmp_path / "walk.csv"
+    header = ",".join(("time", *robot.joint_names))
+    np.savetxt(path, np.column_stack((TIME, joints)), delimiter=",", header=header, comments="")
+    return path
+
+
+def command(*arguments: object) -> Result:
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command()(analyze)
+    return CliRunner().invoke(app, [*map(str, arguments), "--robot", "hoap2_like"])
+
+
+def test_a_good_run(walk: Path, tmp_path: Path) -> None:
+    outputs = [tmp_path / "r.npz", tmp_path / "r.csv"]
+    options = [part for path in outputs for part in ("--output", path)]
+    answer = command(walk, "--planted", "auto", "--cutoff", "8", "--resample", "50", *options)
+    assert answer.exit_code == 0, answer.stderr
+    for words in ("walk.csv", "50 frames", "50 Hz", "CoP inside the support", "radius r1", "r.csv"):
+        assert words in answer.stdout
+    assert answer.stderr == ""
+    with np.load(outputs[0]) as file:
+        assert file["time"].shape == (50,)
+    assert len(outputs[1].read_text().splitlines()) == 51
+
+
+def test_a_picture(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from wbc.view import style
+
+    monkeypatch.setattr(style, "DPI", 50)
+    answer = command(
+        walk, "--planted", "left", "--plot", tmp_path / "p.png", "--snapshots", 2, "--quiet"
+    )
+    assert (answer.exit_code, answer.stdout) == (0, "")
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_dropouts_are_printed(walk: Path) -> None:
+    lines = walk.read_text().splitlines()
+    walk.write_text("\n".join(lines[:40] + lines[43:]))
+    answer = command(walk, "--planted", "left", "--cutoff", "none")
+    assert answer.exit_code == 0
+    assert "gap in time from 0.38 s to 0.42 s" in answer.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "planted"),
+        (["--planted", "middle"], "middle"),
+        (["--planted", "left", "--cutoff", "fast"], "--cutoff"),
+        (["--planted", "left", "--cutoff", "60"], "half the recording"),
+        (["--planted", "left", "--feet", ","], "feet"),
+        (["--planted", "left", "--rate", "100"], "rate"),
+        (["--planted", "left", "-o", "no/folder/r.npz"], "no folder"),
+        (["--planted", "left", "-o", "r.json"], ".npz"),
+        (["--planted", "left", "--plot", "r.gif"], "gif"),
+        (["--planted", "left", "--plot", "r.png", "--snapshots", "0"], "snapshots"),
+    ],
+)
+def test_bad_input_is_one_line(walk: Path, options: list[str], words: str) -> None:
+    answer = command(walk, *options)
+    assert (answer.exit_code, answer.stdout) == (1, "")
+    assert answer.stderr.startswith("error: ") and words in answer.stderr
+    assert answer.stderr.count("\n") == 1
+
+
+def test_defaults_are_those_of_the_library() -> None:
+    reading = inspect.signature(read_motion).parameters
+    analysis = inspect.signature(analyse).parameters
+    assert float(command_module.CUTOFF) == analysis["cutoff"].default
+    assert reading["longest_gap"].default == command_module.LONGEST_GAP
+    assert reading["beyond"].default == command_module.BEYOND

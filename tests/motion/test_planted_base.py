@@ -1,0 +1,126 @@
+"""The base from a planted foot, against forward kinematics by snapshots."""
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion import Motion, analyse
+from wbc.motion.planted import EASE, planted_base
+from wbc.robot import Robot
+
+RATE = 200.0
+TIME = np.arange(600) / RATE
+SQUAT = {"*_hip_pitch": -0.4, "*_knee_pitch": 0.8, "*_ankle_pitch": -0.4}
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+def moved(robot: Robot, parts: dict[str, np.ndarray]) -> np.ndarray:
+    """Joint positions (n, nv-6): standing, with some joints moved by (n,)."""
+    joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (len(TIME), 1))
+    for pattern, values in parts.items():
+        for k in robot.joint_indices(pattern):
+            joints[:, k - 6] += values
+    return joints
+
+
+def lift(robot: Robot, start: float, end: float) -> np.ndarray:
+    """Return 0 but between two times, where it rises smoothly to 1 and falls again (n,)."""
+    phase = np.clip((TIME - start) / (end - start), 0.0, 1.0)
+    return np.sin(np.pi * phase) ** 4
+
+
+@pytest.mark.parametrize("foot", ["left", "right"])
+@pytest.mark.parametrize("height", [0.0, 0.3])
+def test_the_planted_sole_lies_flat_and_still(robot: Robot, foot: str, height: float) -> None:
+    swing = 0.2 * np.sin(4.0 * TIME + 0.3)
+    parts = {"*_hip_pitch": swing, "*_ankle_roll": 0.5 * swing, "left_hip_yaw": swing**2}
+    motion = Motion(robot, TIME, moved(robot, parts))
+    series = analyse(motion, planted=foot, ground_height=height, feet=[foot])
+    places = []
+    for k in (0, 100, 333, 599):
+        here = robot.snapshot(series.q[k])
+        frame = robot.feet[foot].frame
+        places.append(here.position(frame))
+        # The base is found on the very grid that the spline goes through: but for rounding.
+        np.testing.assert_allclose(here.rotation(frame)[2], [0.0, 0.0, 1.0], atol=1e-9)
+        np.testing.assert_allclose(here.rotation(frame)[:, 0] @ series_axis(robot, series, foot), 1)
+    np.testing.assert_allclose(places, np.tile(places[0], (4, 1)), atol=1e-9)
+    assert places[0][2] == pytest.approx(height, abs=1e-9)
+    np.testing.assert_allclose(series.q[0, :2], 0.0, atol=1e-9)
+    assert robot.snapshot(series.q[0]).rotation("base")[1, 0] == pytest.approx(0.0, abs=1e-9)
+    # And so does its velocity: the foot's Jacobian times v is nothing.
+    k = 300
+    speed = robot.snapshot(series.q[k]).jacobian(robot.feet[foot].frame) @ series.v[k]
+    np.testing.assert_allclose(speed, 0.0, atol=1e-7)  # the spline's (w h)^5 between its points
+
+
+def series_axis(robot: Robot, series, foot: str) -> np.ndarray:
+    return robot.snapshot(series.q[0]).rotation(robot.feet[foot].frame)[:, 0]
+
+
+def test_auto_follows_the_lower_foot_without_a_jump(robot: Robot) -> None:
+    up_left, up_right = lift(robot, 0.2, 1.2), lift(robot, 1.6, 2.6)
+    parts = {}
+    for side, up in (("left", up_left), ("right", up_right)):
+        parts |= {f"{side}_hip_pitch": -0.5 * up, f"{side}_knee_pitch": up}
+        parts |= {f"{side}_ankle_pitch": -0.5 * up}
+    joints = moved(robot, parts)
+    q = np.hstack((np.zeros((600, 6)), np.ones((600, 1)), joints))
+    found = planted_base(robot, TIME, q, "auto")
+    feet = tuple(robot.feet)
+    assert feet[found.foot[np.argmax(up_left)]] == "right"
+    assert feet[found.foot[np.argmax(up_right)]] == "left"
+    assert found.changes
+    # Both feet are flat when they change places, so every frame agrees with the hip of the legs
+    # that stand, which do not move: the base stays where it was.
+    np.testing.assert_allclose(found.base, np.tile(found.base[0], (600, 1)), atol=2e-6)
+    series = analyse(Motion(robot, TIME, joints), planted="auto")
+    k = int(np.argmax(up_left))
+    assert series.standing[k].tolist() == [False, True]
+    assert series.standing[0].tolist() == [True, True]
+    assert not series.flight.any()
+
+
+def test_contradicting_feet_are_eased(robot: Robot) -> None:
+    # The left ankle is off by 0.08 rad; the left leg gets longer, so that it takes over.
+    longer = np.clip((TIME - 1.0) / 0.2, 0.0, 1.0)
+    parts = {"left_ankle_roll": 0.08, "right_hip_pitch": -0.3 * longer}
+    parts |= {"right_knee_pitch": 0.6 * longer, "right_ankle_pitch": -0.3 * longer}
+    joints = moved(robot, parts)
+    q = np.hstack((np.zeros((600, 6)), np.ones((600, 1)), joints))
+    q[:, 7:] = joints
+    start_right = planted_base(robot, TIME, q, "right")
+    found = planted_base(robot, TIME, q, "auto")
+    changes = np.flatnonzero(np.diff(found.foot))
+    steps = np.abs(np.diff(found.base, axis=0)).max(axis=1)
+    # No step is larger than what the easing and the legs move in 5 ms: 0.08 rad * 1.9 / 0.1 s.
+    assert steps.max() < 0.08 * 1.9 / EASE / RATE + 0.005
+    assert len(start_right.base) == 600
+    last = int(changes[-1]) + 1 if len(changes) else 0
+    settled = min(last + int(EASE * RATE) + 2, 599)
+    here = robot.snapshot(np.hstack((found.base[settled], joints[settled])))
+    frame = robot.feet[tuple(robot.feet)[found.foot[settled]]].frame
+    np.testing.assert_allclose(here.rotation(frame)[2], [0.0, 0.0, 1.0], atol=1e-9)
+    assert here.position(frame)[2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_feet_that_do_not_exist(robot: Robot) -> None:
+    motion = Motion(robot, TIME, moved(robot, {}))
+    with pytest.raises(UnknownNameError, match="did you mean 'left'"):
+        analyse(motion, planted="lefd")
+    footless = Robot.load("hoap2_like", feet={})
+    with pytest.raises(InvalidInputError, match="no feet"):
+        analyse(Motion(footless, TIME, motion.joints), planted="auto", feet=None)
+
+
+def test_a_base_or_a_planted_foot(robot: Robot) -> None:
+    joints = moved(robot, {})
+    with pytest.raises(InvalidInputError, match="planted: left, right or auto"):
+        analyse(Motion(robot, TIME, joints))
+    base = np.tile(robot.postures["standing"][:7], (600, 1))
+    with pytest.raises(InvalidInputError, match="leave planted out"):
+        analyse(Motion(robot, TIME, joints, base), planted="left")

@@ -1,0 +1,380 @@
+"""Recordings as files: what is read, and how each mistake is refused."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion import Motion, RecordingError, analyse, read_motion
+from wbc.problem import load_problem
+from wbc.robot import Robot
+
+COUNT, RATE = 60, 100.0
+TIME = np.arange(COUNT) / RATE
+MIXED = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+@pytest.fixture
+def joints(robot: Robot) -> np.ndarray:
+    """Every joint moves by a tenth of its range about its middle (COUNT, nv-6)."""
+    limits = robot.limits
+    middle, half = 0.5 * (limits.upper + limits.lower), 0.05 * (limits.upper - limits.lower)
+    return middle + half * np.sin(5.0 * TIME[:, None] + np.arange(len(half)))
+
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def write(columns: dict[str, np.ndarray], name: str = "walk.csv", delimiter: str = ",") -> Path:
+        path = tmp_path / name
+        rows = np.column_stack(list(columns.values()))
+        np.savetxt(path, rows, delimiter=delimiter, header=delimiter.join(columns), comments="")
+        return path
+
+    return write
+
+
+def columns_of(robot: Robot, joints: np.ndarray) -> dict[str, np.ndarray]:
+    return {"time": TIME} | {name: joints[:, k] for k, name in enumerate(robot.joint_names)}
+
+
+def base_columns(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    place = rng.normal(size=3) + 0.1 * np.sin(TIME[:, None] + np.arange(3))
+    turn = Rotation.from_euler("xyz", 0.2 * np.cos(TIME[:, None] + np.arange(3))).as_quat()
+    names = ("x", "y", "z", "qx", "qy", "qz", "qw")
+    return {f"base_{a}": part for a, part in zip(names, np.hstack((place, turn)).T, strict=True)}
+
+
+# ---------------------------------------------------------------------- what is read
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_joints_in_any_order(robot, joints, write: Write, delimiter: str) -> None:
+    columns = dict(reversed(columns_of(robot, joints).items()))
+    motion = read_motion(write(columns, delimiter=delimiter), robot)
+    np.testing.assert_allclose(motion.joints, joints, rtol=1e-12)
+    np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
+    assert motion.base is None and motion.dropouts == ()
+    assert motion.rate == pytest.approx(RATE)
+
+
+def test_units_in_names(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints)
+    in_names = {"t [s]": columns.pop("time")}
+    for k, (name, values) in enumerate(columns.items()):
+        marked = (f"{name} [deg]", f"{name}_deg", f"{name} [rad]", f"{name}_rad", name)[k % 5]
+        in_names[marked] = np.rad2deg(values) if "deg" in marked else values
+    np.testing.assert_allclose(read_motion(write(in_names), robot).joints, joints, rtol=1e-12)
+
+
+def test_degrees_are_for_angles_only(write: Write) -> None:
+    robot = Robot.load(MIXED)
+    columns = {"time": TIME}
+    for k, name in enumerate(robot.joint_names):
+        low, high = np.clip([robot.limits.lower[k], robot.limits.upper[k]], -1.0, 1.0)
+        columns[name] = np.full(COUNT, 0.5 * (low + high) + 0.1 * (high - low))
+    plain = read_motion(write(columns), robot).joints
+    from wbc.robot.series import turning_joints
+
+    turned = turning_joints(robot)
+    for k, name in enumerate(robot.joint_names):
+        columns[name] = np.rad2deg(columns[name]) if turned[k] else columns[name]
+    np.testing.assert_allclose(read_motion(write(columns), robot, degrees=True).joints, plain)
+
+
+def test_base_by_quaternion_and_by_angles(robot, joints, write: Write, rng) -> None:
+    base = base_columns(rng)
+    motion = read_motion(write(columns_of(robot, joints) | base), robot)
+    np.testing.assert_allclose(motion.base, np.column_stack(list(base.values())), atol=1e-12)
+    quaternions = np.column_stack([base.pop(f"base_q{a}") for a in "xyzw"])
+    angles = Rotation.from_quat(quaternions).as_euler("ZYX", degrees=True)[:, ::-1]
+    base |= {f"base_{a} [deg]": x for a, x in zip(("roll", "pitch", "yaw"), angles.T, strict=True)}
+    by_angles = read_motion(write(columns_of(robot, joints) | base), robot).base
+    np.testing.assert_allclose(by_angles, motion.base, atol=1e-12)
+
+
+def test_no_times_but_a_rate(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints)
+    del columns["time"]
+    motion = read_motion(write(columns), robot, rate=50.0)
+    np.testing.assert_allclose(motion.time, np.arange(COUNT) / 50.0)
+
+
+@pytest.mark.parametrize("posture", ["standing", "neutral"])
+def test_missing_joints_if_declared(robot, joints, write: Write, posture: str) -> None:
+    columns = columns_of(robot, joints)
+    del columns["left_elbow_pitch"]
+    k = robot.joint_names.index("left_elbow_pitch")
+    motion = read_motion(write(columns), robot, missing=posture)
+    assert (motion.joints[:, k] == robot.limits.joint_positions(robot.postures[posture])[k]).all()
+
+
+def test_npz_forms_are_the_same(robot, joints, tmp_path: Path, rng) -> None:
+    columns, base = columns_of(robot, joints), base_columns(rng)
+    np.savez(tmp_path / "a.npz", **columns, **base)
+    time = columns.pop("time")
+    np.savez(tmp_path / "b.npz", time=time, names=list(columns), positions=joints, **base)
+    q = np.hstack((np.column_stack(list(base.values())), joints))
+    np.savez(tmp_path / "c.npz", time=time, q=q, com=np.zeros((COUNT, 3)))
+    for name in "abc":
+        motion = read_motion(tmp_path / f"{name}.npz", robot)
+        np.testing.assert_allclose(motion.joints, joints)
+        np.testing.assert_allclose(motion.base, q[:, :7], atol=1e-12)
+
+
+def test_a_run_of_this_package_and_back(tmp_path: Path) -> None:
+    problem = tmp_path / "p.yaml"
+    problem.write_text(
+        "robot: hoap2_like\n"
+        "tasks:\n"
+        "  hand: {type: frame, frame: left_hand, control: position,"
+        " target: {offset: [0, 0, 0.02]}}\n"
+        "stop: {duration: 0.2, speed: null}\n"
+    )
+    result = load_problem(problem).run()
+    result.save(tmp_path / "r.npz")
+    motion = read_motion(tmp_path / "r.npz", result.robot)
+    np.testing.assert_allclose(motion.time, result.history.time)
+    np.testing.assert_allclose(motion.joints, result.history.q[:, 7:])
+    np.testing.assert_allclose(motion.base, result.history.q[:, :7], atol=1e-12)
+    series = analyse(motion, cutoff=None, feet=("left", "right"))
+    np.testing.assert_allclose(series.com, result.history.com, atol=1e-9)
+    np.testing.assert_allclose(series.inertia, result.history.inertia, atol=1e-9)
+    # And what an analysis writes is a recording again.
+    series.save(tmp_path / "s.npz")
+    again = read_motion(tmp_path / "s.npz", result.robot)
+    np.testing.assert_allclose(again.joints, series.q[:, 7:])
+
+
+def test_continuous_joints_of_q(tmp_path: Path, rng) -> None:
+    robot = Robot.load(MIXED)
+    q = np.tile(robot.postures["neutral"], (COUNT, 1))
+    k = robot.limits.unbounded[0]
+    start = robot.limits.starts[k]
+    angle = 3.0 + 0.05 * np.arange(COUNT)  # passes pi
+    q[:, start], q[:, start + 1] = np.cos(angle), np.sin(angle)
+    np.savez(tmp_path / "c.npz", time=TIME, q=q)
+    motion = read_motion(tmp_path / "c.npz", robot)
+    np.testing.assert_allclose(motion.joints[:, k], angle)
+    series = analyse(motion, cutoff=None)
+    np.testing.assert_allclose(series.q[:, start : start + 2], q[:, start : start + 2], atol=1e-12)
+    np.testing.assert_allclose(series.v[:, 6 + k], 0.05 * RATE, atol=1e-8)
+
+
+# ---------------------------------------------------------------------- what is refused
+
+
+def refused(path: Path, robot: Robot, *words: str, **options: object) -> RecordingError:
+    with pytest.raises(RecordingError) as caught:
+        read_motion(path, robot, **options)
+    for word in (path.name, *words):
+        assert word in str(caught.value)
+    return caught.value
+
+
+def test_missing_joints_are_named(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints)
+    del columns["left_elbow_pitch"], columns["head_yaw"]
+    refused(write(columns), robot, "left_elbow_pitch", "head_yaw", "standing")
+    with pytest.raises(UnknownNameError, match="sitting"):
+        read_motion(write(columns), robot, missing="sitting")
+
+
+def test_an_unknown_joint_is_suggested(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints) | {"left_nee_pitch": TIME}
+    with pytest.raises(UnknownNameError, match="did you mean 'left_knee_pitch'"):
+        read_motion(write(columns), robot)
+    assert read_motion(write(columns), robot, ignore=["left_nee*"]).joints.shape == joints.shape
+
+
+def test_nan_names_column_and_row(robot, joints, write: Write) -> None:
+    joints[17, 3] = np.nan
+    error = refused(write(columns_of(robot, joints)), robot, "NaN", "fill")
+    assert (error.column, error.row, error.line) == (robot.joint_names[3], 18, 19)
+
+
+def test_infinite_is_never_filled(robot, joints, write: Write) -> None:
+    joints[17, 3] = np.inf
+    error = refused(write(columns_of(robot, joints)), robot, "infinite", fill=True)
+    assert (error.column, error.row) == (robot.joint_names[3], 18)
+
+
+@pytest.mark.parametrize(("value", "row"), [(TIME[20], 22), (TIME[3], 22), (np.nan, 22)])
+def test_times_must_increase(robot, joints, write: Write, value: float, row: int) -> None:
+    columns = columns_of(robot, joints)
+    columns["time"] = TIME.copy()
+    columns["time"][21] = value
+    error = refused(write(columns), robot, "time", fill=True)
+    assert (error.column, error.row) == ("time", row)
+
+
+def test_limits_and_degrees(robot, joints, write: Write) -> None:
+    k = robot.joint_names.index("left_knee_pitch")
+    joints[30, k] = robot.limits.upper[k] + 0.02
+    path = write(columns_of(robot, joints))
+    error = refused(path, robot, "left_knee_pitch", "limits", "0.02")
+    assert (error.column, error.row, error.line) == ("left_knee_pitch", 31, 32)
+    assert "in degrees" not in str(error)
+    assert read_motion(path, robot, beyond=0.03).joints[30, k] == joints[30, k]
+    in_degrees = columns_of(robot, np.rad2deg(np.delete(joints, 30, axis=0)[[*range(59), 58]]))
+    refused(write(in_degrees), robot, "in degrees?")
+    assert read_motion(write(in_degrees), robot, degrees=True).time.size == COUNT
+
+
+def test_no_times_or_both(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints)
+    refused(write(columns), robot, "time", rate=100.0)
+    del columns["time"]
+    refused(write(columns), robot, "'time'", "rate")
+    with pytest.raises(InvalidInputError, match="rate"):
+        read_motion(write(columns), robot, rate=0.0)
+
+
+def test_an_incomplete_base(robot, joints, write: Write, rng) -> None:
+    base = base_columns(rng)
+    del base["base_qw"]
+    refused(write(columns_of(robot, joints) | base), robot, "base_qw")
+    both = base_columns(rng) | {"base_roll": TIME}
+    refused(write(columns_of(robot, joints) | both), robot, "not both")
+
+
+def test_a_quaternion_that_is_none(robot, joints, write: Write, rng) -> None:
+    base = base_columns(rng)
+    base["base_qw"][5] += 0.5
+    assert refused(write(columns_of(robot, joints) | base), robot, "norm").row == 6
+
+
+def test_the_same_column_twice(robot, joints, write: Write) -> None:
+    refused(write(columns_of(robot, joints) | {"t": TIME}), robot, "'t'", "'time'")
+    path = write(columns_of(robot, joints))
+    path.write_text(path.read_text().replace("head_yaw", "head_pitch", 1))
+    refused(path, robot, "head_pitch", "twice")
+
+
+def test_unknown_units(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints)
+    columns["head_yaw [turns]"] = columns.pop("head_yaw")
+    refused(write(columns), robot, "turns", "deg")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["empty"]),
+        ("time,a\n", ["no rows"]),
+        ("time,a\n0,1\n1,2,3\n", ["row 2", "3 cells"]),
+        ("time,a,b\n0,1\n1,2\n", ["row 1", "2 cells"]),
+        ("time,a\n0,1\n\n1,x\n", ["'a'", "line 4", "'x' is not a number"]),
+    ],
+)
+def test_broken_csv(robot, tmp_path: Path, text: str, words: list[str]) -> None:
+    path = tmp_path / "broken.csv"
+    path.write_text(text)
+    refused(path, robot, *words)
+
+
+def test_empty_cells_are_missing_numbers(robot, joints, write: Write) -> None:
+    path = write(columns_of(robot, joints))
+    lines = path.read_text().splitlines()
+    lines[11] = re.sub(r"^([^,]*),[^,]*,", r"\1,,", lines[11])
+    path.write_text("\n".join(lines))
+    assert refused(path, robot, robot.joint_names[0]).line == 12
+    assert len(read_motion(path, robot, fill=True).dropouts) == 1
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"time": TIME, "q": np.zeros((COUNT, 9))}, ["'q'", "(60, 9)"]),
+        ({"time": TIME[1:], "head_yaw": TIME}, ["60 rows", "59"]),
+        ({"time": TIME, "head_yaw": np.zeros((COUNT, 2))}, ["head_yaw", "shape"]),
+        ({"time": TIME, "names": ["head_yaw"], "positions": np.zeros((COUNT, 2))}, ["positions"]),
+        ({"time": TIME, "head_yaw": np.array(["x"] * COUNT)}, ["head_yaw", "numbers"]),
+    ],
+)
+def test_broken_npz(robot, tmp_path: Path, arrays: dict, words: list[str]) -> None:
+    np.savez(tmp_path / "broken.npz", **arrays)
+    refused(tmp_path / "broken.npz", robot, *words)
+
+
+def test_files_that_are_none(robot, tmp_path: Path) -> None:
+    (tmp_path / "x.npz").write_text("no zip")
+    refused(tmp_path / "x.npz", robot, "cannot be read")
+    refused(tmp_path / "absent.csv", robot, "cannot be read")
+    refused(tmp_path / "walk.bvh", robot, ".csv or .npz")
+
+
+def test_few_rows(robot, joints, write: Write) -> None:
+    columns = {name: values[:5] for name, values in columns_of(robot, joints).items()}
+    refused(write(columns), robot, "5 rows")
+    with pytest.raises(InvalidInputError, match="5 rows"):
+        Motion(robot, TIME[:5], joints[:5])
+    with pytest.raises(InvalidInputError, match="increase"):
+        Motion(robot, TIME[::-1], joints)
+
+
+# ---------------------------------------------------------------------- dropouts
+
+
+def test_gaps_in_time_up_to_the_longest(robot, joints, write: Write) -> None:
+    kept = np.delete(np.arange(COUNT), slice(20, 26))  # six rows: 70 ms from row 19 to row 26
+    columns = {name: values[kept] for name, values in columns_of(robot, joints).items()}
+    motion = read_motion(write(columns), robot)
+    (gap,) = motion.dropouts
+    assert (gap.kind, gap.filled) == ("gap in time", True)
+    assert (gap.start, gap.end) == pytest.approx((0.19, 0.26))
+    np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
+    # PCHIP over 70 ms of sines of 5 rad/s: a parabola is off by A (w T)^2 / 8 = 1.5% at most.
+    np.testing.assert_allclose(motion.joints, joints, atol=0.015 * 0.25)
+    refused(write(columns), robot, "0.07", longest_gap=0.05)
+
+
+def test_missing_numbers_if_declared(robot, joints, write: Write) -> None:
+    true = joints.copy()
+    joints[10:13, [2, 4]] = np.nan
+    joints[40, 4] = np.nan
+    motion = read_motion(write(columns_of(robot, joints)), robot, fill=True)
+    first, second = motion.dropouts
+    assert first.kind == second.kind == "missing numbers"
+    assert first.columns == (robot.joint_names[2], robot.joint_names[4])
+    assert (first.start, first.end) == pytest.approx((0.09, 0.13))
+    assert second.duration == pytest.approx(0.02)
+    np.testing.assert_allclose(motion.joints, true, atol=0.002)
+    path = write(columns_of(robot, joints))
+    refused(path, robot, robot.joint_names[2], fill=True, longest_gap=0.03)
+    joints[-1, 4] = np.nan
+    refused(write(columns_of(robot, joints)), robot, "begin or end", fill=True)
+
+
+def test_frozen_rows_are_reported(robot, joints, write: Write) -> None:
+    true = joints.copy()
+    joints[31:35] = joints[30]
+    path = write(columns_of(robot, joints))
+    motion = read_motion(path, robot)
+    (frozen,) = motion.dropouts
+    assert (frozen.kind, frozen.filled) == ("frozen", False)
+    assert (frozen.start, frozen.end) == pytest.approx((0.30, 0.35))
+    assert frozen.columns and set(frozen.columns) <= set(robot.joint_names)
+    np.testing.assert_allclose(motion.joints, joints)  # as recorded
+    assert "left as recorded" in str(frozen)
+    filled = read_motion(path, robot, fill=True)
+    assert filled.dropouts[0].filled
+    np.testing.assert_allclose(filled.joints, true, atol=0.004)
+
+
+def test_rest_and_coarse_sensors_are_not_frozen(robot, joints, write: Write) -> None:
+    ramp = np.clip((TIME - 0.2) / 0.1, 0.0, 1.0)[:, None]  # moves, then rests for good
+    assert read_motion(write(columns_of(robot, joints[:1] + 0.1 * ramp)), robot).dropouts == ()
+    coarse = np.round((joints[:1] + 0.05 * TIME[:, None]) / 0.004) * 0.004  # a step in 8 rows
+    assert read_motion(write(columns_of(robot, coarse)), robot, beyond=0.01).dropouts == ()

@@ -1,0 +1,59 @@
+"""Margins of many polygons at once against one polygon at a time."""
+
+import numpy as np
+import pytest
+
+from wbc.motion.support import _hulls, sole_corners, support_margins, touching
+from wbc.rmp.ground import polygon_margin
+from wbc.robot import Robot
+from wbc.robot.series import sole_series
+from wbc.robot.sole import convex_hull
+
+
+@pytest.mark.parametrize("size", [3, 5, 8, 16])
+def test_margins_are_those_of_each_polygon(size: int, rng: np.random.Generator) -> None:
+    corners = rng.normal(size=(200, 1, size, 3))
+    corners[:50, :, -1] = corners[:50, :, 0]  # corners that are there twice
+    if size > 3:
+        corners[50:100, :, 1] = 0.5 * (corners[50:100, :, 2] + corners[50:100, :, 3])  # on an edge
+    points = rng.normal(size=(200, 2))
+    margins = support_margins(corners, np.ones((200, 1), dtype=bool), points)
+    for k in range(200):
+        expected = polygon_margin(convex_hull(corners[k, 0, :, :2]), points[k])
+        assert margins[k] == pytest.approx(float(expected), abs=1e-12)
+    assert (margins > 0.0).any() and (margins < 0.0).any()
+
+
+def test_only_standing_feet_count(rng: np.random.Generator) -> None:
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    corners = np.tile(np.stack((square, square + [3, 0, 0])), (4, 1, 1, 1))
+    standing = np.array([[True, False], [False, True], [True, True], [False, False]])
+    points = np.tile([2.0, 0.5], (4, 1))
+    margins = support_margins(corners, standing, points)
+    np.testing.assert_allclose(margins[:3], [-1.0, -1.0, 0.5])
+    assert np.isnan(margins[3])
+
+
+def test_hulls_of_points_in_a_row() -> None:
+    row = np.array([[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.5, 0.5]]])
+    corners = {tuple(point) for point in _hulls(row)[0].tolist()}
+    assert {(0.0, 0.0), (2.0, 2.0)} <= corners
+    margin = support_margins(
+        np.dstack((row, np.zeros((1, 4))))[:, None], np.array([[True]]), np.array([[1.0, 1.0]])
+    )
+    np.testing.assert_allclose(margin, [0.0], atol=1e-15)
+
+
+def test_which_feet_touch() -> None:
+    robot = Robot.load("hoap2_like")
+    lifted = robot.posture("standing", {"left_hip_pitch": -0.9, "left_knee_pitch": 1.2})
+    q = np.stack((robot.postures["standing"], lifted))
+    corners = sole_corners(robot, sole_series(robot, q))
+    assert touching(corners, 0.0).tolist() == [[True, True], [False, True]]
+    assert not touching(corners, 0.5).any()
+    here = robot.snapshot(lifted)
+    foot = robot.feet["left"]
+    flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
+    np.testing.assert_allclose(
+        corners[1, 0], flat @ here.rotation(foot.frame).T + here.position(foot.frame), atol=1e-12
+    )

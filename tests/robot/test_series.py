@@ -1,0 +1,94 @@
+"""Series of whole-robot quantities against snapshots, one by one, and finite differences."""
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.robot.series import centroidal_series, rotations, sole_series, turning_joints
+from wbc.spatial import matrix
+
+COUNT = 4
+
+
+def states(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    steps = rng.normal(size=(COUNT, robot.nv))
+    q = np.array([robot.integrate(robot.postures["neutral"], step, 0.7) for step in steps])
+    return q, rng.normal(size=(COUNT, robot.nv)), rng.normal(size=(COUNT, robot.nv))
+
+
+def test_series_are_snapshots_in_a_row(robot: Robot, rng: np.random.Generator) -> None:
+    q, v, acceleration = states(robot, rng)
+    series = centroidal_series(robot, q, v, acceleration)
+    size = float(np.abs(series.inertia).max()) + robot.mass
+    # Different passes over the same tree: equal but for rounding.
+    close = {"rtol": 1e-10, "atol": 1e-11 * size}
+    for k in range(COUNT):
+        here = robot.snapshot(q[k], v[k])
+        rate = here.centroidal_map @ acceleration[k] + here.momentum_drift
+        turned = matrix(here.inertia_jacobian @ v[k])
+        np.testing.assert_allclose(series.com[k], here.com, **close)
+        np.testing.assert_allclose(series.momentum[k], here.momentum, **close)
+        np.testing.assert_allclose(series.momentum_rate[k], rate, **close)
+        np.testing.assert_allclose(series.inertia[k], here.inertia, **close)
+        np.testing.assert_allclose(series.inertia_rate[k], turned, **close)
+        for name, foot in robot.feet.items():
+            np.testing.assert_allclose(series.soles[name][k, :3, 3], here.position(foot.frame))
+            np.testing.assert_allclose(series.soles[name][k, :3, :3], here.rotation(foot.frame))
+
+
+def test_the_inertia_rate_is_a_difference_quotient(robot: Robot, rng: np.random.Generator) -> None:
+    q, v, acceleration = states(robot, rng)
+    series = centroidal_series(robot, q, v, acceleration)
+    h = 1e-5
+    for k in range(COUNT):
+        ahead, behind = (robot.snapshot(robot.integrate(q[k], v[k], s)).inertia for s in (h, -h))
+        quotient = (ahead - behind) / (2.0 * h)
+        # Central differences: truncation of order h^2 times third derivatives, rounding / h.
+        np.testing.assert_allclose(
+            series.inertia_rate[k], quotient, atol=1e-7 * (1.0 + np.abs(quotient).max())
+        )
+
+
+def test_soles_alone_are_the_same(robot: Robot, rng: np.random.Generator) -> None:
+    q, v, acceleration = states(robot, rng)
+    alone, both = sole_series(robot, q), centroidal_series(robot, q, v, acceleration).soles
+    assert list(alone) == list(both) == list(robot.feet)
+    for name in robot.feet:
+        np.testing.assert_allclose(alone[name], both[name], atol=1e-12)
+
+
+def test_progress_is_reported_to_the_end(robot_named, rng: np.random.Generator) -> None:
+    robot = robot_named("hoap2_like")
+    calls = list[tuple[int, int]]()
+    q = np.tile(robot.postures["standing"], (1100, 1))
+    sole_series(robot, q, lambda done, total: calls.append((done, total)))
+    assert calls == [(500, 1100), (1000, 1100), (1100, 1100)]
+
+
+def test_which_joints_turn(robot_named) -> None:
+    robot = robot_named("mixed_joints")
+    kinds = {
+        name: robot.model.joints[robot.model.getJointId(name)].shortname()
+        for name in robot.joint_names
+    }
+    expected = [kind.startswith("JointModelR") for kind in kinds.values()]
+    assert turning_joints(robot).tolist() == expected
+    assert set(expected) == {True, False}
+
+
+def test_rotations_are_those_of_a_quaternion() -> None:
+    half = np.deg2rad([0.0, 15.0, 45.0])
+    quaternions = np.column_stack((np.zeros(3), np.zeros(3), np.sin(half), np.cos(half)))
+    R = rotations(quaternions)
+    np.testing.assert_allclose(R[1] @ [1.0, 0.0, 0.0], [np.sqrt(3) / 2, 0.5, 0.0], atol=1e-15)
+    np.testing.assert_allclose(R[2] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_wrong_shapes_are_refused(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q, v = np.tile(robot.postures["standing"], (3, 1)), np.zeros((3, robot.nv))
+    with pytest.raises(InvalidInputError, match="v: expected shape"):
+        centroidal_series(robot, q, v[:, 1:], v)
+    with pytest.raises(InvalidInputError, match="acceleration: NaN"):
+        centroidal_series(robot, q, v, v + np.nan)

@@ -1,0 +1,97 @@
+"""The figure of an analysed motion: what is plotted, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wbc.errors import InvalidInputError
+from wbc.motion import Motion, RmpSeries, analyse
+from wbc.robot import Robot
+from wbc.view import style
+from wbc.view.analysis import analysis_figure, plot_analysis, snapshot_frames
+
+TIME = np.arange(200) / 100.0
+
+
+def series_of(height: float, feet: str | None) -> RmpSeries:
+    robot = Robot.load("hoap2_like")
+    joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (200, 1))
+    base = np.tile(robot.postures["standing"][:7], (200, 1))
+    base[:, 2] += height * np.cos(2.0 * np.pi * 1.5 * TIME)
+    return analyse(Motion(robot, TIME, joints, base), feet=feet)
+
+
+@pytest.fixture(scope="module")
+def still() -> RmpSeries:
+    return series_of(0.0, "auto")
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(style, "DPI", 50)
+
+
+def plots(figure: Figure) -> dict[str, object]:
+    return {axes.get_title(loc="left"): axes for axes in figure.axes if axes.get_title(loc="left")}
+
+
+@pytest.mark.usefixtures("coarse")
+def test_plots_hold_the_series(still: RmpSeries) -> None:
+    figure = analysis_figure(still, title="Standing", snapshots=3)
+    named = plots(figure)
+    assert len(named) == 6
+    radii = {line.get_label(): line for line in named["Reaction mass radii"].lines}
+    np.testing.assert_allclose(radii["r₁"].get_ydata(), 1e3 * still.radii[:, 0])
+    ground = {line.get_label(): line for line in named["Ground, along x (forward)"].lines}
+    np.testing.assert_allclose(ground["CoP"].get_ydata(), 1e3 * still.cop[:, 0])
+    titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    assert titles == ["a)  0.00 s", "b)  1.00 s", "c)  1.99 s"]
+
+
+@pytest.mark.usefixtures("coarse")
+def test_no_text_overlaps(still: RmpSeries) -> None:
+    figure = analysis_figure(still, title="Standing")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    boxes = [
+        (text.get_text(), text.get_window_extent(renderer))
+        for axes in figure.axes
+        for text in (axes.title, axes._left_title, *axes.texts, axes.yaxis.label, axes.xaxis.label)
+        if text.get_text()
+    ]
+    boxes += [
+        ("legend", axes.get_legend().get_window_extent(renderer))
+        for axes in figure.axes
+        if axes.get_legend() is not None
+    ]
+    for k, (name, box) in enumerate(boxes):
+        for other, another in boxes[k + 1 :]:
+            assert not box.overlaps(another), f"{name!r} over {other!r}"
+
+
+@pytest.mark.usefixtures("coarse")
+def test_flight_and_no_feet(tmp_path: Path) -> None:
+    flying = series_of(0.2, None)
+    assert flying.flight.any() and flying.cop_margin is None
+    figure = analysis_figure(flying, title="Hopping", snapshots=2)
+    margin = plots(figure)["CoP inside the support polygon by"]
+    assert any("not judged" in text.get_text() for text in margin.texts)
+    path = plot_analysis(flying, tmp_path / "hop.png", title="Hopping", snapshots=1)
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_snapshots() -> None:
+    assert snapshot_frames(101, 6) == [0, 20, 40, 60, 80, 100]
+    assert snapshot_frames(2, 6) == [0, 1]
+    for wrong in (0, 11):
+        with pytest.raises(InvalidInputError, match="snapshots"):
+            snapshot_frames(100, wrong)
+
+
+def test_other_suffixes(still: RmpSeries, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="gif"):
+        plot_analysis(still, tmp_path / "a.gif", title="x")

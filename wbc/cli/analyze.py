@@ -1,0 +1,283 @@
+"""``wbc analyze``: a recorded motion as its reaction mass pendulum."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
+
+if TYPE_CHECKING:
+    from wbc.motion import RmpSeries
+
+# Kept in step with wbc.motion, which is not imported only to print the help.
+CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS = "10", 0.1, 1e-6, 6
+SECONDS_BETWEEN_LINES = 5.0
+SHOWN_DROPOUTS = 10
+
+
+class Missing(StrEnum):
+    """Where joints that the file does not have stay."""
+
+    STANDING = "standing"
+    NEUTRAL = "neutral"
+
+
+def analyze(
+    motion: Annotated[Path, typer.Argument(help="The recording: .csv or .npz.", metavar="MOTION")],
+    robot: Annotated[str, typer.Option(help="The robot: a name, or a URDF or MJCF file.")],
+    planted: Annotated[
+        str | None, typer.Option(help="Flat foot, if no base was recorded: left, right, auto.")
+    ] = None,
+    feet: Annotated[
+        str | None, typer.Option(help="Feet that stand, as in left,right; auto: by height.")
+    ] = None,
+    ground: Annotated[float, typer.Option(help="Height of the ground, in m.")] = 0.0,
+    rate: Annotated[
+        float | None, typer.Option(help="Rows per second of a file without times, in Hz.")
+    ] = None,
+    resample: Annotated[
+        float | None, typer.Option(help="Frames per second of the result, in Hz.")
+    ] = None,
+    cutoff: Annotated[
+        str, typer.Option(help="Of the zero-phase low-pass, in Hz; none or 0: no filter.")
+    ] = CUTOFF,
+    degrees: Annotated[
+        bool, typer.Option("--degrees", help="Angles without a unit are in degrees.")
+    ] = False,
+    missing: Annotated[
+        Missing | None, typer.Option(help="Joints without a column stay as in this posture.")
+    ] = None,
+    ignore: Annotated[
+        list[str] | None, typer.Option(help="Columns to pass over, as in 'imu_*'; repeatable.")
+    ] = None,
+    beyond: Annotated[
+        float, typer.Option(help="How far joints may be past their limits, in rad.")
+    ] = BEYOND,
+    fill: Annotated[bool, typer.Option("--fill", help="Fill NaN and frozen rows too.")] = False,
+    max_gap: Annotated[float, typer.Option(help="Longest time to fill, in s.")] = LONGEST_GAP,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", help="Write the series: .npz (all), .csv; repeatable."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the motion into a picture.")] = None,
+    snapshots: Annotated[int, typer.Option(help="Snapshots in the picture.")] = SNAPSHOTS,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Reduce a recorded motion to its reaction mass pendulum over time."""
+    with errors_in_one_line():
+        reading = {
+            "rate": rate,
+            "degrees": degrees,
+            "missing": missing.value if missing else None,
+            "ignore": ignore or (),
+            "beyond": beyond,
+            "fill": fill,
+            "longest_gap": max_gap,
+        }
+        analysis = {
+            "rate": resample,
+            "cutoff": _cutoff(cutoff),
+            "planted": planted,
+            "feet": _feet(feet),
+            "ground_height": ground,
+        }
+        outputs = output or []
+        _check_outputs(outputs, plot, snapshots)
+        series = _series(motion, robot, reading, analysis, quiet)
+        written, failures = _write(series, outputs, plot, snapshots)
+        if not quiet:
+            _print(series, written)
+    for failure in failures:
+        complain(failure)
+    raise typer.Exit(BAD_INPUT if failures else 0)
+
+
+def _cutoff(text: str) -> float | None:
+    from wbc.validate import finite_number
+
+    if text.lower() in ("none", "0"):
+        return None
+    return finite_number("--cutoff (Hz, or none)", text, least=0.0) or None
+
+
+def _feet(text: str | None) -> str | list[str] | None:
+    if text is None or text == "auto":
+        return text
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _check_outputs(outputs: list[Path], plot: Path | None, snapshots: int) -> None:
+    """Raise InvalidInputError for what could never be written, before any work is done."""
+    from importlib.util import find_spec
+
+    from wbc.cli.outputs import check_place
+    from wbc.errors import InvalidInputError
+    from wbc.motion.saving import series_format
+
+    for path in outputs:
+        series_format(path)
+        check_place("--output", path)
+    if plot is not None:
+        if find_spec("matplotlib") is None:
+            raise InvalidInputError("--plot needs matplotlib: pip install 'wbc[plot]'")
+        from wbc.view.analysis import snapshot_frames
+        from wbc.view.files import picture_file
+
+        check_place("--plot", plot)
+        picture_file(plot)
+        snapshot_frames(snapshots, snapshots)
+
+
+def _series(
+    path: Path, robot: str, reading: dict[str, Any], analysis: dict[str, Any], quiet: bool
+) -> RmpSeries:
+    from wbc.motion import analyse, read_motion
+    from wbc.robot import Robot
+
+    motion = read_motion(path, Robot.load(robot), **reading)
+    with nullcontext() if quiet else _progress() as progress:
+        return analyse(motion, progress=progress, **analysis)
+
+
+def _write(
+    series: RmpSeries, outputs: list[Path], plot: Path | None, snapshots: int
+) -> tuple[list[Path], list[str]]:
+    """Write what is wanted; return what was written and, in words, what could not be."""
+    from wbc.errors import WbcError
+
+    written, failures = list[Path](), list[str]()
+    for path in outputs:
+        try:
+            series.save(path)
+            written.append(path)
+        except OSError as error:
+            failures.append(f"--output {path}: cannot be written: {error.strerror}")
+    if plot is not None:
+        from wbc.view.analysis import plot_analysis
+
+        title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"
+        try:
+            written.append(plot_analysis(series, plot, title=title, snapshots=snapshots))
+        except WbcError as error:
+            failures.append(f"--plot {plot}: {error}")
+    return written, failures
+
+
+# ---------------------------------------------------------------------- progress
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """Give what to call with frames done and in all: a bar on a terminal, else a line at times."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    console = Console(stderr=True, highlight=False)
+    if console.is_terminal:
+        columns = (TextColumn("frames"), BarColumn(), TextColumn("{task.completed}/{task.total}"))
+        with Progress(*columns, console=console, transient=True) as bar:
+            shown = bar.add_task("", total=None)
+            yield lambda done, total: bar.update(shown, completed=done, total=total)
+        return
+    last = time.monotonic()
+
+    def call(done: int, total: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > SECONDS_BETWEEN_LINES:
+            last = time.monotonic()
+            console.print(f"frame {done} of {total}")
+
+    yield call
+
+
+# ---------------------------------------------------------------------- what is printed
+
+
+def _print(series: RmpSeries, written: list[Path]) -> None:
+    """Print what the motion came to, and what it lacked."""
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    seconds = float(series.time[-1] - series.time[0])
+    rate = (len(series) - 1) / seconds
+    head = Text(Path(series.source).name, style="bold")
+    head.append(
+        f": {series.robot.name}, {series.robot.mass:.2f} kg, {len(series)} frames,"
+        f" {seconds:.2f} s at {rate:.4g} Hz",
+        style="not bold default",
+    )
+    console.print(head)
+    for dropout in series.dropouts[:SHOWN_DROPOUTS]:
+        console.print(Text.assemble(("dropout  ", "yellow"), str(dropout)))
+    if len(series.dropouts) > SHOWN_DROPOUTS:
+        console.print(f"and {len(series.dropouts) - SHOWN_DROPOUTS} more dropouts")
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
+    for k, column in enumerate(("", "least", "mean", "largest")):
+        table.add_column(Text(f"\n{column}"), justify="left" if k == 0 else "right")
+    for name, scale, values in _rows(series):
+        known = scale * values[np.isfinite(values)]
+        if known.size:
+            numbers = (known.min(), known.mean(), known.max())
+            table.add_row(Text(name), *(f"{number:.4g}" for number in numbers))
+    console.print(table)
+    console.print()
+    console.print(_verdict(series))
+    for path in written:  # never folded: a path is to be copied
+        console.print(Text.assemble((f"{'written':9}", "dim"), str(path)), soft_wrap=True)
+
+
+def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
+    """Yield name with unit, factor to that unit, and values (n,) of each row of the table."""
+    import numpy as np
+
+    for k, axis in enumerate("xyz"):
+        yield f"CoM {axis} [mm]", 1e3, series.com[:, k]
+    for k, axis in enumerate("xy"):
+        yield f"CoP {axis} [mm]", 1e3, series.cop[:, k]
+    yield "CMP to CoP [mm]", 1e3, np.linalg.norm(series.cmp - series.cop, axis=1)
+    if series.cop_margin is not None:
+        yield "CoP inside the support by [mm]", 1e3, series.cop_margin
+    yield "push of the ground [N]", 1.0, series.ground_force[:, 2]
+    yield "leg length [mm]", 1e3, series.leg_length
+    for k in range(3):
+        yield f"radius r{k + 1} [mm]", 1e3, series.radii[:, k]
+    for name, values in (
+        ("turning by momentum, I^-1 k [rad/s]", series.average_angular_velocity),
+        ("turning of the axes [rad/s]", series.axes_angular_velocity),
+    ):
+        yield name, 1.0, np.linalg.norm(values, axis=1)
+
+
+def _verdict(series: RmpSeries) -> Any:
+    """Return one line on flight and on the CoP."""
+    from rich.text import Text
+
+    count = len(series)
+    line = Text()
+    if series.cop_margin is None:
+        line.append("CoP not judged: no feet named (--feet). ")
+    elif series.cop_outside.any():
+        first = float(series.time[series.cop_outside][0])
+        line.append(
+            f"CoP outside the support polygon in {series.cop_outside.sum()} of {count} frames,"
+            f" first at {first:.4g} s: the motion is infeasible there. ",
+            style="red",
+        )
+    else:
+        line.append("CoP inside the support polygon wherever there is one. ", style="green")
+    if series.flight.any():
+        line.append(f"The ground does not push in {series.flight.sum()} of {count} frames. ")
+    undefined = int((~series.axes_defined.all(axis=1)).sum())
+    if undefined:
+        line.append(f"Principal axes undefined in {undefined} frames.")
+    return line

@@ -1,0 +1,37 @@
+"""The error of a recording that cannot be used as it is."""
+
+from __future__ import annotations
+
+from wbc.errors import InvalidInputError
+
+
+class RecordingError(InvalidInputError):
+    """A recording holds something unusable; the message says what, where, and what to do.
+
+    Parameters
+    ----------
+    what:
+        What is wrong, and what to do.
+    file:
+        The file, as it was named.
+    column:
+        The column's name in the file, if one is to blame.
+    row:
+        The row of numbers, counted from 1, likewise.
+    line:
+        That row's line in a text file.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        file: str,
+        column: str | None = None,
+        row: int | None = None,
+        line: int | None = None,
+    ) -> None:
+        self.file, self.column, self.row, self.line = file, column, row, line
+        places = [f"column {column!r}"] if column is not None else []
+        if row is not None:
+            places.append(f"row {row}" + (f" (line {line})" if line is not None else ""))
+        super().__init__(f"{': '.join([file, ', '.join(places)] if places else [file])}: {what}")

@@ -1,0 +1,206 @@
+"""A recorded motion, and how it is read from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion.checks import check_finite, check_limits, check_times
+from wbc.motion.dropouts import Dropout
+from wbc.motion.errors import RecordingError
+from wbc.motion.layout import (
+    PLACE,
+    QUATERNION,
+    Column,
+    base_of,
+    configuration_columns,
+    converted,
+    understood,
+    with_angles,
+)
+from wbc.motion.mending import mended
+from wbc.motion.table import Table, read_csv, read_npz
+from wbc.robot import Robot
+from wbc.validate import Array, finite_array, finite_number, read_only
+
+LONGEST_GAP = 0.1  # s
+BEYOND = 1e-6  # rad or m: files round limits and positions to 6 digits
+LEAST_ROWS = 8  # fewer do not tell accelerations
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion as it was recorded, in rad and m; made by :func:`read_motion`, or from arrays.
+
+    Attributes
+    ----------
+    robot:
+        The robot that moves.
+    time:
+        Times (n,) [s], increasing, not necessarily evenly.
+    joints:
+        Joint positions (n, nv-6) [rad or m], in the order of ``robot.joint_names``.
+    base:
+        Position [m] and quaternion xyzw of the base (n, 7); None if it was not recorded.
+    dropouts:
+        What the recording lacked, and whether that was filled.
+    source:
+        Where it comes from, for messages.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays of a wrong shape or not finite, fewer than 8 rows, times that do not increase, or
+        quaternions of norm 0.
+    """
+
+    robot: Robot
+    time: Array
+    joints: Array
+    base: Array | None = None
+    dropouts: tuple[Dropout, ...] = ()
+    source: str = "motion"
+
+    def __post_init__(self) -> None:
+        count = np.size(self.time)
+        if count < LEAST_ROWS:
+            raise InvalidInputError(
+                f"{self.source}: {count} rows; accelerations need at least {LEAST_ROWS}"
+            )
+        time = finite_array(f"{self.source}: time", self.time, (count,))
+        shape = (count, self.robot.nv - 6)
+        joints = finite_array(f"{self.source}: joints", self.joints, shape)
+        if not (np.diff(time) > 0.0).all():
+            raise InvalidInputError(f"{self.source}: time must increase from row to row")
+        object.__setattr__(self, "time", read_only(time))
+        object.__setattr__(self, "joints", read_only(joints))
+        if self.base is not None:
+            base = finite_array(f"{self.source}: base", self.base, (count, 7))
+            norm = np.linalg.norm(base[:, 3:], axis=1)
+            if norm.min() == 0.0:
+                raise InvalidInputError(f"{self.source}: base: a quaternion has norm 0")
+            base[:, 3:] /= norm[:, None]
+            object.__setattr__(self, "base", read_only(base))
+
+    @property
+    def rate(self) -> float:
+        """Rows per second, by the median step [Hz]."""
+        return 1.0 / float(np.median(np.diff(self.time)))
+
+
+def read_motion(
+    path: str | Path,
+    robot: Robot,
+    *,
+    rate: float | None = None,
+    degrees: bool = False,
+    missing: str | None = None,
+    ignore: Sequence[str] = (),
+    beyond: float = BEYOND,
+    fill: bool = False,
+    longest_gap: float = LONGEST_GAP,
+) -> Motion:
+    """Read a recorded motion from a CSV or NPZ file.
+
+    CSV: a line of column names, then rows of numbers. ``time`` or ``t``; a column for each joint,
+    in any order; optionally the floating base as ``base_x``, ``base_y``, ``base_z`` with
+    ``base_qx``, ``base_qy``, ``base_qz``, ``base_qw`` or with ``base_roll``, ``base_pitch``,
+    ``base_yaw`` (R = Rz Ry Rx). A unit may follow a name: ``left_knee [deg]``, ``left_knee_deg``.
+
+    NPZ: arrays named like those columns; or ``time``, ``names`` and ``positions`` (n, k); or
+    ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes.
+
+    Rows lost in time are interpolated, and reported as dropouts, up to ``longest_gap``. Rows that
+    repeat while the robot moves (a frozen sensor) are reported, and kept unless ``fill`` is given.
+
+    Parameters
+    ----------
+    rate:
+        Rows per second [Hz] of a file that has no times.
+    degrees:
+        Angles whose column names no unit are in degrees.
+    missing:
+        Posture (``standing``, ``neutral``) that gives the joints that the file does not have.
+    ignore:
+        Columns to pass over, names or patterns such as ``imu_*``.
+    beyond:
+        How far a joint may be past its limits [rad or m]: encoders are not always calibrated.
+    fill:
+        Interpolate over missing numbers and frozen rows too, up to ``longest_gap``.
+    longest_gap:
+        Longest time that is interpolated over [s].
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be used as it is; the message names file, column and row.
+    UnknownNameError
+        A column that is no joint of the robot, or an unknown posture.
+    InvalidInputError
+        Options that are not positive numbers.
+    """
+    longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
+    beyond = finite_number("beyond", beyond, least=0.0)
+    table = with_angles(_table(Path(path), robot), robot)
+    found = understood(table, robot, ignore)
+    values = converted(table, found, robot, degrees)
+    where = {name: column.index for name, column in found.items()}
+    time = _times(table, values, where.get("time"), rate)
+    check_finite(table, values, list(where.values()), fill)
+    joints = _joints(table, values, found, missing, robot)
+    check_limits(table, joints, [where.get(name) for name in robot.joint_names], robot, beyond)
+    base = base_of(table, values, found)
+    names = (*robot.joint_names, *(() if base is None else (*PLACE, *QUATERNION)))
+    content = joints if base is None else np.hstack((joints, base))
+    time, content, dropouts = mended(table, time, content, names, where, robot, fill, longest_gap)
+    if len(time) < LEAST_ROWS:
+        raise RecordingError(f"{len(time)} rows; at least {LEAST_ROWS} are needed", table.source)
+    joints, rest = np.split(content, [robot.nv - 6], axis=1)
+    return Motion(robot, time, joints, None if base is None else rest, dropouts, table.source)
+
+
+def _table(path: Path, robot: Robot) -> Table:
+    ending = path.suffix.lower()
+    if ending == ".csv":
+        return read_csv(path)
+    if ending == ".npz":
+        return read_npz(path, configuration_columns(robot))
+    raise RecordingError("a motion is read from .csv or .npz", str(path))
+
+
+def _times(table: Table, values: Array, column: int | None, rate: float | None) -> Array:
+    if column is None:
+        if rate is None:
+            what = "there is no column 'time'; add one, or give the rate in rows per second"
+            raise RecordingError(what, table.source)
+        return np.arange(len(values)) / finite_number("rate", rate, above=0.0)
+    if rate is not None:
+        raise table.error("the file has times; leave the rate out", column)
+    check_times(table, values[:, column], column)
+    return values[:, column]
+
+
+def _joints(
+    table: Table, values: Array, found: Mapping[str, Column], missing: str | None, robot: Robot
+) -> Array:
+    """Return joint positions (n, nv-6), those that the file lacks from the posture ``missing``."""
+    if missing is not None and missing not in robot.postures:
+        raise UnknownNameError(f"posture of {robot.name}", missing, robot.postures)
+    lacking = [name for name in robot.joint_names if name not in found]
+    if lacking and missing is None:
+        raise RecordingError(
+            f"there is no column for {', '.join(lacking)}; declare that joints without a column"
+            " stay as in a posture: missing = 'standing' or 'neutral'",
+            table.source,
+        )
+    joints = np.empty((len(values), len(robot.joint_names)))
+    if missing is not None:
+        joints[:] = robot.limits.joint_positions(robot.postures[missing])
+    for k, name in enumerate(robot.joint_names):
+        if name in found:
+            joints[:, k] = values[:, found[name].index]
+    return joints

@@ -1,0 +1,155 @@
+"""The reaction mass pendulum of a motion, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from wbc.motion.dropouts import Dropout
+from wbc.motion.saving import save_csv, save_npz, series_format
+from wbc.rmp.axes import Bools
+from wbc.robot import Robot
+from wbc.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class RmpSeries:
+    """The reaction mass pendulum in n frames; made by :func:`wbc.motion.analyse`.
+
+    World axes, SI units, the meaning of :class:`wbc.RmpState`. All arrays are read-only. NaN stands
+    only where a quantity does not exist: without pressure on the ground (``flight``) there is no
+    CoP, CMP, normal moment, margin or leg; no margin where no foot stands; no leg angles where the
+    leg lies along y; no rate of the axes where one of them is undefined.
+
+    Attributes
+    ----------
+    robot, source, dropouts:
+        Of the recorded motion.
+    ground_height:
+        Height of the ground [m].
+    time:
+        (n,) [s], even.
+    q, v, acceleration:
+        Configuration (n, nq), velocity and its rate (n, nv).
+    com, com_velocity, com_acceleration:
+        (n, 3) [m, m/s, m/s^2].
+    momentum, momentum_rate:
+        Centroidal momentum and its rate (n, 6): linear [kg m/s, N], angular [kg m^2/s, N m].
+    ground_force:
+        (n, 3) [N]; a negative z means that only a ground that pulls could give this motion.
+    ground_moment:
+        n . m_r (n,) [N m], about the normal through the CoP.
+    cop, cmp:
+        (n, 3) [m], on the ground; never clipped.
+    flight:
+        True where the ground does not push (n,).
+    feet:
+        Names of the feet that ``standing`` speaks of; empty if none were to be judged.
+    standing:
+        Which of them stand (n, f).
+    cop_margin:
+        How far the CoP is inside what these feet span (n,) [m], negative outside; None without
+        feet.
+    leg_length, leg_direction, leg_angles:
+        (n,) [m], (n, 3) and (theta, phi) (n, 2) [rad] of the leg from CoP to CoM.
+    inertia:
+        Centroidal CRB inertia xx xy xz yy yz zz (n, 6) [kg m^2].
+    second_moments, semi_axes, radii:
+        lambda_k [kg m^2], a_k and r_k [m] along the tracked axes (n, 3).
+    axes:
+        Tracked principal axes as columns (n, 3, 3).
+    axes_defined:
+        False for axes too close to call (n, 3).
+    average_angular_velocity:
+        Of the momentum: I^-1 k_G (n, 3) [rad/s].
+    axes_angular_velocity:
+        Of the geometry: at which the axes turn (n, 3) [rad/s].
+    """
+
+    robot: Robot
+    source: str
+    dropouts: tuple[Dropout, ...]
+    ground_height: float
+    time: Array
+    q: Array
+    v: Array
+    acceleration: Array
+    com: Array
+    com_velocity: Array
+    com_acceleration: Array
+    momentum: Array
+    momentum_rate: Array
+    ground_force: Array
+    ground_moment: Array
+    cop: Array
+    cmp: Array
+    flight: Bools
+    feet: tuple[str, ...]
+    standing: Bools
+    cop_margin: Array | None
+    leg_length: Array
+    leg_direction: Array
+    leg_angles: Array
+    inertia: Array
+    second_moments: Array
+    semi_axes: Array
+    radii: Array
+    axes: Array
+    axes_defined: Bools
+    average_angular_velocity: Array
+    axes_angular_velocity: Array
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    @property
+    def cop_outside(self) -> Bools:
+        """True where the CoP is outside the support polygon (n,): the motion is infeasible."""
+        margin = np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
+        return np.asarray(margin < 0.0)
+
+    def arrays(self) -> dict[str, Array]:
+        """Return every array by its name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+    def save(self, path: str | Path) -> None:
+        """Write all arrays to an ``.npz``, or the pendulum to a ``.csv`` with units in its header.
+
+        The file appears whole or not at all. The NPZ also holds ``joint_names``, ``feet`` and a
+        ``summary`` as JSON; its ``time`` and ``q`` can be read as a motion again. The CSV leaves
+        out q, v and acceleration, and writes ``nan`` where a quantity does not exist.
+
+        Raises
+        ------
+        InvalidInputError
+            Another ending.
+        OSError
+            The file cannot be written.
+        """
+        if series_format(path) == ".npz":
+            names = {
+                "joint_names": np.array(self.robot.joint_names, dtype=str),
+                "feet": np.array(self.feet, dtype=str),
+            }
+            save_npz(Path(path), self._summary(), {**self.arrays(), **names})
+        else:
+            save_csv(Path(path), self.arrays(), self.feet)
+
+    def _summary(self) -> dict[str, object]:
+        return {
+            "format": "wbc rmp series 1",
+            "robot": self.robot.name,
+            "mass": self.robot.mass,
+            "source": self.source,
+            "ground_height": self.ground_height,
+            "dropouts": [str(one) for one in self.dropouts],
+        }

@@ -1,0 +1,116 @@
+"""Even sampling, a low-pass without delay, and derivatives.
+
+A recording is put on an even grid at its own rate (cubic spline, only if it is uneven), filtered
+forward and backward, and made a quintic spline, of which values, velocities and accelerations are
+read at the rate that is wanted. So nothing is filtered twice: a Savitzky-Golay derivative would be
+a second low-pass, with a passband that hangs on its window, whereas the quintic spline's second
+derivative is right to (w h)^4 / 360 for a sine of w rad/s sampled every h s (4e-6 at 1 Hz, 200 Hz).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_number
+
+ORDER = 4  # of the Butterworth filter; run both ways it falls by 48 dB per octave
+UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
+EDGE = 3.0  # periods of the cutoff by which a series is continued beyond its ends,
+TERMS = 6  # by a polynomial of so many terms
+
+
+def even_grid(time: Array) -> Array:
+    """Return times (m,) in even steps from the first on, at the series' own rate.
+
+    If ``time`` (n,) is even but for rounding, m = n; else the steps are its median step, and the
+    last time is left out unless a step hits it.
+    """
+    count = len(time) - 1
+    step = float(time[-1] - time[0]) / count
+    even = time[0] + step * np.arange(count + 1)
+    if np.abs(time - even).max() <= UNEVEN * step:
+        return np.asarray(even)
+    return sampled(time, 1.0 / float(np.median(np.diff(time))))
+
+
+def sampled(time: Array, rate: float) -> Array:
+    """Return the times (m,) within ``time`` (n,) at ``rate`` [Hz], from its first on."""
+    count = int(np.floor((time[-1] - time[0]) * rate * (1.0 + 1e-12) + 1e-9))
+    return np.minimum(time[0] + np.arange(count + 1) / rate, time[-1])
+
+
+def on_grid(time: Array, values: Array, grid: Array) -> Array:
+    """Return values (m, k) at the times of a grid, by a cubic spline through (n, k)."""
+    if len(grid) == len(time):
+        return values
+    return np.asarray(make_interp_spline(time, values, k=3)(grid))
+
+
+def low_passed(values: Array, rate: float, cutoff: float | None) -> Array:
+    """Return values (n, k) without what is faster than ``cutoff`` [Hz], and without delay.
+
+    Butterworth of order 4, run forward and backward: no phase. Its own cutoff is set higher, so
+    that both runs together let 1/sqrt(2) of the amplitude at ``cutoff`` pass. Within about a period
+    of the cutoff from both ends the values rest on a continuation: the polynomial that fits best
+    there, which keeps velocity and acceleration (to 0.5% for a sine of 0.7 Hz at a cutoff of 10 Hz,
+    but to 25% for 2 Hz), and the rest mirrored through the last point.
+
+    Raises
+    ------
+    InvalidInputError
+        A cutoff that is not positive, or not below half the rate.
+    """
+    if cutoff is None:
+        return values
+    cutoff = finite_number("cutoff", cutoff, above=0.0)
+    if cutoff >= 0.5 * rate:
+        raise InvalidInputError(
+            f"cutoff: {cutoff:g} Hz is not below half the recording's {rate:g} Hz; choose a lower"
+            " one, or none"
+        )
+    # In the bilinear transform's frequency tan(pi f / rate) the digital filter is the analog one.
+    warped = np.tan(np.pi * cutoff / rate) / (np.sqrt(2.0) - 1.0) ** (0.5 / ORDER)
+    sections = butter(ORDER, 2.0 * np.arctan(warped) / np.pi, output="sos")
+    edge = min(len(values) - 1, int(np.ceil(EDGE * rate / cutoff)))
+    before, after = _continued(values, edge), _continued(values[::-1], edge)[::-1]
+    longer = np.concatenate((before, values, after))
+    # Mirrored once more, so that the filter has forgotten how it started when it gets here.
+    filtered = sosfiltfilt(sections, longer, axis=0, padtype="odd", padlen=edge)
+    return np.asarray(filtered[edge : edge + len(values)])
+
+
+def _continued(values: Array, count: int) -> Array:
+    """Return what might come before values (n, k): (count, k), in order of time."""
+    t = np.arange(count + 1) / count
+    terms = min(TERMS, count // 2 + 1)
+    head, powers = values[: count + 1], np.vander(t, terms)
+    trend = np.linalg.lstsq(powers, head, rcond=None)[0]
+    rest = head - powers @ trend
+    before = np.vander(-t[1:], terms) @ trend + 2.0 * rest[0] - rest[1:]
+    return np.asarray(before[::-1])
+
+
+def smooth_curve(grid: Array, values: Array) -> BSpline:
+    """Return the quintic spline through values (n, k), n >= 6, at even times."""
+    return make_interp_spline(grid, values, k=5)
+
+
+def turning(quaternion: Array, first: Array, second: Array) -> tuple[Array, Array]:
+    """Return angular velocity and acceleration (n, 3) in body axes [rad/s, rad/s^2].
+
+    Of the rotation p / |p|, given p and its derivatives (n, 4), xyzw: with conjugate p* and vector
+    part [.], w = 2 [p* p'] / |p|^2 and w' = 2 [p* p''] / |p|^2 - w (|p|^2)' / |p|^2.
+    """
+    square = (quaternion * quaternion).sum(axis=1)[:, None]
+    growth = 2.0 * (quaternion * first).sum(axis=1)[:, None]
+    w = 2.0 * _conjugate_product(quaternion, first) / square
+    return w, 2.0 * _conjugate_product(quaternion, second) / square - w * growth / square
+
+
+def _conjugate_product(p: Array, r: Array) -> Array:
+    """Return the vector part (n, 3) of p* r, quaternions (n, 4) xyzw."""
+    a, b = p[:, :3], r[:, :3]
+    return p[:, 3:] * b - r[:, 3:] * a - np.cross(a, b)

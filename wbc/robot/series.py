@@ -1,0 +1,152 @@
+"""What Pinocchio knows of a robot at many states in a row, in preallocated arrays.
+
+One pass per frame, which costs about 5 us for 31 velocities; everything that can be computed for
+all frames at once is left to NumPy. Linear first, world axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.model import Robot
+from wbc.validate import Array, finite_array
+
+FRAMES_PER_CALL = 500  # frames from one call of ``progress`` to the next
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class CentroidalSeries:
+    """The robot as a whole in n frames.
+
+    Attributes
+    ----------
+    com:
+        CoM (n, 3) [m].
+    momentum, momentum_rate:
+        Centroidal momentum and its rate (n, 6): linear [kg m/s], angular [kg m^2/s].
+    inertia, inertia_rate:
+        Centroidal CRB inertia (n, 3, 3) [kg m^2] and its rate [kg m^2/s].
+    soles:
+        Placement of each foot's sole frame in the world (n, 4, 4), homogeneous.
+    """
+
+    com: Array
+    momentum: Array
+    momentum_rate: Array
+    inertia: Array
+    inertia_rate: Array
+    soles: Mapping[str, Array]
+
+
+def centroidal_series(
+    robot: Robot, q: Array, v: Array, acceleration: Array, progress: Progress | None = None
+) -> CentroidalSeries:
+    """Return CoM, momentum, inertia, their rates and the soles' placements in n frames.
+
+    Memory: 8 (36 + 16 f) bytes per frame, f the number of feet.
+
+    Parameters
+    ----------
+    q:
+        Configurations (n, nq), with unit quaternions.
+    v, acceleration:
+        Velocities and their rates (n, nv): base in base axes, joints.
+    progress:
+        Called with frames done and frames in all, every 500 frames and at the end.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays of a wrong shape, or not finite.
+    """
+    count = len(q)
+    q = finite_array("q", q, (count, robot.nq))
+    v = finite_array("v", v, (count, robot.nv))
+    acceleration = finite_array("acceleration", acceleration, (count, robot.nv))
+    model = robot.model
+    data = model.createData()
+    com, momentum, rate = np.empty((count, 3)), np.empty((count, 6)), np.empty((count, 6))
+    inertia, turned = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    soles, ids = _room_for_soles(robot, count)
+    for k in range(count):
+        pin.dccrba(model, data, q[k], v[k])
+        com[k] = data.com[0]
+        momentum[k] = data.hg.vector
+        inertia[k] = data.Ig.inertia
+        map_rate = data.dAg
+        np.matmul(data.Ag, acceleration[k], out=rate[k])
+        rate[k] += map_rate @ v[k]
+        turned[k] = map_rate[3:, 3:6]
+        for frame, room in ids:
+            room[k] = pin.updateFramePlacement(model, data, frame).homogeneous
+        _report(progress, k + 1, count)
+    inertia_rate = _inertia_rate(inertia, turned, q[:, 3:BASE_NQ], v[:, 3:6])
+    return CentroidalSeries(com, momentum, rate, inertia, inertia_rate, soles)
+
+
+def sole_series(robot: Robot, q: Array, progress: Progress | None = None) -> dict[str, Array]:
+    """Return the placement of each foot's sole frame in the world (n, 4, 4), by foot.
+
+    Parameters and errors as of :func:`centroidal_series`.
+    """
+    count = len(q)
+    q = finite_array("q", q, (count, robot.nq))
+    data = robot.model.createData()
+    soles, ids = _room_for_soles(robot, count)
+    for k in range(count):
+        pin.forwardKinematics(robot.model, data, q[k])
+        for frame, room in ids:
+            room[k] = pin.updateFramePlacement(robot.model, data, frame).homogeneous
+        _report(progress, k + 1, count)
+    return soles
+
+
+def turning_joints(robot: Robot) -> NDArray[np.bool_]:
+    """Return which actuated joints turn rather than slide (nv-6,), bool."""
+    model = robot.model
+    kinds = [model.joints[model.getJointId(name)].shortname() for name in robot.joint_names]
+    return np.array([not kind.startswith("JointModelP") for kind in kinds], dtype=bool)
+
+
+def _room_for_soles(robot: Robot, count: int) -> tuple[dict[str, Array], list[tuple[int, Array]]]:
+    """Return arrays (n, 4, 4) by foot, and the same with Pinocchio's index of the sole frame."""
+    soles: dict[str, Array] = {name: np.empty((count, 4, 4)) for name in robot.feet}
+    return soles, [(robot.frame_id(robot.feet[name].frame), room) for name, room in soles.items()]
+
+
+def _report(progress: Progress | None, done: int, count: int) -> None:
+    if progress is not None and (done % FRAMES_PER_CALL == 0 or done == count):
+        progress(done, count)
+
+
+def _inertia_rate(inertia: Array, turned: Array, quaternion: Array, spin: Array) -> Array:
+    """Return dI/dt (n, 3, 3), read off the centroidal map's rate.
+
+    Spinning the base at w in base axes gives the angular momentum I R w, so the map's block is I R
+    and its rate, ``turned``, is dI/dt R + I R [spin].
+    """
+    R = rotations(quaternion)
+    x, y, z = spin.T
+    o = np.zeros_like(x)
+    hat = np.array(((o, -z, y), (z, o, -x), (-y, x, o))).transpose(2, 0, 1)
+    rate = (turned - inertia @ R @ hat) @ np.swapaxes(R, 1, 2)
+    return np.asarray(0.5 * (rate + np.swapaxes(rate, 1, 2)))
+
+
+def rotations(quaternion: Array) -> Array:
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), x y z w."""
+    x, y, z, w = quaternion.T
+    return np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        )
+    ).transpose(2, 0, 1)

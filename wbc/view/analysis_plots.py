@@ -1,0 +1,208 @@
+"""The plots over time of a motion's pendulum: ground, support, radii, leg and rotation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from wbc.motion import RmpSeries
+from wbc.validate import Array
+from wbc.view import style
+
+LETTERS = "abcdefghij"  # of the snapshots
+MM, DEGREES = 1e3, 180.0 / np.pi
+WIDTH = 1.3  # points, of a curve
+FLIGHT = "#EEF0F3"
+XYZ = (style.BLUE, style.VERMILION, style.GREEN)
+
+Plot = Callable[[Axes, RmpSeries, Sequence[int], bool], None]
+
+
+def plot_along_x(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+    """Plot CoM, CoP and CMP along x."""
+    _plot_ground(axes, series, frames, lowest, 0, "Ground, along x (forward)")
+
+
+def plot_along_y(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+    """Plot CoM, CoP and CMP along y."""
+    _plot_ground(axes, series, frames, lowest, 1, "Ground, along y (left)")
+
+
+def _plot_ground(
+    axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool, k: int, title: str
+) -> None:
+    _prepare(axes, series, frames, lowest, title, "mm")
+    for label, colour, dashes, values in (
+        ("CoM", style.BLACK, "-", series.com),
+        ("CMP", style.ORANGE, "-", series.cmp),
+        ("CoP", style.BLUE, "-", series.cop),
+    ):
+        _curve(axes, series, MM * values[:, k], label, colour, dashes)
+    _legend(axes)
+
+
+def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+    """Plot how far the CoP is inside the support polygon; below zero the motion is infeasible."""
+    _prepare(axes, series, frames, lowest, "CoP inside the support polygon by", "mm")
+    if series.cop_margin is None:
+        axes.text(
+            0.5,
+            0.5,
+            "no feet named: the CoP is not judged",
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            fontsize=style.SMALL,
+            color=style.GREY,
+        )
+        axes.set_yticks([])
+        return
+    margin = MM * series.cop_margin
+    _curve(axes, series, margin, "margin", style.BLUE, "-")
+    axes.axhline(0.0, color=style.VERMILION, linewidth=0.9)
+    with np.errstate(invalid="ignore"):
+        outside = margin < 0.0
+    axes.fill_between(
+        series.time, margin, 0.0, where=outside, color=style.VERMILION, alpha=0.35, linewidth=0.0
+    )
+    low, high = np.nanmin([*margin, 0.0]), np.nanmax([*margin, 0.0])
+    room = 0.08 * (high - low or 1.0)
+    axes.set_ylim(low - room, high + room)
+
+
+def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+    """Plot the reaction masses' radii; thin and dashed where the axis is undefined."""
+    _prepare(axes, series, frames, lowest, "Reaction mass radii", "mm")
+    for k, colour in enumerate(style.PRINCIPAL):
+        radius, defined = MM * series.radii[:, k], series.axes_defined[:, k]
+        if not defined.all():
+            axes.plot(series.time, radius, color=colour, linewidth=0.7, linestyle=":")
+        label = f"r{style.INDEX[k]}"
+        _curve(axes, series, np.where(defined, radius, np.nan), label, colour, "-")
+    axes.set_ylim(0.0, 1.08 * MM * float(series.radii.max()))
+    _legend(axes)
+
+
+def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+    """Plot the leg's lean from the vertical, forward and left, and its length on the right."""
+    _prepare(axes, series, frames, lowest, "Leg from CoP to CoM", "lean [deg]")
+    lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
+    # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
+    _curve(axes, series, -lean[:, 0], "forward", style.BLUE, "-")
+    _curve(axes, series, lean[:, 1], "left", style.VERMILION, "-")
+    other = axes.twinx()
+    other.plot(
+        series.time,
+        MM * series.leg_length,
+        color=style.GREY,
+        linewidth=WIDTH,
+        linestyle="--",
+        label="length",
+    )
+    other.set_ylabel("length [mm]", fontsize=style.SMALL, color=style.GREY)
+    other.tick_params(labelsize=style.SMALL, colors=style.GREY, width=0.6, length=3)
+    for side, spine in other.spines.items():
+        spine.set_visible(side == "right")
+        spine.set_color(style.GREY)
+    _legend(axes, other)
+
+
+def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+    """Plot the momentum's average angular velocity against that of the principal axes."""
+    _prepare(axes, series, frames, lowest, "Rotation", "rad/s")
+    for k, colour in enumerate(XYZ):
+        _curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour, "-")
+        _curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
+    axes.plot([], [], color=style.BLACK, linewidth=WIDTH, label="I⁻¹k")
+    axes.plot([], [], color=style.BLACK, linewidth=WIDTH, linestyle="--", label="axes")
+    _legend(axes)
+
+
+PLOTS: tuple[Plot, ...] = (
+    plot_along_x,
+    plot_along_y,
+    plot_margin,
+    plot_radii,
+    plot_leg,
+    plot_rotation,
+)
+
+
+# ---------------------------------------------------------------------- shared by all
+
+
+def _prepare(
+    axes: Axes,
+    series: RmpSeries,
+    frames: Sequence[int],
+    lowest: bool,
+    title: str,
+    unit: str,
+) -> None:
+    """Give a plot its look, the moments of the snapshots, and a ground where the robot flies."""
+    style.plain(axes, title, "time [s]" if lowest else "", unit)
+    axes.set_xlim(series.time[0], series.time[-1])
+    if not lowest:
+        axes.tick_params(labelbottom=False)
+    for letter, frame in zip(LETTERS, frames, strict=False):
+        at = float(series.time[frame])
+        axes.axvline(at, color=style.GREY, linewidth=0.5, linestyle=(0, (1, 2)))
+        if not lowest:  # there, the numbers of the time axis are in the way
+            axes.annotate(
+                letter,
+                (at, 0.0),
+                xytext=(0.0, -4.0),
+                textcoords="offset points",
+                xycoords=axes.get_xaxis_transform(),
+                ha="center",
+                va="top",
+                fontsize=6.5,
+                color=style.GREY,
+            )
+    for start, end in _spans(series.flight):
+        axes.axvspan(
+            series.time[start], series.time[end - 1], color=FLIGHT, linewidth=0.0, zorder=0
+        )
+
+
+def _spans(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False])).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _curve(
+    axes: Axes, series: RmpSeries, values: Array, label: str | None, colour: str, dashes: str
+) -> None:
+    axes.plot(
+        series.time,
+        values,
+        color=colour,
+        linestyle=dashes,
+        linewidth=WIDTH,
+        label=label,
+        marker="o" if len(series) == 1 else None,
+    )
+
+
+def _legend(axes: Axes, other: Axes | None = None) -> None:
+    """Write what the curves are on the title's line, at its right end."""
+    handles, labels = axes.get_legend_handles_labels()
+    if other is not None:
+        more = other.get_legend_handles_labels()
+        handles, labels = handles + more[0], labels + more[1]
+    axes.legend(
+        handles,
+        labels,
+        loc="lower right",
+        bbox_to_anchor=(1.02, 0.985),
+        ncols=len(labels),
+        fontsize=7.0,
+        frameon=False,
+        handlelength=1.4,
+        handletextpad=0.4,
+        columnspacing=0.9,
+        borderaxespad=0.0,
+    )
