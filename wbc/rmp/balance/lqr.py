@@ -1,0 +1,271 @@
+"""Linear quadratic regulator about any equilibrium of a planar or solid pendulum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import LinAlgError, solve_continuous_are
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.foot import Foot
+from wbc.rmp.balance.law import Command, Pendulum
+from wbc.rmp.frames import rotation_rows
+from wbc.rmp.pendulum import AT_REST
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array, finite_vector, read_only
+
+# Singular values of [A - s 1, B], in scaled units, below which no input reaches the mode.
+UNREACHED = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Lqr:
+    """u = u_0 - K x with the gain K that makes the integral of x^T Q x + u^T R u least.
+
+    The state x (2 n,) is the difference from rest at ``q0`` of all coordinates but the CoP's, which
+    stays, and then their rates: n = 4, (theta, r_l, alpha, r), or n = 9, (theta, phi, r_l, rotation
+    of the masses (3,), r_1, r_2, r_3), where the rotation is the vector of q0^-1 q. The inputs u
+    are those of ``model.F``; for a solid pendulum tau_1 .. tau_3 are torques of a hip, whose
+    reaction turns the leg, and tau_theta, tau_phi are what the foot alone gives. Without ``foot``
+    these are left out: a point contact gives none. Rotation, body rate and hip torque are taken in
+    the axes of the masses at rest, and brought back to where the masses are: masses that swing far
+    out must not turn the torque that holds the leg.
+
+    Riccati: A^T P + P A - P B R^-1 B^T P + Q = 0, K = R^-1 B^T P (Anderson and Moore, Optimal
+    Control, 1990), on ``model.linearisation``, in units in which Q and R are identities.
+
+    Torques of the wheel and the force along the leg are clipped to the bounds, and torque of the
+    foot is cut back, in its direction, to where the CoP stays inside the polygon. Friction, rate
+    and angle of the wheel and the masses' strokes are not enforced. In phase ``"clipped"`` a bound
+    is at work, in ``"hold"`` none; ``ok`` is False if the CoP cannot be kept inside.
+
+    Parameters
+    ----------
+    model:
+        The pendulum.
+    q0:
+        Where it should rest (nq,).
+    foot:
+        Whether torque about the leg's foot is an input; then the bounds need a polygon.
+    bounds:
+        What is clipped to.
+    errors, efforts:
+        Bryson's rule: Q = diag(1 / errors^2), R = diag(1 / efforts^2), the largest states (2 n,)
+        and inputs that are wanted. Defaults: 0.1 rad for the leg, 1 rad for the masses, 5 percent
+        of the leg for lengths, rates sqrt(g / r_l) times as much; for forces the weight of what
+        they move, for torques 0.3 M g r_l.
+
+    Attributes
+    ----------
+    gain, cost:
+        K (nu, 2 n) and P (2 n, 2 n).
+    open_loop:
+        (A, B) on x and u.
+
+    Raises
+    ------
+    InvalidInputError
+        No equilibrium with these inputs (the message says what is missing), an unstable mode that
+        no input reaches, or numbers that are unusable.
+    """
+
+    model: Pendulum
+    q0: Array
+    foot: bool = False
+    bounds: Bounds = field(default_factory=Bounds)
+    errors: ArrayLike | None = None
+    efforts: ArrayLike | None = None
+    gain: Array = field(init=False, repr=False)
+    cost: Array = field(init=False, repr=False)
+    open_loop: tuple[Array, Array] = field(init=False, repr=False)
+    _rest: Array = field(init=False, repr=False)
+    _foot: Foot | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        q0 = read_only(finite_vector("q0", self.q0, len(self.model.Q)))
+        rest = self.model.holding_force(q0)
+        foot = Foot(self.model, self.bounds) if self.foot else None
+        _require_rest(self.model, q0, rest, foot)
+        A, B = _open_loop(self.model, q0, rest, self.foot)
+        errors = finite_vector("errors", _or(self.errors, _errors(self.model, q0)), len(A))
+        efforts = _or(self.efforts, _efforts(self.model, q0)[-B.shape[1] :])
+        K, P = riccati_gain(A, B, errors, finite_vector("efforts", efforts, B.shape[1]))
+        found = {"q0": q0, "gain": K, "cost": P, "open_loop": (A, B), "_rest": rest, "_foot": foot}
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of x."""
+        moving = self.model.V[self._driven :]
+        return (*moving, *(f"{name} rate" for name in moving))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of u."""
+        return self.model.F[0 if self.foot else self._driven :]
+
+    def state(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Return x (2 n,) at a configuration and velocity."""
+        q = finite_vector("q", q, len(self.model.Q))
+        v = finite_vector("v", v, len(self.model.V))
+        places = q - self.q0
+        if isinstance(self.model, SolidRmp):
+            turn = _turn(self.q0[5:9], q[5:9])
+            places = np.concatenate((places[:5], _vector(turn), places[9:]))
+            v[5:8] = np.array(rotation_rows(*turn)) @ v[5:8]
+        return np.concatenate((places[self._driven :], v[self._driven :]))
+
+    def command(self, q: Array, v: Array, time: float) -> Command:
+        """Return the forces; ``time`` does not matter."""
+        driven = self._driven
+        wanted = self._rest.copy()
+        wanted[len(wanted) - len(self.gain) :] -= self.gain @ self.state(q, v)
+        if isinstance(self.model, SolidRmp):
+            back = np.array(rotation_rows(*_turn(self.q0[5:9], q[5:9]))).T
+            wanted[3:6] = back @ wanted[3:6]
+        given = self._clipped(wanted)
+        force = given.copy()
+        force[:driven] = 0.0
+        if isinstance(self.model, SolidRmp):
+            force += self.model.hip_torque(q, given[3:6]) * _REACTION
+        share, note = 1.0, ""
+        if self._foot is not None:
+            torque = np.zeros(len(force))
+            torque[:driven] = given[:driven]
+            share, room = self._foot.share(q, v, force, torque)
+            force += share * torque
+            if room == -np.inf:
+                note = "the ground would have to pull"
+            elif room < 0.0:
+                note = f"the CoP would leave the support by {-room:.4g} m"
+        clipped = share < 1.0 or not np.array_equal(given, wanted)
+        return Command(force, np.zeros(driven), "clipped" if clipped else "hold", not note, note)
+
+    @property
+    def _driven(self) -> int:
+        return len(self.model.V) - len(self.model.F)
+
+    def _clipped(self, wanted: Array) -> Array:
+        given, leg = wanted.copy(), self._driven
+        given[leg] = np.clip(wanted[leg], *self.bounds.leg_force)
+        wheel = slice(3, 6) if leg == 2 else slice(2, 3)
+        most = self.bounds.wheel_torque
+        given[wheel] = np.clip(wanted[wheel], -most, most)
+        return given
+
+
+# The part of a hip's torque that is not in the rows of the masses already.
+_REACTION = np.array((1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def riccati_gain(A: Array, B: Array, errors: Array, efforts: Array) -> tuple[Array, Array]:
+    """Return (K, P) of the regulator of x' = A x + B u, weighted by Bryson's rule.
+
+    Parameters
+    ----------
+    errors, efforts:
+        Largest states and inputs wanted, > 0: Q = diag(1 / errors^2), R = diag(1 / efforts^2).
+
+    Raises
+    ------
+    InvalidInputError
+        A number that is not positive, or a mode that does not decay and no input reaches.
+    """
+    if errors.min() <= 0.0 or efforts.min() <= 0.0:
+        raise InvalidInputError("lqr: errors and efforts must be positive")
+    # In these units x and u are of order one: the equation is solved where it is well scaled.
+    a, b = A * (errors / errors[:, None]), B * (efforts / errors[:, None])
+    _require_stabilisable(a, b)
+    try:
+        p = solve_continuous_are(a, b, np.eye(len(a)), np.eye(b.shape[1]))
+    except (LinAlgError, ValueError) as error:
+        raise InvalidInputError(f"lqr: the Riccati equation has no solution: {error}") from error
+    return (efforts[:, None] * (b.T @ p)) / errors, p / np.outer(errors, errors)
+
+
+def _require_stabilisable(a: Array, b: Array) -> None:
+    size = max(1.0, float(np.abs(a).max()))
+    for mode in np.linalg.eigvals(a):
+        if mode.real < -UNREACHED * size:
+            continue
+        test = np.hstack((a - mode * np.eye(len(a)), b))
+        if np.linalg.svd(test, compute_uv=False)[-1] < UNREACHED * size:
+            raise InvalidInputError(
+                f"lqr: the mode at {mode:.3g} 1/s does not decay, and no input reaches it; with a"
+                " point contact this needs gravity, or a foot"
+            )
+
+
+def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: Foot | None) -> None:
+    driven = len(model.V) - len(model.F)
+    if foot is not None:
+        out = -foot.room(q0, np.zeros(len(model.V)), rest)
+        if out > 0.0:
+            raise InvalidInputError(
+                f"q0: no equilibrium; the CoP would be {out:.4g} m out of the support"
+            )
+        return
+    missing = float(np.abs(rest[:driven]).max())
+    leg = float(q0[model.Q.index("r_l")])
+    if missing > AT_REST * max(model.mass * model.gravity * leg, 1.0):
+        raise InvalidInputError(
+            f"q0: no equilibrium on a point contact; the foot would have to give {missing:.4g} N m"
+        )
+
+
+def _open_loop(model: Pendulum, q0: Array, rest: Array, foot: bool) -> tuple[Array, Array]:
+    """Return (A, B) without the CoP; a hip's torque takes its reaction along."""
+    nv, driven = len(model.V), len(model.V) - len(model.F)
+    A, B = model.linearisation(q0, rest)
+    inputs = np.eye(len(model.F))
+    if isinstance(model, SolidRmp):
+        for axis in range(3):
+            inputs[:, 3 + axis] = model.hip_torque(q0, np.eye(3)[axis])
+    kept = [*range(driven, nv), *range(nv + driven, 2 * nv)]
+    B = B[kept, driven:] @ inputs[:, 0 if foot else driven :]
+    return A[np.ix_(kept, kept)], B
+
+
+def _errors(model: Pendulum, q0: Array) -> Array:
+    leg = float(q0[model.Q.index("r_l")])
+    lean, turn, length = 0.1, 1.0, 0.05 * leg
+    places = (
+        (lean, length, turn, length)
+        if isinstance(model, PlanarRmp)
+        else (lean, lean, length, *(3 * (turn,)), *(3 * (length,)))
+    )
+    pace = np.sqrt((model.gravity or 1.0) / leg)
+    return np.array((*places, *(pace * each for each in places)))
+
+
+def _efforts(model: Pendulum, q0: Array) -> Array:
+    leg = float(q0[model.Q.index("r_l")])
+    force = model.mass * (model.gravity or 1.0)
+    torque = 0.3 * force * leg
+    if isinstance(model, PlanarRmp):
+        return np.array((torque, force, torque, force))
+    return np.array((torque, torque, force, *(3 * (torque,)), *(3 * (force / 3.0,))))
+
+
+def _or(given: ArrayLike | None, default: Array) -> ArrayLike:
+    return default if given is None else given
+
+
+def _turn(start: Array, end: Array) -> Array:
+    """Return the quaternion start^-1 end, x y z w, with a scalar part that is not negative."""
+    scalar = float(start @ end)
+    vector = start[3] * end[:3] - end[3] * start[:3] - np.cross(start[:3], end[:3])
+    return np.array((*vector, scalar)) * (1.0 if scalar >= 0.0 else -1.0)
+
+
+def _vector(turn: Array) -> Array:
+    """Return the rotation vector (3,) of a quaternion, the shorter way."""
+    size = float(np.linalg.norm(turn[:3]))
+    # The limit of angle / sine at zero is two.
+    ratio = 2.0 * np.arctan2(size, turn[3]) / size if size > 0.0 else 2.0
+    return np.asarray(ratio * turn[:3])

@@ -1,0 +1,220 @@
+"""How hard a push a standing pendulum can absorb without a step (linear inverted pendulum).
+
+With the CoM at constant height z the ground pushes along the line from the centroidal moment pivot
+(CMP) to the CoM, and the capture point xi = c + c'/omega, omega = sqrt(g/z), runs away from it:
+
+    c'' = omega^2 (c - cmp),    xi' = omega (xi - cmp),
+    xi(0) = integral over s > 0 of omega e^(-omega s) cmp(s)
+
+for every motion that stays near (Koolen et al., Int. J. Robotics Research 31(9), 2012). So what can
+be caught is the set of such weighted means of the CMP. It is the sum of two sets:
+
+- of the CoP, which may be anywhere in the support polygon: the polygon itself;
+- of the wheel's part I theta''/(M g). Integrated by parts it is proportional to the integral of
+  e^(-omega s) theta(s), so that no motion does better than one whose angle is as large as it can be
+  at every instant: full torque, full brake, stop at the angle's limit (bang-bang), and stay.
+
+A push at rest makes xi jump by impulse / (M omega). Left out: friction, the leg's length and force,
+and that turns about two axes do not commute; these make the true bound smaller or larger.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.balance.bounds import FREE
+from wbc.rmp.ground import STANDARD_GRAVITY, checked_polygon
+from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+
+_AXES = np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Wheel:
+    """A reaction mass with one motor for each horizontal axis.
+
+    Parameters
+    ----------
+    inertia:
+        Moments of inertia about x and y (2,) [kg m^2]; one number for both.
+    torque:
+        Greatest torque about each axis [N m].
+    angle, rate:
+        Greatest angle [rad] and rate [rad/s] about each axis.
+
+    Raises
+    ------
+    InvalidInputError
+        A number that is not positive, or a torque that is not finite.
+    """
+
+    inertia: ArrayLike
+    torque: float
+    angle: float = FREE
+    rate: float = FREE
+
+    def __post_init__(self) -> None:
+        both = np.broadcast_to(self.inertia, (2,)) if np.ndim(self.inertia) == 0 else self.inertia
+        inertia = finite_vector("wheel: inertia", both, 2)
+        if inertia.min() <= 0.0:
+            raise InvalidInputError(f"wheel: inertia must be positive, got {inertia} kg m^2")
+        object.__setattr__(self, "inertia", read_only(inertia))
+        finite_number("wheel: torque", self.torque, above=0.0)
+        for name in ("angle", "rate"):
+            if getattr(self, name) != FREE:
+                finite_number(f"wheel: {name}", getattr(self, name), above=0.0)
+
+    def reach(self, inertia: ArrayLike, weight: float, omega: float) -> Array:
+        """Return by how much a wheel shifts the capture points that can be caught (...,) [m].
+
+        Full torque for t1, none until t2, full brake: tau/(M g) (1 - e^(-omega t1)) (1 - e^(-omega
+        t2)). Where the rate's limit is not met, t1 = t2 = sqrt(angle I / tau): theory's bang-bang.
+
+        Parameters
+        ----------
+        inertia:
+            Moments of inertia (...,) [kg m^2] of wheels with these limits.
+        weight:
+            M g [N].
+        omega:
+            sqrt(g / z) [1/s].
+        """
+        I = np.asarray(inertia, dtype=float)  # noqa: E741
+        faster = np.minimum(np.sqrt(self.angle * I / self.torque), self.rate * I / self.torque)
+        # Without any limit the wheel just speeds up forever: t1 is infinite, and so is t2.
+        with np.errstate(invalid="ignore"):
+            brake = np.where(np.isinf(faster), FREE, self.angle * I / (self.torque * faster))
+        shift = np.expm1(-omega * faster) * np.expm1(-omega * brake)
+        return np.asarray(self.torque / weight * shift)
+
+
+@dataclass(frozen=True, eq=False)
+class PushLimits:
+    """Largest impulses [N s], one for each direction.
+
+    Attributes
+    ----------
+    directions:
+        Unit vectors (n, 2).
+    ankle:
+        With the CoP alone: M omega d (n,), d the way from the CoM's projection to the edge.
+    wheel:
+        With a wheel of these limits about the axis across the push, M omega (d + reach) (n,).
+    box:
+        With the limits about x and about y separately, as motors have them (n,): the edge of the
+        support polygon enlarged by a box. Where a push is along x or y and the edge across it, it
+        equals ``wheel``; at corners both motors and both edges work together, and it is larger.
+    omega:
+        sqrt(g / z) [1/s].
+    """
+
+    directions: Array
+    ankle: Array
+    wheel: Array
+    box: Array
+    omega: float
+
+
+def push_limits(
+    directions: ArrayLike,
+    polygon: ArrayLike,
+    wheel: Wheel,
+    *,
+    mass: float,
+    height: float,
+    com: ArrayLike = (0.0, 0.0),
+    gravity: float = STANDARD_GRAVITY,
+) -> PushLimits:
+    """Return the largest impulses that a pendulum at rest absorbs without a step.
+
+    Parameters
+    ----------
+    directions:
+        Of the push (n, 2), of any length but zero.
+    polygon:
+        Support polygon (k, 2) [m], convex, anticlockwise, k >= 3.
+    mass, height, com:
+        M [kg]; CoM above the ground [m]; its projection (2,), inside the polygon [m].
+    gravity:
+        [m/s^2].
+
+    Raises
+    ------
+    InvalidInputError
+        Wrong sizes or signs, not finite, or a CoM that is not above the polygon.
+    """
+    mass = finite_number("mass", mass, above=0.0)
+    gravity = finite_number("gravity", gravity, above=0.0)
+    omega = math.sqrt(gravity / finite_number("height", height, above=0.0))
+    along = unit_directions(directions)
+    normals, offsets = half_planes(polygon)
+    room = offsets - normals @ finite_vector("com", com, 2)
+    if room.min() < 0.0:
+        raise InvalidInputError(
+            f"com: its projection is {-room.min():.3g} m outside the polygon; it falls by itself"
+        )
+    ankle = _exit(normals, room, along)
+    inertia = np.asarray(wheel.inertia)
+    # About the axis (-e_y, e_x) across the push.
+    across = inertia @ np.square(along[:, ::-1]).T
+    reach = wheel.reach(across, mass * gravity, omega)
+    # A turn about x shifts the CMP along y.
+    sides = wheel.reach(inertia[::-1], mass * gravity, omega)
+    edges = np.concatenate((normals, _AXES))
+    support = np.concatenate((offsets, (_AXES @ np.asarray(polygon, dtype=float).T).max(axis=1)))
+    wider = support + np.abs(edges) @ sides - edges @ np.asarray(com, dtype=float)
+    scale = mass * omega
+    return PushLimits(
+        directions=read_only(along),
+        ankle=read_only(scale * ankle),
+        wheel=read_only(scale * (ankle + reach)),
+        box=read_only(scale * _exit(edges, wider, along)),
+        omega=omega,
+    )
+
+
+def compass(count: int) -> Array:
+    """Return unit vectors (count, 2), evenly around, the x axis first."""
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def unit_directions(directions: ArrayLike) -> Array:
+    """Return directions (n, 2) at unit length; InvalidInputError if one has none."""
+    along = finite_array("directions", directions, (len(np.atleast_2d(directions)), 2))
+    lengths = np.linalg.norm(along, axis=1)
+    if lengths.min(initial=1.0) == 0.0:
+        raise InvalidInputError(f"directions[{int(lengths.argmin())}]: has no length")
+    return np.asarray(along / lengths[:, None])
+
+
+def half_planes(polygon: ArrayLike) -> tuple[Array, Array]:
+    """Return outward unit normals (k, 2) and offsets (k,) [m]: inside is normals @ p <= offsets.
+
+    Raises
+    ------
+    InvalidInputError
+        No polygon with an inside: fewer than three corners, or not convex and anticlockwise.
+    """
+    corners = checked_polygon(polygon)
+    edges = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(edges, axis=1)
+    corners, edges, lengths = (part[lengths > 0.0] for part in (corners, edges, lengths))
+    if len(corners) < 3:
+        raise InvalidInputError("polygon: needs three corners at least that are not on one spot")
+    normals = np.column_stack((edges[:, 1], -edges[:, 0])) / lengths[:, None]
+    return normals, np.einsum("ij,ij->i", normals, corners)
+
+
+def _exit(normals: Array, room: Array, along: Array) -> Array:
+    """Return how far (n,) along each direction the first half-plane ends, from ``room`` inside."""
+    pace = along @ normals.T  # (n, k)
+    # Rounding of a parallel edge must not make it one that is met far away, or at once.
+    ahead = pace > 1e-12
+    distance = np.divide(room, pace, out=np.full(pace.shape, np.inf), where=ahead)
+    return np.asarray(distance.min(axis=1))

@@ -1,0 +1,188 @@
+"""The record of a pendulum's motion under a law, and how near to its bounds it came."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.rmp.balance.bounds import FREE, Bounds
+from wbc.rmp.balance.law import Pendulum
+from wbc.rmp.ground import centre_of_pressure, polygon_margin, pressed
+from wbc.rmp.planar import PlanarRmp
+from wbc.validate import Array, read_only
+
+
+class Ending(Enum):
+    """How a simulation ended."""
+
+    COMPLETE = "complete"
+    FELL = "fell"
+    CONTACT_LOST = "contact lost"
+    LAW_FAILED = "law failed"
+    DIVERGED = "diverged"
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A motion of n steps, and how it ended. Nothing in it is infinite; only ``cop`` has NaN.
+
+    Attributes
+    ----------
+    model, bounds:
+        The pendulum that moved and the bounds that it is judged by.
+    time:
+        (n + 1,) [s].
+    q, v:
+        (n + 1, nq), (n + 1, nv); where a push acted, v is the velocity after it.
+    force, cop_acceleration:
+        The commands (n, nf), (n, 1 or 2), each held until the next time.
+    cop:
+        True CoP (n, 1 or 2) [m] at the beginning of each step, from f_r and k_G' by
+        :func:`wbc.rmp.ground.centre_of_pressure`; NaN where the ground does not push.
+    ground_force:
+        f_r (n, 2 or 3) [N] at the beginning of each step, up last.
+    phase, ok:
+        The law's phase and its verdict on itself (n,), step by step.
+    ending, ended_at:
+        How, and at which time [s].
+    note:
+        Why it ended, or else the first complaint of the law; empty if there is none.
+    """
+
+    model: Pendulum
+    bounds: Bounds
+    time: Array
+    q: Array
+    v: Array
+    force: Array
+    cop_acceleration: Array
+    cop: Array
+    ground_force: Array
+    phase: list[str]
+    ok: NDArray[np.bool_]
+    ending: Ending
+    note: str
+
+    @property
+    def ended_at(self) -> float:
+        """The last time [s]."""
+        return float(self.time[-1])
+
+    @property
+    def cop_violation(self) -> float:
+        """Largest distance of the true CoP from the support [m]; zero if it never left it."""
+        return max(0.0, -self.margins()["cop"])
+
+    def com(self) -> tuple[Array, Array]:
+        """Return position [m] and velocity [m/s] of the CoM (n + 1, 2 or 3), up last."""
+        c, rate = self.model.functions["com"].map(len(self.q))(self.q.T, self.v.T)
+        return c.full().T, rate.full().T
+
+    def momentum(self) -> Array:
+        """Return k_G (n + 1, 1 or 3) [kg m^2/s]."""
+        k_G, _ = self.model.functions["momenta"].map(len(self.q))(self.q.T, self.v.T)
+        momentum: Array = k_G.full().T
+        return momentum
+
+    def margins(self) -> dict[str, float]:
+        """Return the least distance to each bound over the run; negative where it was broken.
+
+        Keys are ``cop`` [m] and the names of the other bounds, in their units; ``inf`` for what
+        has no bound. For a solid pendulum the wheel's angle is the rotation vector of the masses'
+        frame from the world's axes, and its rate is their body rate.
+        """
+        b, pushed = self.bounds, ~np.isnan(self.cop[:, 0])
+        level, up = self.ground_force[pushed, :-1], self.ground_force[pushed, -1]
+        masses = 1 if isinstance(self.model, PlanarRmp) else 3
+        turned, spin = self._wheel()
+        leg_force = self.force[:, self.model.F.index("f_l")]
+        torque = self.force[:, -2 * masses : -masses]
+        return {
+            "cop": self._cop_margin(pushed),
+            "friction": _least(b.friction - np.linalg.norm(level, axis=1) / up),
+            "leg_force": _within(leg_force, b.leg_force),
+            "leg_length": _within(self.q[:, self.model.Q.index("r_l")], b.leg_length),
+            "wheel_torque": _least(b.wheel_torque - np.abs(torque)),
+            "wheel_angle": _least(b.wheel_angle - np.abs(turned)),
+            "wheel_rate": _least(b.wheel_rate - np.abs(spin)),
+            "radius": _within(self.q[:, -masses:], b.radius),
+        }
+
+    def _wheel(self) -> tuple[Array, Array]:
+        if isinstance(self.model, PlanarRmp):
+            return self.q[:, 3], self.v[:, 3]
+        vector, scalar = self.q[:, 5:8], self.q[:, 8:9]
+        size = np.linalg.norm(vector, axis=1, keepdims=True)
+        # The shorter way round: a quaternion and its negative are one orientation.
+        angle = 2.0 * np.arctan2(size, np.abs(scalar)) * np.where(scalar < 0.0, -1.0, 1.0)
+        ratio = np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0.0)
+        return ratio * vector, self.v[:, 5:8]
+
+    def _cop_margin(self, pushed: NDArray[np.bool_]) -> float:
+        polygon, cop = self.bounds.polygon, self.cop[pushed]
+        if polygon is None:
+            foot = self.q[:-1][pushed, : cop.shape[1]]
+            return _least(-np.linalg.norm(cop - foot, axis=1))
+        if np.ndim(polygon) == 1:
+            low, high = np.asarray(polygon).tolist()
+            return _within(cop, (low, high))
+        return _least(polygon_margin(polygon, cop)) if len(cop) else FREE
+
+
+def record(
+    *,
+    model: Pendulum,
+    bounds: Bounds,
+    time: Array,
+    states: Array,
+    inputs: Array,
+    ground: Array,
+    driven: int,
+    phase: list[str],
+    ok: NDArray[np.bool_],
+    ending: Ending,
+    note: str,
+) -> Simulation:
+    """Return a Simulation from states (n + 1, nq + nv), inputs (n, nv) and (f_r, k_G') (n, ...)."""
+    nq = len(model.Q)
+    force, moment = ground[:, : driven + 1], ground[:, driven + 1 :]
+    com, _ = model.functions["com"].map(len(states))(states[:, :nq].T, states[:, nq:].T)
+    arrays = {
+        "time": time,
+        "q": states[:, :nq],
+        "v": states[:, nq:],
+        "force": inputs[:, driven:],
+        "cop_acceleration": inputs[:, :driven],
+        "cop": _true_cop(com.full().T[: len(force)], force, moment, model.mass),
+        "ground_force": force,
+    }
+    kept = {name: read_only(array) for name, array in arrays.items()}
+    return Simulation(
+        model=model, bounds=bounds, phase=phase, ok=ok, ending=ending, note=note, **kept
+    )
+
+
+def _true_cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
+    """Return the CoP (n, 1 or 2); a planar pendulum moves in the plane y = 0 of space."""
+    if force.shape[1] == 2:
+        zero = np.zeros(len(force))
+        com = np.column_stack((com[:, 0], zero, com[:, 1]))
+        force = np.column_stack((force[:, 0], zero, force[:, 1]))
+        # Planar momenta are about -y.
+        moment = np.column_stack((zero, -moment[:, 0], zero))
+        return _true_cop(com, force, moment, mass)[:, :1]
+    cop = np.full((len(force), 2), np.nan)
+    pushed = pressed(force, mass)
+    cop[pushed] = centre_of_pressure(com[pushed], force[pushed], moment[pushed])[:, :2]
+    return cop
+
+
+def _within(values: Array, interval: tuple[float, float]) -> float:
+    return min(_least(values - interval[0]), _least(interval[1] - values))
+
+
+def _least(values: Array) -> float:
+    return float(values.min()) if values.size else FREE

@@ -1,0 +1,319 @@
+"""A law and a pendulum in closed loop, judged: did it fall, lose the ground, leave its foot?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, WbcError
+from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.function import Evaluator
+from wbc.rmp.balance.law import BalanceLaw, Command, Pendulum
+from wbc.rmp.balance.record import Ending, Simulation, record
+from wbc.rmp.ground import FLIGHT, STANDARD_GRAVITY
+from wbc.rmp.integrators import runge_kutta
+from wbc.validate import Array, finite_number, finite_vector, read_only
+
+__all__ = ["Ending", "Push", "Simulation", "simulate", "velocity_jump"]
+
+# Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
+FALLEN = math.radians(10.0)
+# Rates and lengths beyond this are no motion any more [SI].
+LARGEST = 1e8
+# How often progress is told [steps].
+TOLD = 100
+
+Stop = Callable[[float, Array, Array, Command], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """A blow to the CoM: its velocity jumps by impulse / M, the masses' spin does not.
+
+    Parameters
+    ----------
+    time:
+        When [s]; it acts at the nearest instant at which the law is asked, before it is asked.
+    impulse:
+        [N s], up last: (2,) for a planar pendulum, (3,) for a solid one.
+
+    Raises
+    ------
+    InvalidInputError
+        Not finite, a negative time, or neither two nor three parts.
+    """
+
+    time: float
+    impulse: ArrayLike
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", finite_number("push: time", self.time, least=0.0))
+        size = 2 if np.size(self.impulse) == 2 else 3
+        impulse = finite_vector("push: impulse", self.impulse, size)
+        object.__setattr__(self, "impulse", read_only(impulse))
+
+
+def velocity_jump(model: Pendulum, q: ArrayLike, impulse: ArrayLike) -> Array:
+    """Return what an impulse at the CoM adds to v (nv,); the rate of the foot stays.
+
+    It solves M dv = J_com^T impulse without the rows and columns of the foot, which the ground
+    holds by an impulse of its own.
+
+    Raises
+    ------
+    InvalidInputError
+        Wrong sizes, not finite, or a configuration where forces have no inertia to accelerate.
+    """
+    driven, nv = len(model.V) - len(model.F), len(model.V)
+    # Refuses configurations without a regular mass matrix.
+    model.forward_dynamics(q, np.zeros(nv), np.zeros(len(model.F)))
+    push = finite_vector("impulse", impulse, driven + 1)
+    jacobian = np.column_stack([model.com(q, unit)[1] for unit in np.eye(nv)])
+    dv = np.zeros(nv)
+    mass = model.mass_matrix(q)[driven:, driven:]
+    dv[driven:] = np.linalg.solve(mass, jacobian[:, driven:].T @ push)
+    return dv
+
+
+def simulate(
+    law: BalanceLaw,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    duration: float,
+    *,
+    dt: float = 1e-3,
+    plant: Pendulum | None = None,
+    bounds: Bounds | None = None,
+    pushes: Iterable[Push] = (),
+    pivot: bool = False,
+    fallen: float = FALLEN,
+    stop: Stop | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Return the motion of a pendulum under a law whose command is held over each ``dt``.
+
+    The run ends early, and :attr:`Simulation.ending` says how, if the leg is lower than ``fallen``
+    or its length out of bounds (FELL), if the command would need a ground that pulls, or pushes
+    with less than a hundredth of the weight (CONTACT_LOST), if the law raises a WbcError or its
+    command is no numbers of the right size (LAW_FAILED), or if the state is not finite any more
+    (DIVERGED). All other limits are judged, not enforced: see :meth:`Simulation.margins`. A command
+    that the law itself calls not ``ok`` is carried out.
+
+    Parameters
+    ----------
+    law:
+        Asked every ``dt``.
+    q0, v0:
+        Start (nq,), (nv,).
+    duration, dt:
+        [s]; the duration is rounded to whole steps of Runge and Kutta's method.
+    plant:
+        The pendulum that moves; ``law.model``, unless one with other parameters is given.
+    bounds:
+        Judged by; ``Bounds()``, unless given.
+    pivot:
+        The foot is bolted to the ground: the ground may pull, and a leg may hang.
+    fallen:
+        Least elevation of the leg above the ground [rad].
+    stop:
+        Called with (time, q, v, command) before each step; True ends the run as COMPLETE.
+    progress:
+        Called with the time reached [s], now and then.
+
+    Raises
+    ------
+    InvalidInputError
+        A start, duration, push or plant that is unusable; the message says which and why.
+    """
+    bounds = Bounds() if bounds is None else bounds
+    loop = _Loop(law, _plant(law, plant), finite_number("dt", dt, above=0.0), bounds, pivot, fallen)
+    model = loop.model
+    steps = round(finite_number("duration", duration, above=0.0) / loop.dt)
+    if steps < 1:
+        raise InvalidInputError(f"duration: {duration:g} s is less than a step of {loop.dt:g} s")
+    _require_fitting(bounds, model)
+    # Also refuses sizes, NaN and configurations that cannot move.
+    model.forward_dynamics(q0, v0, np.zeros(len(model.F)))
+    jumps = _jumps(pushes, model, loop.dt, steps)
+    x = np.concatenate((np.array(q0, dtype=float), np.array(v0, dtype=float)))
+    return _finished(loop, _run(loop, x, steps, jumps, stop, progress))
+
+
+@dataclass(eq=False)
+class _Trace:
+    """What has happened so far."""
+
+    states: list[Array]
+    inputs: list[Array] = field(default_factory=list)
+    grounds: list[Array] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+    ending: Ending | None = None
+    note: str = ""
+
+    def end(self, ending: Ending, note: str) -> None:
+        self.ending, self.note = ending, note
+
+
+class _Loop:
+    """One step after the other."""
+
+    def __init__(
+        self,
+        law: BalanceLaw,
+        model: Pendulum,
+        dt: float,
+        bounds: Bounds,
+        pivot: bool,
+        fallen: float,
+    ) -> None:
+        self.law, self.model, self.dt, self.bounds = law, model, dt, bounds
+        self.pivot, self.fallen = pivot, finite_number("fallen", fallen)
+        self.nq, self.nv, self.nf = len(model.Q), len(model.V), len(model.F)
+        masses = sum(name.startswith("r") for name in model.Q) - 1
+        self._radii = slice(self.nq - masses, self.nq)
+        step = _judged_step(model, dt)
+        self.grounds, self._step = step.size1_out(1), Evaluator(step)
+
+    def advance(self, k: int, trace: _Trace, stop: Stop | None) -> None:
+        """Ask the law, take one step and write down what came of it."""
+        x, time = trace.states[-1], k * self.dt
+        q, v = x[: self.nq].copy(), x[self.nq :].copy()
+        try:
+            command = self.law.command(q, v, time)
+        except WbcError as error:
+            return trace.end(Ending.LAW_FAILED, f"at {time:g} s the law refused: {error}")
+        u = self._input(command)
+        if u is None:
+            note = f"at {time:g} s the law's command is not finite, or of the wrong size"
+            return trace.end(Ending.LAW_FAILED, note)
+        if stop is not None and stop(time, q, v, command):
+            return trace.end(Ending.COMPLETE, f"stopped at {time:g} s as asked")
+        after, ground, leg = (column[:, 0] for column in self._step(x, u))
+        if not (np.abs(after).max() < LARGEST and np.isfinite(ground).all()):
+            return trace.end(Ending.DIVERGED, f"after {time:g} s the state is not finite any more")
+        push = ground[self.nv - self.nf]  # the vertical part: behind one or two level ones
+        if not self.pivot and push <= FLIGHT * STANDARD_GRAVITY * self.model.mass:
+            note = f"at {time:g} s the ground would have to push up with {push:.4g} N"
+            return trace.end(Ending.CONTACT_LOST, note)
+        trace.states.append(after)
+        trace.inputs.append(u)
+        trace.grounds.append(ground)
+        trace.commands.append(command)
+        return self._judge(time + self.dt, leg, trace)
+
+    def _input(self, command: Command) -> Array | None:
+        w, f = np.asarray(command.cop_acceleration), np.asarray(command.force)
+        if w.shape != (self.nv - self.nf,) or f.shape != (self.nf,):
+            return None
+        u: Array = np.concatenate((w, f)).astype(float)
+        return u if np.isfinite(u).all() else None
+
+    def _judge(self, time: float, leg_and_height: Array, trace: _Trace) -> None:
+        leg, height = leg_and_height.tolist()
+        low, high = self.bounds.leg_length
+        if not (max(low, 0.0) <= leg <= high):
+            note = f"at {time:g} s the leg is {leg:.4g} m long, out of [{low:g}, {high:g}] m"
+            return trace.end(Ending.FELL, note)
+        if not self.pivot and height < leg * math.sin(self.fallen):
+            lean = math.degrees(math.asin(height / leg))
+            return trace.end(
+                Ending.FELL, f"at {time:g} s the leg is {lean:.3g} degrees above the ground"
+            )
+        if trace.states[-1][self._radii].min() <= 0.0:
+            return trace.end(Ending.DIVERGED, f"at {time:g} s two masses of a pair meet")
+        return None
+
+
+def _run(
+    loop: _Loop,
+    x: Array,
+    steps: int,
+    jumps: dict[int, Array],
+    stop: Stop | None,
+    progress: Callable[[float], None] | None,
+) -> _Trace:
+    trace = _Trace(states=[x])
+    for k in range(steps):
+        if progress is not None and k % TOLD == 0:
+            progress(k * loop.dt)
+        if k in jumps:
+            x = trace.states[-1].copy()
+            x[loop.nq :] += velocity_jump(loop.model, x[: loop.nq], jumps[k])
+            trace.states[-1] = x
+        loop.advance(k, trace, stop)
+        if trace.ending is not None:
+            break
+    if progress is not None:
+        progress((len(trace.states) - 1) * loop.dt)
+    return trace
+
+
+def _judged_step(model: Pendulum, dt: float) -> ca.Function:
+    """Return (x, u) -> (x_next, (f_r, k_G') now, (length of the leg, its height) next)."""
+    nq, nv = len(model.Q), len(model.V)
+    x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
+    rate = model.functions["state_rate"](x, u)
+    push = model.functions["ground_reaction"](x[:nq], x[nq:], rate[nq:])
+    k_G, _ = model.functions["momenta"](x[:nq], x[nq:])
+    after, _ = runge_kutta(model, dt)(x, u)
+    com, _ = model.functions["com"](after[:nq], after[nq:])
+    leg = after[model.Q.index("r_l")]
+    ground = ca.vertcat(push, ca.jtimes(k_G, x, rate))
+    outputs = [ca.densify(each) for each in (after, ground, ca.vertcat(leg, com[-1]))]
+    return ca.Function("judged_step", [x, u], outputs)
+
+
+def _plant(law: BalanceLaw, plant: Pendulum | None) -> Pendulum:
+    if plant is None:
+        return law.model
+    if type(plant) is not type(law.model):
+        raise InvalidInputError(
+            f"plant: a {type(plant).__name__} cannot stand for the law's"
+            f" {type(law.model).__name__}; only parameters may differ"
+        )
+    return plant
+
+
+def _require_fitting(bounds: Bounds, model: Pendulum) -> None:
+    flat = len(model.V) - len(model.F) == 1
+    if bounds.polygon is not None and (np.ndim(bounds.polygon) == 1) != flat:
+        want = "(least x, greatest x)" if flat else "corners (k, 2)"
+        raise InvalidInputError(f"bounds: polygon of a {type(model).__name__} must be {want}")
+
+
+def _jumps(pushes: Iterable[Push], model: Pendulum, dt: float, steps: int) -> dict[int, Array]:
+    size = len(model.V) - len(model.F) + 1
+    jumps: dict[int, Array] = {}
+    for push in pushes:
+        k = round(push.time / dt)
+        if k >= steps:
+            raise InvalidInputError(f"pushes: {push.time:g} s is not before the end")
+        impulse = finite_vector(f"pushes: the impulse at {push.time:g} s", push.impulse, size)
+        jumps[k] = jumps[k] + impulse if k in jumps else impulse
+    return jumps
+
+
+def _finished(loop: _Loop, trace: _Trace) -> Simulation:
+    n, driven = len(trace.commands), loop.nv - loop.nf
+    inputs = np.array(trace.inputs).reshape(n, loop.nv)
+    troubles = [each.note for each in trace.commands if not each.ok]
+    states = np.array(trace.states)
+    note = trace.note or (troubles[0] if troubles else "")
+    return record(
+        model=loop.model,
+        bounds=loop.bounds,
+        time=loop.dt * np.arange(n + 1),
+        states=states,
+        inputs=inputs,
+        ground=np.array(trace.grounds).reshape(n, loop.grounds),
+        driven=driven,
+        phase=[each.phase for each in trace.commands],
+        ok=np.array([each.ok for each in trace.commands], dtype=bool),
+        ending=Ending.COMPLETE if trace.ending is None else trace.ending,
+        note=note,
+    )
