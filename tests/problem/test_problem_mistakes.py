@@ -53,7 +53,7 @@ MISTAKES = [
         "components: angular",
         "gain: 0.5",
         9,
-        "tasks.spin.gain: unknown key (choose from: components",
+        "tasks.spin.gain: unknown key (choose from: active, components",
     ),
     ("hoap2_like", "hoap2", 1, "robot: unknown robot 'hoap2'; did you mean 'hoap2_like'?"),
     ("hoap2_like", "missing.urdf", 1, "no such file"),

@@ -18,7 +18,7 @@ from wbc.robot import Robot
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
 from wbc.view.files import save
 from wbc.view.portrait import portraits_of
-from wbc.view.run import spread
+from wbc.view.series import spread
 
 Array = NDArray[np.float64]
 

@@ -5,6 +5,7 @@ Every name and number is checked here, before anything moves; see :mod:`wbc.prob
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,17 +13,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wbc.constraints import Contact, Limits, PointContact, support
+from wbc.constraints import Contact, Limits
 from wbc.controllers import KinematicController, PseudoInverseController, Tick
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.build_tasks import BuiltTask, build_task
 from wbc.problem.controller_specs import PseudoInverseSpec, QpSpec
-from wbc.problem.mistakes import Misplaced, Mistakes
-from wbc.problem.part_specs import ContactSpec, LimitsSpec, RobotSpec, StartSpec, Support
-from wbc.problem.ramps import MovingTarget
+from wbc.problem.mistakes import Mistakes
+from wbc.problem.part_specs import LimitsSpec, RobotSpec, StartSpec
+from wbc.problem.plan import Phase, plan
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.task_specs import ComSpec, InertiaSpec, PositionSpec
+from wbc.problem.standing import contacts_of
 from wbc.qp.backend import Backend, make_backend
 from wbc.robot import FootSpec, Robot, Snapshot
 from wbc.tasks import Task
@@ -47,28 +48,44 @@ class Parts:
     ----------
     start:
         Configuration (nq,).
+    built:
+        The tasks, and how their targets are moved.
+    contacts:
+        What is held in the first phase.
+    phases:
+        What happens, in order; a run without phases is one.
     """
 
     robot: Robot
     start: Array
-    tasks: tuple[Task, ...]
-    moving: tuple[MovingTarget, ...]
+    built: tuple[BuiltTask, ...]
     contacts: tuple[Contact, ...]
+    phases: tuple[Phase, ...]
     limits: Limits | None
 
-    def controller(self, spec: QpSpec | PseudoInverseSpec) -> Controller:
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """All tasks, in the order of the file."""
+        return tuple(one.task for one in self.built)
+
+    def controller(
+        self,
+        spec: QpSpec | PseudoInverseSpec,
+        tasks: Sequence[Task],
+        contacts: Sequence[Contact],
+    ) -> Controller:
         """Return a new controller, which remembers nothing of earlier runs."""
         common: dict[str, Any] = {
-            "contacts": self.contacts,
+            "contacts": contacts,
             "limits": self.limits,
             "dt": spec.dt,
             "damping": spec.damping,
         }
         if isinstance(spec, PseudoInverseSpec):
-            return PseudoInverseController(self.robot, self.tasks, **common)
+            return PseudoInverseController(self.robot, tasks, **common)
         return KinematicController(
             self.robot,
-            self.tasks,
+            tasks,
             solver=_backend(spec),
             formulation=spec.formulation,
             on_failure=spec.on_failure,
@@ -90,13 +107,14 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     mistakes.raise_any()
     q = robot.posture(spec.start.posture, spec.start.joints)
     start = robot.snapshot(q, np.zeros(robot.nv))
-    tasks = list[BuiltTask]()
+    built = dict[str, BuiltTask]()
     for name, task_spec in spec.tasks.items():
         with mistakes.at("tasks", name):
-            tasks.append(build_task(name, task_spec, start))
+            built[name] = build_task(name, task_spec, start)
     contacts = list[Contact]()
     with mistakes.at("support"):
-        contacts += _contacts(spec.support, start)
+        contacts += contacts_of(spec.support, start)
+    phases = plan(spec, built, start, source, mistakes)
     if isinstance(spec.controller, QpSpec):
         with mistakes.at("controller"):
             _backend(spec.controller)
@@ -105,12 +123,13 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     parts = Parts(
         robot=robot,
         start=start.q,
-        tasks=tuple(built.task for built in tasks),
-        moving=tuple(built.moving for built in tasks if built.moving is not None),
-        contacts=tuple(contacts),
+        built=tuple(built.values()),
+        contacts=contacts_of(phases[0].support, start),
+        phases=phases,
         limits=limits,
     )
-    mistakes.require(("controller",), partial(parts.controller, spec.controller))
+    make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts)
+    mistakes.require(("controller",), make)
     return parts
 
 
@@ -142,18 +161,6 @@ def _check_start(spec: StartSpec, robot: Robot, mistakes: Mistakes) -> None:
             robot.posture(joints={pattern: value})
 
 
-def _contacts(spec: Support, start: Snapshot) -> tuple[Contact, ...]:
-    if isinstance(spec, str):
-        return support(start, spec)
-    wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
-    frames = [one.frame for one in wanted]
-    for k, frame in enumerate(frames):
-        if frame in frames[:k]:
-            raise Misplaced(f"frame {frame!r} is named twice", k)
-    kinds = {"fixed": Contact, "point": PointContact}
-    return tuple(kinds[one.type].hold(start, one.frame, gain=one.gain) for one in wanted)
-
-
 def _limits(spec: str | LimitsSpec, robot: Robot) -> Limits | None:
     if isinstance(spec, str):
         return None
@@ -176,18 +183,46 @@ def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
         with mistakes.at("stop", "accept", name):
             if name not in spec.tasks:
                 raise UnknownNameError("task", name, spec.tasks)
-    ticks = spec.stop.duration / spec.controller.dt
-    with mistakes.at("stop"):
+    stop, where = spec.whole_stop, ("stop", "duration") if spec.phases is None else ("phases",)
+    ticks = stop.duration / spec.controller.dt
+    with mistakes.at(*where):
         if ticks > MAX_TICKS:
-            raise Misplaced(
-                f"{spec.stop.duration:g} s at a time step of {spec.controller.dt:g} s are "
-                f"{ticks:.3g} ticks; at most {MAX_TICKS:,} are possible",
-                "duration",
+            raise InvalidInputError(
+                f"{stop.duration:g} s at a time step of {spec.controller.dt:g} s are "
+                f"{ticks:.3g} ticks; at most {MAX_TICKS:,} are possible"
             )
-    for name, task in spec.tasks.items():
-        ramp = task.ramp if isinstance(task, InertiaSpec | ComSpec | PositionSpec) else None
+    if spec.phases is None:
+        _check_ramps(spec, mistakes)
+    else:
+        _check_no_times(spec, mistakes)
+    if spec.phases is None and not any(task.active for task in spec.tasks.values()):
+        with mistakes.at("tasks"):
+            raise InvalidInputError("no task is active; there is nothing to do")
+
+
+def _check_ramps(spec: ProblemSpec, mistakes: Mistakes) -> None:
+    for name, ramp in _ramps(spec):
         with mistakes.at("tasks", name, "ramp"):
-            if ramp is not None and ramp > spec.stop.duration:
+            if ramp > spec.stop.duration:
                 raise InvalidInputError(
                     f"{ramp:g} s is longer than the run (stop.duration, {spec.stop.duration:g} s)"
                 )
+
+
+def _check_no_times(spec: ProblemSpec, mistakes: Mistakes) -> None:
+    """Refuse what phases decide: how long the run is, and how long its targets move."""
+    for key in sorted(spec.stop.model_fields_set & {"duration", "speed"}):
+        with mistakes.at("stop", key):
+            raise InvalidInputError("a run with phases ends after the last; leave this out")
+    for name, _ in _ramps(spec):
+        with mistakes.at("tasks", name, "ramp"):
+            raise InvalidInputError(
+                "with phases a target begins where this section says and moves in the phases that "
+                "give it another; leave this out"
+            )
+
+
+def _ramps(spec: ProblemSpec) -> list[tuple[str, float]]:
+    tasks = spec.tasks.items()
+    ramps = [(name, getattr(task, "ramp", None)) for name, task in tasks]
+    return [(name, ramp) for name, ramp in ramps if ramp is not None]

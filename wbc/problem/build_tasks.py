@@ -1,16 +1,26 @@
-"""From the description of a task to the task, and to the ramp of its target if it has one."""
+"""From the description of a task to the task, and to what moves its target."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, assert_never
+from dataclasses import dataclass, field
+from typing import Any, assert_never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.problem import targets
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.ramps import MinimumJerk, MovingTarget
+from wbc.problem.ramps import HandOver, MinimumJerk, MovingTarget
+from wbc.problem.spaces import (
+    DIRECTIONS,
+    PLACEMENTS,
+    ROTATIONS,
+    VECTORS,
+    Configurations,
+    Space,
+    placement,
+)
 from wbc.problem.target_specs import PlacementTarget
 from wbc.problem.task_specs import (
     AxisSpec,
@@ -47,11 +57,48 @@ INERTIA_COMPONENTS = {"all": ALL, "diagonal": DIAGONAL_COMPONENTS, "trace": TRAC
 MOMENTUM_COMPONENTS = {"all": LINEAR + ANGULAR, "linear": LINEAR, "angular": ANGULAR}
 
 
-class BuiltTask(NamedTuple):
-    """A task, and what moves its target if that is not fixed."""
+# Tells where a target is to be, from the robot now and the target until then.
+Goal = Callable[[Snapshot, Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltTask:
+    """A task, and how its target is read and moved.
+
+    Attributes
+    ----------
+    goal:
+        Where the target should be.
+    actual:
+        What the target would be for the robot to be there already.
+    space:
+        Where both live.
+    hand_over:
+        Sets the task's target.
+    ramp:
+        Time [s] in which the target moves from the start to the goal, or None.
+    weight:
+        (k,) of the task as it was built; that of the task itself may change in a run.
+    """
 
     task: Task
-    moving: MovingTarget | None = None
+    goal: Goal
+    actual: Callable[[Snapshot], Array]
+    space: Space
+    hand_over: HandOver
+    ramp: float | None = None
+    weight: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weight", self.task.weight)
+
+    def moving(self, start: Snapshot) -> MovingTarget | None:
+        """Return what moves the target from the start to the goal, if it has a ramp."""
+        if self.ramp is None:
+            return None
+        here = self.actual(start)
+        ramp = MinimumJerk(here, self.goal(start, here), self.ramp, self.space)
+        return MovingTarget(ramp, self.hand_over)
 
 
 def build_task(name: str, spec: TaskSpec, start: Snapshot) -> BuiltTask:
@@ -62,40 +109,68 @@ def build_task(name: str, spec: TaskSpec, start: Snapshot) -> BuiltTask:
     WbcError
         An unknown frame or joint, or numbers that do not fit.
     """
-    if isinstance(spec, InertiaSpec) and spec.components == "principal":
-        return _principal(name, spec, start)
-    if isinstance(spec, InertiaSpec):
-        return _inertia(name, spec, start)
-    if isinstance(spec, ComSpec):
-        return _com(name, spec, start)
-    if isinstance(spec, PositionSpec):
-        return _position(name, spec, start)
-    return BuiltTask(_fixed(name, spec, start))
+    match spec:
+        case InertiaSpec(components="principal"):
+            return _principal(name, spec, start)
+        case InertiaSpec():
+            return _inertia(name, spec, start)
+        case ComSpec():
+            return _com(name, spec, start)
+        case PositionSpec():
+            return _position(name, spec, start)
+        case OrientationSpec():
+            return _orientation(name, spec, start)
+        case PoseSpec():
+            return _pose(name, spec, start)
+        case AxisSpec():
+            return _axis(name, spec, start)
+        case PostureSpec():
+            return _posture(name, spec, start)
+        case MomentumSpec():
+            return _momentum(name, spec, start)
+        case _:
+            assert_never(spec)
 
 
 def _com(name: str, spec: ComSpec, start: Snapshot) -> BuiltTask:
-    goal = targets.point(spec.target, start.com)
-    weight = _weight(spec.weight, spec.axes)
-    task = ComTask(start.robot, goal, axes=spec.axes, name=name, weight=weight, **_law(spec))
-    return BuiltTask(task, _ramp(spec.ramp, start.com, goal, task.set_target))
+    def goal(now: Snapshot, before: Array) -> Array:
+        return targets.centre_of_mass(spec.target, start.com, now, before)
+
+    task = ComTask(
+        start.robot,
+        goal(start, start.com),
+        axes=spec.axes,
+        name=name,
+        weight=_weight(spec.weight, spec.axes),
+        **_law(spec),
+    )
+    return BuiltTask(task, goal, lambda now: now.com, VECTORS, task.set_target, spec.ramp)
 
 
 def _position(name: str, spec: PositionSpec, start: Snapshot) -> BuiltTask:
     start.robot.frame_id(spec.frame)
-    here = start.position(spec.frame)
-    goal = targets.point(spec.target, here)
+    goal = targets.point(spec.target, start.position(spec.frame))
     weight = _weight(spec.weight, spec.axes)
     task = PositionTask(
         start.robot, spec.frame, goal, axes=spec.axes, name=name, weight=weight, **_law(spec)
     )
-    return BuiltTask(task, _ramp(spec.ramp, here, goal, task.set_target))
+
+    def actual(now: Snapshot) -> Array:
+        return now.position(spec.frame)
+
+    return BuiltTask(task, _known(goal), actual, VECTORS, task.set_target, spec.ramp)
 
 
 def _inertia(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
     given = spec.components
     components: Sequence[str] = INERTIA_COMPONENTS[given] if isinstance(given, str) else given
-    here = _inertia_at(start, spec.frame)
-    goal = targets.inertia(spec.target, components, here)
+
+    def actual(now: Snapshot) -> Array:
+        return strung(now.inertia_in(spec.frame))
+
+    if spec.frame != "world":
+        start.robot.frame_id(spec.frame)
+    goal = targets.inertia(spec.target, components, actual(start))
     task = InertiaTask(
         start.robot,
         goal,
@@ -111,7 +186,7 @@ def _inertia(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
     def hand_over(value: Array, rate: Array, _: Array) -> None:
         task.set_target(value, rate)
 
-    return BuiltTask(task, _ramp(spec.ramp, here, goal, hand_over))
+    return BuiltTask(task, _known(goal), actual, VECTORS, hand_over, spec.ramp)
 
 
 def _principal(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
@@ -121,101 +196,105 @@ def _principal(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
         raise Misplaced("there is no second order for principal moments", "second_order")
     if not isinstance(spec.weight, float | int):
         raise Misplaced("principal moments take one weight, not a list", "weight")
-    here = _inertia_at(start, "base")
-    goal = targets.principal_moments(spec.target, here)
+    goal = targets.principal_moments(spec.target, strung(start.inertia))
     task = PrincipalInertiaTask(
         start.robot, goal, per_mass=spec.per_mass, name=name, weight=spec.weight, **_law(spec)
     )
 
-    def hand_over(value: Array, _: Array, __: Array) -> None:
-        task.set_target(value)
+    def actual(now: Snapshot) -> Array:
+        return np.linalg.eigvalsh(now.inertia)
 
-    begin = targets.principal_moments("start", here)
-    return BuiltTask(task, _ramp(spec.ramp, begin, goal, hand_over))
-
-
-def _inertia_at(start: Snapshot, frame: str) -> Array:
-    if frame != "world":
-        start.robot.frame_id(frame)
-    return strung(start.inertia_in(frame))
+    return BuiltTask(task, _known(goal), actual, VECTORS, _value_to(task), spec.ramp)
 
 
-FixedSpec = OrientationSpec | PoseSpec | AxisSpec | PostureSpec | MomentumSpec
-
-
-def _fixed(name: str, spec: FixedSpec, start: Snapshot) -> Task:
-    """Return a task whose target does not move."""
-    match spec:
-        case OrientationSpec():
-            return _orientation(name, spec, start)
-        case PoseSpec():
-            return _pose(name, spec, start)
-        case AxisSpec():
-            return _axis(name, spec, start)
-        case PostureSpec():
-            return _posture(name, spec, start)
-        case MomentumSpec():
-            return _momentum(name, spec, start)
-        case _:
-            assert_never(spec)
-
-
-def _orientation(name: str, spec: OrientationSpec, start: Snapshot) -> Task:
+def _orientation(name: str, spec: OrientationSpec, start: Snapshot) -> BuiltTask:
     start.robot.frame_id(spec.frame)
     goal = targets.rotation(spec.target, start.rotation(spec.frame))
     weight = _weight(spec.weight, TURNS)
-    return OrientationTask(start.robot, spec.frame, goal, name=name, weight=weight, **_law(spec))
+    task = OrientationTask(start.robot, spec.frame, goal, name=name, weight=weight, **_law(spec))
+
+    def actual(now: Snapshot) -> Array:
+        return now.rotation(spec.frame)
+
+    return BuiltTask(task, _known(goal), actual, ROTATIONS, _value_to(task))
 
 
-def _pose(name: str, spec: PoseSpec, start: Snapshot) -> Task:
+def _pose(name: str, spec: PoseSpec, start: Snapshot) -> BuiltTask:
     start.robot.frame_id(spec.frame)
     target = PlacementTarget() if isinstance(spec.target, str) else spec.target
-    return PoseTask(
+    position = targets.point(target.position, start.position(spec.frame))
+    rotation = targets.rotation(target.orientation, start.rotation(spec.frame))
+    task = PoseTask(
         start.robot,
         spec.frame,
-        targets.point(target.position, start.position(spec.frame)),
-        targets.rotation(target.orientation, start.rotation(spec.frame)),
+        position,
+        rotation,
         name=name,
         weight=_weight(spec.weight, AXES + TURNS),
         **_law(spec),
     )
 
+    def actual(now: Snapshot) -> Array:
+        return placement(now.position(spec.frame), now.rotation(spec.frame))
 
-def _axis(name: str, spec: AxisSpec, start: Snapshot) -> Task:
+    def hand_over(value: Array, _: Array, __: Array) -> None:
+        task.set_target(value[:, 3], value[:, :3])
+
+    goal = _known(placement(position, rotation))
+    return BuiltTask(task, goal, actual, PLACEMENTS, hand_over)
+
+
+def _axis(name: str, spec: AxisSpec, start: Snapshot) -> BuiltTask:
     start.robot.frame_id(spec.frame)
-    return AxisTask(
+
+    def actual(now: Snapshot) -> Array:
+        return now.rotation(spec.frame) @ task.axis
+
+    pointing = start.rotation(spec.frame) @ np.array(spec.axis)
+    task = AxisTask(
         start.robot,
         spec.frame,
-        targets.point(spec.target, start.rotation(spec.frame) @ np.array(spec.axis)),
+        targets.point(spec.target, pointing),
         axis=spec.axis,
         name=name,
         weight=_weight(spec.weight, AXES),
         **_law(spec),
     )
+    return BuiltTask(task, _known(task.target), actual, DIRECTIONS, _value_to(task))
 
 
-def _posture(name: str, spec: PostureSpec, start: Snapshot) -> Task:
-    return PostureTask(
-        start.robot,
-        targets.posture(spec.target, start.robot, start.q),
-        joints=spec.joints,
-        name=name,
-        weight=spec.weight,
-        **_law(spec),
-    )
+def _posture(name: str, spec: PostureSpec, start: Snapshot) -> BuiltTask:
+    robot = start.robot
+    goal = targets.posture(spec.target, robot, start.q)
+    task = PostureTask(robot, goal, joints=spec.joints, name=name, weight=spec.weight, **_law(spec))
+    space = Configurations(robot)
+    return BuiltTask(task, _known(goal), lambda now: now.q, space, _value_to(task))
 
 
-def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> Task:
+def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> BuiltTask:
     given = spec.components
     components: Sequence[str] = MOMENTUM_COMPONENTS[given] if isinstance(given, str) else given
-    return MomentumTask(
+    goal = targets.momentum(spec.target, components, LINEAR + ANGULAR)
+    task = MomentumTask(
         start.robot,
-        targets.momentum(spec.target, components, LINEAR + ANGULAR),
+        goal,
         components=components,
         name=name,
         weight=_weight(spec.weight, components),
         priority=spec.priority,
     )
+    return BuiltTask(task, _known(goal), lambda now: now.momentum, VECTORS, _value_to(task))
+
+
+def _known(goal: Array) -> Goal:
+    return lambda _, __: goal
+
+
+def _value_to(
+    task: PrincipalInertiaTask | OrientationTask | AxisTask | PostureTask | MomentumTask,
+) -> HandOver:
+    """Return what hands a task the value only, for it has no use for rate and acceleration."""
+    return lambda value, _, __: task.set_target(value)
 
 
 def _weight(weight: float | Sequence[float], rows: Sequence[str]) -> ArrayLike:
@@ -229,14 +308,3 @@ def _weight(weight: float | Sequence[float], rows: Sequence[str]) -> ArrayLike:
 def _law(spec: Any) -> dict[str, Any]:
     """Return the settings that every task with an error to remove has."""
     return {"gain": spec.gain, "lm_damping": spec.lm_damping, "priority": spec.priority}
-
-
-def _ramp(
-    duration: float | None,
-    start: Array,
-    goal: Array,
-    hand_over: Callable[[Array, Array, Array], None],
-) -> MovingTarget | None:
-    if duration is None:
-        return None
-    return MovingTarget(MinimumJerk(start, goal, duration), hand_over)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from wbc.problem.ending import ending
-from wbc.problem.recorder import Measured, Recorder
-from wbc.problem.result import Failure, Result, TaskResult, Worst
+from wbc.problem.recorder import Measured, Record, Recorder
+from wbc.problem.result import Failure, PhaseResult, Result, TaskResult, Worst
+from wbc.problem.standing import Standing
 from wbc.problem.task_rows import InertiaReading, inertia_reading, reported_rows, units
 from wbc.problem.versions import versions
 from wbc.robot import Snapshot
@@ -16,13 +19,29 @@ if TYPE_CHECKING:
     from wbc.problem.problem import Problem
 
 
-def conclude(problem: Problem, recorder: Recorder, end: Snapshot, at_rest: bool) -> Result:
-    """Return the result of a run that ended at ``end``."""
-    final = recorder.measure(end)
-    tasks = _task_results(problem, end, len(recorder.records))
+def conclude(
+    problem: Problem,
+    recorder: Recorder,
+    standing: Standing,
+    end: Snapshot,
+    at_rest: bool,
+    broken_off: str | None,
+) -> Result:
+    """Return the result of a run that ended at ``end``, its targets being as they were then.
+
+    Parameters
+    ----------
+    standing:
+        What was held last.
+    broken_off:
+        Why a phase could not begin, or None.
+    """
+    final = recorder.measure(end, standing)
+    tasks = _task_results(problem, end)
     norms = {name: task.norm for name, task in tasks.items()}
+    ticks = len(recorder.records)
     status, reason = ending(
-        problem.spec.stop, at_rest, recorder.failed, len(recorder.records), norms
+        problem.spec.whole_stop, at_rest, recorder.failed, ticks, norms, broken_off
     )
     states = [*(record.measured for record in recorder.records), final]
     return Result(
@@ -36,6 +55,8 @@ def conclude(problem: Problem, recorder: Recorder, end: Snapshot, at_rest: bool)
         inertia=_inertia_readings(problem, states[0], final),
         margin=_worst_margin(states),
         slip=_worst_slip(states),
+        balance=_worst_balance(states, [record.phase for record in recorder.records]),
+        phases=_phase_results(recorder.records),
         failures=tuple(
             Failure(k, record.report)
             for k, record in enumerate(recorder.records)
@@ -46,9 +67,7 @@ def conclude(problem: Problem, recorder: Recorder, end: Snapshot, at_rest: bool)
     )
 
 
-def _task_results(problem: Problem, end: Snapshot, ticks: int) -> dict[str, TaskResult]:
-    for moving in problem.parts.moving:
-        moving.move_to(ticks * problem.spec.controller.dt)
+def _task_results(problem: Problem, end: Snapshot) -> dict[str, TaskResult]:
     accept = problem.spec.stop.accept
     return {
         task.name: TaskResult(
@@ -85,3 +104,27 @@ def _worst_slip(states: list[Measured]) -> Worst | None:
         for frame, distance in state.slip.items()
     )
     return max(slips, key=lambda slip: slip.value, default=None)
+
+
+def _worst_balance(states: list[Measured], phases: list[str]) -> Worst | None:
+    margins = np.array([state.balance for state in states])
+    if np.isnan(margins).all():
+        return None
+    tick = int(np.nanargmin(margins))
+    return Worst(float(margins[tick]), phases[min(tick, len(phases) - 1)], tick)
+
+
+def _phase_results(records: list[Record]) -> dict[str, PhaseResult]:
+    """Return what each phase came to; none if the run has no phases."""
+    parts: dict[str, list[Record]] = {}
+    for record in records:
+        if record.phase:
+            parts.setdefault(record.phase, []).append(record)
+    return {
+        name: PhaseResult(
+            begins=part[0].time,
+            support=part[0].support,
+            balance=min(record.measured.balance for record in part),
+        )
+        for name, part in parts.items()
+    }

@@ -18,6 +18,8 @@ class RunStatus(StrEnum):
     at rest, when the time was over. ``COMPLETED``: the whole duration was asked for (``speed:
     null``) and no tolerance given. ``TIMEOUT``: not at rest when the time was over.
     ``NOT_REACHED``: a tolerance was not met. ``QP_FAILED``: a tick had no solution.
+    ``NOT_STANDING``: a phase could not begin, because a foot that it stands on was in the air or
+    tilted; the run ended there.
     """
 
     CONVERGED = "converged"
@@ -26,6 +28,7 @@ class RunStatus(StrEnum):
     TIMEOUT = "timeout"
     NOT_REACHED = "not_reached"
     QP_FAILED = "qp_failed"
+    NOT_STANDING = "not_standing"
 
     @property
     def good(self) -> bool:
@@ -57,7 +60,12 @@ class RestWatch:
 
 
 def ending(
-    stop: StopSpec, at_rest: bool, failed: int, ticks: int, norms: Mapping[str, float]
+    stop: StopSpec,
+    at_rest: bool,
+    failed: int,
+    ticks: int,
+    norms: Mapping[str, float],
+    broken_off: str | None = None,
 ) -> Ending:
     """Return how a run ended.
 
@@ -67,9 +75,13 @@ def ending(
         How many ticks had no solution, of how many.
     norms:
         Norm of each task's error at the end.
+    broken_off:
+        Why a phase could not begin, or None.
     """
     if failed:
         return Ending(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
+    if broken_off is not None:
+        return Ending(RunStatus.NOT_STANDING, broken_off)
     missed = [
         f"{name} (error {norms[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.items()

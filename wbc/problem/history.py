@@ -19,6 +19,10 @@ class History:
     ----------
     time:
         (n,) when the tick began [s].
+    phase:
+        (n,) name of the phase; empty in a run without phases.
+    support:
+        (n,) what is held, with commas between: feet by name, such as ``left,right``, or frames.
     q:
         (n, nq) configuration then.
     v:
@@ -30,11 +34,15 @@ class History:
     task_inertia:
         (n, 6) the same in the axes of each inertia task, by task.
     errors:
-        (n, k) error of each task, actual minus target, by task.
+        (n, k) error of each task, actual minus target, by task; NaN while the task is off.
     slip, turn:
-        (n,) how far each contact is from its anchor [m], [rad], by frame.
+        (n,) how far each contact is from its anchor [m], [rad], by frame; NaN while it is not held.
+        The anchor is where the frame was when it was last put down.
     margin:
         (n,) smallest distance to a joint position limit [rad or m].
+    balance:
+        (n,) how far the CoM's projection is inside the polygon of the soles that stand [m],
+        negative outside; NaN if no feet stand, or something else is held too.
     kkt:
         (n,) largest KKT residual; NaN where the QP was not solved.
     tick_time, tick_cpu_time:
@@ -44,6 +52,8 @@ class History:
     """
 
     time: Array
+    phase: NDArray[np.str_]
+    support: NDArray[np.str_]
     q: Array
     v: Array
     com: Array
@@ -53,6 +63,7 @@ class History:
     slip: Mapping[str, Array]
     turn: Mapping[str, Array]
     margin: Array
+    balance: Array
     kkt: Array
     tick_time: Array
     tick_cpu_time: Array

@@ -23,12 +23,29 @@ def explained(
 ) -> ProblemFileError:
     """Return the error to raise instead: every complaint, one per line, in the order of the file.
 
+    For ``keys`` see :func:`complaints`.
+    """
+    return ProblemFileError(source.messages(complaints(error, source, keys)))
+
+
+def complaints(
+    error: ValidationError,
+    source: Source,
+    keys: Mapping[int, tuple[str, ...]],
+    below: KeyPath = (),
+) -> list[tuple[KeyPath, str]]:
+    """Return every complaint: where it belongs, and its text.
+
     Parameters
     ----------
     keys:
         The keys that a mapping of ``source`` may have, by the mapping's identity.
+    below:
+        Where what was validated stands in ``source``.
     """
-    details = error.errors(include_url=False)
+    details: list[Detail] = [
+        {**detail, "loc": (*below, *detail["loc"])} for detail in error.errors(include_url=False)
+    ]
     misspelt = {
         (*_path(detail)[:-1], _nearest(_path(detail), source, keys))
         for detail in details
@@ -46,7 +63,7 @@ def explained(
         else:
             path, text = _said(detail, path)
         found.append((path, text))
-    return ProblemFileError(source.messages(found))
+    return found
 
 
 def shown(value: Any) -> str:

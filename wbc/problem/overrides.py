@@ -19,6 +19,11 @@ from wbc.problem.source import Source
 _ASSIGNMENT = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 
 
+# Names that a path can lead into: the section that holds them, what they are, and which step of the
+# path they are. A misspelt one must not be taken for a new one.
+_NAMED = (("tasks", "task", 1), ("phases", "phase", 1), ("tasks", "task", 3))
+
+
 def parse_override(text: str) -> tuple[str, Any]:
     """Return key path and value of ``PATH=VALUE``; the value is a YAML scalar, list or mapping.
 
@@ -44,7 +49,7 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
     ------
     ProblemFileError
         A path that leads into something that is no mapping or list, past the end of a list, or
-        into a task that does not exist.
+        into a task or phase that does not exist.
     """
     data = copy.deepcopy(source.data)
     overridden = dict(source.overridden)
@@ -73,10 +78,11 @@ def plain(value: Any) -> Any:
 
 
 def _put(data: dict[str, Any], path: KeyPath, value: Any, label: str) -> None:
-    tasks = data.get("tasks")
-    if path[0] == "tasks" and len(path) > 2 and isinstance(tasks, dict) and path[1] not in tasks:
-        name = str(path[1])
-        raise ProblemFileError(f"{label}: no task {name!r}{suggest(name, tasks)}")
+    for section, kind, at in _NAMED:
+        known = data.get(section)
+        if _leads_into(path, section, at) and isinstance(known, dict) and path[at] not in known:
+            name = str(path[at])
+            raise ProblemFileError(f"{label}: no {kind} {name!r}{suggest(name, known)}")
     inside: Any = data
     for k, step in enumerate(path):
         _check_step(inside, step, path[:k], label)
@@ -86,6 +92,12 @@ def _put(data: dict[str, Any], path: KeyPath, value: Any, label: str) -> None:
             inside = inside.setdefault(step, {})
         else:
             inside = inside[step]
+
+
+def _leads_into(path: KeyPath, section: str, at: int) -> bool:
+    """Whether a path leads further than to a name at ``at`` that ``section`` must hold."""
+    in_phase = at > 1 and path[0] == "phases" and path[at - 1 : at] == (section,)
+    return len(path) > at + 1 and (in_phase or (at == 1 and path[0] == section))
 
 
 def _check_step(inside: Any, step: str | int, so_far: KeyPath, label: str) -> None:

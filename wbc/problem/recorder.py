@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.constraints import Contact, Limits
+from wbc.constraints import Limits
 from wbc.controllers import Tick
 from wbc.problem.history import History
+from wbc.problem.standing import Standing
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import strung
 from wbc.tasks import Task
@@ -28,12 +29,15 @@ class Measured(NamedTuple):
     turn: dict[str, float]
     margin: float
     margin_joint: str
+    balance: float  # NaN unless feet stand
 
 
 class Record(NamedTuple):
     """What is kept of one tick: not the snapshot and the QP, which are a hundred times larger."""
 
     time: float
+    phase: str
+    support: str
     q: Array
     v: Array
     measured: Measured
@@ -56,24 +60,31 @@ class Recorder:
         How many of them had no solution.
     """
 
-    def __init__(self, robot: Robot, tasks: Iterable[Task], contacts: Sequence[Contact]) -> None:
+    def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
         self.records: list[Record] = []
         self.failed = 0
-        self._contacts = contacts
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
         self._frames = {task.name: axes_of(task) for task in tasks if is_inertia(task)}
 
     def add(
-        self, time: float, snapshot: Snapshot, tick: Tick, seconds: float, cpu_seconds: float
+        self,
+        time: float,
+        snapshot: Snapshot,
+        standing: Standing,
+        tick: Tick,
+        seconds: float,
+        cpu_seconds: float,
     ) -> None:
         """Keep what matters of a tick that began at ``time`` [s] in the state ``snapshot``."""
         self.failed += not tick.ok
         self.records.append(
             Record(
                 time=time,
+                phase=standing.phase,
+                support=standing.label,
                 q=snapshot.q,
                 v=tick.velocity,
-                measured=self.measure(snapshot),
+                measured=self.measure(snapshot, standing),
                 errors=tick.errors,
                 status=tick.status.value,
                 kkt=_kkt_residual(tick),
@@ -83,9 +94,9 @@ class Recorder:
             )
         )
 
-    def measure(self, snapshot: Snapshot) -> Measured:
+    def measure(self, snapshot: Snapshot, standing: Standing) -> Measured:
         """Return what the summary needs to know of a state."""
-        drifts = {contact.frame: contact.residual(snapshot).error for contact in self._contacts}
+        drifts = {contact.frame: contact.residual(snapshot).error for contact in standing.contacts}
         margin, joint = self._limits.worst_margin(snapshot.q)
         return Measured(
             com=snapshot.com,
@@ -97,6 +108,7 @@ class Recorder:
             turn={frame: float(np.linalg.norm(drift[3:])) for frame, drift in drifts.items()},
             margin=margin,
             margin_joint=joint,
+            balance=standing.margin(snapshot),
         )
 
     def history(self) -> History:
@@ -105,6 +117,8 @@ class Recorder:
         measured = [record.measured for record in records]
         return History(
             time=np.array([record.time for record in records]),
+            phase=np.array([record.phase for record in records]),
+            support=np.array([record.support for record in records]),
             q=np.array([record.q for record in records]),
             v=np.array([record.v for record in records]),
             com=np.array([state.com for state in measured]),
@@ -114,6 +128,7 @@ class Recorder:
             slip=_by_name([state.slip for state in measured]),
             turn=_by_name([state.turn for state in measured]),
             margin=np.array([state.margin for state in measured]),
+            balance=np.array([state.balance for state in measured]),
             kkt=np.array([record.kkt for record in records]),
             tick_time=np.array([record.seconds for record in records]),
             tick_cpu_time=np.array([record.cpu_seconds for record in records]),
@@ -137,5 +152,9 @@ def _kkt_residual(tick: Tick) -> float:
 
 
 def _by_name(rows: Sequence[Mapping[str, Array | float]]) -> dict[str, Array]:
-    names = rows[0] if rows else ()
-    return {name: np.array([row[name] for row in rows]) for name in names}
+    """Return one array per name, NaN in the rows that do not have it."""
+    shapes = {name: np.shape(value) for row in rows for name, value in row.items()}
+    return {
+        name: np.array([row.get(name, np.full(shape, np.nan)) for row in rows])
+        for name, shape in shapes.items()
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,15 @@ class Worst:
     tick: int
 
 
+@dataclass(frozen=True)
+class PhaseResult:
+    """A phase: when it began [s], what was held, and the least balance margin [m] in it."""
+
+    begins: float
+    support: str
+    balance: float
+
+
 @dataclass(frozen=True, eq=False)
 class Failure:
     """A tick without solution."""
@@ -82,6 +91,12 @@ class Result:
         end of the run.
     slip:
         Farthest any contact was from its anchor [m]; None without contacts.
+    balance:
+        Least distance of the CoM's projection inside the polygon of the soles that stand [m],
+        negative outside, and the phase in which that was; None if the robot never stood on feet
+        alone.
+    phases:
+        What each phase came to by name, in order; empty in a run without phases.
     failures:
         Every tick without solution.
     history:
@@ -100,6 +115,8 @@ class Result:
     inertia: Mapping[str, InertiaReading]
     margin: Worst
     slip: Worst | None
+    balance: Worst | None
+    phases: Mapping[str, PhaseResult]
     failures: tuple[Failure, ...]
     history: History
     provenance: Mapping[str, Any]
@@ -140,6 +157,13 @@ class Result:
             },
             "slip": self.slip
             and {"largest": self.slip.value, "frame": self.slip.where, "tick": self.slip.tick},
+            "balance": self.balance
+            and {
+                "least_margin": self.balance.value,
+                "phase": self.balance.where,
+                "tick": self.balance.tick,
+            },
+            "phases": {name: asdict(phase) for name, phase in self.phases.items()},
             "qp": {
                 "failed_ticks": len(self.failures),
                 "worst_kkt_residual": self.worst_kkt,

@@ -16,6 +16,7 @@ from wbc.problem.conclusion import conclude
 from wbc.problem.ending import RestWatch
 from wbc.problem.recorder import Recorder
 from wbc.problem.result import Result
+from wbc.problem.stage import Stage
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -32,16 +33,23 @@ def run(
     problem: Problem, progress: Progress | None = None, observe: Observe | None = None
 ) -> Result:
     """Run a problem from its start; see :meth:`wbc.problem.problem.Problem.run`."""
-    parts, dt, stop = problem.parts, problem.spec.controller.dt, problem.spec.stop
+    parts, dt, stop = problem.parts, problem.spec.controller.dt, problem.spec.whole_stop
     total = max(1, math.ceil(stop.duration / dt - 1e-9))
-    controller = parts.controller(problem.spec.controller)
-    recorder = Recorder(parts.robot, parts.tasks, parts.contacts)
-    watch = RestWatch(stop.speed, max((m.ramp.duration for m in parts.moving), default=0.0))
+    stage = Stage(problem, parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv)))
+    recorder = Recorder(parts.robot, parts.tasks)
+    watch = RestWatch(stop.speed, max((one.ramp or 0.0 for one in parts.built), default=0.0))
     q: Array = parts.start
     v: Array = np.zeros(parts.robot.nv)
-    at_rest = False
+    at_rest, broken_off = False, None
     for k in range(total):
-        tick, gave_up = _tick(problem, controller, recorder, k * dt, q, v)
+        began, cpu_began = perf_counter(), thread_time()
+        snapshot = parts.robot.snapshot(q, v)
+        broken_off = stage.ready(k, snapshot)
+        if broken_off is not None:
+            break
+        tick, gave_up = _step(stage.controller, snapshot)
+        seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
+        recorder.add(k * dt, snapshot, stage.standing, tick, seconds, cpu_seconds)
         if observe is not None:
             observe(tick)
         v = tick.velocity
@@ -53,21 +61,9 @@ def run(
             progress(k + 1, total, _info(k * dt, fastest, tick, recorder.failed))
         if over:
             break
-    return conclude(problem, recorder, parts.robot.snapshot(q, v), at_rest)
-
-
-def _tick(
-    problem: Problem, controller: Controller, recorder: Recorder, time: float, q: Array, v: Array
-) -> tuple[Tick, bool]:
-    """Run and record one tick; True if the failure policy is to end the run."""
-    began, cpu_began = perf_counter(), thread_time()
-    snapshot = problem.parts.robot.snapshot(q, v)
-    for moving in problem.parts.moving:
-        moving.move_to(time)
-    tick, gave_up = _step(controller, snapshot)
-    seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
-    recorder.add(time, snapshot, tick, seconds, cpu_seconds)
-    return tick, gave_up
+    stage.move_to(len(recorder.records) * dt)
+    end = parts.robot.snapshot(q, v)
+    return conclude(problem, recorder, stage.standing, end, at_rest, broken_off)
 
 
 def _step(controller: Controller, snapshot: Snapshot) -> tuple[Tick, bool]:

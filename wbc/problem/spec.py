@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import Field
 
 from wbc.problem.controller_specs import ControllerChoice, QpSpec
 from wbc.problem.part_specs import (
@@ -15,11 +15,9 @@ from wbc.problem.part_specs import (
     StopSpec,
     Support,
 )
+from wbc.problem.phase_specs import Phases, PlainName
 from wbc.problem.section import Section
 from wbc.problem.task_specs import TaskSpec
-
-# Free of dots and brackets, so that `--set tasks.NAME.gain=...` reads a name in one piece.
-TaskName = Annotated[str, StringConstraints(pattern=r"^\w[\w -]*$")]
 
 
 class ProblemSpec(Section):
@@ -34,14 +32,25 @@ class ProblemSpec(Section):
     support: Support = "floating"
     """What is held where it is at the start: nothing (floating), a foot, both feet (double), or a
     list of frames."""
-    tasks: Annotated[dict[TaskName, TaskSpec], Field(min_length=1)]
+    tasks: Annotated[dict[PlainName, TaskSpec], Field(min_length=1)]
     """What the robot should do, by names of your choice."""
+    phases: Phases | None = None
+    """The parts of the run by names of your choice, in order; the run ends after the last. Without
+    phases everything is as it is at the start, until the run stops."""
     limits: LimitsChoice = LimitsSpec()
     """What joints and base may do, or none."""
     controller: ControllerChoice = QpSpec()
     """How the tasks are turned into motion."""
     stop: StopSpec = StopSpec()
     """When the run ends, and what counts as success."""
+
+    @property
+    def whole_stop(self) -> StopSpec:
+        """When the run really ends: ``stop``, but after the last phase if there are phases."""
+        if self.phases is None:
+            return self.stop
+        duration = sum(phase.duration for phase in self.phases.values())
+        return self.stop.model_copy(update={"duration": duration, "speed": None})
 
 
 def json_schema() -> dict[str, Any]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import BaseModel, Discriminator, Field, Strict, Tag
 
 from wbc.problem.section import (
     LIST,
@@ -24,6 +26,7 @@ from wbc.problem.section import (
 )
 
 Start = Literal["start"]
+OVER = Tag("(over)")
 
 
 class Offset(Section):
@@ -31,6 +34,16 @@ class Offset(Section):
 
     offset: Point
     """How far to move from the place at the start [m], world axes."""
+
+
+class Over(Section):
+    """A place of the CoM above what the robot stands on."""
+
+    over: Name
+    """A foot, or double for left and right together: the middle of its sole, or half way between
+    the two, where they are when the target is set."""
+    height: Number | None = None
+    """Height above the ground [m]; as it was if left out."""
 
 
 class Rpy(Section):
@@ -65,6 +78,30 @@ PointTarget = Annotated[
     forms("[x, y, z] in metres, {offset: [x, y, z]}, or start"),
 ]
 
+
+def _com_form(value: object) -> str | None:
+    """Tell the two mappings apart by the key that their first key is nearest to."""
+    if isinstance(value, BaseModel):
+        return OVER.tag if isinstance(value, Over) else MAPPING.tag
+    if not isinstance(value, Mapping):
+        return form_of(value)
+    near = [get_close_matches(str(key), ("offset", "over", "height"), n=1) for key in value]
+    return MAPPING.tag if ["offset"] in near or not any(near) else OVER.tag
+
+
+ComTarget = Annotated[
+    Annotated[Point, LIST]
+    | Annotated[Offset, MAPPING]
+    | Annotated[Over, OVER]
+    | Annotated[Start, START],
+    Discriminator(
+        _com_form,
+        custom_error_type="form",
+        custom_error_message="expected [x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, or "
+        "start",
+    ),
+]
+
 DirectionTarget = Annotated[
     Annotated[Point, LIST] | Annotated[Start, START],
     forms("a direction [x, y, z], or start"),
@@ -74,7 +111,7 @@ DirectionTarget = Annotated[
 def _rotation_form(value: object) -> str | None:
     if value == "start":
         return START.tag
-    keys = value if isinstance(value, dict) else type(value).__dict__.get("model_fields", ())
+    keys = value if isinstance(value, dict) else getattr(type(value), "model_fields", ())
     return next((f"({key})" for key in ("rpy", "quaternion") if key in keys), None)
 
 

@@ -6,16 +6,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.target_specs import Offset, QuaternionTarget, Rpy, Scale
-from wbc.robot import Robot
+from wbc.problem.target_specs import Offset, Over, QuaternionTarget, Rpy, Scale
+from wbc.robot import Robot, Snapshot
 from wbc.robot.lie import rotation_from
 from wbc.spatial import DIAGONAL, matrix
 from wbc.tasks.inertia import DIAGONAL_COMPONENTS, TRACE, strung_target
 from wbc.validate import Array, finite_vector
 
 START = "start"
+DOUBLE = ("left", "right")
 
 
 def point(target: Sequence[float] | Offset | str, start: Array) -> Array:
@@ -25,6 +26,46 @@ def point(target: Sequence[float] | Offset | str, start: Array) -> Array:
     if isinstance(target, Offset):
         return start + np.array(target.offset)
     return np.array(target)
+
+
+def centre_of_mass(
+    target: Sequence[float] | Offset | Over | str, start: Array, now: Snapshot, before: Array
+) -> Array:
+    """Return a wanted place of the CoM (3,) [m].
+
+    Parameters
+    ----------
+    start:
+        Where it was at the start of the run (3,).
+    now, before:
+        The robot when the target is set, and the target until then (3,).
+
+    Raises
+    ------
+    UnknownNameError
+        No such foot.
+    """
+    if not isinstance(target, Over):
+        return point(target, start)
+    place = sole_middle(now, feet_under(target, now.robot))
+    place[2] = before[2] if target.height is None else target.height
+    return place
+
+
+def feet_under(target: Over, robot: Robot) -> tuple[str, ...]:
+    """Return the feet that a target is above, all of which exist."""
+    feet = DOUBLE if target.over == "double" else (target.over,)
+    for foot in feet:
+        if foot not in robot.feet:
+            choices = [*robot.feet, *(["double"] if set(DOUBLE) <= set(robot.feet) else [])]
+            raise UnknownNameError(f"foot of {robot.name}", target.over, choices)
+    return feet
+
+
+def sole_middle(snapshot: Snapshot, feet: Sequence[str]) -> Array:
+    """Return the mean (3,) of the middles of the soles, which is where their frames are."""
+    places = [snapshot.position(snapshot.robot.feet[foot].frame) for foot in feet]
+    return np.asarray(np.mean(places, axis=0))
 
 
 def rotation(target: Rpy | QuaternionTarget | str, start: Array) -> Array:

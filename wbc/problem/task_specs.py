@@ -22,6 +22,7 @@ from wbc.problem.section import (
     forms,
 )
 from wbc.problem.target_specs import (
+    ComTarget,
     DirectionTarget,
     InertiaTarget,
     PointTarget,
@@ -53,6 +54,8 @@ class _Ranked(Section):
 
     priority: int = Field(default=0, ge=0, le=9)
     """Strict level, 0 the most important: a level never gives way to a later one."""
+    active: bool = True
+    """false: the task is off, until a phase puts it to use."""
 
 
 class _Settled(_Ranked):
@@ -92,8 +95,8 @@ class ComSpec(_Settled):
     type: Literal["com"]
     axes: Axes = ALL_AXES
     """Which world axes are controlled."""
-    target: PointTarget
-    """Wanted place [m], world axes."""
+    target: ComTarget
+    """Wanted place [m], world axes; {over: left} puts it above a foot."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per axis [1/(m/s)]."""
     ramp: Positive | None = None

@@ -144,14 +144,17 @@ def _draw_pendulum(panel: Panel, portrait: Portrait) -> None:
 
 
 def _write_semi_axes(axes: Axes, semi_axes: Array) -> None:
-    apart = TEXT_WIDTH / _inches(axes)[0]
+    width = _inches(axes)[0]
+    narrow = width < 3.0 * TEXT_WIDTH
+    apart = (1.0 / 3.3) if narrow else TEXT_WIDTH / width
+    unit = "" if narrow else " mm"  # where there is no room the figure says it once
     for k, colour in enumerate(style.PRINCIPAL):
         axes.text(
             0.5 + apart * (k - 1),
             -0.015,
-            f"a{style.INDEX[k]} {1e3 * semi_axes[k]:.0f} mm",
+            f"a{style.INDEX[k]} {1e3 * semi_axes[k]:.0f}{unit}",
             color=colour,
-            fontsize=style.NORMAL,
+            fontsize=style.SMALL if narrow else style.NORMAL,
             fontweight="bold",
             ha="center",
             va="top",

@@ -1,0 +1,111 @@
+"""The figure of a run in phases: a portrait for each, and phases marked in every plot."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.view import run_figure, style
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    time: Array
+    q: Array
+    errors: dict[str, Array]
+    phase: object
+    support: object = None
+    balance: object = None
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+@pytest.fixture(scope="module")
+def run(robot: Robot) -> Run:
+    time = np.linspace(0.0, 3.0, 31)
+    start = robot.postures["standing"]
+    bent = robot.posture("standing", {"*_shoulder_pitch": -1.0})
+    way = robot.difference(start, bent)
+    q = np.array([robot.integrate(start, way, np.sin(t)) for t in time])
+    phase = np.array(["down"] * 10 + ["over"] * 15 + ["up"] * 6)
+    support = np.where(phase == "over", "right", "left,right")
+    errors = {"com": np.full((31, 3), 1e-3), "foot": np.full((31, 6), np.nan)}
+    return Run(time, q, errors, phase, support, 0.03 - 0.01 * np.sin(time))
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw with fewer pixels, where they do not matter: it saves time."""
+    monkeypatch.setattr(style, "DPI", 50)
+
+
+def titles(figure: Figure) -> list[str]:
+    return [axes.get_title() for axes in figure.axes if axes.get_images()]
+
+
+def plots(figure: Figure) -> list:  # type: ignore[type-arg]
+    return [axes for axes in figure.axes if not axes.get_images()]
+
+
+@pytest.mark.usefixtures("coarse")
+def test_every_phase_is_drawn_and_marked(robot: Robot, run: Run) -> None:
+    figure = run_figure(robot, run, title="phases")
+    assert titles(figure) == [
+        "start\non left and right",
+        "1  down, 1.0 s\non left and right",
+        "2  over, 2.5 s\non right",
+        "3  up, 3.0 s\non left and right",
+    ]
+    balance, moments, errors = plots(figure)
+    assert [text.get_text() for text in balance.texts] == [
+        "least 20.0 mm",
+        "1  down",
+        "2  over",
+        "3  up",
+    ]
+    np.testing.assert_allclose(balance.lines[0].get_ydata(), 30.0 - 10.0 * np.sin(run.time))
+    for axes in (balance, moments, errors):
+        assert axes.get_xlim() == (0.0, 3.0)
+        bands = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches]
+        np.testing.assert_allclose(bands, [(0.0, 1.0), (2.5, 3.0)])  # every other phase
+    assert [text.get_text() for text in errors.texts] == ["com"]  # the other was never active
+
+
+@pytest.mark.usefixtures("coarse")
+def test_without_feet_there_is_no_plot_of_balance(robot: Robot, run: Run) -> None:
+    for balance in (None, np.full(31, np.nan)):
+        figure = run_figure(robot, replace(run, balance=balance, support=None), title="")
+        moments, errors = plots(figure)
+        assert moments.get_title(loc="left") == ""  # the names of the phases are there
+        assert errors.get_title(loc="left") == "Task errors"
+        assert titles(figure)[0] == "start\n"
+
+
+@pytest.mark.usefixtures("coarse")
+def test_no_names_are_no_phases(robot: Robot, run: Run) -> None:
+    figure = run_figure(robot, replace(run, phase=[""] * 31), title="")
+    assert titles(figure) == ["before, t = 0 s", "after, t = 3 s"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"phase": ["down"]}, "history: phase: expected 31 words, got 1"),
+        ({"support": ["left"]}, "history: support: expected 31 words, got 1"),
+        ({"balance": [0.1]}, "history: balance: expected one number for each time"),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    robot: Robot, run: Run, changes: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        run_figure(robot, replace(run, **changes), title="")

@@ -1,0 +1,252 @@
+"""From the phases of a problem file to a plan: what each begins with and what it changes.
+
+What can be known before anything moves is checked here: names, numbers, and phases that contradict
+themselves. Whether a foot has really come to the ground shows only in the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import ValidationError
+
+from wbc.constraints import Contact
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem.build_tasks import BuiltTask, Goal, build_task
+from wbc.problem.messages import complaints
+from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.part_specs import Support
+from wbc.problem.phase_specs import PhaseSpec, PhaseTaskSpec
+from wbc.problem.source import Source
+from wbc.problem.spec import ProblemSpec
+from wbc.problem.standing import Standing, carrier, contacts_of, held_joints, off_the_ground
+from wbc.problem.target_specs import Over
+from wbc.problem.targets import feet_under
+from wbc.problem.task_specs import ComSpec, TaskSpec
+from wbc.robot import Snapshot
+from wbc.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a phase does with a task.
+
+    Attributes
+    ----------
+    goal:
+        Where its target goes; None: it stays where it is.
+    weight:
+        (k,) at the end of the phase; None: the task is off.
+    at_once:
+        The task comes in or goes out at once, and not within the phase.
+    """
+
+    goal: Goal | None
+    weight: Array | None
+    at_once: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """A part of a run; a run without phases is one, without a name.
+
+    Attributes
+    ----------
+    begins, duration:
+        [s], from the start of the run.
+    support:
+        What is held.
+    changes:
+        What happens to each task, by name.
+    """
+
+    name: str
+    begins: float
+    duration: float
+    support: Support
+    changes: Mapping[str, Change]
+
+    @property
+    def ends(self) -> float:
+        """When it ends [s]."""
+        return self.begins + self.duration
+
+    def first_tick(self, dt: float) -> int:
+        """Return the first tick that belongs to it; a tick that hits its beginning does."""
+        return int(np.ceil(self.begins / dt - 1e-9))
+
+
+def single_phase(spec: ProblemSpec, built: Mapping[str, BuiltTask]) -> Phase:
+    """Return the only phase of a problem that describes none."""
+    changes = {
+        name: Change(None, one.weight if spec.tasks[name].active else None)
+        for name, one in built.items()
+    }
+    return Phase("", 0.0, spec.stop.duration, spec.support, changes)
+
+
+def plan(
+    spec: ProblemSpec,
+    built: Mapping[str, BuiltTask],
+    start: Snapshot,
+    source: Source,
+    mistakes: Mistakes,
+) -> tuple[Phase, ...]:
+    """Return the phases of a problem in order; what is wrong with them goes to ``mistakes``."""
+    if spec.phases is None:
+        return (single_phase(spec, built),)
+    planner = _Planner(spec, built, start, source, mistakes)
+    return tuple(planner.phase(name, phase) for name, phase in spec.phases.items())
+
+
+class _Planner:
+    """Goes through the phases and keeps what they leave as it was."""
+
+    def __init__(
+        self,
+        spec: ProblemSpec,
+        built: Mapping[str, BuiltTask],
+        start: Snapshot,
+        source: Source,
+        mistakes: Mistakes,
+    ) -> None:
+        self._start, self._source, self._mistakes = start, source, mistakes
+        self._dt = spec.controller.dt
+        self._specs: dict[str, TaskSpec] = {name: spec.tasks[name] for name in built}
+        self._names = tuple(spec.tasks)
+        self._built = dict(built)
+        self._active = {name: task.active for name, task in self._specs.items()}
+        self._support = spec.support
+        self._contacts: tuple[Contact, ...] | None = None  # of the phase before
+        self._time = 0.0
+
+    def phase(self, name: str, spec: PhaseSpec) -> Phase:
+        """Return the next phase."""
+        with self._mistakes.at("phases", name, "duration"):
+            if spec.duration < self._dt:
+                raise InvalidInputError(
+                    f"{spec.duration:g} s is shorter than the time step ({self._dt:g} s)"
+                )
+        before, contacts = self._contacts, self._hold(name, spec)
+        was_active = dict(self._active)
+        given: dict[str, BuiltTask] = {}
+        for task, change in spec.tasks.items():
+            with self._mistakes.at("phases", name, "tasks", task):
+                given |= self._change(name, task, change, contacts)
+        self._check_held(name, spec, contacts)
+        changes = {
+            task: self._outcome(task, was_active[task], task in given, before, contacts)
+            for task in self._built
+        }
+        phase = Phase(name, self._time, spec.duration, self._support, changes)
+        self._contacts, self._time = contacts, phase.ends
+        return phase
+
+    def _hold(self, name: str, spec: PhaseSpec) -> tuple[Contact, ...]:
+        """Return the contacts of a phase; their anchors mean nothing yet."""
+        first = self._contacts is None
+        if spec.support is not None:
+            self._support = spec.support
+        elif not first:
+            return self._contacts or ()
+        # Without a support of its own the first phase has the problem's, which has been looked at.
+        where = ("support",) if spec.support is None else ("phases", name, "support")
+        contacts: tuple[Contact, ...] = ()
+        with self._mistakes.at(*where):
+            contacts = contacts_of(self._support, self._start)
+            lifted = (off_the_ground(self._start, foot) for foot in Standing.on("", contacts).feet)
+            for complaint in filter(None, lifted if first else ()):
+                raise InvalidInputError(complaint)
+        return contacts
+
+    def _change(
+        self, phase: str, name: str, change: PhaseTaskSpec, contacts: Iterable[Contact]
+    ) -> dict[str, BuiltTask]:
+        """Take note of what a phase changes about a task; return it if it has a new target."""
+        if name not in self._names:
+            raise UnknownNameError("task", name, self._names)
+        if name not in self._built:  # its own description is wrong, which has been noted
+            return {}
+        if change.active is not None:
+            self._active[name] = change.active
+        wanted = {"target": change.target, "weight": change.weight}
+        given = {key: value for key, value in wanted.items() if value is not None}
+        if not self._active[name]:
+            for key in sorted(given):
+                raise Misplaced(f"task {name!r} is off in this phase; give active: true", key)
+        if not given:
+            return {}
+        spec = self._merged(("phases", phase, "tasks", name), self._specs[name], given)
+        if spec is None:
+            return {}
+        if isinstance(spec, ComSpec) and isinstance(spec.target, Over) and "target" in given:
+            _check_over(spec.target, self._start, contacts)
+        self._built[name] = build_task(name, spec, self._start)
+        self._specs[name] = spec
+        return {name: self._built[name]} if "target" in given else {}
+
+    def _merged(
+        self, path: tuple[str, ...], spec: TaskSpec, given: Mapping[str, object]
+    ) -> TaskSpec | None:
+        """Return the task's description with what the phase changes, or None if that is wrong."""
+        data = {**spec.model_dump(exclude_unset=True), **given}
+        keys: dict[int, tuple[str, ...]] = {}
+        try:
+            return type(spec).model_validate(data, context=keys)
+        except ValidationError as error:
+            for place, text in complaints(error, self._source, keys, path):
+                self._mistakes.note(place, InvalidInputError(text))
+        return None
+
+    def _check_held(self, name: str, spec: PhaseSpec, contacts: tuple[Contact, ...]) -> None:
+        """Refuse a task that pulls at what is held, and a phase with nothing to do."""
+        held = held_joints(self._start.robot, contacts)
+        frames = {carrier(self._start.robot, contact.frame): contact.frame for contact in contacts}
+        for task, active in self._active.items():
+            joint = self._carrier(task)
+            if active and joint in held:
+                below = ("tasks", task) if task in spec.tasks else ()
+                with self._mistakes.at("phases", name, *below):
+                    raise InvalidInputError(
+                        f"task {task!r} moves what the support holds ({frames[joint]}); give "
+                        "active: false, or let go of it"
+                    )
+        if self._active and not any(self._active.values()):
+            with self._mistakes.at("phases", name):
+                raise InvalidInputError("no task is active; there is nothing to do")
+
+    def _outcome(
+        self,
+        name: str,
+        was_active: bool,
+        given: bool,
+        before: tuple[Contact, ...] | None,
+        contacts: tuple[Contact, ...],
+    ) -> Change:
+        built, active = self._built[name], self._active[name]
+        robot, joint = self._start.robot, self._carrier(name)
+        at_once = before is not None and (
+            (joint in held_joints(robot, before)) != (joint in held_joints(robot, contacts))
+        )
+        goal = built.goal if active and (given or not was_active) else None
+        return Change(goal, built.weight if active else None, at_once)
+
+    def _carrier(self, name: str) -> int | None:
+        """Return the joint that carries the frame of a task; None if the task has no frame."""
+        frame = getattr(self._specs[name], "frame", None)
+        is_frame = self._specs[name].type == "frame"
+        return carrier(self._start.robot, frame) if is_frame and frame is not None else None
+
+
+def _check_over(target: Over, start: Snapshot, contacts: Iterable[Contact]) -> None:
+    standing = Standing.on("", tuple(contacts)).feet
+    for foot in feet_under(target, start.robot):
+        if foot not in standing:
+            raise Misplaced(
+                f"the {foot} foot does not stand in this phase (standing: "
+                f"{', '.join(standing) or 'none'})",
+                "target",
+                "over",
+            )

@@ -1,0 +1,135 @@
+"""What the robot stands on: held frames, the feet among them, and how well it stands there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.constraints import Contact, PointContact, support
+from wbc.constraints.support_polygon import support_polygon
+from wbc.problem.mistakes import Misplaced
+from wbc.problem.part_specs import ContactSpec, Support
+from wbc.rmp.ground import polygon_margin
+from wbc.robot import Robot, Snapshot
+from wbc.validate import Array
+
+# How far a corner of the sole of a foot that is put down may be from the ground [m].
+FLAT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What is held in a phase, and since when.
+
+    Attributes
+    ----------
+    phase:
+        The phase's name; empty in a run without phases.
+    contacts:
+        What is held.
+    feet:
+        The feet that stand, if nothing else is held; what then keeps the robot from falling is the
+        polygon of their soles.
+    """
+
+    phase: str
+    contacts: tuple[Contact, ...]
+    feet: tuple[str, ...]
+
+    @classmethod
+    def on(cls, phase: str, contacts: Sequence[Contact]) -> Standing:
+        """Return what it is to stand on ``contacts``."""
+        feet = [_foot_of(contact) for contact in contacts]
+        known = tuple(foot for foot in feet if foot is not None)
+        return cls(phase, tuple(contacts), known if len(known) == len(feet) else ())
+
+    @property
+    def label(self) -> str:
+        """What is held, with commas between: feet by name, such as ``left,right``, or frames."""
+        return ",".join(_foot_of(contact) or contact.frame for contact in self.contacts)
+
+    def margin(self, snapshot: Snapshot) -> float:
+        """Return how far the CoM's projection is inside the soles' polygon [m]; NaN without feet.
+
+        This is the balance of a robot that moves slowly; negative is outside.
+        """
+        if not self.feet:
+            return float("nan")
+        return float(polygon_margin(support_polygon(snapshot, self.feet), snapshot.com[:2]))
+
+
+def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
+    """Return the contacts that a problem's support asks for, held where they are.
+
+    Raises
+    ------
+    UnknownNameError
+        No such foot or frame.
+    Misplaced
+        A frame named twice.
+    """
+    if isinstance(spec, str):
+        return support(snapshot, spec)
+    wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
+    frames = [one.frame for one in wanted]
+    for k, frame in enumerate(frames):
+        if frame in frames[:k]:
+            raise Misplaced(f"frame {frame!r} is named twice", k)
+    kinds = {"fixed": Contact, "point": PointContact}
+    return tuple(kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
+
+
+def carried_on(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[Contact, ...]:
+    """Return the contacts ``now``; those that go on keep their anchor, so that no drift adds up."""
+    kept = {(type(one), one.frame, one.gain): one for one in before}
+    return tuple(kept.get((type(one), one.frame, one.gain), one) for one in now)
+
+
+def put_down(before: Sequence[Contact], now: Sequence[Contact]) -> tuple[str, ...]:
+    """Return the feet that stand now and did not before."""
+    stood = {_foot_of(contact) for contact in before}
+    feet = (_foot_of(contact) for contact in now)
+    return tuple(foot for foot in feet if foot is not None and foot not in stood)
+
+
+def held_joints(robot: Robot, contacts: Iterable[Contact]) -> set[int]:
+    """Return the joints whose bodies are held in position and orientation."""
+    fixed = (one for one in contacts if not isinstance(one, PointContact))
+    return {carrier(robot, contact.frame) for contact in fixed}
+
+
+def carrier(robot: Robot, frame: str) -> int:
+    """Return the joint that carries a frame: frames of one joint move as one body."""
+    return int(robot.model.frames[robot.frame_id(frame)].parentJoint)
+
+
+def off_the_ground(snapshot: Snapshot, foot: str) -> str | None:
+    """Return in words why a foot cannot be stood on, or None if its sole is flat on the ground."""
+    heights = _corner_heights(snapshot, foot)
+    worst = heights[np.argmax(np.abs(heights))]
+    if abs(worst) <= FLAT:
+        return None
+    where = "above" if worst > 0.0 else "below"
+    text = f"the {foot} foot does not stand: a corner of its sole is {1e3 * abs(worst):.2g} mm"
+    tilt = 1e3 * float(np.ptp(heights))
+    return f"{text} {where} the ground, and from corner to corner it rises by {tilt:.2g} mm"
+
+
+def _corner_heights(snapshot: Snapshot, foot: str) -> Array:
+    sole = snapshot.robot.feet[foot]
+    R, p = snapshot.rotation(sole.frame), snapshot.position(sole.frame)
+    return np.asarray(sole.polygon @ R[2, :2] + p[2])
+
+
+def _foot_of(contact: Contact) -> str | None:
+    """Return the foot that a contact holds as a whole, or None."""
+    if isinstance(contact, PointContact):
+        return None
+    names = (
+        name
+        for name, foot in contact.robot.feet.items()
+        if contact.frame in (foot.frame, foot.link)
+    )
+    return next(names, None)
