@@ -1,0 +1,141 @@
+"""How hard a push the momentum law survives without a step, beside the two bounds of theory.
+
+A solid reaction mass pendulum stands on a rectangular sole and is pushed at its CoM, in directions
+all around; the full equations of motion are integrated. The largest impulse that it survives (comes
+to rest upright, masses turned back, no bound broken) is found by bisection. "box" is the bound with
+a limit for each motor: support polygon enlarged by what the wheel can do about each axis.
+
+    python benchmarks/push_recovery.py [--body g1] [--directions 16] [--grid 20] [--output FILE]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+
+from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.momentum_qp import MomentumQp
+from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits
+from wbc.rmp.balance.recovery import largest_impulses, recover
+from wbc.rmp.solid import SolidRmp
+
+
+@dataclass(frozen=True)
+class Body:
+    """A pendulum of a humanoid's size; lengths in m, sole (back, front, right, left)."""
+
+    mass: float
+    height: float
+    sole: tuple[float, float, float, float]
+    radii: tuple[float, float, float]
+    torque: float
+    angle: float
+
+    def polygon(self) -> np.ndarray:
+        back, front, right, left = self.sole
+        return np.array(((back, right), (front, right), (front, left), (back, left)))
+
+    def law(self, dt: float) -> MomentumQp:
+        bounds = Bounds(
+            polygon=self.polygon(),
+            friction=0.8,
+            leg_force=(0.0, 3.0 * self.mass * 9.81),
+            leg_length=(0.6 * self.height, 1.15 * self.height),
+            wheel_torque=self.torque,
+            wheel_angle=self.angle,
+            radius=(0.05, 0.6),
+        )
+        com = (0.0, 0.0, self.height)
+        return MomentumQp(SolidRmp(self.mass), bounds, com, self.radii, dt=dt)
+
+    def limits(self, directions: np.ndarray) -> PushLimits:
+        r = np.square(self.radii)
+        inertia = self.mass / 3.0 * (r.sum() - r)[:2]
+        wheel = Wheel(inertia, self.torque, self.angle)
+        polygon = self.polygon()
+        return push_limits(directions, polygon, wheel, mass=self.mass, height=self.height)
+
+
+# A G1 with both soles side by side, and a robot of TALOS's size whose CoM is not above the middle.
+BODIES = {
+    "g1": Body(35.0, 0.7, (-0.1, 0.1, -0.1, 0.1), (0.3, 0.3, 0.3), 50.0, 0.6),
+    "talos": Body(90.0, 0.9, (-0.08, 0.12, -0.15, 0.15), (0.3, 0.25, 0.4), 120.0, 0.5),
+}
+
+
+def survived_shares(law: MomentumQp, limits: PushLimits, count: int, most: float) -> np.ndarray:
+    """Return (n, count) booleans: impulses evenly from 0 to ``most`` times the wheel's bound."""
+    shares = most * np.arange(1, count + 1) / count
+    return np.array(
+        [
+            [recover(law, share * bound * e).survived for share in shares]
+            for e, bound in zip(limits.directions, limits.wheel, strict=True)
+        ]
+    )
+
+
+def tick_times(law: MomentumQp, impulse: np.ndarray) -> np.ndarray:
+    """Return the thread time of each tick [s] along a recovery, each asked again."""
+    run = recover(law, impulse).simulation
+    times = []
+    for q, v in zip(run.q[:-1], run.v[:-1], strict=True):
+        start = thread_time()
+        law.command(q, v, 0.0)
+        times.append(thread_time() - start)
+    return np.array(times)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--body", choices=sorted(BODIES), default="g1")
+    parser.add_argument("--directions", type=int, default=16)
+    parser.add_argument("--dt", type=float, default=2e-3, help="between commands [s]")
+    parser.add_argument("--resolution", type=float, default=0.005, help="part of the bound")
+    parser.add_argument("--grid", type=int, default=0, help="impulses to scan for holes")
+    parser.add_argument("--output", type=Path, help="write the arrays as JSON")
+    options = parser.parse_args()
+    body = BODIES[options.body]
+    law, limits = body.law(options.dt), body.limits(compass(options.directions))
+    bracket = np.column_stack((0.5 * limits.wheel, 1.5 * limits.wheel))
+    resolution = options.resolution * float(limits.wheel.min())
+    measured = largest_impulses(law, limits.directions, bracket, resolution=resolution)
+    print(f"{options.body}: {body}, dt {options.dt:g} s; impulses in N s")
+    print("direction    ankle    wheel      box  survived  /wheel   /box")
+    angles = np.degrees(np.arctan2(limits.directions[:, 1], limits.directions[:, 0])) % 360.0
+    columns = zip(angles, limits.ankle, limits.wheel, limits.box, measured, strict=True)
+    for angle, ankle, wheel, box, most in columns:
+        print(
+            f"{angle:9.1f} {ankle:8.2f} {wheel:8.2f} {box:8.2f} {most:9.2f}"
+            f" {most / wheel:7.3f} {most / box:6.3f}"
+        )
+    times = 1e6 * tick_times(law, 0.9 * limits.wheel[1] * limits.directions[1])
+    print(
+        "tick [us]: median {:.0f}, p90 {:.0f}, p99 {:.0f}".format(
+            *np.percentile(times, (50, 90, 99))
+        )
+    )
+    holes = np.zeros((0, 0), dtype=bool)
+    if options.grid:
+        holes = ~survived_shares(law, limits, options.grid, 0.98)
+        print(f"grid: {holes.sum()} of {holes.size} impulses below 0.98 of the bound not survived")
+    if options.output:
+        arrays = {
+            "angle": np.radians(angles).tolist(),
+            "ankle": limits.ankle.tolist(),
+            "wheel": limits.wheel.tolist(),
+            "box": limits.box.tolist(),
+            "survived": measured.tolist(),
+            "holes": holes.tolist(),
+        }
+        options.output.write_text(json.dumps(arrays, indent=2))
+
+
+if __name__ == "__main__":
+    main()

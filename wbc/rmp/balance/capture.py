@@ -1,0 +1,111 @@
+"""Where a standing pendulum's CMP should be: the capture point law, as a law's symbols."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_number
+
+
+@dataclass(frozen=True)
+class CaptureGains:
+    """How hard the capture point is driven, and how the rest follows.
+
+    Parameters
+    ----------
+    capture:
+        k of cmp = xi + k (xi - xi_ref) while the CoP alone can do it.
+    beyond:
+        How far the CMP is asked beyond the support, for each metre that xi is: the wheel's share.
+        Large, so that the wheel gives all it has as long as it is needed: a torque kept back at
+        first cannot be made up for later.
+    reserve:
+        Part of the support polygon, at its edge, where the wheel already helps, > 0.
+    height:
+        Natural frequency of the CoM's height [rad/s], critically damped.
+    wheel, radii:
+        Natural frequencies [rad/s] at which masses turn and slide back to rest.
+
+    Raises
+    ------
+    InvalidInputError
+        A gain that is not positive; a reserve that is not between 0 and 1.
+    """
+
+    capture: float = 2.5
+    beyond: float = 60.0
+    reserve: float = 0.02
+    height: float = 8.0
+    wheel: float = 4.0
+    radii: float = 8.0
+
+    def __post_init__(self) -> None:
+        for name in ("capture", "beyond", "height", "wheel", "radii"):
+            finite_number(f"gains: {name}", getattr(self, name), above=0.0)
+        if not 0.0 < self.reserve < 1.0:
+            raise InvalidInputError(f"gains: reserve must be in (0, 1), got {self.reserve:g}")
+
+
+def braking_debt(momentum: ca.SX, torque: float, weight: float, omega: ca.SX) -> ca.SX:
+    """Return how far (2,) [m] the capture point will be set back when the wheel is stopped.
+
+    Full brake takes |k_G| / torque and shifts the CMP by torque / weight meanwhile. A capture point
+    is safe only if it is inside the support with this added: a law that stops pushing as soon as xi
+    itself is inside finds itself outside again once the wheel must brake.
+
+    Parameters
+    ----------
+    momentum:
+        k_G (3,) [kg m^2/s], world axes.
+    torque, weight:
+        Of the motors [N m]; M g [N].
+    """
+    # A torque about y moves the CMP along x, one about x moves it back along y.
+    across = ca.vertcat(momentum[1], -momentum[0])
+    share = 1.0 - ca.exp(-omega * ca.fabs(across) / torque)
+    return torque / weight * ca.sign(across) * share
+
+
+def wanted_cmp(
+    capture_point: ca.SX, debt: ca.SX, target: Array, support: Array, gains: CaptureGains
+) -> ca.SX:
+    """Return the CMP (2,) wanted for a capture point (2,) [m].
+
+    The wheel's share begins a little inside the support, where the CoP alone still drives the
+    capture point back: began it at the edge itself, both would just hold it there.
+
+    Parameters
+    ----------
+    debt:
+        See :func:`braking_debt`.
+    target:
+        Where the capture point should come to rest (2,).
+    support:
+        Corners of the support polygon (k, 2), anticlockwise.
+    """
+    near = nearest(support, capture_point + gains.capture * (capture_point - ca.DM(target)))
+    return near + gains.beyond * beyond_reserve(capture_point + debt, target, support, gains)
+
+
+def beyond_reserve(point: ca.SX, target: Array, support: Array, gains: CaptureGains) -> ca.SX:
+    """Return how far (2,) [m] a point is outside the support without its reserve."""
+    return point - nearest(target + (1.0 - gains.reserve) * (support - target), point)
+
+
+def nearest(corners: Array, point: ca.SX) -> ca.SX:
+    """Return the point (2,) of a convex polygon (k, 2), anticlockwise, nearest to ``point``."""
+    best, least, inside = point, ca.SX(ca.inf), ca.SX(1.0)
+    for k in range(len(corners)):
+        start, end = corners[k - 1], corners[k]
+        along = ca.DM(end - start)
+        arm = point - ca.DM(start)
+        share = ca.fmax(0.0, ca.fmin(1.0, ca.dot(arm, along) / ca.sumsqr(along)))
+        foot = ca.DM(start) + share * along
+        distance = ca.sumsqr(point - foot)
+        best = ca.if_else(distance < least, foot, best)
+        least = ca.fmin(distance, least)
+        inside *= along[0] * arm[1] - along[1] * arm[0] >= 0.0
+    return ca.if_else(inside, point, best)
