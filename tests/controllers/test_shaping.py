@@ -1,0 +1,204 @@
+"""The global search: its answers judged by Pinocchio and by SciPy's optimisers."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial import ConvexHull
+
+from wbc.constraints import Limits, PointContact, support
+from wbc.controllers.shaping import CapsulePair, GlobalShaping, NoPostureError
+from wbc.controllers.shaping.merit import posture_cost
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.tasks import ComTask, InertiaTask, PositionTask, PostureTask, PrincipalInertiaTask
+
+
+def standing_moments(robot: Robot) -> np.ndarray:
+    return np.diag(robot.snapshot(robot.posture()).inertia_in("base")).copy()
+
+
+def by_pinocchio(robot: Robot, q: np.ndarray) -> tuple[pin.Data, np.ndarray]:
+    data = robot.model.createData()
+    pin.ccrba(robot.model, data, q, np.zeros(robot.nv))
+    pin.updateFramePlacements(robot.model, data)
+    return data, np.array(data.Ig.inertia)
+
+
+def assert_within_limits(robot: Robot, q: np.ndarray, margin: float = 0.0) -> None:
+    joints = robot.limits.joint_positions(q)
+    assert (joints >= robot.limits.lower + margin - 1e-9).all()
+    assert (joints <= robot.limits.upper - margin + 1e-9).all()
+
+
+def test_no_worse_than_scipy_and_not_to_be_improved(robot_named) -> None:
+    """Fifteen L-BFGS-B searches from random postures, and one more from the answer itself."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    target = standing_moments(robot) * [0.5, 0.6, 1.6]
+    scale = 1.0 / float(target @ target)
+    task = InertiaTask(robot, np.diag(target), frame="base", weight=np.sqrt(scale), gain=1.0)
+
+    def cost(joints: np.ndarray) -> tuple[float, np.ndarray]:
+        here = robot.snapshot(np.concatenate((q[:7], joints)))
+        error = here.inertia_in("base")[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+        error = error - np.diag(target)[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+        pull = scale * np.array([1, 2, 2, 1, 2, 1]) * error
+        return 0.5 * float(pull @ error), here.base_inertia_jacobian[:, 6:].T @ pull
+
+    lower, upper = robot.limits.lower, robot.limits.upper
+    bounds = list(zip(lower, upper, strict=True))
+    options = {"maxiter": 500, "ftol": 1e-15, "gtol": 1e-9}
+
+    def search(joints: np.ndarray) -> float:
+        found = minimize(cost, joints, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
+        return float(found.fun)
+
+    rng = np.random.default_rng(3)
+    outcome = GlobalShaping(robot, [task]).solve(q, starts=24, workers=1)
+    best = outcome.best
+    theirs = min(search(rng.uniform(lower, upper)) for _ in range(15))
+    assert best.cost <= 1.01 * theirs + 1e-12
+    assert best.optimal
+    assert best.cost == pytest.approx(cost(best.q[7:])[0], rel=1e-9, abs=1e-15)
+    # IPOPT's barrier leaves about 1e-8 of the cost of a middling posture.
+    assert search(best.q[7:]) >= best.cost - 1e-7 * cost(q[7:])[0]
+    assert_within_limits(robot, best.q)
+    costs = [candidate.cost for candidate in outcome.candidates]
+    assert costs == sorted(costs)
+    np.testing.assert_array_equal(best.q[:7], q[:7])  # the base does not matter here
+
+
+def test_standing_on_both_feet_inside_the_polygon(robot_named) -> None:
+    robot = robot_named("g1_27")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    anchors = {
+        f.frame: (here.position(f.frame), here.rotation(f.frame)) for f in robot.feet.values()
+    }
+    target = np.diag(standing_moments(robot) * [1.3, 1.3, 0.5])
+    # Drawn 30 cm forwards: out of the polygon, so that its edge, less the margin, must hold.
+    tasks = [
+        InertiaTask(robot, target, per_mass=True),
+        ComTask(robot, here.com + [0.3, 0.0, 0.0], weight=3.0),
+    ]
+    margin = 0.02
+    limits = Limits(robot, margin=0.05)
+    shaping = GlobalShaping(robot, tasks, support(here, "double"), limits, support_margin=margin)
+    outcome = shaping.solve(q, starts=8, workers=1)
+    corners = np.concatenate(
+        [
+            anchors[f.frame][0][:2] + f.polygon @ anchors[f.frame][1][:2, :2].T
+            for f in robot.feet.values()
+        ]
+    )
+    edges = ConvexHull(corners).equations
+    inside = []
+    for candidate in outcome.candidates:
+        data, _ = by_pinocchio(robot, candidate.q)
+        for frame, (position, rotation) in anchors.items():
+            pose = data.oMf[robot.frame_id(frame)]
+            np.testing.assert_allclose(pose.translation, position, atol=1e-6)
+            np.testing.assert_allclose(pose.rotation, rotation, atol=1e-6)
+        com = pin.centerOfMass(robot.model, robot.model.createData(), candidate.q)
+        inside.append(-(edges[:, :2] @ com[:2] + edges[:, 2]).max())
+        assert_within_limits(robot, candidate.q, margin=0.05)
+        assert candidate.kept.support == pytest.approx(inside[-1] - margin, abs=1e-9)
+    assert min(inside) >= margin - 1e-7
+    assert inside[0] == pytest.approx(margin, abs=1e-4)  # the best one leans on the edge
+
+
+def test_capsules_stay_apart(robot_named) -> None:
+    """Two hands drawn to one place: too near if nothing forbids it, else as near as allowed."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    hands = [name for name in robot.frame_names if name.endswith("_hand")]
+    assert len(hands) == 2
+    place = here.com + [0.12, 0.0, 0.05]
+    tasks = [PositionTask(robot, hand, place) for hand in hands]
+    tasks.append(PostureTask(robot, q, weight=1e-3))
+    contacts = support(here, "double")
+    pair = CapsulePair(hands[0], [0, 0, 0], [0, 0, 0], 0.02, hands[1], [0, 0, 0], [0, 0, 0], 0.03)
+
+    def apart(shaping: GlobalShaping) -> float:
+        data, _ = by_pinocchio(robot, shaping.solve(q, starts=4, workers=1).best.q)
+        a, b = (data.oMf[robot.frame_id(hand)].translation for hand in hands)
+        return float(np.linalg.norm(a - b))
+
+    assert apart(GlobalShaping(robot, tasks, contacts)) < 0.04
+    limited = GlobalShaping(robot, tasks, contacts, capsules=[pair])
+    assert apart(limited) == pytest.approx(0.05, abs=1e-6)
+    assert limited.solve(q, 1, workers=1).best.kept.clearance == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(UnknownNameError, match="unknown frame 'nowhere'"):
+        GlobalShaping(
+            robot, tasks, capsules=[CapsulePair("nowhere", [0, 0, 0], [0, 0, 0], 0.1,
+                                                "base", [0, 0, 0], [0, 0, 0], 0.1)]
+        )  # fmt: skip
+
+
+def test_free_base_turns_to_world_axes_and_to_principal_ones(robot_named) -> None:
+    """In world axes a floating robot can do what it can for principal moments, and no more."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    moments = np.sort(standing_moments(robot) * [0.7, 0.9, 1.4])
+    world = InertiaTask(robot, np.diag(moments), per_mass=True)
+    principal = PrincipalInertiaTask(robot, moments, per_mass=True)
+    costs = []
+    for task in (world, principal):
+        best = GlobalShaping(robot, [task]).solve(q, starts=16, workers=1).best
+        _, inertia = by_pinocchio(robot, best.q)
+        assert best.cost == pytest.approx(posture_cost([task], robot.snapshot(best.q)), rel=1e-9)
+        reached = np.linalg.eigvalsh(inertia)
+        costs.append(0.5 * task.gain * float(np.sum((reached - moments) ** 2)) / robot.mass**2)
+    np.testing.assert_allclose(costs[0], costs[1], rtol=1e-2, atol=1e-12)
+
+
+def test_point_contacts_hold_points(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    frames = ("left_sole", "right_sole")
+    contacts = [
+        PointContact(robot, frame, here.position(frame), here.rotation(frame)) for frame in frames
+    ]
+    task = ComTask(robot, here.com + [0.02, 0.01, -0.03])
+    best = GlobalShaping(robot, [task], contacts).solve(q, starts=3, workers=1).best
+    data, _ = by_pinocchio(robot, best.q)
+    for frame in frames:
+        pose = data.oMf[robot.frame_id(frame)]
+        np.testing.assert_allclose(pose.translation, here.position(frame), atol=1e-6)
+    assert np.linalg.norm(best.errors["com"]) < 1e-4
+
+
+def test_impossible_constraints_are_reported(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    contacts = list(support(here, "double"))
+    far = contacts[1].position + [0.0, -3.0, 0.0]  # a split that no leg can do
+    contacts[1] = type(contacts[1])(robot, contacts[1].frame, far, contacts[1].rotation)
+    outcome = GlobalShaping(robot, [PostureTask(robot, q)], contacts).solve(q, 2, workers=1)
+    assert not outcome.candidates
+    assert any("off its anchor" in rejected.reason for rejected in outcome.rejected)
+    assert any(rejected.start is None for rejected in outcome.rejected)  # samples not searched from
+    with pytest.raises(NoPostureError, match=r"none of .* starts .* off its anchor"):
+        print(outcome.best)
+    with pytest.raises(InvalidInputError, match="no contact holds a foot's sole"):
+        GlobalShaping(robot, [PostureTask(robot, q)], support_margin=0.0)
+    with pytest.raises(InvalidInputError, match="leaves nothing of the support polygon"):
+        GlobalShaping(robot, [PostureTask(robot, q)], support(here, "left"), support_margin=0.5)
+
+
+def test_a_start_outside_its_limits_and_continuous_joints(robot_named, rng, random_snapshot):
+    robot = robot_named("mixed_joints")
+    assert robot.limits.unbounded
+    q = random_snapshot(robot, rng).q
+    target = robot.snapshot(q).inertia_in("base")
+    start = robot.posture()
+    k = int(np.flatnonzero(np.isfinite(robot.limits.upper))[0])
+    start[robot.limits.starts[k]] = robot.limits.upper[k] + 0.1
+    task = InertiaTask(robot, target, frame="base", per_mass=True)
+    best = GlobalShaping(robot, [task]).solve(start, starts=8, workers=1).best
+    assert best.cost < 1e-10  # the inertia of a posture within the limits can be had
+    assert_within_limits(robot, best.q)

@@ -1,0 +1,179 @@
+"""Symbolic task errors and the NLP's cost against the tasks and the QP they are taken from."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wbc.constraints import Limits, support
+from wbc.controllers import KinematicController
+from wbc.controllers.shaping import GlobalShaping
+from wbc.controllers.shaping.merit import posture_cost
+from wbc.controllers.shaping.nlp import build_nlp
+from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.controllers.shaping.task_errors import symbolic_error
+from wbc.controllers.shaping.unknowns import Unknowns
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.tasks import (
+    AxisTask,
+    ComTask,
+    InertiaTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+    PrincipalInertiaTask,
+    Task,
+)
+
+TURN = Rotation.from_rotvec([0.4, -0.9, 0.3]).as_matrix()
+
+
+def tip(robot: Robot) -> str:
+    return robot.joint_names[-1]
+
+
+def all_tasks(robot: Robot, q: np.ndarray) -> list[Task]:
+    """One task of each kind and option, with targets away from anything special."""
+    S = robot.mass * np.array([[0.05, 0.01, -0.004], [0.01, 0.06, 0.003], [-0.004, 0.003, 0.02]])
+    frame = tip(robot)
+    joints = {robot.joint_names[0]: 0.0, robot.joint_names[1]: 2.5}
+    return [
+        InertiaTask(robot, S, name="world", weight=3.0, gain=0.2),
+        InertiaTask(robot, np.diag(S), components=("xx", "yy", "zz"), frame="base", name="base"),
+        InertiaTask(
+            robot, S, components=("xy", "zz"), frame=frame, per_mass=True, weight=[9.0, 7.0]
+        ),
+        InertiaTask(robot, 0.1, components=("trace",), name="trace"),
+        ComTask(robot, [0.1, 0.2, 0.7], axes=("z", "x"), weight=[2.0, 0.5]),
+        PositionTask(robot, frame, [0.3, -0.1, 0.9]),
+        OrientationTask(robot, frame, TURN, weight=[1.0, 2.0, 3.0]),
+        PoseTask(robot, "base", [0.1, 0.0, 0.6], TURN, gain=0.9),
+        AxisTask(robot, frame, [0.0, 0.3, 1.0], axis=[1, 0, 0]),
+        PostureTask(robot, q, joints=joints, weight=0.1),
+    ]
+
+
+def test_errors_are_those_of_the_tasks(robot: Robot, rng, random_snapshot) -> None:
+    tasks = all_tasks(robot, random_snapshot(robot, rng).q)
+    problem = ShapingProblem(robot, tuple(tasks), (), Limits(robot), None, ())
+    unknowns = Unknowns.of(problem)
+    for _ in range(2):
+        here = random_snapshot(robot, rng)
+        values = unknowns.values(here.q)
+        np.testing.assert_allclose(
+            robot.difference(here.q, unknowns.configuration(*values)), 0.0, atol=1e-10
+        )
+        for task in tasks:
+            error = symbolic_error(task, unknowns.scene)
+            function = ca.Function("error", [unknowns.x, unknowns.p], [error])
+            expected = task.residual(here).error
+            # Rotations within a degree of half a turn lose digits; else the same sums reordered.
+            np.testing.assert_allclose(
+                np.array(function(*values)).ravel(), expected, atol=1e-9 * (1 + abs(expected).max())
+            )
+
+
+def test_cost_is_the_sum_over_tasks_in_any_chart(robot: Robot, rng, random_snapshot) -> None:
+    """From a start elsewhere: the base's turn is then an unknown of the NLP, far from zero."""
+    start, here = random_snapshot(robot, rng), random_snapshot(robot, rng)
+    tasks = all_tasks(robot, start.q)
+    built = build_nlp(ShapingProblem(robot, tuple(tasks), (), Limits(robot), None, ()))
+    begin, end = built.start(start.q), built.start(here.q)
+    x = end.x.copy()
+    turn = start.rotation("base").T @ here.rotation("base")
+    n = robot.nv - 6
+    assert built.kept[-6:] == tuple(range(n, n + 6))
+    x[-3:] = Rotation.from_matrix(turn).as_mrp()
+    reached = robot.snapshot(built.configuration(begin, x))
+    np.testing.assert_allclose(robot.difference(here.q, reached.q), 0.0, atol=1e-9)
+    cost = float(built.nlp.functions(x, begin.p)[0])
+    np.testing.assert_allclose(cost, posture_cost(tasks, here), rtol=1e-9)
+    np.testing.assert_allclose(
+        float(built.nlp.functions(x, built.scaled(begin, 0.25).p)[0]), 0.25 * cost, rtol=1e-12
+    )
+
+
+def test_gradient_is_the_pull_of_the_qp(robot: Robot, rng, random_snapshot) -> None:
+    """The controller rests where the NLP's gradient is zero: one tick's g is that gradient / dt.
+
+    Independent of the NLP: the QP is made of the tasks' hand-written Jacobians.
+    """
+    here = random_snapshot(robot, rng)
+    tasks = all_tasks(robot, random_snapshot(robot, rng).q)
+    tick = KinematicController(robot, tasks, dt=0.01).step(here)
+    built = build_nlp(ShapingProblem(robot, tuple(tasks), (), Limits(robot), None, ()))
+    x, p = built.start(here.q)
+    symbols = ca.SX.sym("x", x.size)
+    gradient = ca.gradient(built.nlp.functions(symbols, p)[0], symbols)
+    found = np.array(ca.Function("g", [symbols], [gradient])(x)).ravel()
+    n = robot.nv - 6
+    joints = np.array([k for k in built.kept if k < n])
+    expected = 0.01 * tick.qp.g
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(found[: joints.size], expected[6 + joints], atol=1e-9 * scale)
+    # The base: world position, and tan(angle / 4) of a turn in base axes.
+    R = here.rotation("base")
+    np.testing.assert_allclose(R.T @ found[-6:-3], expected[:3], atol=1e-9 * scale)
+    np.testing.assert_allclose(found[-3:] / 4.0, expected[3:6], atol=1e-9 * scale)
+
+
+def test_principal_moments_are_met_with_axes_of_their_own(robot: Robot, rng, random_snapshot):
+    """The lifted error is the task's own where the axes are best, and never less elsewhere."""
+    here = random_snapshot(robot, rng)
+    task = PrincipalInertiaTask(robot, [1.0, 3.0, 3.5], per_mass=True, weight=2.0, gain=0.4)
+    built = build_nlp(ShapingProblem(robot, (task,), (), Limits(robot), None, ()))
+    x, p = built.start(here.q)
+    expected = posture_cost([task], here)
+    np.testing.assert_allclose(float(built.nlp.functions(x, p)[0]), expected, rtol=1e-10)
+    for _ in range(10):
+        x[-3:] = rng.normal(size=3)
+        assert float(built.nlp.functions(x, p)[0]) >= expected * (1 - 1e-12)
+
+
+def test_only_what_matters_is_unknown(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    n = robot.nv - 6
+
+    def kept(task: Task, mode: str = "floating") -> tuple[int, ...]:
+        contacts = support(robot.snapshot(q), mode)
+        return build_nlp(
+            ShapingProblem(robot, (task,), contacts, Limits(robot), None, ())
+        ).kept  # fmt: skip
+
+    target = np.eye(3)
+    assert max(kept(InertiaTask(robot, target, frame="base"))) < n
+    assert max(kept(InertiaTask(robot, target, frame="left_sole"))) < n
+    assert max(kept(InertiaTask(robot, 1.0, components=("trace",)))) < n
+    assert kept(InertiaTask(robot, target))[-3:] == (n + 3, n + 4, n + 5)  # turns, no position
+    assert max(kept(InertiaTask(robot, target), "double")) < n
+    assert kept(PositionTask(robot, "base", [0, 0, 1])) == (n, n + 1, n + 2)
+
+
+def test_tasks_that_say_nothing_about_postures_are_refused_by_name(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    posture = PostureTask(robot, q)
+    with pytest.raises(InvalidInputError, match="'momentum' is about momentum"):
+        GlobalShaping(robot, [posture, MomentumTask(robot)])
+    with pytest.raises(InvalidInputError, match="priorities \\[0, 1\\]"):
+        GlobalShaping(robot, [posture, ComTask(robot, [0, 0, 1], priority=1)])
+    with pytest.raises(InvalidInputError, match="two tasks are called 'posture'"):
+        GlobalShaping(robot, [posture, posture])
+    with pytest.raises(InvalidInputError, match="no task"):
+        GlobalShaping(robot, [])
+    with pytest.raises(InvalidInputError, match="weighs its six rows differently"):
+        GlobalShaping(robot, [PrincipalInertiaTask(robot, [1, 2, 3], weight=[1, 1, 1, 1, 1, 2])])
+
+    class Wish(Task):
+        def residual(self, snapshot):
+            return posture.residual(snapshot)
+
+        def drift(self, snapshot):
+            return posture.drift(snapshot)
+
+    with pytest.raises(InvalidInputError, match="'wish' is a Wish"):
+        GlobalShaping(robot, [Wish(robot, "wish", ["row"])])

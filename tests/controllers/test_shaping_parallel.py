@@ -1,0 +1,130 @@
+"""Searching in several processes: the same answers, budgets, interruption, and lost processes."""
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+from wbc.controllers.shaping import GlobalShaping
+from wbc.controllers.shaping import parallel as parallel_module
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.tasks import InertiaTask
+
+
+def shaping_of(robot: Robot) -> GlobalShaping:
+    q = robot.posture()
+    moments = np.diag(robot.snapshot(q).inertia_in("base"))
+    return GlobalShaping(robot, [InertiaTask(robot, np.diag(moments * [1.5, 1.5, 0.3]),
+                                             frame="base", per_mass=True)])  # fmt: skip
+
+
+def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    shaping, q = shaping_of(robot), robot.posture()
+    seen: list[tuple[int, int, float | None]] = []
+    alone = shaping.solve(q, 40, workers=1)
+    shared = shaping.solve(q, 40, workers=2, progress=lambda *news: seen.append(news))
+    assert [c.cost for c in alone.candidates] == [c.cost for c in shared.candidates]
+    assert [c.starts for c in alone.candidates] == [c.starts for c in shared.candidates]
+    assert [done for done, _, _ in seen] == list(range(1, 41))
+    assert {total for _, total, _ in seen} == {40}
+    best = [cost for _, _, cost in seen]
+    assert best == sorted(best, reverse=True)
+    assert best[-1] == shared.best.cost
+    assert shared.statistics.stopped is None
+    assert sorted(k for c in shared.candidates for k in c.starts) == list(range(40))
+    other = shaping.solve(q, 40, workers=1, seed=1)
+    assert [c.cost for c in other.candidates] != [c.cost for c in alone.candidates]
+
+
+def test_no_more_is_searched_when_the_tasks_are_met(robot_named) -> None:
+    """The inertia of a posture can be had exactly, from nearly every start."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    joints = {"*_elbow_pitch": -1.0, "*_hip_pitch": -0.8, "*_knee_pitch": 1.2}
+    wanted = robot.snapshot(robot.posture("standing", joints)).inertia_in("base")
+    shaping = GlobalShaping(robot, [InertiaTask(robot, wanted, frame="base", per_mass=True)])
+    alone, shared = (shaping.solve(q, 200, workers=workers) for workers in (1, 2))
+    for outcome in (alone, shared):
+        assert outcome.statistics.stopped == "met"
+        assert outcome.statistics.searched < 50
+        assert outcome.best.cost < 1e-12
+    assert [c.cost for c in alone.candidates] == [c.cost for c in shared.candidates]
+
+
+def test_the_time_budget_ends_the_search_after_the_first_start(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    outcome = shaping_of(robot).solve(robot.posture(), 500, seconds=1e-6, workers=1)
+    assert outcome.statistics.stopped == "seconds"
+    assert outcome.statistics.searched == 1
+    assert outcome.best.starts == (0,)
+
+
+def test_an_interruption_keeps_what_was_found(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+
+    def interrupt(done: int, total: int, cost: float | None) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    outcome = shaping_of(robot).solve(robot.posture(), 500, workers=2, progress=interrupt)
+    assert outcome.statistics.stopped == "interrupted"
+    assert outcome.statistics.searched == 3
+    assert outcome.candidates
+
+
+def test_ctrl_c_inside_ipopt_ends_the_search(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+
+    def in_a_while(done: int, total: int, cost: float | None) -> None:
+        if done == 1:
+            timer.start()
+
+    outcome = shaping_of(robot).solve(robot.posture(), 500, workers=1, progress=in_a_while)
+    timer.join()
+    assert outcome.statistics.stopped == "interrupted"
+    assert 1 <= outcome.statistics.searched < 500
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_search_lost_with_its_process_is_repeated(robot_named) -> None:
+    """A process takes a number and dies: nobody waits for it for ever."""
+    robot = robot_named("hoap2_like")
+    shaping, q = shaping_of(robot), robot.posture()
+    expected = shaping.solve(q, 6, workers=1)
+    took: list[int] = []
+
+    def steal(done: int, total: int, cost: float | None) -> None:
+        if done == 1:
+            number = parallel_module._next(teams[0]._counter, total, None)
+            took.append(number)
+
+    teams: list[parallel_module._Team] = []
+
+    class Watched(parallel_module._Team):
+        def __init__(self, *args) -> None:
+            super().__init__(*args)
+            teams.append(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parallel_module, "_Team", Watched)
+        outcome = shaping.solve(q, 6, workers=1, progress=steal)
+    assert took == [1]
+    assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
+
+
+def test_unusable_numbers_are_refused(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    shaping, q = shaping_of(robot), robot.posture()
+    with pytest.raises(InvalidInputError, match="starts: must be at least 1"):
+        shaping.solve(q, 0)
+    with pytest.raises(InvalidInputError, match="workers: must be at least 1"):
+        shaping.solve(q, workers=0)
+    with pytest.raises(InvalidInputError, match="seconds: must be greater than 0"):
+        shaping.solve(q, seconds=0.0)
+    with pytest.raises(InvalidInputError, match="shape"):
+        shaping.solve(q[:-1])

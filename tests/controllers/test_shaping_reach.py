@@ -1,0 +1,117 @@
+"""From the answer to a motion: judged tick by tick by Pinocchio."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.constraints import Contact, Limits, support
+from wbc.controllers import KinematicController
+from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome
+from wbc.controllers.shaping.merit import posture_cost
+from wbc.robot import Robot
+from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
+
+
+def tall(robot: Robot, q: np.ndarray, frame: str) -> InertiaTask:
+    moments = np.diag(robot.snapshot(q).inertia_in("base"))
+    return InertiaTask(
+        robot, np.diag(moments * [1.2, 1.2, 0.5]), frame=frame, per_mass=True, weight=10.0
+    )
+
+
+def check_motion(robot: Robot, motion: Motion, contacts: tuple[Contact, ...], dt: float) -> None:
+    """Every row follows from the one before, within limits, on its feet, and no faster than may."""
+    data = robot.model.createData()
+    limits = robot.limits
+    for k, q in enumerate(motion.q):
+        joints = limits.joint_positions(q)
+        assert (joints >= limits.lower - 1e-6).all()
+        assert (joints <= limits.upper + 1e-6).all()
+        pin.framesForwardKinematics(robot.model, data, q)
+        for contact in contacts:
+            pose = data.oMf[robot.frame_id(contact.frame)]
+            np.testing.assert_allclose(pose.translation, contact.position, atol=1e-3)
+            np.testing.assert_allclose(pose.rotation, contact.rotation, atol=1e-3)
+        if k + 1 < len(motion.q):
+            following = pin.integrate(robot.model, q, motion.v[k] * dt)
+            np.testing.assert_allclose(following, motion.q[k + 1], atol=1e-12)
+    assert (np.abs(motion.v[:, 6:]) <= limits.velocity + 1e-6).all()
+    np.testing.assert_allclose(np.diff(motion.time), dt, atol=1e-12)
+
+
+@pytest.mark.parametrize("mode", ["floating", "double"])
+def test_the_best_posture_is_reached(robot_named, mode: str) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    contacts = support(robot.snapshot(q), mode)
+    task = tall(robot, q, "world")
+    shaping = GlobalShaping(robot, [task], contacts)
+    outcome = shaping.solve(q, 12, workers=1)
+    motion = shaping.reach(q, outcome, dt=0.01)
+    assert motion.arrived, motion.attempts
+    assert motion.attempts[-1].reason == "arrived"
+    check_motion(robot, motion, contacts, 0.01)
+    np.testing.assert_array_equal(motion.q[0], q)
+    end = posture_cost([task], robot.snapshot(motion.q[-1]))
+    assert end == pytest.approx(motion.cost[-1], rel=1e-12)
+    assert end <= 1.01 * motion.candidate.cost
+    assert end < 0.5 * motion.cost[0]
+    assert not motion.kept.broken
+
+
+def test_the_next_best_is_taken_where_the_best_cannot_be_reached(robot_named) -> None:
+    """A best posture with its feet elsewhere: the controller holds them and never gets there."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    contacts = support(robot.snapshot(q), "double")
+    shaping = GlobalShaping(robot, [tall(robot, q, "world"), PostureTask(robot, q, weight=1e-3)],
+                            contacts)  # fmt: skip
+    outcome = shaping.solve(q, 6, workers=1)
+    wrong = robot.posture("standing", {"left_hip_roll": 0.4, "left_knee_pitch": 1.5})
+    dream = replace(outcome.best, q=wrong, cost=0.5 * outcome.best.cost)
+    tempted = ShapingOutcome((dream, *outcome.candidates), (), outcome.statistics)
+    motion = shaping.reach(q, tempted, dt=0.01)
+    assert motion.arrived
+    assert motion.candidate.cost >= outcome.best.cost
+    assert motion.attempts[0].candidate == 0
+    assert motion.attempts[0].reason != "arrived"
+    only = shaping.reach(q, tempted, attempts=1, dt=0.01)
+    assert not only.arrived
+    assert len(only.attempts) == 1
+
+
+def test_a_broken_constraint_on_the_way_is_told(robot_named) -> None:
+    """The polygon is not among the controller's constraints: leaving it is noticed."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    contacts = support(here, "left")  # the CoM is between the feet, outside this polygon
+    task = ComTask(robot, [*contacts[0].position[:2], here.com[2]])
+    away = GlobalShaping(robot, [ComTask(robot, here.com)], contacts)
+    shaping = GlobalShaping(robot, [task], contacts, support_margin=0.0)
+    outcome = shaping.solve(q, 4, workers=1)
+    motion = shaping.reach(q, outcome, dt=0.01)
+    assert motion.arrived  # from outside to inside is allowed
+    assert motion.kept.support < 0.0
+    inside = motion.q[-1]
+    back = away.solve(inside, 1, workers=1)
+    leaving = shaping.reach(inside, back, attempts=1, dt=0.01)
+    assert not leaving.arrived
+
+
+def test_the_callers_controller_is_used(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    shaping = GlobalShaping(robot, [tall(robot, q, "base")])
+    outcome = shaping.solve(q, 2, workers=1)
+    made: list[tuple[str, ...]] = []
+
+    def make(tasks: list[Task]) -> KinematicController:
+        made.append(tuple(task.name for task in tasks))
+        return KinematicController(robot, tasks, limits=Limits(robot, velocity=0.1), dt=0.01)
+
+    motion = shaping.reach(q, outcome, attempts=1, dt=0.01, make_controller=make)
+    assert made == [("way: posture",), ("inertia",)]
+    assert (np.abs(motion.v[:, 6:]) <= 0.1 * robot.limits.velocity + 1e-6).all()

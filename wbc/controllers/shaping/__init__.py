@@ -1,0 +1,26 @@
+"""Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
+
+from wbc.controllers.shaping.capsules import CapsulePair
+from wbc.controllers.shaping.motion import Attempt, Motion
+from wbc.controllers.shaping.outcome import (
+    Candidate,
+    NoPostureError,
+    Rejected,
+    ShapingOutcome,
+    ShapingStatistics,
+    Stopped,
+)
+from wbc.controllers.shaping.shaping import GlobalShaping
+
+__all__ = [
+    "Attempt",
+    "Candidate",
+    "CapsulePair",
+    "GlobalShaping",
+    "Motion",
+    "NoPostureError",
+    "Rejected",
+    "ShapingOutcome",
+    "ShapingStatistics",
+    "Stopped",
+]

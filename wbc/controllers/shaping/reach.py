@@ -1,0 +1,155 @@
+"""From the current posture to the best one, by the QP controller: the answer as a motion.
+
+A posture task is led along the shortest way in configuration space while contacts and limits hold;
+then the problem's own tasks take over and settle. A candidate is reached if the motion keeps every
+constraint and ends at its cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wbc.controllers.kinematic import KinematicController
+from wbc.controllers.shaping.keeping import Tolerances, kept_constraints
+from wbc.controllers.shaping.lead import Lead
+from wbc.controllers.shaping.merit import posture_cost
+from wbc.controllers.shaping.motion import Attempt, Motion
+from wbc.controllers.shaping.outcome import Candidate, Kept, ShapingOutcome
+from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.robot import Snapshot
+from wbc.tasks import Task
+from wbc.validate import Array, read_only
+
+MakeController = Callable[[Sequence[Task]], KinematicController]
+
+LINGERING = 0.5  # s for which the lead is kept at its end
+SETTLING = 4.0  # s at most, after the lead has arrived
+REST_TICKS = 10
+GIVE_UP = 10  # ticks in a row without solution
+AT_REST = 1e-5  # rad/s or m/s
+# In motion contacts are held by feedback and limits by a braking rule, so a little more is allowed.
+MOVING = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
+ARRIVED = "arrived"
+NEGLIGIBLE = 1e-9  # of the cost at the start: a target that is met to this is met
+
+
+def reach_best(
+    problem: ShapingProblem,
+    q_start: Array,
+    outcome: ShapingOutcome,
+    *,
+    tolerance: float,
+    attempts: int,
+    dt: float,
+    make_controller: MakeController | None,
+) -> Motion:
+    """Try candidates, the best first; see :meth:`~.shaping.GlobalShaping.reach`."""
+    best = outcome.best
+    way = Way(problem, q_start, tolerance, dt, make_controller or _default(problem, dt))
+    tried: list[Attempt] = []
+    motions: list[Motion] = []
+    for number, candidate in enumerate((best, *outcome.candidates[1:attempts])):
+        motion, reason = way.to(candidate)
+        tried.append(Attempt(number, float(motion.cost[-1]), reason))
+        motions.append(motion)
+        if motion.arrived:
+            break
+    # Arrived, or else the one that keeps the constraints and came to the least cost.
+    chosen = min(motions, key=lambda m: (not m.arrived, bool(m.kept.broken), m.cost[-1]))
+    return replace(chosen, attempts=tuple(tried))
+
+
+def _default(problem: ShapingProblem, dt: float) -> MakeController:
+    def make(tasks: Sequence[Task]) -> KinematicController:
+        return KinematicController(
+            problem.robot, tasks, contacts=problem.contacts, limits=problem.limits, dt=dt
+        )
+
+    return make
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """What all attempts have in common."""
+
+    problem: ShapingProblem
+    q_start: Array
+    tolerance: float
+    dt: float
+    make_controller: MakeController
+
+    def to(self, candidate: Candidate) -> tuple[Motion, str]:
+        """Return the motion towards a candidate, and why it does not count, or ``"arrived"``."""
+        states, fault = self._run(candidate)
+        costs = np.array([posture_cost(self.problem.tasks, state) for state in states])
+        kept, broken = worst_kept(self.problem, states, self.dt)
+        allowed = (1.0 + self.tolerance) * candidate.cost + NEGLIGIBLE * float(costs[0])
+        reason = fault or broken or ARRIVED
+        if reason == ARRIVED and costs[-1] > allowed:
+            reason = f"came to rest at cost {costs[-1]:.4g} instead of {candidate.cost:.4g}"
+        v = np.array([state.v for state in states[1:]] + [np.zeros(self.problem.robot.nv)])
+        motion = Motion(
+            time=read_only(self.dt * np.arange(len(states))),
+            q=read_only(np.array([state.q for state in states])),
+            v=read_only(v),
+            cost=read_only(costs),
+            candidate=candidate,
+            kept=kept,
+            arrived=reason == ARRIVED,
+            attempts=(),
+        )
+        return motion, reason
+
+    def _run(self, candidate: Candidate) -> tuple[list[Snapshot], str]:
+        """Return the states tick by tick, and what ended the run early, or nothing."""
+        robot, tasks = self.problem.robot, self.problem.tasks
+        lead = Lead(self.problem, self.q_start, candidate)
+        leading = self.make_controller(lead.tasks)
+        settling = self.make_controller((*tasks, *lead.lasting))
+        states = [robot.snapshot(self.q_start)]
+        still = unsolved = 0
+        for k in range(round((lead.duration + SETTLING) / self.dt)):
+            time = k * self.dt
+            led = time < lead.duration + LINGERING
+            if led:
+                lead.move_to(time)
+            tick = (leading if led else settling).step(states[-1])
+            # By its policy the controller stands still without solution; the next may have one.
+            unsolved = 0 if tick.ok else unsolved + 1
+            if unsolved >= GIVE_UP:
+                return states, f"at {time:.2f} s: {tick.report()}"
+            q = robot.integrate(states[-1].q, tick.velocity, self.dt)
+            states.append(robot.snapshot(q, tick.velocity))
+            still = (
+                still + 1 if not led and tick.ok and np.abs(tick.velocity).max() < AT_REST else 0
+            )
+            if still >= REST_TICKS:
+                break
+        return states, ""
+
+
+def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -> tuple[Kept, str]:
+    """Return the worst of every constraint over a motion, and what was broken first, or nothing.
+
+    What the current posture breaks already may not become worse on the way, nor be broken at the
+    end.
+    """
+    beginning = kept_constraints(problem, states[0], MOVING)
+    excused = MOVING.excusing(beginning)
+    every = [beginning, *(kept_constraints(problem, state, excused) for state in states[1:])]
+    faults = [(k, kept.broken[0]) for k, kept in enumerate(every[1:], 1) if kept.broken]
+    faults += [(len(states) - 1, b) for b in kept_constraints(problem, states[-1], MOVING).broken]
+    first = f"at {faults[0][0] * dt:.2f} s: {faults[0][1]}" if faults else ""
+    supports = [kept.support for kept in every if kept.support is not None]
+    apart = [kept.clearance for kept in every if kept.clearance is not None]
+    worst = Kept(
+        contact=max(kept.contact for kept in every),
+        limit=min(kept.limit for kept in every),
+        support=min(supports, default=None),
+        clearance=min(apart, default=None),
+        broken=(first,) if first else (),
+    )
+    return worst, first

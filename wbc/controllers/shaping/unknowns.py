@@ -1,0 +1,145 @@
+"""The unknowns of the NLP, and how they and configurations are made of each other.
+
+All of them are plain numbers without constraints of their own:
+
+* joint positions, continuous joints as angles;
+* where the base is, unless a contact holds a frame entirely: the base then follows from the joints,
+  which saves twelve rows and columns and keeps that contact exactly;
+* for each task of principal moments, the axes its target is about.
+
+Rotations are modified Rodrigues parameters from a reference that belongs to the start: every search
+begins in the middle of its chart, far from where that has a singularity (a full turn).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wbc.constraints import Contact
+from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.controllers.shaping.task_errors import Scene
+from wbc.robot import Robot
+from wbc.robot.snapshot import BASE
+from wbc.robot.symbolic import (
+    LocalRobot,
+    Placement,
+    SymbolicPosture,
+    angle_turns,
+    from_mrp,
+)
+from wbc.tasks import PrincipalInertiaTask
+from wbc.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Unknowns x and parameters p of a shaping problem.
+
+    ``x`` is joints (nv-6), base position (3) and turn (3), then a turn (3) for each task of
+    principal moments. ``p`` is the reference rotation (9, by columns) of each turn.
+
+    Attributes
+    ----------
+    x, p:
+        SX symbols.
+    scene:
+        The robot in terms of them.
+    lower, upper:
+        Bounds on x.
+    """
+
+    problem: ShapingProblem
+    x: ca.SX
+    p: ca.SX
+    scene: Scene
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, problem: ShapingProblem) -> Unknowns:
+        """Return the unknowns of a problem."""
+        robot, n = problem.robot, problem.robot.nv - 6
+        principal = _principal(problem)
+        turns = 1 + len(principal)
+        x = ca.SX.sym("x", n + 3 + 3 * turns)
+        p = ca.SX.sym("p", 9 * turns)
+        rotations = [
+            ca.mtimes(
+                ca.reshape(p[9 * k : 9 * k + 9], 3, 3), from_mrp(x[n + 3 + 3 * k : n + 6 + 3 * k])
+            )
+            for k in range(turns)
+        ]
+        local = LocalRobot(robot, angle_turns(robot, x[:n]))
+        base = Placement(rotations[0], x[n : n + 3])
+        if problem.anchor is not None:
+            held = Placement.constant(problem.anchor.rotation, problem.anchor.position)
+            base = held @ local.frame(problem.anchor.frame).inverse()
+        axes = {task.name: R for task, R in zip(principal, rotations[1:], strict=True)}
+        free = np.full(3 + 3 * turns, np.inf)
+        return cls(
+            problem,
+            x,
+            p,
+            Scene(SymbolicPosture(local, base), x[:n], axes),
+            np.concatenate((problem.limits.lower, -free)),
+            np.concatenate((problem.limits.upper, free)),
+        )
+
+    def values(self, q: Array) -> tuple[Array, Array]:
+        """Return x and p at a configuration; joints outside their limits are moved inside."""
+        problem, snapshot = self.problem, self.problem.robot.snapshot(q)
+        joints = problem.robot.limits.joint_positions(snapshot.q)
+        n = joints.size
+        x = np.zeros(self.x.numel())
+        x[:n] = np.clip(joints, self.lower[:n], self.upper[:n])
+        x[n : n + 3] = snapshot.q[:3]
+        references = [snapshot.rotation(BASE)]
+        principal = _principal(problem)
+        if principal:
+            axes = np.linalg.eigh(snapshot.inertia_in(BASE))[1]
+            axes[:, 0] *= np.linalg.det(axes)  # a rotation; a mirrored axis is the same axis
+            references += [axes] * len(principal)
+        return x, np.concatenate([R.ravel(order="F") for R in references])
+
+    def configuration(self, x: Array, p: Array) -> Array:
+        """Return the configuration q (nq) of unknowns x and parameters p."""
+        robot = self.problem.robot
+        n = robot.nv - 6
+        q = with_joints(robot, x[:n])
+        if self.problem.anchor is not None:
+            return anchored(robot, q, self.problem.anchor)
+        q[:3] = x[n : n + 3]
+        # Rotation.as_quat is (x, y, z, w), as q is.
+        turn = Rotation.from_mrp(x[n + 3 : n + 6])
+        q[3:7] = (Rotation.from_matrix(p[:9].reshape(3, 3, order="F")) * turn).as_quat()
+        return q
+
+
+def with_joints(robot: Robot, positions: Array) -> Array:
+    """Return the configuration with these joint positions (nv-6,) and the base at the origin."""
+    q = robot.postures["neutral"].copy()
+    q[:7] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    starts = np.array(robot.limits.starts, dtype=int)
+    q[starts] = positions
+    free = list(robot.limits.unbounded)
+    q[starts[free]], q[starts[free] + 1] = np.cos(positions[free]), np.sin(positions[free])
+    return q
+
+
+def anchored(robot: Robot, q: Array, contact: Contact) -> Array:
+    """Return ``q`` with the base moved so that the held frame is at its anchor."""
+    here = robot.snapshot(q)
+    turn = contact.rotation @ here.rotation(contact.frame).T
+    q = here.q.copy()
+    q[3:7] = Rotation.from_matrix(turn @ here.rotation(BASE)).as_quat()
+    q[:3] = contact.position + turn @ (here.position(BASE) - here.position(contact.frame))
+    return q
+
+
+def _principal(problem: ShapingProblem) -> Sequence[PrincipalInertiaTask]:
+    return [task for task in problem.tasks if isinstance(task, PrincipalInertiaTask)]
