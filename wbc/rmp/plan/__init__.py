@@ -1,0 +1,39 @@
+"""Planning of the reaction mass pendulum's motion over a schedule of contacts."""
+
+from wbc.rmp.plan.check import Check, Excess, check
+from wbc.rmp.plan.coordinates import Generalised, generalised
+from wbc.rmp.plan.failure import PlanError
+from wbc.rmp.plan.limits import Limits
+from wbc.rmp.plan.plan import Plan, Stats
+from wbc.rmp.plan.planner import solve
+from wbc.rmp.plan.problem import PlanProblem, Weights
+from wbc.rmp.plan.schedule import Phase, hull, rectangle
+from wbc.rmp.plan.state import State, at_rest, radii_for
+from wbc.rmp.plan.store import load_plan, problem_from_data, problem_to_data, save_plan
+from wbc.rmp.plan.trajectory import Trajectory
+
+__all__ = [
+    "Check",
+    "Excess",
+    "Generalised",
+    "Limits",
+    "Phase",
+    "Plan",
+    "PlanError",
+    "PlanProblem",
+    "State",
+    "Stats",
+    "Trajectory",
+    "Weights",
+    "at_rest",
+    "check",
+    "generalised",
+    "hull",
+    "load_plan",
+    "problem_from_data",
+    "problem_to_data",
+    "radii_for",
+    "rectangle",
+    "save_plan",
+    "solve",
+]

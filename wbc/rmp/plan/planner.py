@@ -1,0 +1,190 @@
+"""Search for a plan: IPOPT on the transcribed problem, cold or from an earlier plan."""
+
+from __future__ import annotations
+
+from time import process_time
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.plan.check import Excess, check
+from wbc.rmp.plan.failure import PlanError
+from wbc.rmp.plan.guess import first_guess
+from wbc.rmp.plan.nlp import Nlp, elastic, values_of
+from wbc.rmp.plan.plan import Plan, Stats
+from wbc.rmp.plan.problem import PlanProblem
+from wbc.rmp.plan.transcription import Transcription, scale_of, transcribe, units_of
+from wbc.validate import Array
+
+ITERATIONS = 100
+# Scaled variables and rows are of order one: absolute tolerances suit them all.
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    "ipopt.sb": "yes",
+    "ipopt.linear_solver": "mumps",
+    "ipopt.nlp_scaling_method": "none",
+    "ipopt.tol": 1e-8,
+    "ipopt.constr_viol_tol": 1e-9,
+    "ipopt.bound_relax_factor": 1e-10,
+    # Goes to the restoration phase early: a plan that exists is found as soon, and the verdict
+    # that there is none takes a third of the time.
+    "ipopt.expect_infeasible_problem": "yes",
+}
+_WARM: dict[str, Any] = {
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-6,
+    "ipopt.warm_start_bound_push": 1e-7,
+    "ipopt.warm_start_bound_frac": 1e-7,
+    "ipopt.warm_start_slack_bound_push": 1e-7,
+    "ipopt.warm_start_slack_bound_frac": 1e-7,
+    "ipopt.warm_start_mult_bound_push": 1e-7,
+}
+# Price of breaking a scaled row by one, against costs of order one.
+_PRICE = 1000.0
+_DIAGNOSIS = 120  # iterations
+_MOTION = 1e-3  # defect above which an attempt is no motion, SI
+
+
+def solve(
+    problem: PlanProblem,
+    warm: Plan | None = None,
+    *,
+    verbose: bool = False,
+    iterations: int = ITERATIONS,
+) -> Plan:
+    """Return the plan of least cost near the straight way from start to goal, or near ``warm``.
+
+    Parameters
+    ----------
+    problem:
+        What to plan.
+    warm:
+        A plan of a problem with the same phases in the same order; numbers may differ. With the
+        same number of rows too it gives the multipliers as well.
+    verbose:
+        Print the size, IPOPT's iterations and the verdict.
+    iterations:
+        The most that IPOPT may take, >= 1.
+
+    Raises
+    ------
+    PlanError
+        There is none, or it was not found; the error names the limits in the way.
+    InvalidInputError
+        Limits that exclude each other, or a warm start with other phases.
+    """
+    if iterations < 1:
+        raise InvalidInputError(f"solve: iterations must be 1 at least, got {iterations}")
+    began = process_time()
+    t = transcribe(problem)
+    start, duals = first_guess(t), None
+    if warm is not None:
+        start, duals = _warm_start(t, warm)
+    limit = {"ipopt.max_iter": iterations, "ipopt.print_level": 5 if verbose else 0}
+    options = _OPTIONS | limit | ({} if duals is None else _WARM)
+    found, stats = _run(t.nlp, t, start, duals, options)
+    plan = _plan(t, found, stats, process_time() - began, warm is not None)
+    if verbose:
+        print(_summary(plan))
+    if not stats["success"]:
+        raise _failure(t, plan)
+    return plan
+
+
+def _run(
+    nlp: Nlp,
+    t: Transcription,
+    start: Array,
+    duals: tuple[Array, Array] | None,
+    options: dict[str, Any],
+) -> tuple[dict[str, ca.DM], dict[str, Any]]:
+    """Run IPOPT; variables beyond the transcription's are free, and zero at first."""
+    spare = nlp.w.numel() - t.layout.count
+    solver = nlp.solver(options)
+    given: dict[str, Any] = {
+        "x0": np.concatenate((start, np.zeros(spare))),
+        "lbx": np.concatenate((t.lower, np.full(spare, -np.inf))),
+        "ubx": np.concatenate((t.upper, np.full(spare, np.inf))),
+        "lbg": t.row_lower,
+        "ubg": t.row_upper,
+    }
+    if duals is not None:
+        given |= {"lam_x0": duals[0], "lam_g0": duals[1]}
+    return solver(**given), solver.stats()
+
+
+def _plan(
+    t: Transcription, found: dict[str, ca.DM], stats: dict[str, Any], seconds: float, warm: bool
+) -> Plan:
+    count = t.layout.count
+    return Plan(
+        problem=t.problem,
+        solution=values_of(found["x"])[:count],
+        duals=(values_of(found["lam_x"])[:count], values_of(found["lam_g"])),
+        stats=Stats(
+            variables=count,
+            constraints=len(t.labels),
+            iterations=int(stats["iter_count"]),
+            seconds=seconds,
+            cost=float(found["f"]),
+            status=str(stats["return_status"]),
+            warm=warm,
+        ),
+    )
+
+
+def _failure(t: Transcription, plan: Plan) -> PlanError:
+    """Return the error, after a search for the motion that breaks least."""
+    options = _OPTIONS | {"ipopt.max_iter": _DIAGNOSIS, "ipopt.print_level": 0}
+    began = process_time()
+    found, stats = _run(elastic(t.nlp, t.soft, _PRICE), t, first_guess(t), None, options)
+    nearest = _plan(t, found, stats, process_time() - began, False)
+    seen = check(nearest)
+    # Where even this search has not ended, its motion may not be one.
+    unmet = [
+        Excess("whole plan", f"equation of motion of {name}", nearest.duration, defect, "SI")
+        for name, defect in seen.defects.items()
+        if defect > _MOTION
+    ]
+    units = units_of(t.problem)
+    # Newtons and metres are compared in sizes of the problem, not as bare numbers.
+    size = {
+        "N": units["force"],
+        "N m": 0.1 * units["force"] * units["com"],
+        "m": units["com"],
+        "m/s": units["com_velocity"],
+        "m/s^2": t.problem.gravity,
+        "kg m^2/s": units["momentum"],
+        "s": units["time"],
+    }
+    found_first = sorted(seen.violations, key=lambda each: -each.amount / size.get(each.unit, 1.0))
+    return PlanError(plan.stats.status, (*found_first, *unmet), nearest)
+
+
+def _warm_start(t: Transcription, warm: Plan) -> tuple[Array, tuple[Array, Array] | None]:
+    """Return variables, and multipliers if the programmes have the same shape."""
+    same = [
+        (a.flies, a.intervals) == (b.flies, b.intervals)
+        for a, b in zip(t.problem.schedule, warm.problem.schedule, strict=False)
+    ]
+    fits = len(t.problem.schedule) == len(warm.problem.schedule) and all(same)
+    if not fits or len(warm.solution) != t.layout.count:
+        raise InvalidInputError(
+            "solve: a warm start needs a plan with as many phases, flights where these are"
+            " flights, as many intervals in each, the same degree and kind of pendulum"
+        )
+    # Duration and start are data of the new problem where they are fixed: clipped onto them.
+    start = np.clip(warm.solution * scale_of(warm.problem, t.layout) / t.scale, t.lower, t.upper)
+    duals = warm.duals
+    return start, duals if len(duals[1]) == len(t.labels) else None
+
+
+def _summary(plan: Plan) -> str:
+    s = plan.stats
+    return (
+        f"plan of {len(plan.phases)} phases: {s.variables} variables, {s.constraints} constraints,"
+        f" {s.iterations} iterations, {s.seconds:.2f} s, cost {s.cost:.4g}: {s.status}"
+    )

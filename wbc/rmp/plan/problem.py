@@ -1,0 +1,278 @@
+"""A planning problem as data: pendulum, start, goal, schedule, limits, weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.plan.limits import Limits
+from wbc.rmp.plan.schedule import Phase, half_planes
+from wbc.rmp.plan.state import State
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import UNIT, SolidRmp
+from wbc.validate import finite_number, finite_vector
+
+Pendulum = PlanarRmp | SolidRmp
+# How far values may be past a limit and still count as on it, by rounding.
+SLACK = 1e-9
+# Degrees of the orientation's polynomial: below 2 it would not keep up with parabolas.
+DEGREES = (2, 7)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Cost of a plan: weights of squares, integrated over its time; SI units per mass.
+
+    Parameters
+    ----------
+    force_rate:
+        On |f_r'|^2 / M^2 [(m/s^3)^2], in stance.
+    acceleration:
+        On |c''|^2 [(m/s^2)^2], in stance.
+    momentum, torque:
+        On |k_G|^2 / M^2 and |k_G'|^2 / M^2.
+    cop_rate:
+        On |p'|^2 [(m/s)^2], in stance.
+    moment:
+        On m_z^2 / M^2, the moment of friction about the vertical.
+    radius_acceleration:
+        On |r''|^2 [(m/s^2)^2].
+    com, radii, rotation:
+        On the squared distance from the problem's ``nominal`` state, where it has components;
+        rotation in (4 tan(angle/4))^2 [rad^2].
+    time:
+        On the whole duration [1/s], not squared.
+
+    Raises
+    ------
+    InvalidInputError
+        A weight that is negative or not a number.
+    """
+
+    force_rate: float = 1e-4
+    acceleration: float = 0.1
+    momentum: float = 10.0
+    torque: float = 0.1
+    cop_rate: float = 0.1
+    moment: float = 1.0
+    radius_acceleration: float = 1e-2
+    com: float = 1.0
+    radii: float = 1.0
+    rotation: float = 1.0
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            number = finite_number(f"weights: {each.name}", getattr(self, each.name), least=0.0)
+            object.__setattr__(self, each.name, number)
+
+
+@dataclass(frozen=True)
+class PlanProblem:
+    """What to plan.
+
+    Parameters
+    ----------
+    pendulum:
+        Mass and gravity, and the space: a PlanarRmp moves in the slice y = 0 of the solid's space,
+        in which r_1 = r_3 (= sqrt(3/2) r of the planar pendulum) and all else sideways is zero.
+    schedule:
+        Contact phases in order of time, with different names.
+    start, goal:
+        Components of the first and the last state that are given; the rest is free.
+    nominal:
+        Components that the cost draws to.
+    limits:
+        For all phases that have none of their own.
+    periodic:
+        Stride (x, y) [m]: the last state shall be the first one moved by it; also the ground force,
+        if the motion begins and ends in stance, and the CoP if one place can be in both supports.
+        None: no such demand.
+    reference:
+        Orientation of the masses that rotations are counted from, a unit quaternion x y z w.
+        Orientations up to 278 degrees from it about each axis can be reached: at a full turn
+        the parameters are singular. Put it in the middle of a long turn.
+    degree:
+        Of the polynomial of the orientation in each interval; all else is exact.
+
+    Raises
+    ------
+    InvalidInputError
+        A schedule or states that contradict themselves or each other; the message says how.
+    """
+
+    pendulum: Pendulum
+    schedule: tuple[Phase, ...]
+    start: State
+    goal: State = field(default_factory=State)
+    nominal: State = field(default_factory=State)
+    limits: Limits = field(default_factory=Limits)
+    weights: Weights = field(default_factory=Weights)
+    periodic: tuple[float, float] | None = None
+    reference: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    degree: int = 4
+
+    def __post_init__(self) -> None:
+        if self.pendulum.gravity == 0.0:
+            raise InvalidInputError(
+                "plan: gravity must be positive; without it no stance holds and nothing lands"
+            )
+        object.__setattr__(self, "schedule", tuple(self.schedule))
+        if self.periodic is not None:
+            stride = finite_vector("plan: periodic", self.periodic, 2)
+            object.__setattr__(self, "periodic", tuple(stride.tolist()))
+        reference = finite_vector("plan: reference", self.reference, 4)
+        if abs(np.linalg.norm(reference) - 1.0) > UNIT:
+            raise InvalidInputError("plan: reference must be a unit quaternion (x, y, z, w)")
+        object.__setattr__(self, "reference", tuple(reference.tolist()))
+        low, high = DEGREES
+        if isinstance(self.degree, bool) or self.degree not in range(low, high + 1):
+            raise InvalidInputError(f"plan: degree must be an integer from {low} to {high}")
+        _check_schedule(self)
+        _check_state(self, "start", self.start, self.limits_of(0), self.schedule[0])
+        for name, k, state in self.waypoints:
+            _check_state(self, name, state, self.limits_of(k), self.schedule[k])
+        if self.plane:
+            _check_slice(self)
+
+    @property
+    def mass(self) -> float:
+        """Mass M [kg]."""
+        return self.pendulum.mass
+
+    @property
+    def gravity(self) -> float:
+        """Gravity [m/s^2]."""
+        return self.pendulum.gravity
+
+    @property
+    def plane(self) -> bool:
+        """True for a planar pendulum."""
+        return isinstance(self.pendulum, PlanarRmp)
+
+    @property
+    def waypoints(self) -> tuple[tuple[str, int, State], ...]:
+        """What is given at ends of phases: a name, the phase's place and components; goal last."""
+        ends = [(f"end of {p.name}", k, p.end) for k, p in enumerate(self.schedule)]
+        given = [each for each in ends if each[2] != State()]
+        return (*given, ("goal", len(self.schedule) - 1, self.goal))
+
+    def limits_of(self, phase: int) -> Limits:
+        """Return the limits that hold in a phase, by its place in the schedule."""
+        own = self.schedule[phase].limits
+        return self.limits if own is None else own
+
+
+def _check_schedule(problem: PlanProblem) -> None:
+    schedule = problem.schedule
+    if not schedule:
+        raise InvalidInputError("schedule: needs at least one phase")
+    for phase in schedule:
+        if not isinstance(phase, Phase):
+            raise InvalidInputError(f"schedule: expected phases, got {phase!r}")
+    names = [phase.name for phase in schedule]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InvalidInputError(f"schedule: phases must have different names; twice: {twice}")
+    for before, after in pairwise(schedule):
+        if before.flies and after.flies:
+            raise InvalidInputError(
+                f"schedule: {before.name!r} and {after.name!r} are one flight; join them"
+            )
+    if schedule[-1].flies and problem.goal == State() and problem.periodic is None:
+        raise InvalidInputError(
+            f"schedule: the plan ends in the flight {schedule[-1].name!r} without a goal, so"
+            " nothing tells where to; add a goal, or a stance to land in"
+        )
+    if schedule[0].flies and (problem.start.com is None or problem.start.com_velocity is None):
+        raise InvalidInputError(
+            f"schedule: the plan begins in the flight {schedule[0].name!r}, whose parabola needs"
+            " com and com_velocity in the start"
+        )
+
+
+def _check_state(
+    problem: PlanProblem, which: str, state: State, limits: Limits, phase: Phase
+) -> None:
+    """Raise if a state given is past limits of its phase, or above no possible CoP."""
+    given = state.values(problem.mass)
+    for name, pair in (
+        ("radii", limits.radius),
+        ("radii_rates", (-limits.radius_rate, limits.radius_rate)),
+        ("momentum", (-limits.momentum, limits.momentum)),
+    ):
+        _within(f"{which}: {name}", given.get(name, ()), pair)
+    com = given.get("com", (None, None, None))
+    _within(f"{which}: height of the CoM", com[2:], limits.height)
+    if com[2] is not None and com[2] <= 0.0:
+        raise InvalidInputError(f"{which}: the CoM must be above the ground, got {com[2]:g} m")
+    if phase.support is None or None in com:
+        return
+    place = np.array(com, dtype=float)
+    shortest, longest = _leg_range(place, phase)
+    if shortest > limits.leg_length[1] + SLACK or longest < limits.leg_length[0] - SLACK:
+        raise InvalidInputError(
+            f"{which}: no CoP is possible in phase {phase.name!r}: from its support to the CoM at"
+            f" {place} m the leg is {shortest:.4g} to {longest:.4g} m long, but its length must be"
+            f" {limits.leg_length[0]:.4g} to {limits.leg_length[1]:.4g} m"
+        )
+
+
+def _leg_range(com: np.ndarray, phase: Phase) -> tuple[float, float]:
+    """Return the least and the greatest distance [m] of a CoM from the support of a stance."""
+    corners = np.array(phase.support)
+    A, low, high = half_planes(phase.support or ())
+    reach = np.hypot(np.linalg.norm(corners - com[:2], axis=1), com[2])
+    at = A @ com[:2]
+    if ((at <= high) & (at >= low)).all():
+        return float(com[2]), float(reach.max())
+    edges = np.roll(corners, -1, axis=0) - corners
+    squares = (edges**2).sum(axis=1)
+    along = ((com[:2] - corners) * edges).sum(axis=1) / np.where(squares > 0.0, squares, 1.0)
+    nearest = corners + np.clip(along, 0.0, 1.0)[:, None] * edges
+    away = np.linalg.norm(nearest - com[:2], axis=1).min()
+    return float(np.hypot(away, com[2])), float(reach.max())
+
+
+def _within(what: str, values: Sequence[float | None], pair: tuple[float, float]) -> None:
+    for value in values:
+        if value is not None and not pair[0] - SLACK <= value <= pair[1] + SLACK:
+            raise InvalidInputError(
+                f"{what}: {value:g} is not within the limits {pair[0]:g} to {pair[1]:g}"
+            )
+
+
+def _check_slice(problem: PlanProblem) -> None:
+    """Raise if something given lies outside the plane y = 0."""
+    # The components that are zero in the plane.
+    sideways = {
+        "com": (1,),
+        "com_velocity": (1,),
+        "orientation": (0, 2),
+        "momentum": (0, 2),
+    }
+    ends = [(name, state) for name, _, state in problem.waypoints]
+    for which, state in (("start", problem.start), ("nominal", problem.nominal), *ends):
+        given = state.values(problem.mass)
+        for name, places in sideways.items():
+            if any(given.get(name, (None,) * 3)[k] not in (None, 0.0) for k in places):
+                raise InvalidInputError(f"{which}: {name} of a planar pendulum must stay in y = 0")
+        for name in ("radii", "radii_rates"):
+            r = given.get(name, (None,) * 3)
+            if r[0] != r[2]:
+                raise InvalidInputError(f"{which}: {name} of a planar pendulum need r_1 = r_3")
+    for phase in problem.schedule:
+        if phase.support is not None:
+            sides = np.array(phase.support)[:, 1]
+            if sides.min() > SLACK or sides.max() < -SLACK:
+                raise InvalidInputError(
+                    f"phase {phase.name!r}: the support does not reach the plane y = 0"
+                )
+    if any(problem.reference[k] != 0.0 for k in (0, 2)):
+        raise InvalidInputError("plan: the reference of a planar pendulum must turn about y only")
+    if problem.periodic is not None and problem.periodic[1] != 0.0:
+        raise InvalidInputError("plan: the stride of a planar pendulum must be along x")

@@ -1,0 +1,200 @@
+"""Problems as plain data, and plans in files: NPZ with a format version, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.files import write_whole
+from wbc.rmp.plan.layout import lay_out
+from wbc.rmp.plan.limits import Limits
+from wbc.rmp.plan.plan import Plan, Stats
+from wbc.rmp.plan.problem import PlanProblem, Weights
+from wbc.rmp.plan.schedule import Phase
+from wbc.rmp.plan.state import State
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
+
+FORMAT = "wbc-plan"
+VERSION = 1
+_PENDULUMS = {"solid": SolidRmp, "planar": PlanarRmp}
+_ARRAYS = ("solution", "duals_variables", "duals_rows")
+
+
+def problem_to_data(problem: PlanProblem) -> dict[str, Any]:
+    """Return a problem as plain data, for JSON or YAML; no limit is null."""
+    data = {each.name: getattr(problem, each.name) for each in fields(problem)}
+    kind = "planar" if problem.plane else "solid"
+    data["pendulum"] = {"kind": kind, "mass": problem.mass, "gravity": problem.gravity}
+    data["schedule"] = [asdict(phase) for phase in problem.schedule]
+    for name in ("start", "goal", "nominal", "limits", "weights"):
+        data[name] = asdict(data[name])
+    plain: dict[str, Any] = _plain(data)
+    return plain
+
+
+def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
+    """Return the problem of plain data; what is left out takes its default.
+
+    Raises
+    ------
+    InvalidInputError
+        Not such data, or a problem that contradicts itself.
+    UnknownNameError
+        A key that does not exist.
+    """
+    given = dict(_mapping("plan", data))
+    _known("plan", given, PlanProblem)
+    for name in ("pendulum", "schedule", "start"):
+        if name not in given:
+            raise InvalidInputError(f"plan: {name} is missing")
+    body = dict(_mapping("pendulum", given["pendulum"]))
+    kind = body.pop("kind", "solid")
+    if kind not in _PENDULUMS:
+        raise UnknownNameError("pendulum kind", str(kind), _PENDULUMS)
+    if set(body) - {"mass", "gravity"} or "mass" not in body:
+        raise InvalidInputError("pendulum: needs kind, mass and gravity, no more")
+    given["pendulum"] = _PENDULUMS[kind](**body)
+    if not isinstance(given["schedule"], list | tuple):
+        raise InvalidInputError("schedule: expected a list of phases")
+    given["schedule"] = tuple(_phase(each) for each in given["schedule"])
+    for name in ("start", "goal", "nominal"):
+        if name in given:
+            given[name] = _made(name, State, given[name])
+    if "limits" in given:
+        given["limits"] = _limits(given["limits"])
+    if "weights" in given:
+        given["weights"] = _made("weights", Weights, given["weights"])
+    return PlanProblem(**given)
+
+
+def save_plan(plan: Plan, path: str | Path) -> Path:
+    """Write a plan, and return the path.
+
+    The file is complete in itself: problem, solution, multipliers, and for other readers the motion
+    at the knots as arrays ``knots_time``, ``knots_com`` and so on.
+
+    Raises
+    ------
+    InvalidInputError
+        The path does not end in ``.npz``, or its folder does not exist.
+    """
+    path = Path(path)
+    if path.suffix != ".npz" or not path.parent.is_dir():
+        raise InvalidInputError(f"{path}: a plan is written as .npz, into a folder that exists")
+    entries: dict[str, Any] = plan_arrays(plan)
+    write_whole(path, lambda file: np.savez_compressed(file, **entries))
+    return path
+
+
+def plan_arrays(plan: Plan) -> dict[str, NDArray[np.generic]]:
+    """Return what the file of a plan holds, by name; other entries beside it do no harm."""
+    meta = {
+        "format": FORMAT,
+        "version": VERSION,
+        "problem": problem_to_data(plan.problem),
+        "stats": _plain(asdict(plan.stats)),
+        "phases": list(plan.phases),
+        "starts": plan.starts.tolist(),
+    }
+    return {
+        "meta": np.array(json.dumps(meta, allow_nan=False)),
+        **dict(zip(_ARRAYS, (plan.solution, *plan.duals), strict=True)),
+        **{f"knots_{f.name}": getattr(plan.knots, f.name) for f in fields(plan.knots)},
+    }
+
+
+def load_plan(path: str | Path) -> Plan:
+    """Return a plan from its file.
+
+    Raises
+    ------
+    InvalidInputError
+        No such file, not a plan, of a later format, or damaged.
+    """
+    try:
+        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            meta = json.loads(str(file["meta"]))
+            arrays = [np.array(file[name], dtype=float) for name in _ARRAYS]
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InvalidInputError(f"{path}: cannot be read as a plan: {error}") from error
+    if not isinstance(meta, dict) or meta.get("format") != FORMAT:
+        raise InvalidInputError(f"{path}: is not a plan")
+    if meta.get("version") != VERSION:
+        raise InvalidInputError(
+            f"{path}: is of format version {meta.get('version')!r}; this package reads {VERSION}"
+        )
+    problem = problem_from_data(meta.get("problem", {}))
+    solution, at_variables, at_rows = arrays
+    if {solution.shape, at_variables.shape} != {(lay_out(problem).count,)}:
+        raise InvalidInputError(f"{path}: its solution is not one of its problem")
+    if not np.isfinite(solution).all():
+        raise InvalidInputError(f"{path}: its solution holds NaN or infinity")
+    stats = _made("stats", Stats, meta.get("stats"))
+    return Plan(problem, solution, (at_variables, at_rows), stats)
+
+
+def _phase(data: Any) -> Phase:
+    given = dict(_mapping("phase", data))
+    _known("phase", given, Phase)
+    given.setdefault("name", "")
+    for name in ("duration", "support"):
+        if name not in given:
+            raise InvalidInputError(f"phase {given['name']!r}: {name} is missing")
+    if given.get("limits") is not None:
+        given["limits"] = _limits(given["limits"])
+    if "end" in given:
+        given["end"] = _made("end", State, given["end"])
+    return Phase(**given)
+
+
+def _limits(data: Any) -> Limits:
+    given = dict(_mapping("limits", data))
+    for name, value in given.items():
+        if value is None:
+            given[name] = math.inf
+        elif isinstance(value, list | tuple):
+            given[name] = tuple(math.inf if x is None else x for x in value)
+    return _made("limits", Limits, given)
+
+
+def _made(what: str, kind: Any, data: Any) -> Any:
+    given = dict(_mapping(what, data))
+    _known(what, given, kind)
+    try:
+        return kind(**given)
+    except TypeError as error:
+        raise InvalidInputError(f"{what}: {error}") from error
+
+
+def _mapping(what: str, data: Any) -> Mapping[str, Any]:
+    if not isinstance(data, Mapping):
+        raise InvalidInputError(f"{what}: expected keys and values, got {data!r}")
+    return data
+
+
+def _known(what: str, given: Mapping[str, Any], kind: Any) -> None:
+    names = [each.name for each in fields(kind)]
+    for name in given:
+        if name not in names:
+            raise UnknownNameError(f"key of {what}", str(name), names)
+
+
+def _plain(value: Any) -> Any:
+    """Return JSON's own types; infinite numbers as null."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
