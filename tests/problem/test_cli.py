@@ -180,7 +180,11 @@ def test_schema(tmp_path: Path) -> None:
     printed = wbc_command("schema")
     assert printed.exit_code == 0
     schema = json.loads(printed.stdout)
-    assert set(schema["required"]) == {"robot", "tasks"}
+    robot, pendulum = (
+        schema["$defs"][schema[branch]["$ref"].rsplit("/", 1)[1]] for branch in ("else", "then")
+    )
+    assert set(robot["required"]) == {"robot", "tasks"}
+    assert set(pendulum["required"]) == {"model", "mass"}
     assert wbc_command("schema", "--output", tmp_path / "s.json").exit_code == 0
     assert json.loads((tmp_path / "s.json").read_text()) == schema
 

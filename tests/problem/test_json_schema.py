@@ -1,6 +1,7 @@
 """The JSON Schema says what the models say; checked by a small validator of its own."""
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,8 +11,11 @@ from pydantic import ValidationError
 from wbc.controllers.kinematic import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.problem.controller_specs import QpSpec
+from wbc.problem.json_schema import json_schema
+from wbc.problem.pendulum.plan_specs import PlanWeightsSpec
 from wbc.problem.reading import parse, read_source
-from wbc.problem.spec import ProblemSpec, json_schema
+from wbc.problem.spec import ProblemSpec
+from wbc.rmp.plan.problem import Weights
 
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.yaml"))
 SCHEMA = json_schema()
@@ -21,6 +25,8 @@ KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "null": 
 def fits(value: Any, schema: dict[str, Any]) -> bool:
     """Whether a value satisfies a schema: the keywords that ours uses, as draft 2020-12 says."""
     if "$ref" in schema and not fits(value, SCHEMA["$defs"][schema["$ref"].rsplit("/", 1)[1]]):
+        return False
+    if "if" in schema and not fits(value, schema["then" if fits(value, schema["if"]) else "else"]):
         return False
     kind = schema.get("type")
     if kind == "number" and (isinstance(value, bool) or not isinstance(value, int | float)):
@@ -148,7 +154,7 @@ def test_a_description_survives_being_written_and_read(text: str) -> None:
 
 
 def test_every_key_is_described() -> None:
-    sections = [SCHEMA, *SCHEMA["$defs"].values()]
+    sections = list(SCHEMA["$defs"].values())
     missing = [
         f"{section['title']}.{key}"
         for section in sections
@@ -157,6 +163,10 @@ def test_every_key_is_described() -> None:
     ]
     assert missing == []
     assert all(section.get("description") for section in sections)
+
+
+def test_planning_weights_default_to_the_planner_s() -> None:
+    assert PlanWeightsSpec().model_dump() == asdict(Weights())
 
 
 def test_choices_are_those_of_the_controller() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from wbc.errors import ProblemFileError
 from wbc.problem import load_problem
-from wbc.problem.spec import json_schema
+from wbc.problem.json_schema import json_schema
 
 GOOD = """\
 robot: hoap2_like

@@ -18,6 +18,7 @@ from wbc.cli.errors import BAD_INPUT, NOT_REACHED, QP_FAILED, complain, errors_i
 
 if TYPE_CHECKING:
     from wbc.problem import Result
+    from wbc.problem.pendulum.result import PendulumResult
 
 app = typer.Typer(
     help="Whole-body control of humanoid robots, with the robot's inertia as a task.",
@@ -88,9 +89,9 @@ def _solve(
 ) -> int:
     """Run a problem, write and print what came of it, and return the exit code."""
     from wbc.cli.outputs import Outputs
-    from wbc.cli.printing import print_result
+    from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
-    from wbc.problem import load_problem
+    from wbc.problem import Result, load_problem
 
     outputs = Outputs(output, plot)
     problem = load_problem(path, overrides)
@@ -98,7 +99,10 @@ def _solve(
         result = problem.run(progress)
     outputs.write(result, path.stem)
     if not quiet:
-        print_result(result, outputs.written)
+        if isinstance(result, Result):
+            print_result(result, outputs.written)
+        else:
+            print_pendulum_result(result, outputs.written)
     for failure in outputs.failures:
         complain(failure)
     return BAD_INPUT if outputs.failures else _exit_code(result)
@@ -111,7 +115,7 @@ def _overrides(assignments: list[str], solver: str | None) -> dict[str, Any]:
     return overrides if solver is None else {**overrides, "controller.solver": solver}
 
 
-def _exit_code(result: Result) -> int:
+def _exit_code(result: Result | PendulumResult) -> int:
     from wbc.problem import RunStatus
 
     if result.status.good:
@@ -133,7 +137,7 @@ def schema(
         import json
 
         from wbc.cli.outputs import check_place
-        from wbc.problem.spec import json_schema
+        from wbc.problem.json_schema import json_schema
 
         text = json.dumps(json_schema(), indent=2)
         if output is None:

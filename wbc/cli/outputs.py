@@ -11,6 +11,7 @@ from typing import Any
 
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import Result
+from wbc.problem.pendulum.result import PendulumResult
 from wbc.problem.saving import result_format
 
 
@@ -46,7 +47,7 @@ class Outputs:
             check_place("--plot", self.picture)
             picture_file(self.picture)
 
-    def write(self, result: Result, name: str) -> None:
+    def write(self, result: Result | PendulumResult, name: str) -> None:
         """Write what is wanted of ``result``; a failure is noted, and does not lose the rest."""
         if self.result is not None:
             self._save(result, self.result)
@@ -54,7 +55,7 @@ class Outputs:
             title = f"{name}: {result.status.value.replace('_', ' ')}"
             self._draw(result, self.picture, title)
 
-    def _save(self, result: Result, path: Path) -> None:
+    def _save(self, result: Result | PendulumResult, path: Path) -> None:
         try:
             result.save(path)
             self.written.append(path)
@@ -66,12 +67,15 @@ class Outputs:
                 f"{elsewhere} instead"
             )
 
-    def _draw(self, result: Result, path: Path, title: str) -> None:
-        from wbc.view import plot_run
+    def _draw(self, result: Result | PendulumResult, path: Path, title: str) -> None:
+        from wbc.view import plot_pendulum, plot_run
 
-        draw: Callable[..., Any] = plot_run
         try:
-            draw(result.robot, result.history, path, title=title)
+            if isinstance(result, Result):
+                draw: Callable[..., Any] = plot_run  # a History has every array that it reads
+                draw(result.robot, result.history, path, title=title)
+            else:
+                plot_pendulum(result.history, path, title=title)
             self.written.append(path)
         except WbcError as error:
             self.failures.append(f"--plot {path}: {error}")

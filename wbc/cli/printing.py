@@ -10,25 +10,42 @@ from rich.console import Console, JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
-from wbc.problem import Result
+from wbc.problem import Result, RunStatus
+from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
 from wbc.problem.result import TaskResult
 
 
 def print_result(result: Result, written: Iterable[Path]) -> None:
     """Print how a run ended, how far each task is from its target, and the worst of the rest."""
     console = Console(highlight=False)
-    colour = "green" if result.status.good else "red"
     seconds = len(result.history) * _time_step(result)
-    head = Text(result.status.value.replace("_", " "), style=f"bold {colour}")
-    head.append(
-        f": {result.reason} ({len(result.history)} ticks, {seconds:.2f} s)",
-        style="not bold default",
-    )
-    console.print(head)
+    reason = f"{result.reason} ({len(result.history)} ticks, {seconds:.2f} s)"
+    console.print(_head(result.status, reason))
     console.print(_tasks(result))
     if result.inertia:
         console.print(_inertia(result))
     console.print(_rest(result))
+    _print_written(console, written)
+
+
+def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> None:
+    """Print how a pendulum's problem ended, and what was measured."""
+    console = Console(highlight=False)
+    console.print(_head(result.status, result.reason))
+    table = _table("measured", "")
+    for name, value in result.measures.items():
+        table.add_row(Text(name), Text(f"{value:.4g}"))
+    console.print(table)
+    _print_written(console, written)
+
+
+def _head(status: RunStatus | PendulumStatus, reason: str) -> Text:
+    colour = "green" if status.good else "red"
+    head = Text(status.value.replace("_", " "), style=f"bold {colour}")
+    return head.append(f": {reason}", style="not bold default")
+
+
+def _print_written(console: Console, written: Iterable[Path]) -> None:
     for path in written:  # never folded: a path is to be copied
         console.print(Text.assemble((f"{'written':15}", "dim"), str(path)), soft_wrap=True)
 

@@ -52,5 +52,6 @@ def _lines(console: Console) -> ProgressCall:
 
 
 def _state(info: Mapping[str, Any]) -> str:
-    failed = f", {info['failed']} failed" if info["failed"] else ""
-    return f"t = {info['time']:.2f} s, speed {info['speed']:.1e}{failed}"
+    speed = f", speed {info['speed']:.1e}" if "speed" in info else ""
+    failed = f", {info['failed']} failed" if info.get("failed") else ""
+    return f"t = {info['time']:.2f} s{speed}{failed}"

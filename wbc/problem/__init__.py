@@ -2,11 +2,11 @@
 
 from wbc.problem.ending import RunStatus
 from wbc.problem.history import History
+from wbc.problem.json_schema import json_schema
 from wbc.problem.overrides import parse_override
 from wbc.problem.problem import Problem, load_problem
 from wbc.problem.result import Result
 from wbc.problem.run import Progress
-from wbc.problem.spec import json_schema
 
 __all__ = [
     "History",

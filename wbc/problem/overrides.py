@@ -64,6 +64,11 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
     return replace(source, data=data, overridden=overridden)
 
 
+def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a problem's file, text and overrides: what is needed to run it again."""
+    return {"file": source.name, "text": source.text, "overrides": plain(overrides)}
+
+
 def plain(value: Any) -> Any:
     """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text."""
     if isinstance(value, np.ndarray | np.generic):

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from wbc.problem.build import Parts, build
 from wbc.problem.messages import explained
-from wbc.problem.overrides import apply_overrides, plain
+from wbc.problem.overrides import apply_overrides, provenance
 from wbc.problem.reading import read_source
 from wbc.problem.result import Result
 from wbc.problem.run import Observe, Progress, run
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
+
+if TYPE_CHECKING:
+    from wbc.problem.pendulum.problem import PendulumProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +62,15 @@ class Problem:
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""
-        return {
-            "file": self.source.name,
-            "text": self.source.text,
-            "overrides": plain(self.overrides),
-        }
+        return provenance(self.source, self.overrides)
 
 
-def load_problem(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Problem:
+def load_problem(
+    path: str | Path, overrides: Mapping[str, Any] | None = None
+) -> Problem | PendulumProblem:
     """Read and check a problem file; nothing is left to fail later for a wrong name or number.
+
+    A file with the key ``model`` (``rmp_planar`` or ``rmp_solid``) is a pendulum's problem.
 
     Parameters
     ----------
@@ -82,6 +85,11 @@ def load_problem(path: str | Path, overrides: Mapping[str, Any] | None = None) -
     """
     overrides = dict(overrides or {})
     source = apply_overrides(read_source(Path(path)), overrides)
+    if isinstance(source.data, dict) and "model" in source.data:
+        # Only now: a robot's problem need not wait for CasADi to load.
+        from wbc.problem.pendulum.problem import load_pendulum
+
+        return load_pendulum(source, overrides)
     spec = validated(source)
     return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
 

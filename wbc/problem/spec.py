@@ -1,8 +1,8 @@
-"""A whole problem as its file describes it: the format, and its JSON Schema."""
+"""A whole problem as its file describes it: the format."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -51,22 +51,3 @@ class ProblemSpec(Section):
             return self.stop
         duration = sum(phase.duration for phase in self.phases.values())
         return self.stop.model_copy(update={"duration": duration, "speed": None})
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a problem file, for editors and other checkers."""
-    schema = ProblemSpec.model_json_schema()
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "wbc problem",
-        **{key: _unwrapped(value) for key, value in schema.items() if key != "title"},
-    }
-
-
-def _unwrapped(schema: Any) -> Any:
-    """Return a schema whose descriptions are on one line each."""
-    if isinstance(schema, dict):
-        return {key: _unwrapped(value) for key, value in schema.items()}
-    if isinstance(schema, list):
-        return [_unwrapped(value) for value in schema]
-    return " ".join(schema.split()) if isinstance(schema, str) else schema

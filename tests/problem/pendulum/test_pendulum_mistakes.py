@@ -1,0 +1,97 @@
+"""Mistakes in a pendulum's problem: each is answered with its line, its key and what is valid."""
+
+from pathlib import Path
+
+import pytest
+
+from wbc.errors import ProblemFileError, WbcError
+from wbc.problem import load_problem
+from wbc.rmp.plan.failure import PlanError
+
+LAW = """# A lean.
+model: rmp_planar
+mass: 35.0
+start: {leg_length: 0.7, radii: 0.25, theta: 1.5}
+bounds: {wheel_torque: 60.0}
+law: {type: static_lean, angle: 1.5}
+stop: {duration: 0.1}
+"""
+PLAN = """# A hop.
+model: rmp_solid
+mass: 30.0
+plan:
+  start: {com: [0, 0, 0.75], com_velocity: [0, 0, 0], rotation: [0, 0, 0], momentum: [0, 0, 0],
+          radii: [0.2, 0.2, 0.2], radii_rates: [0, 0, 0]}
+  goal: {com: [0, 0, 0.75], com_velocity: [0, 0, 0]}
+  schedule:
+    push: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}, intervals: 4}
+    fly: {duration: 0.3, support: flight, intervals: 4}
+    land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}, intervals: 4}
+  limits: {leg_length: [0.4, 0.9], normal_force: [10.0, 2000.0], friction: 0.7}
+"""
+
+# What is written, what replaces it, and what the message says.
+MISTAKES = {
+    "unknown model": (LAW, "rmp_planar", "rmp_flat", "p.yaml:2: model"),
+    "unknown law": (LAW, "static_lean", "static_learn", "p.yaml:6: law: expected a law"),
+    "unknown key": (LAW, "wheel_torque", "wheel_torqe", "did you mean 'wheel_torque'"),
+    "negative mass": (LAW, "mass: 35.0", "mass: -1.0", "p.yaml:3: mass"),
+    "no leg": (LAW, "leg_length: 0.7", "leg_length: 0.0", "p.yaml:4: start.leg_length"),
+    "not a number": (LAW, "radii: 0.25", "radii: .nan", "p.yaml:4: start.radii"),
+    "three radii in a plane": (LAW, "radii: 0.25", "radii: [1, 1, 1]", "start.radii: a planar"),
+    "both sizes": (LAW, "radii: 0.25", "radii: 0.25, inertia: 2.0", "inertia or radii"),
+    "leans too far": (LAW, "angle: 1.5", "angle: 1.0", "p.yaml:6: law: angle: to lean at"),
+    "solid law": (LAW, "static_lean, angle: 1.5", "stabiliser", "needs a solid pendulum"),
+    "law and plan": (LAW, "stop: {duration: 0.1}", "plan: {start: {}, schedule: {a: {duration: 1,"
+                     " support: flight}}}", "law (to simulate) or plan"),
+    "broken triangle": (
+        LAW.replace("rmp_planar", "rmp_solid").replace("static_lean, angle: 1.5", "stabiliser"),
+        "radii: 0.25", "inertia: [5.0, 1.0, 1.0]", "no mass has these moments"),
+    "spin out of reach": (
+        LAW.replace("radii: 0.25", "radii: 0.25, rates: {spin: 1.0}"),
+        "static_lean, angle: 1.5", "spin, spin: 1e6", "out of reach"),
+    "two flights": (PLAN, "fly: {", "up: {duration: 0.1, support: flight}\n    fly: {",
+                    "'up' and 'fly' are one flight"),
+    "negative duration": (PLAN, "push: {duration: 0.5", "push: {duration: -0.5",
+                          "p.yaml:9: plan.schedule.push.duration"),
+    "crossed durations": (PLAN, "fly: {duration: 0.3", "fly: {duration: [0.4, 0.3]", "crossed"),
+    "not convex": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}",
+                   "land: {duration: 0.5, support: [[0, 0], [1, 0], [0.1, 0.1], [0, 1]]",
+                   "p.yaml:11: plan.schedule.land"),
+    "negative radius": (PLAN, "radii: [0.2, 0.2, 0.2]", "radii: [0.2, -0.2, 0.2]",
+                        "plan.start: state: radii must be positive"),
+    "impossible inertia": (PLAN, "radii: [0.2, 0.2, 0.2]", "inertia: [5.0, 1.0, 1.0]",
+                           "triangle inequality"),
+    "start out of reach": (PLAN, "start: {com: [0", "start: {com: [2", "no CoP is possible"),
+    "limits crossed": (PLAN, "leg_length: [0.4, 0.9]", "leg_length: [0.9, 0.4]",
+                       "p.yaml:12: plan.limits"),
+    "law's key with a plan": (PLAN, "plan:", "bounds: {}\nplan:", "belongs to a law"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_one_typed_error_that_says_where(name: str, tmp_path: Path) -> None:
+    text, old, new, said = MISTAKES[name]
+    assert old in text
+    path = tmp_path / "p.yaml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ProblemFileError) as caught:
+        load_problem(path)
+    assert said in str(caught.value)
+
+
+def test_the_examples_themselves_are_valid(tmp_path: Path) -> None:
+    for k, text in enumerate((LAW, PLAN)):
+        path = tmp_path / f"{k}.yaml"
+        path.write_text(text)
+        assert load_problem(path).run().status.good
+
+
+def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(PLAN.replace("fly: {duration: 0.3", "fly: {duration: 2.0"))
+    with pytest.raises(PlanError, match="exceeds its limit by") as caught:
+        load_problem(path).run()
+    assert isinstance(caught.value, WbcError)
+    # Two seconds of flight take a take-off at 10 m/s within half a second and half a metre of leg.
+    assert any(each.quantity.startswith("leg_length") for each in caught.value.violations)

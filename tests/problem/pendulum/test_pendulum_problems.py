@@ -1,0 +1,91 @@
+"""The pendulum's problems that ship: each does what it is there for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.problem import load_problem
+from wbc.problem.pendulum.problem import PendulumProblem
+from wbc.problem.pendulum.result import PendulumStatus
+from wbc.rmp.plan import load_plan
+
+FOLDER = Path(__file__).parents[3] / "problems"
+LAWS = sorted(path.stem for path in FOLDER.glob("rmp_*.yaml"))
+PLANS = sorted(path.stem for path in FOLDER.glob("plan_*.yaml"))
+
+
+def load(name: str, **overrides: object) -> PendulumProblem:
+    problem = load_problem(FOLDER / f"{name}.yaml", overrides)
+    assert isinstance(problem, PendulumProblem)
+    return problem
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_laws_stand_until_the_end_and_within_tolerance(name: str) -> None:
+    result = load(name).run()
+    assert result.status is PendulumStatus.COMPLETED, result.reason
+    accepted = load(name).spec.stop.accept.model_dump(exclude_none=True)
+    assert accepted
+    assert all(result.measures[key] <= tolerance for key, tolerance in accepted.items())
+    # The QP's own accuracy, in N m.
+    assert all(room > -1e-6 for key, room in result.measures.items() if key.startswith("margin"))
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_plans_stand_their_check(name: str) -> None:
+    result = load(name).run()
+    assert result.status is PendulumStatus.PLANNED, result.reason
+    assert result.measures["largest defect"] < 1e-6
+    assert result.measures["largest violation"] < 1e-6
+    assert result.measures["momentum drift in flight"] < 1e-8
+
+
+def test_history_obeys_newton_and_the_definition_of_the_cop() -> None:
+    history = load("rmp_push_qp").run().history
+    # Differences of the CoM: an oracle that knows nothing of the law. Error of second order in
+    # time; the push itself is a jump, so only later moments count.
+    later = history.time > 0.3
+    dt = history.time[1] - history.time[0]
+    slope = np.gradient(history.com, dt, axis=0)
+    np.testing.assert_allclose(slope[later][:-1], history.com_velocity[later][:-1], atol=2e-3)
+    # The line from the CMP through the CoM is that of the ground's force: M (c'' - g).
+    acceleration = np.gradient(history.com_velocity, dt, axis=0)
+    force = acceleration + (0.0, 0.0, 9.81)
+    meets = history.com - force * (history.com[:, 2:] / force[:, 2:])
+    # Commands are held over a step, so the force jumps: compare where it hardly changes.
+    calm = later & (np.abs(np.gradient(history.cmp[:, 0], dt)) < 0.05)
+    assert calm.sum() > 1000
+    np.testing.assert_allclose(meets[calm], history.cmp[calm], atol=2e-3)
+    # CoP and CMP differ by the rate of the angular momentum about the CoM.
+    rate = np.gradient(history.momentum, dt, axis=0)
+    lever = np.column_stack((rate[:, 1], -rate[:, 0])) / (35.0 * force[:, 2:])
+    apart = history.cmp[:, :2] - history.cop[:, :2]
+    np.testing.assert_allclose(apart[calm], lever[calm], atol=2e-3)
+
+
+def test_spin_law_keeps_its_momentum() -> None:
+    result = load("rmp_spin").run()
+    spin = result.history.momentum
+    np.testing.assert_allclose(spin, np.broadcast_to(spin[0], spin.shape), rtol=1e-9, atol=1e-12)
+    # I w with the inertia halved thrice as fast: M r^2 6 rad/s at the end is M r^2 2 rad/s before.
+    r = result.history.radii[:, 0]
+    assert r[-1] ** 2 * 6.0 == pytest.approx(r[0] ** 2 * 2.0, rel=1e-6)
+
+
+def test_an_overridden_push_that_is_too_hard_ends_in_a_fall() -> None:
+    result = load("rmp_push_qp", pushes=[{"time": 0.0, "impulse": [60.0, 0.0, 0.0]}]).run()
+    assert not result.status.good
+    assert result.reason
+
+
+def test_results_are_saved_whole(tmp_path: Path) -> None:
+    result = load("plan_hop").run()
+    result.save(tmp_path / "hop.json")
+    result.save(tmp_path / "hop.npz")
+    with np.load(tmp_path / "hop.npz") as file:
+        np.testing.assert_array_equal(file["com"], result.history.com)
+        assert file["support_times"].shape == (2, 2)
+    # The same file is the plan's own: nothing needs to be solved again.
+    np.testing.assert_allclose(load_plan(tmp_path / "hop.npz").at(0.0).com[0], (0.0, 0.0, 0.75))
+    assert '"status": "planned"' in (tmp_path / "hop.json").read_text()

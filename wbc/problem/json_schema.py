@@ -1,0 +1,35 @@
+"""The JSON Schema of problem files, for editors and other checkers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from wbc.problem.pendulum.spec import PendulumSpec
+from wbc.problem.spec import ProblemSpec
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a problem file.
+
+    A file with the key ``model`` is about a pendulum, any other about a robot.
+    """
+    places, schema = models_json_schema([(ProblemSpec, "validation"), (PendulumSpec, "validation")])
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "wbc problem",
+        "if": {"type": "object", "required": ["model"]},
+        "then": places[PendulumSpec, "validation"],
+        "else": places[ProblemSpec, "validation"],
+        "$defs": _unwrapped(schema["$defs"]),
+    }
+
+
+def _unwrapped(schema: Any) -> Any:
+    """Return a schema whose descriptions are on one line each."""
+    if isinstance(schema, dict):
+        return {key: _unwrapped(value) for key, value in schema.items()}
+    if isinstance(schema, list):
+        return [_unwrapped(value) for value in schema]
+    return " ".join(schema.split()) if isinstance(schema, str) else schema

@@ -1,0 +1,80 @@
+"""A pendulum's problem: checked as a whole, ready to run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from wbc.problem.messages import explained
+from wbc.problem.overrides import provenance
+from wbc.problem.pendulum.build import Balance, Planning, build
+from wbc.problem.pendulum.result import PendulumResult
+from wbc.problem.pendulum.run import run_balance, run_plan
+from wbc.problem.pendulum.spec import PendulumSpec
+from wbc.problem.run import Progress
+from wbc.problem.source import Source
+from wbc.problem.versions import versions
+
+
+@dataclass(frozen=True, eq=False)
+class PendulumProblem:
+    """A reaction mass pendulum under a balance law, or with a motion to plan.
+
+    Attributes
+    ----------
+    source:
+        The file's text and data.
+    overrides:
+        What replaces the file's values, by key path.
+    spec:
+        The validated description.
+    parts:
+        What it means: a law with its start, or a planning problem.
+    """
+
+    source: Source
+    overrides: Mapping[str, Any]
+    spec: PendulumSpec
+    parts: Balance | Planning
+
+    def run(self, progress: Progress | None = None) -> PendulumResult:
+        """Simulate the law, or solve for the plan.
+
+        Parameters
+        ----------
+        progress:
+            Called now and then with steps done, steps at most, and a mapping with ``time`` [s].
+            Not called by the planner, whose iterations have no known end.
+
+        Raises
+        ------
+        PlanError
+            There is no plan; the error names what is in the way.
+        """
+        provenance = {"problem": self.provenance(), "versions": versions()}
+        if isinstance(self.parts, Planning):
+            return run_plan(self.parts, provenance)
+        return run_balance(self.parts, self.spec.stop, provenance, progress)
+
+    def provenance(self) -> dict[str, Any]:
+        """Return the problem's file, text and overrides: what is needed to run it again."""
+        return provenance(self.source, self.overrides)
+
+
+def load_pendulum(source: Source, overrides: Mapping[str, Any]) -> PendulumProblem:
+    """Return the checked problem of a source.
+
+    Raises
+    ------
+    ProblemFileError
+        With every mistake found: file, line, key path, what is wrong and what is valid.
+    """
+    keys: dict[int, tuple[str, ...]] = {}
+    try:
+        spec = PendulumSpec.model_validate(source.data, context=keys)
+    except ValidationError as error:
+        raise explained(error, source, keys) from error
+    return PendulumProblem(source, overrides, spec, build(spec, source))

@@ -1,0 +1,105 @@
+"""What came of a pendulum's problem, simulated or planned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.problem.pendulum.history import PendulumHistory
+from wbc.problem.saving import result_format, save_json, save_npz
+
+FORMAT = "wbc pendulum result 1"
+
+
+class PendulumStatus(StrEnum):
+    """How it ended.
+
+    ``COMPLETED``: stood for the whole time, and every tolerance met. ``PLANNED``: a plan was found
+    and checked. ``NOT_REACHED``: a tolerance was not met. ``PLAN_BROKEN``: the plan found does not
+    stand its check at twice the knots. The others: the simulation ended early.
+    """
+
+    COMPLETED = "completed"
+    PLANNED = "planned"
+    NOT_REACHED = "not_reached"
+    PLAN_BROKEN = "plan_broken"
+    FELL = "fell"
+    CONTACT_LOST = "contact_lost"
+    LAW_FAILED = "law_failed"
+    DIVERGED = "diverged"
+
+    @property
+    def good(self) -> bool:
+        """True if the problem was solved."""
+        return self in (PendulumStatus.COMPLETED, PendulumStatus.PLANNED)
+
+
+@dataclass(frozen=True, eq=False)
+class PendulumResult:
+    """What came of a pendulum's problem.
+
+    Attributes
+    ----------
+    status, reason:
+        How it ended, and why that is so in words.
+    measures:
+        What was measured, by name with unit, such as ``"leg at the end [rad]"``.
+    history:
+        The motion in space.
+    arrays:
+        What an ``.npz`` file holds beside the history.
+    provenance:
+        Problem text, overrides and versions.
+    """
+
+    status: PendulumStatus
+    reason: str
+    measures: Mapping[str, float]
+    history: PendulumHistory
+    arrays: Mapping[str, NDArray[np.generic]]
+    provenance: Mapping[str, Any]
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the motion as plain data; what ``save`` writes as JSON."""
+        return {
+            "format": FORMAT,
+            "status": self.status.value,
+            "reason": self.reason,
+            "measures": dict(self.measures),
+            **self.provenance,
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the summary to a ``.json`` file, or summary and motion to an ``.npz`` file.
+
+        The file appears whole or not at all. JSON is strict: what is not finite is null. In an
+        ``.npz`` the entry ``summary`` holds the JSON text.
+
+        Raises
+        ------
+        InvalidInputError
+            Another ending.
+        OSError
+            The file cannot be written.
+        """
+        if result_format(path) == ".npz":
+            save_npz(Path(path), self.summary(), {**self._motion(), **self.arrays})
+        else:
+            save_json(Path(path), self.summary())
+
+    def _motion(self) -> dict[str, NDArray[np.generic]]:
+        plain = {
+            each.name: np.asarray(getattr(self.history, each.name))
+            for each in fields(self.history)
+            if each.name != "supports"
+        }
+        for k, support in enumerate(self.history.supports):
+            plain[f"support_{k}"] = support.polygon
+        spans = [(support.start, support.end) for support in self.history.supports]
+        return {**plain, "support_times": np.array(spans).reshape(-1, 2)}

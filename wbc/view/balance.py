@@ -1,0 +1,99 @@
+"""How well a pendulum is balanced: pushes survived all around, and starts brought to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.validate import finite_array, finite_vector
+from wbc.view import style
+
+SIDE = 3.4  # inches
+
+
+def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> Figure:
+    """Return a polar plot of impulses by direction.
+
+    Parameters
+    ----------
+    directions:
+        (n, 2), of any length but zero, in order around.
+    impulses:
+        Sizes (n,) [N s] by what they are; the last is drawn with markers.
+
+    Raises
+    ------
+    InvalidInputError
+        Wrong sizes, or not finite.
+    """
+    across = finite_array("directions", directions, (len(np.atleast_2d(directions)), 2))
+    angle = np.arctan2(across[:, 1], across[:, 0])
+    figure = Figure(figsize=(1.7 * SIDE, 1.15 * SIDE), dpi=style.DPI)
+    axes: Any = figure.add_axes((0.06, 0.08, 0.58, 0.82), projection="polar")
+    closed = np.append(angle, angle[:1])
+    names = list(impulses)
+    for name, colour in zip(names, style.SERIES, strict=False):
+        size = finite_vector(name, impulses[name], len(angle))
+        look = {"marker": "o", "markersize": 3.5} if name == names[-1] else {}
+        axes.plot(
+            closed, np.append(size, size[:1]), color=colour, linewidth=1.4, label=name, **look
+        )
+    axes.set_rlabel_position(100)
+    axes.tick_params(labelsize=style.SMALL, colors=style.BLACK)
+    axes.grid(color="#E4E6EA", linewidth=0.6)
+    axes.set_title("Impulse [N s] by direction", fontsize=style.NORMAL, color=style.BLACK, pad=12)
+    axes.legend(loc="center left", bbox_to_anchor=(1.12, 0.5), fontsize=style.SMALL, frameon=False)
+    return figure
+
+
+def regions_figure(
+    x_leans: ArrayLike, y_leans: ArrayLike, settling: Mapping[str, ArrayLike]
+) -> Figure:
+    """Return maps of how long a law takes to bring a leaning pendulum to rest.
+
+    Parameters
+    ----------
+    x_leans, y_leans:
+        Starts' leans toward x (n,) and y (m,) [rad], evenly spaced.
+    settling:
+        Times [s] (n, m) by law; NaN where it fell.
+
+    Raises
+    ------
+    InvalidInputError
+        Wrong sizes, or no map.
+    """
+    if not settling:
+        raise InvalidInputError("settling: needs at least one map")
+    x = np.degrees(finite_vector("x_leans", x_leans, np.size(x_leans)))
+    y = np.degrees(finite_vector("y_leans", y_leans, np.size(y_leans)))
+    maps = {name: np.asarray(times, dtype=float) for name, times in settling.items()}
+    for name, times in maps.items():
+        if times.shape != (len(x), len(y)):
+            raise InvalidInputError(f"settling of {name}: expected {(len(x), len(y))}")
+    longest = max((float(np.nanmax(m)) for m in maps.values() if np.isfinite(m).any()), default=1.0)
+    count = len(maps)
+    width = 0.75 + count * (SIDE - 0.4) + 0.95
+    figure = Figure(figsize=(width, SIDE + 0.35), dpi=style.DPI)
+    half = [(axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5 for axis in (x, y)]
+    extent = (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])
+    drawn: Any = None
+    for k, (name, times) in enumerate(maps.items()):
+        left = (0.75 + k * (SIDE - 0.4)) / width
+        axes = figure.add_axes((left, 0.16, (SIDE - 0.95) / width, 0.7))
+        style.plain(axes, name, "lean toward x [°]", "lean toward y [°]" if k == 0 else "")
+        axes.set_facecolor("#D9DBDF")
+        drawn = axes.imshow(
+            times.T, origin="lower", extent=extent, vmin=0.0, vmax=longest, cmap="viridis_r",
+            aspect="auto", interpolation="nearest",
+        )  # fmt: skip
+        axes.grid(visible=False)
+    bar = figure.colorbar(drawn, cax=figure.add_axes((1.0 - 0.85 / width, 0.16, 0.15 / width, 0.7)))
+    bar.set_label("time to rest [s]; grey: fell", fontsize=style.SMALL, color=style.BLACK)
+    bar.ax.tick_params(labelsize=style.SMALL, colors=style.BLACK)
+    return figure
