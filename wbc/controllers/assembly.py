@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wbc.constraints.rows import Bounds
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
 from wbc.validate import Array
@@ -18,6 +19,7 @@ def assemble(
     costs: Sequence[Rows],
     equalities: Sequence[Rows],
     box: tuple[Array, Array],
+    bounds: Bounds | None,
     labels: Labels,
     damping: float,
 ) -> QP:
@@ -31,6 +33,10 @@ def assemble(
         Rows met exactly; their weights are not used.
     box:
         Bounds (n,), (n,) on the unknown.
+    bounds:
+        Inequality rows, or None for none.
+    labels:
+        Names; those of the inequality rows are taken from ``bounds``.
     damping:
         Weight of 1/2 |x|^2, which makes the optimum unique; ``costs`` add their own damping.
     """
@@ -44,14 +50,18 @@ def assemble(
     P.flat[:: n + 1] += damping + sum(rows.damping for rows in costs)
     A = np.concatenate([rows.matrix for rows in equalities]) if equalities else np.zeros((0, n))
     b = np.concatenate([rows.target for rows in equalities]) if equalities else np.zeros(0)
+    if bounds is None:
+        bounds = Bounds((), np.zeros((0, n)), np.zeros(0), np.zeros(0))
+    else:
+        labels = Labels(labels.equality, bounds.labels, labels.variables)
     return QP(
         P=P,
         g=-(wanted @ stacked),
         A=A,
         b=b,
-        C=np.zeros((0, n)),
-        l=np.zeros(0),
-        u=np.zeros(0),
+        C=bounds.matrix,
+        l=bounds.lower,
+        u=bounds.upper,
         lower=lower,
         upper=upper,
         labels=labels,

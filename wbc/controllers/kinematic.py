@@ -2,6 +2,9 @@
 
     measurement -> snapshot -> residuals of tasks and contacts -> rows -> QP -> solution -> tick
 
+With constraints such as margins between bodies, the place where the solution leads is looked at
+before it becomes the command: see :mod:`wbc.controllers.landing`.
+
 The only memory between ticks is the solver's warm start.
 """
 
@@ -14,7 +17,9 @@ import numpy as np
 
 from wbc.constraints.contact import Contact
 from wbc.constraints.limits import BASE_ROWS, Limits
+from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.assembly import assemble
+from wbc.controllers.landing import Landing
 from wbc.controllers.levels import grouped, kept, level_labels
 from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
@@ -43,6 +48,8 @@ class KinematicController:
         Frames that are held; see :func:`wbc.constraints.support`.
     limits:
         Joint and base limits, or None for none.
+    constraints:
+        What gives inequality rows, such as :class:`wbc.constraints.SelfCollision`.
     dt:
         Time step [s]: the command is meant to be applied for this long.
     solver:
@@ -65,6 +72,7 @@ class KinematicController:
         *,
         contacts: Sequence[Contact] = (),
         limits: Limits | None = None,
+        constraints: Sequence[Constraint] = (),
         dt: float = 0.005,
         solver: str | Backend = "proxqp",
         formulation: str = "equality",
@@ -75,6 +83,7 @@ class KinematicController:
         self.tasks = tuple(tasks)
         self.contacts = tuple(contacts)
         self.limits = limits
+        self.constraints = tuple(constraints)
         self.dt = finite_number("controller, dt", dt, above=0.0)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.backend = make_backend(solver) if isinstance(solver, str) else solver
@@ -112,22 +121,39 @@ class KinematicController:
         residuals = [task.residual(snapshot) for task in self.tasks]
         rows = self._rows(residuals)
         equalities = self._contact_rows(snapshot)
+        landing = Landing.of(self.constraints, snapshot, self.dt, equalities)
         assembled = perf_counter()
-        qp = self._qp(snapshot, rows, equalities, level=0)
+        qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
         ready = perf_counter()
+        qp, solution = self._descend(qp, snapshot, rows, equalities, landing.bounds)
+        while landing.breaks(solution.x) if solution.solved else landing.yields():
+            qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
+            qp, solution = self._descend(qp, snapshot, rows, equalities, landing.bounds)
+        share = landing.share(solution.x) if solution.solved else 1.0
+        times = Times(assembled - start, ready - assembled, perf_counter() - ready)
+        return self._answer(snapshot, residuals, qp, solution, share, times)
+
+    def _descend(
+        self,
+        qp: QP,
+        snapshot: Snapshot,
+        rows: list[Rows],
+        equalities: list[Rows],
+        bounds: Bounds | None,
+    ) -> tuple[QP, Solution]:
+        """Solve the QP of the first level, then those of the levels below."""
         solution = self._solve(qp)
         for level in range(1, len(self._levels)):
             above = [rows[k] for k in self._levels[level - 1]]
             if solution.status is not Status.SOLVED:
                 break
             equalities = [*equalities, *kept(above, solution.x)]
-            elimination = eliminate(self._qp(snapshot, rows, equalities, level))
+            elimination = eliminate(self._qp(snapshot, rows, equalities, bounds, level))
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 break
             qp = elimination.full
             solution = self._solve_reduced(elimination, level)
-        times = Times(assembled - start, ready - assembled, perf_counter() - ready)
-        return self._answer(snapshot, residuals, qp, solution, times)
+        return qp, solution
 
     def _rows(self, residuals: Sequence[Residual]) -> list[Rows]:
         """Apply the velocity law to every task."""
@@ -144,16 +170,24 @@ class KinematicController:
             held.append(velocity_law(residual, contact.gain, self.dt, contact.weight))
         return held
 
-    def _qp(self, snapshot: Snapshot, rows: list[Rows], equalities: list[Rows], level: int) -> QP:
-        """Join the costs of a level, equalities (contacts first) and limits."""
+    def _qp(
+        self,
+        snapshot: Snapshot,
+        rows: list[Rows],
+        equalities: list[Rows],
+        bounds: Bounds | None,
+        level: int,
+    ) -> QP:
+        """Join the costs of a level, equalities (contacts first), inequalities and limits."""
         box = self._no_box
         rows = rows if len(self._levels) == 1 else [rows[k] for k in self._levels[level]]
+        dominating = [bounds.push] if bounds is not None and level == 0 else []
         if self.limits is not None:
             box = self.limits.box(snapshot, self.dt)
-            recovery = self.limits.recovery_rows(snapshot, self.dt) if level == 0 else None
-            if recovery is not None:
-                rows = [*rows, _outweighing(recovery, rows)]
-        return assemble(rows, equalities, box, self._labels[level], self.damping)
+            if level == 0:
+                dominating.append(self.limits.recovery_rows(snapshot, self.dt))
+        rows = [*rows, *(_outweighing(extra, rows) for extra in dominating if extra is not None)]
+        return assemble(rows, equalities, box, bounds, self._labels[level], self.damping)
 
     def _solve(self, qp: QP) -> Solution:
         """Solve the first level in the chosen formulation."""
@@ -177,12 +211,13 @@ class KinematicController:
         residuals: Sequence[Residual],
         qp: QP,
         solution: Solution,
+        share: float,
         times: Times,
     ) -> Tick:
         """Turn the solution into a command, by the declared policy if there is none."""
         solved = solution.status is Status.SOLVED
         tick = Tick(
-            velocity=read_only(solution.x if solved else self._fallback(snapshot, qp)),
+            velocity=read_only(share * solution.x if solved else self._fallback(snapshot, qp)),
             status=solution.status,
             policy=None if solved else self.on_failure,
             errors={
@@ -192,6 +227,7 @@ class KinematicController:
             solution=solution,
             qp=qp,
             times=times,
+            share=share,
         )
         if not solved and self.on_failure == "raise":
             raise ControllerFailure(tick.report(), tick)
@@ -204,10 +240,11 @@ class KinematicController:
         return np.clip(0.5 * snapshot.v, qp.lower, qp.upper)
 
     def _check_parts(self) -> None:
-        """Refuse tasks, contacts and limits of another robot, and names given twice."""
+        """Refuse parts made for another robot, and names given twice."""
         if not self.tasks:
             raise InvalidInputError("controller: no task given; there is nothing to do")
-        parts: list[Task | Contact | Limits] = [*self.tasks, *self.contacts]
+        parts: list[Task | Contact | Limits | Constraint]
+        parts = [*self.tasks, *self.contacts, *self.constraints]
         for part in [*parts, *([self.limits] if self.limits else [])]:
             if part.robot is not self.robot:
                 raise InvalidInputError(f"controller: {part!r} was made for another robot object")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.controllers.kinematic import KinematicController
+from wbc.errors import InvalidInputError
 from wbc.qp.elimination import eliminate
 from wbc.qp.kkt import KktResiduals
 from wbc.qp.problem import QP
@@ -24,10 +25,14 @@ class PseudoInverseController(KinematicController):
     Limits are an afterthought, as they are to a pseudo-inverse: independent velocities are clipped
     to the box, so what the clipped joints should have done is lost, and dependent joints may leave
     their range. The residuals of the full QP that each tick reports show by how much this is not
-    the optimum; the status says only that a command was found.
+    the optimum; the status says only that a command was found. Constraints are refused.
     """
 
     def __init__(self, *args: Any, damping: float = 1e-3, **kwargs: Any) -> None:
+        if kwargs.get("constraints"):
+            raise InvalidInputError(
+                "pseudo-inverse controller: it cannot keep constraints; use KinematicController"
+            )
         kwargs["formulation"] = "reduced"
         super().__init__(*args, damping=damping, **kwargs)
 

@@ -10,6 +10,8 @@ from wbc.qp.solution import Solution, Status
 from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "raise")
+# Multipliers below this part of the largest, or below this, are what solvers leave: not held.
+HOLDING, NOTHING = 1e-6, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,9 @@ class Tick:
         The evidence: multipliers, recomputed KKT residuals, named rows, rows in conflict.
     times:
         Seconds by stage.
+    share:
+        Part of the solution that is commanded: below 1 in the rare tick in which all of it would
+        end inside a margin (see :mod:`wbc.controllers.landing`).
     """
 
     velocity: Array
@@ -53,11 +58,25 @@ class Tick:
     solution: Solution
     qp: QP
     times: Times
+    share: float = 1.0
 
     @property
     def ok(self) -> bool:
         """True if the QP was solved and checked."""
         return self.status is Status.SOLVED
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Labels of the inequality rows that hold the command back, the strongest first.
+
+        Such as ``"left_hand vs pelvis"``; where two cuts of one margin hold, it is named once.
+        """
+        pull = abs(self.solution.z)
+        if not self.ok or not pull.size:
+            return ()
+        strongest = (int(k) for k in (-pull).argsort() if pull[k] > HOLDING * pull.max())
+        labels = self.qp.labels.inequality
+        return tuple(dict.fromkeys(labels[k] for k in strongest if pull[k] > NOTHING))
 
     def report(self) -> str:
         """Return what went wrong in one or two sentences, or ``"solved"``."""

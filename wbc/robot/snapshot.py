@@ -228,6 +228,21 @@ class Snapshot:
         )
         return read_only(motion.vector.copy())
 
+    @cached_property
+    def joint_placements(self) -> tuple[Array, Array]:
+        """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
+        self._kinematics()  # makes sure that the workspace holds this state
+        rotations, origins = self.robot.workspace.placements.copies()
+        return read_only(rotations), read_only(origins)
+
+    @cached_property
+    def joint_twists(self) -> Array:
+        """(6, nv): column k is the twist that v_k = 1 gives to all bodies that it carries.
+
+        World axes, the linear part that of the point at the world's origin.
+        """
+        return read_only(self._kinematics().J.copy())
+
     def _placement(self, frame: str) -> tuple[Array, Array]:
         found = self._placements.get(frame)
         if found is None:

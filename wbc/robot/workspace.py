@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.robot.placements import JointPlacements
 from wbc.validate import Array
 
 
@@ -27,6 +28,7 @@ class Workspace:
         self.torques = np.empty((6, model.nv))  # and what holds its joints
         self._kinematics = model.createData()
         self._kinematics_owner: Any = None
+        self.placements = JointPlacements(self._kinematics)
         self._rates = model.createData()
         self._rates_owner: Any = None
         self.scratch = model.createData()

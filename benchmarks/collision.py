@@ -1,0 +1,253 @@
+"""Margins between bodies: are they kept, at what price, and without trembling?
+
+1. Random ticks as in ``random_ticks.py`` (targets mostly out of reach, every support) with the
+   robot's own bodies kept apart. Every pair of bodies is measured after every tick, not only the
+   nearest that have rows.
+2. Time of a tick of ``tick.py``'s job with and without, in turns.
+3. Hands pressed against the body: a command that trembles would change its sign.
+
+    python benchmarks/collision.py [--ticks 100000] [--robots g1 talos] [--fit capsule]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass, field
+from time import thread_time
+
+import numpy as np
+import tick as job
+from random_ticks import SUPPORTS, inside, random_tasks
+
+from wbc.constraints import Limits, SelfCollision, support
+from wbc.controllers import KinematicController
+from wbc.robot import Robot
+from wbc.robot.collision import CollisionModel
+from wbc.tasks import PositionTask, PostureTask
+
+ROBOTS = ("hoap2_like", "g1", "talos", "icub", "romeo")
+DT = 0.005
+EPISODE = 100
+MARGIN = 0.01
+PAIRS = 25
+
+
+@dataclass
+class Record:
+    """What was seen over all ticks of one robot and support."""
+
+    ticks: int = 0
+    near: int = 0  # ticks after which a pair was within a millimetre of its margin
+    cut: int = 0  # ticks that were solved again because of where they led
+    shared: int = 0  # ticks of which only a part was commanded
+    broken: float = -np.inf  # m: margin minus the smallest distance of all pairs
+    speeding: float = 0.0  # largest gain of a joint's speed in a tick, in parts of the declared one
+    statuses: Counter[str] = field(default_factory=Counter)
+    examples: list[str] = field(default_factory=list)
+
+    def row(self) -> str:
+        return (
+            f"{self.ticks:8d}{self.near:8d}{self.cut:7d}{self.shared:7d}{self.broken * 1e3:10.4f}"
+            f"{self.speeding:10.4f}  {dict(self.statuses)}"
+        )
+
+
+def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:
+    """Return a random posture in which no pair is inside its margin."""
+    scale = 0.3
+    while True:
+        step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
+        q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
+        if margins.model.nearest(robot.snapshot(q)).distance.min() > MARGIN:
+            return q
+        scale *= 0.9
+
+
+def episode(
+    robot: Robot,
+    margins: SelfCollision,
+    mode: str,
+    rng: np.random.Generator,
+    solver: str,
+    record: Record,
+) -> None:
+    """Run one set of random targets from a random posture."""
+    q = clear_posture(robot, margins, rng)
+    here = robot.snapshot(q)
+    limits = Limits(robot)
+    controller = KinematicController(
+        robot,
+        random_tasks(robot, rng, here),
+        contacts=support(here, mode),
+        limits=limits,
+        constraints=[margins],
+        dt=DT,
+        solver=solver,
+    )
+    v = np.zeros(robot.nv)
+    for _ in range(EPISODE):
+        tick = controller.step(robot.snapshot(q, v))
+        record.ticks += 1
+        record.statuses[tick.status.value] += 1
+        record.cut += len(tick.qp.l) > min(PAIRS, len(margins.model.pairs))
+        record.shared += tick.share < 1.0
+        if not tick.ok and len(record.examples) < 3:
+            record.examples.append(tick.report())
+        gained = (np.abs(tick.velocity) - np.abs(v))[6:] / (limits.acceleration * DT)
+        record.speeding = max(record.speeding, float(gained.max()))
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+        found = margins.model.nearest(robot.snapshot(q))
+        k = int(found.distance.argmin())
+        broken = MARGIN - float(found.distance[k])
+        record.near += broken > -1e-3
+        if broken > max(record.broken, 1e-5) and len(record.examples) < 5:
+            record.examples.append(f"{margins.model.labels[k]}: {broken * 1e3:.4f} mm inside")
+        record.broken = max(record.broken, broken)
+
+
+def random_ticks(options: argparse.Namespace) -> None:
+    rng = np.random.default_rng(options.seed)
+    share = -(-options.ticks // (len(options.robots) * len(SUPPORTS)))
+    print(f"{'robot':12s}{'support':10s}{'ticks':>8s}{'near':>8s}{'cut':>7s}{'shared':>7s}", end="")
+    print(f"{'broken mm':>10s}{'speeding':>10s}  statuses")
+    total = Record()
+    for name in options.robots:
+        robot = Robot.load(name)
+        margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, fit=options.fit)
+        for mode in SUPPORTS:
+            record = Record()
+            while record.ticks < share:
+                episode(robot, margins, mode, rng, options.solver, record)
+            print(f"{name:12s}{mode:10s}{record.row()}", flush=True)
+            for example in record.examples:
+                print("    ", example)
+            total.ticks += record.ticks
+            total.statuses += record.statuses
+            total.broken = max(total.broken, record.broken)
+    worst = f"{total.broken * 1e3:.4f} mm"
+    print(f"total {total.ticks} ticks, margin broken by {worst}, {dict(total.statuses)}")
+
+
+def watched(robot: Robot, fit: str, few: bool) -> SelfCollision:
+    """Return margins for all pairs, or for the 25 that are nearest when standing and no others."""
+    margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, fit=fit)
+    if not few:
+        return margins
+    model = margins.model
+    nearest = model.nearest(robot.snapshot(robot.posture("standing")), PAIRS)
+    pairs = [(a, b) for a, b in model.pairs[nearest.pairs].tolist()]
+    only = CollisionModel(robot, model.bodies, pairs)
+    return SelfCollision(robot, margin=MARGIN, pairs=PAIRS, model=only)
+
+
+def times(solver: str, ticks: int) -> None:
+    """Take turns at the tick benchmark's job with and without margins; medians in CPU time."""
+    robot = Robot.load("g1")
+    bare = job.make_run(robot, solver, "equality")
+    bare.label = "none"
+    runs = [bare]
+    for fit in ("capsule", "hull"):
+        for few in (True, False):
+            run = job.make_run(robot, solver, "equality")
+            margins = watched(robot, fit, few)
+            run.label = f"{fit}, {PAIRS} of {len(margins.model.pairs)}"
+            run.controller = KinematicController(
+                robot,
+                run.controller.tasks,
+                contacts=run.controller.contacts,
+                limits=run.controller.limits,
+                constraints=[margins],
+                dt=DT,
+                solver=solver,
+            )
+            runs.append(run)
+    turn = 10  # ticks: short turns, so that a change of the machine's pace hits all alike
+    for _ in range(-(-(job.WARM_UP + ticks) // turn)):
+        for run in runs:
+            for _ in range(turn):
+                run.advance()
+    print(f"\ntick of g1 with {solver}; us of CPU time: median, tenth and last percentile")
+    for run in runs:
+        low, median, high = np.percentile(run.cpu, (10, 50, 99)) * 1e6
+        # The k-th ticks of two runs lie milliseconds apart: their difference is the fairest.
+        extra = np.median(np.subtract(run.cpu, bare.cpu)) * 1e6
+        print(f"{run.label:20s}{median:7.0f}{low:7.0f}{high:7.0f}   extra {extra:5.0f}", end="   ")
+        stages = np.median(np.array(run.stages), axis=0) * 1e6
+        print(", ".join(f"{n} {t:.0f}" for n, t in zip(job.STAGES, stages, strict=True)))
+    here = robot.snapshot(robot.posture("standing"))
+    for run in runs[1:]:
+        (margins,) = run.controller.constraints
+        start = thread_time()
+        for _ in range(1000):
+            margins.rows(here, DT)
+        print(f"rows alone, {run.label}: {(thread_time() - start) * 1e3:.0f} us")
+
+
+def pressed(solver: str) -> None:
+    """Pull both hands through the trunk, and count how often a joint's velocity changes sign."""
+    print("\nhands pressed against the body, 1500 ticks; changes of sign above 1e-3 rad/s:")
+    for name, left, right in (
+        ("g1", "left_wrist_yaw_link", "right_wrist_yaw_link"),
+        ("talos", "arm_left_7_link", "arm_right_7_link"),
+        ("romeo", "l_wrist", "r_wrist"),
+    ):
+        robot = Robot.load(name)
+        margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS)
+        q, v = robot.posture("standing"), np.zeros(robot.nv)
+        here = robot.snapshot(q)
+        tasks = [
+            PositionTask(robot, hand, here.com + [0.0, 0.0, 0.1], weight=1.0, gain=0.1)
+            for hand in (left, right)
+        ]
+        controller = KinematicController(
+            robot,
+            [*tasks, PostureTask(robot, q, weight=0.05, gain=0.05)],
+            contacts=support(here, "double"),
+            limits=Limits(robot),
+            constraints=[margins],
+            dt=DT,
+            solver=solver,
+        )
+        history = []
+        for _ in range(1500):
+            tick = controller.step(robot.snapshot(q, v))
+            v = tick.velocity
+            q = robot.integrate(q, v, DT)
+            history.append(v[6:])
+        rates = np.array(history)
+        strong = np.minimum(np.abs(rates[1:]), np.abs(rates[:-1])) > 1e-3
+        turns = (rates[1:] * rates[:-1] < 0.0) & strong
+        # A joint that turns back twice within ten ticks trembles.
+        recent = np.cumsum(np.vstack((np.zeros_like(rates[:1]), turns)), axis=0)
+        trembles = int((recent[10:] - recent[:-10] > 1).any(axis=1).sum())
+        late = float(np.abs(rates[-300:]).max())
+        gap = margins.model.nearest(robot.snapshot(q)).distance.min() - MARGIN
+        print(
+            f"{name:8s} {int(turns.sum())} of {turns.shape[1]} joints, {trembles} ticks with two "
+            f"turns within 10; largest late speed {late:.1e} rad/s, "
+            f"least distance - margin {gap * 1e3:.4f} mm, held by {tick.active[:2]}"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=100_000)
+    parser.add_argument("--timed", type=int, default=2000, help="ticks of the timing")
+    parser.add_argument("--solver", default="proxqp")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--fit", default="capsule")
+    parser.add_argument("--robots", nargs="+", default=ROBOTS)
+    options = parser.parse_args()
+    if options.ticks:
+        random_ticks(options)
+    if options.timed:
+        times(options.solver, options.timed)
+    pressed(options.solver)
+
+
+if __name__ == "__main__":
+    main()

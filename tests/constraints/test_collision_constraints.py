@@ -1,0 +1,363 @@
+"""Margins, obstacles, CoM support and boxes in the controller: kept, named, never infeasible."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from wbc.constraints import (
+    Approach,
+    ComSupport,
+    Limits,
+    Obstacles,
+    PositionBox,
+    SelfCollision,
+    support,
+)
+from wbc.constraints.clearance import SKIN
+from wbc.controllers import KinematicController, PseudoInverseController
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.robot.collision import CollisionModel, Obstacle
+from wbc.robot.collision.cache import VARIABLE
+from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
+
+DT = 0.005
+HANDS = ("left_hand", "right_hand")
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch) -> None:
+    monkeypatch.setenv(VARIABLE, "off")
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+@cache
+def standard(robot: Robot) -> SelfCollision:
+    """Margins of 10 mm between all bodies; made once, for they remember nothing."""
+    return SelfCollision(robot, margin=0.01)
+
+
+def hand_tasks(robot: Robot, here, place, **law) -> list[PositionTask]:
+    frames = [name for name in HANDS if name in robot.frame_names]
+    assert frames, "the model's hands have other names"
+    return [PositionTask(robot, frame, place, gain=0.2, **law) for frame in frames]
+
+
+def controller(robot, tasks, here, constraints, mode="double", **options) -> KinematicController:
+    lowest = max((task.priority for task in tasks), default=0)
+    posture = PostureTask(robot, here.q, weight=0.02, gain=0.05, priority=lowest)
+    return KinematicController(
+        robot,
+        [*tasks, posture],
+        contacts=support(here, mode),
+        limits=Limits(robot),
+        constraints=constraints,
+        dt=DT,
+        **options,
+    )
+
+
+def run(control, q, ticks: int, after=None):
+    """Yield (tick, q after it)."""
+    v = np.zeros(control.robot.nv)
+    for _ in range(ticks):
+        tick = control.step(control.robot.snapshot(q, v))
+        v = tick.velocity
+        q = control.robot.integrate(q, v, DT)
+        yield tick, q
+
+
+@pytest.mark.parametrize(
+    ("solver", "formulation"), [("proxqp", "equality"), ("daqp", "equality"), ("proxqp", "reduced")]
+)
+def test_hands_pulled_through_the_trunk_stop_at_the_margin(robot, solver, formulation) -> None:
+    margins = standard(robot)
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    tasks = hand_tasks(robot, here, here.com)
+    control = controller(robot, tasks, here, [margins], solver=solver, formulation=formulation)
+    rates, held = [], set()
+    for tick, q_now in run(control, q, 300):
+        assert tick.ok, tick.report()
+        nearest = margins.model.nearest(robot.snapshot(q_now)).distance.min()
+        assert nearest > 0.01  # the skin takes up what the rows' linearity breaks
+        rates.append(tick.velocity[6:])
+        held |= set(tick.active)
+    assert nearest < 0.01 + 2e-3
+    assert any("hand" in label or "arm" in label for label in held)
+    assert all(" vs " in label for label in held)
+    # Against the margin nothing trembles: in half a second a joint turns back three times at most.
+    late = np.array(rates[-100:])
+    turns = (late[1:] * late[:-1] < 0) & (np.minimum(abs(late[1:]), abs(late[:-1])) > 1e-3)
+    assert turns.sum(axis=0).max() <= 3
+
+
+def test_without_the_constraint_they_would_collide(robot) -> None:
+    """The same motion without margins ends inside: the test above tests something."""
+    margins = standard(robot)
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    control = controller(robot, hand_tasks(robot, here, here.com), here, [])
+    *_, (_, end) = run(control, q, 300)
+    assert margins.model.nearest(robot.snapshot(end)).distance.min() < 0.0
+
+
+def test_lower_priorities_keep_margins_too(robot) -> None:
+    margins = standard(robot)
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    com = ComTask(robot, here.com, priority=0, gain=0.5)
+    control = controller(
+        robot, [com, *hand_tasks(robot, here, here.com, priority=1)], here, [margins]
+    )
+    held = set()
+    for tick, q_now in run(control, q, 150):
+        assert tick.ok, tick.report()
+        there = robot.snapshot(q_now)
+        assert margins.model.nearest(there).distance.min() > 0.01
+        held |= set(tick.active)
+    assert held
+    np.testing.assert_allclose(there.com, here.com, atol=1e-4)  # what a tick's curvature leaves
+
+
+def test_a_start_inside_a_margin_is_solved_and_left(robot) -> None:
+    """Hands held 3 cm nearer to the trunk than they may: out they come, at a bounded rate."""
+    every = standard(robot).model
+    names = [body.name for body in every.bodies]
+    pairs = [(a, b) for a, b in every.pairs.tolist() if names[a][:5] + names[b][5:9] == "torso_han"]
+    hands = CollisionModel(robot, every.bodies, pairs)
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    start = hands.nearest(here).distance.min()
+    law = Approach(push=0.1)
+    margins = SelfCollision(robot, margin=start + 0.03, model=hands, approach=law)
+    control = controller(robot, [ComTask(robot, here.com)], here, [margins])
+    last = start
+    for tick, q_now in run(control, q, 200):
+        assert tick.ok, tick.report()
+        distance = hands.nearest(robot.snapshot(q_now)).distance.min()
+        assert last - 1e-5 < distance < last + 0.1 * DT + 1e-4
+        last = distance
+    assert last == pytest.approx(start + 0.03, abs=2e-4)
+
+
+def test_a_robot_inside_its_margins_everywhere_is_solved_too(robot) -> None:
+    """25 pairs that cannot all be pushed out: nothing is infeasible, and nothing gets worse."""
+    every = standard(robot).model
+    margins = SelfCollision(robot, margin=0.03, model=every)
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    start = every.nearest(here).distance.min()
+    control = controller(robot, [ComTask(robot, here.com)], here, [margins])
+    ticks = list(run(control, q, 100))
+    for tick, _ in ticks:
+        assert tick.ok, tick.report()
+    end = ticks[-1][1]
+    assert tick.qp.l.max() <= 0.0
+    assert every.nearest(robot.snapshot(end)).distance.min() > start - SKIN
+
+
+def test_a_ball_that_comes_is_evaded_and_nothing_is_infeasible(robot) -> None:
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    hand = here.position("left_hand")
+    ball = Obstacle.sphere("ball", hand + [0.25, 0.0, 0.0], 0.03)
+    ball.move(np.eye(3), np.zeros(3), velocity=[-0.15, 0.0, 0.0])
+    around = Obstacles(robot, [ball], margin=0.02, links=["left_hand*", "left_*arm*"])
+    control = controller(robot, [ComTask(robot, here.com)], here, [around])
+    least, touched = np.inf, False
+    v = np.zeros(robot.nv)
+    for _ in range(300):
+        tick = control.step(robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        touched |= any("vs ball" in label for label in tick.qp.labels.inequality)
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+        ball.advance(DT)
+        found = around.gaps(robot.snapshot(q))
+        least = min(least, float(found.room.min()))
+    assert touched
+    assert least > -1e-3, "the hand had time and room to get out of the way"
+    assert np.linalg.norm(robot.snapshot(q).position("left_hand") - hand) > 0.02
+
+
+def test_a_train_hits_all_the_same_but_the_qp_is_solved(robot) -> None:
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    train = Obstacle.box("train", [0.2, 2.0, 2.0], [0.6, 0.0, 0.5])
+    train.move(np.eye(3), np.zeros(3), velocity=[-5.0, 0.0, 0.0])
+    control = controller(robot, [ComTask(robot, here.com)], here, [Obstacles(robot, [train])])
+    for _, (tick, _q) in zip(range(60), run(control, q, 60), strict=True):
+        assert tick.ok, tick.report()
+        train.advance(DT)
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        Obstacle.sphere("thing", [0.22, 0.12, 0.28], 0.05),
+        Obstacle.capsule("thing", [0.22, -0.5, 0.28], [0.22, 0.5, 0.28], 0.03),
+        Obstacle.box("thing", [0.1, 0.6, 0.1], [0.26, 0.0, 0.28]),
+        Obstacle.half_space("thing", [-1.0, 0.0, 0.0], -0.2),
+    ],
+    ids=["sphere", "capsule", "box", "half-space"],
+)
+def test_a_hand_pressed_on_an_obstacle_stops_at_the_margin(robot, obstacle) -> None:
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    around = Obstacles(robot, [obstacle], margin=0.02)
+    assert around.gaps(here).room.min() > 0.0
+    target = np.array([0.3, 0.12, 0.28])
+    control = controller(robot, hand_tasks(robot, here, target)[:1], here, [around])
+    held = False
+    for tick, q_now in run(control, q, 250):
+        assert tick.ok, tick.report()
+        assert around.gaps(robot.snapshot(q_now)).room.min() > -SKIN
+        held |= any("vs thing" in label for label in tick.active)
+    assert held
+
+
+def test_rows_follow_a_moving_obstacle(robot, rng) -> None:
+    """rate is the slope of the distance while the robot stands still."""
+    here = robot.snapshot(robot.posture("standing"))
+    things = [
+        Obstacle.sphere("s", [0.3, 0.0, 0.3], 0.05),
+        Obstacle.capsule("c", [0.3, 0.3, 0.1], [0.3, 0.4, 0.6], 0.05),
+        Obstacle.half_space("h", [1.0, 0.2, 0.1], -0.5),
+    ]
+    for thing in things:
+        thing.move(np.eye(3), np.zeros(3), rng.normal(size=3), rng.normal(size=3))
+    around = Obstacles(robot, things, pairs=10_000)
+    now = around.gaps(here)
+    h = 1e-4
+    for thing in things:
+        thing.advance(h)
+    later = around.gaps(here)
+    # GJK stops at 1e-7 m, of two distances; the curvature is below 1 / (5 cm) at 1 m/s.
+    np.testing.assert_allclose((later.room - now.room) / h, now.rate, rtol=0, atol=4e-3)
+
+
+# ------------------------------------------------------------------------------ CoM and boxes
+
+
+def test_the_com_stays_over_its_support(robot) -> None:
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    held = ComSupport.over(here, margin=0.01)
+    pull = ComTask(robot, here.com + [0.3, 0.05, 0.0], gain=0.2)
+    control = controller(robot, [pull], here, [held])
+    for tick, q_now in run(control, q, 250):
+        assert tick.ok, tick.report()
+        com = robot.snapshot(q_now).com[:2]
+        edges = np.roll(held.corners, -1, axis=0) - held.corners
+        to_com = com - held.corners
+        cross = edges[:, 0] * to_com[:, 1] - edges[:, 1] * to_com[:, 0]
+        assert (cross / np.linalg.norm(edges, axis=1)).min() > 0.01
+    assert any("com vs support edge" in label for label in tick.active)
+
+
+def test_the_coms_rows_are_slopes(robot, rng) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    held = ComSupport.over(here)
+    gaps, v, h = held.gaps(here), rng.normal(size=robot.nv), 1e-6
+    ahead = held.gaps(robot.snapshot(robot.integrate(here.q, v, h))).room
+    np.testing.assert_allclose((ahead - gaps.room) / h, gaps.matrix @ v, atol=1e-5)
+
+
+def test_a_polygon_must_have_area_and_room(robot) -> None:
+    square = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], dtype=float)
+    held = ComSupport(robot, square, margin=0.1)
+    held.set_polygon(2 * square)
+    np.testing.assert_allclose(held.corners.max(axis=0), [2, 2])
+    with pytest.raises(InvalidInputError, match="leaves nothing"):
+        ComSupport(robot, square, margin=0.6)
+    with pytest.raises(InvalidInputError, match="no area"):
+        ComSupport(robot, [[0, 0], [1, 1], [2, 2]])
+    with pytest.raises(InvalidInputError, match="shape"):
+        ComSupport(robot, [[0, 0, 0]])
+
+
+def test_the_base_keeps_its_height(robot) -> None:
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    low = q[2] - 0.02
+    box = PositionBox.height(robot, low, q[2] + 0.5)
+    task = PositionTask(robot, "base", here.position("base") - [0, 0, 0.2], gain=0.2)
+    upright = OrientationTask(robot, "base", here.rotation("base"))
+    control = controller(robot, [task, upright], here, [box])
+    heights = []
+    for tick, q_now in run(control, q, 250):
+        assert tick.ok, tick.report()
+        heights.append(q_now[2])
+    assert min(heights) > low
+    assert heights[-1] == pytest.approx(low, abs=1e-3)
+    assert tick.active == ("base z lower",)
+
+
+def test_a_workspace_for_a_hand(robot, rng) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    place = here.position("left_hand")
+    box = PositionBox(robot, "left_hand", place - 0.02, place + [0.02, 0.02, np.inf])
+    gaps, v, h = box.gaps(here), rng.normal(size=robot.nv), 1e-6
+    assert box.labels(gaps) == (
+        "left_hand x lower", "left_hand y lower", "left_hand z lower",
+        "left_hand x upper", "left_hand y upper",
+    )  # fmt: skip
+    np.testing.assert_allclose(gaps.room, 0.02 - SKIN, atol=1e-12)
+    ahead = box.gaps(robot.snapshot(robot.integrate(here.q, v, h))).room
+    np.testing.assert_allclose((ahead - gaps.room) / h, gaps.matrix @ v, atol=1e-5)
+    with pytest.raises(InvalidInputError, match="below"):
+        PositionBox(robot, "left_hand", place, place)
+    with pytest.raises(InvalidInputError, match="no bound"):
+        PositionBox(robot, "left_hand", [-np.inf] * 3, [np.inf] * 3)
+    with pytest.raises(UnknownNameError, match="left_hand"):
+        PositionBox(robot, "left_hnd", place, place + 1.0)
+
+
+# ------------------------------------------------------------------------------ refusals
+
+
+def test_what_makes_no_sense_is_refused(robot, robot_named) -> None:
+    here = robot.snapshot(robot.posture("standing"))
+    other = robot_named("talos")
+    margins = standard(robot)
+    with pytest.raises(InvalidInputError, match="another robot"):
+        KinematicController(
+            other, [PostureTask(other, other.posture("standing"))], constraints=[margins]
+        )
+    with pytest.raises(InvalidInputError, match="another robot"):
+        SelfCollision(other, model=margins.model)
+    with pytest.raises(InvalidInputError, match="pairs"):
+        SelfCollision(robot, pairs=0)
+    with pytest.raises(InvalidInputError, match="none given"):
+        Obstacles(robot, [])
+    with pytest.raises(UnknownNameError, match="left_hand"):
+        Obstacles(robot, [Obstacle.sphere("b", [9, 9, 9], 1)], links=["left_hnd"])
+    posture = PostureTask(robot, here.q)
+    with pytest.raises(InvalidInputError, match="cannot keep constraints"):
+        PseudoInverseController(robot, [posture], constraints=[margins])
+
+
+def test_all_constraints_at_once(robot, rng) -> None:
+    """Random targets, every constraint: all QPs solved, nothing broken."""
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    margins = standard(robot)
+    held = ComSupport.over(here, margin=0.005)
+    box = PositionBox.height(robot, q[2] - 0.05)
+    wall = Obstacles(robot, [Obstacle.half_space("wall", [-1, 0, 0], -0.25)])
+    tasks = hand_tasks(robot, here, here.com)
+    control = controller(robot, tasks, here, [margins, held, box, wall], mode="left")
+    for k, (tick, q_now) in enumerate(run(control, q, 200)):
+        assert tick.ok, tick.report()
+        if k % 40 == 0:
+            for task in tasks:
+                task.set_target(here.com + rng.normal(scale=0.2, size=3))
+        there = robot.snapshot(q_now)
+        for constraint in (margins, held, box, wall):
+            assert constraint.gaps(there).room.min() > -SKIN, constraint

@@ -1,0 +1,97 @@
+"""Commands are tried before they are given; what cannot be kept by rows is kept by going slower."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits
+from wbc.constraints.rows import Bounds, Constraint
+from wbc.controllers import KinematicController
+from wbc.controllers.landing import ROUNDS
+from wbc.robot import Robot
+from wbc.tasks import PostureTask
+
+DT = 0.005
+
+
+class Slow(Constraint):
+    """Allows no speed above ``most``, and says so only when a command is tried.
+
+    With ``useful`` its cuts are rows that keep the speed down; otherwise they say nothing.
+    """
+
+    name = "slow"
+
+    def __init__(self, robot: Robot, most: float, useful: bool) -> None:
+        self.robot, self.most, self.useful = robot, most, useful
+        self.tried: list[float] = []
+
+    def rows(self, snapshot, dt) -> Bounds:
+        nothing = np.zeros((1, self.robot.nv))
+        return Bounds(("nothing",), nothing, np.array([-1.0]), np.array([1.0]))
+
+    def doubts(self, rows, v, dt) -> bool:
+        return True
+
+    def cuts(self, there, v, dt, rows) -> Bounds | None:
+        k = int(np.argmax(np.abs(v)))
+        self.tried.append(float(np.abs(v[k])))
+        np.testing.assert_allclose(there.robot.difference(self.start, there.q), v * dt, atol=1e-12)
+        if self.tried[-1] <= self.most + 1e-9:
+            return None
+        matrix = np.zeros((1, self.robot.nv))
+        if self.useful:
+            matrix[0, k] = 1.0
+        bound = np.full(1, self.most)
+        return Bounds((f"speed {k}",), matrix, -bound, bound)
+
+
+def moving(robot: Robot, constraint: Slow, joint: str) -> KinematicController:
+    q = robot.posture("standing", {joint: -0.2}, on_ground=False)
+    limits = Limits(robot, acceleration=1e4)
+    task = PostureTask(robot, q)
+    return KinematicController(robot, [task], limits=limits, constraints=[constraint], dt=DT)
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def test_cuts_are_added_until_the_place_is_good(robot) -> None:
+    constraint = Slow(robot, 0.5, useful=True)
+    control = moving(robot, constraint, "left_elbow_pitch")
+    here = robot.snapshot(robot.posture("standing"))
+    constraint.start = here.q
+    tick = control.step(here)
+    assert tick.ok
+    assert tick.share == 1.0
+    assert len(constraint.tried) == 2
+    assert constraint.tried[0] > 0.6
+    assert np.abs(tick.velocity).max() == pytest.approx(0.5, abs=1e-6)
+    k = robot.joint_index("left_elbow_pitch")
+    assert tick.active == (f"speed {k}",)
+    assert tick.qp.labels.inequality == ("nothing", f"speed {k}")
+
+
+def test_where_cuts_are_in_vain_a_part_is_commanded(robot) -> None:
+    constraint = Slow(robot, 0.5, useful=False)
+    control = moving(robot, constraint, "left_elbow_pitch")
+    here = robot.snapshot(robot.posture("standing"))
+    constraint.start = here.q
+    tick = control.step(here)
+    assert tick.ok
+    assert 0.0 < tick.share < 1.0
+    np.testing.assert_allclose(tick.velocity, tick.share * tick.solution.x)
+    assert np.abs(tick.velocity).max() <= 0.5 + 1e-9
+    assert len(tick.qp.l) == 1 + ROUNDS
+
+
+def test_where_nothing_moves_nothing_is_broken(robot) -> None:
+    """Not even a sixteenth is allowed: the command is to stand still."""
+    constraint = Slow(robot, 1e-6, useful=False)
+    control = moving(robot, constraint, "left_elbow_pitch")
+    here = robot.snapshot(robot.posture("standing"))
+    constraint.start = here.q
+    tick = control.step(here)
+    assert tick.share == 0.0
+    assert not tick.velocity.any()

@@ -1,0 +1,202 @@
+"""Fits hold every vertex; how far they bulge out is what they say; the cache gives the same."""
+
+import json
+import os
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from wbc.robot import Robot
+from wbc.robot.collision import cache
+from wbc.robot.collision.bodies import robot_bodies
+from wbc.robot.collision.fitting import fit_capsule, fit_hull
+from wbc.robot.collision.shapes import Capsule, Hull
+
+FITS = {"capsule": fit_capsule, "hull": fit_hull}
+
+
+def outside_segment(points, ends) -> np.ndarray:
+    """Distance to a segment by halving: the squared distance is convex along it."""
+    low, high = np.zeros(len(points)), np.ones(len(points))
+
+    def away(share):
+        return np.linalg.norm(points - ends[0] - share[:, None] * (ends[1] - ends[0]), axis=1)
+
+    for _ in range(80):
+        first, second = low + (high - low) / 3, high - (high - low) / 3
+        nearer = away(first) < away(second)
+        low, high = np.where(nearer, low, first), np.where(nearer, second, high)
+    return away(0.5 * (low + high))
+
+
+def outside_hull(point, vertices) -> float:
+    """Distance to a hull: least squares over convex combinations (a penalty ties the sum)."""
+    tie = 1e4
+    A = np.vstack((vertices.T, tie * np.ones(len(vertices))))
+    return float(nnls(A, np.append(point, tie))[1])
+
+
+CLOUDS = {
+    "ball": lambda rng: rng.normal(size=(300, 3)),
+    "rod": lambda rng: rng.normal(size=(200, 3)) * [0.02, 0.03, 1.0],
+    "plate": lambda rng: rng.uniform(-1, 1, (200, 3)) * [0.5, 0.3, 0.0],
+    "line": lambda rng: rng.uniform(-1, 1, (50, 1)) * [[1.0, 2.0, 0.5]],
+    "triangle": lambda rng: rng.normal(size=(3, 3)),
+    "point": lambda rng: np.ones((4, 3)),
+    "far": lambda rng: rng.normal(size=(100, 3)) * 0.1 + [50.0, -20.0, 3.0],
+    "twice": lambda rng: np.tile(rng.normal(size=(20, 3)), (2, 1)),
+}
+
+
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_a_capsule_holds_every_point(cloud: str, rng) -> None:
+    points = CLOUDS[cloud](rng)
+    fit = fit_capsule(points)
+    outside = outside_segment(points, fit.shape.ends) - fit.shape.radius
+    assert outside.max() < 1e-12 * (1 + np.abs(points).max())
+    assert 0.0 <= fit.bulge <= 2 * fit.shape.radius
+
+
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_a_hull_holds_every_point(cloud: str, rng) -> None:
+    points = CLOUDS[cloud](rng)
+    fit = fit_hull(points)
+    outside = max(outside_hull(point, fit.shape.vertices) for point in points)
+    assert outside < fit.shape.radius + 1e-5 * (1 + np.abs(points).max())
+    assert len(fit.shape.vertices) <= 134
+
+
+def test_a_rod_is_fitted_closely(rng) -> None:
+    """A capsule's own points: the fit finds it again, within a tenth of its radius."""
+    directions = rng.normal(size=(4000, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    ends = np.array([[0.1, 0.0, 0.2], [0.4, 0.3, -0.5]])
+    points = ends[rng.integers(2, size=4000)] + 0.05 * directions
+    fit = fit_capsule(points)
+    assert fit.shape.radius < 0.055
+    assert fit.bulge < 0.005
+
+
+def test_the_bulge_of_a_boxs_capsule_is_known() -> None:
+    """A cube of side 2, for which the distance from outside is arithmetic."""
+    cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    fit = fit_capsule(cube)
+    axis = fit.shape.ends[1] - fit.shape.ends[0]
+    r, length = fit.shape.radius, np.linalg.norm(axis)
+    ball = 4 / 3 * np.pi * np.sqrt(3) ** 3
+    assert np.pi * r**2 * (length + 4 / 3 * r) < 1.01 * ball
+    rays = np.random.default_rng(0).normal(size=(20_000, 3))
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    nearest_end = fit.shape.ends[(rays @ axis > 0).astype(int)]
+    surface = nearest_end + r * rays
+    bulge = np.linalg.norm(np.maximum(np.abs(surface) - 1.0, 0.0), axis=1).max()
+    assert fit.bulge == pytest.approx(bulge, rel=0.05)
+
+
+@pytest.mark.parametrize(("name", "fit"), [("romeo", "capsule"), ("icub", "hull")])
+def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named, monkeypatch) -> None:
+    monkeypatch.setenv(cache.VARIABLE, "off")
+    robot: Robot = robot_named(name)
+    bodies = robot_bodies(robot, fit)
+    assert len(bodies) == robot.collision_model.ngeoms
+    rng = np.random.default_rng(0)
+    for body, shape in zip(bodies, robot.collision_model.geometryObjects, strict=True):
+        vertices = np.array(shape.geometry.vertices())
+        placed = vertices @ shape.placement.rotation.T + shape.placement.translation
+        if isinstance(body.shape, Capsule):
+            outside = outside_segment(placed, body.shape.ends).max()
+        else:
+            few = rng.choice(placed, size=10)
+            outside = max(outside_hull(point, body.shape.vertices) for point in few)
+        assert outside < body.shape.radius + 1e-6, body.name
+        assert 0.0 <= body.bulge < 0.2
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_cylinders_and_boxes(fit: str, robot_named) -> None:
+    """Rims of cylinders and corners of boxes, from their sizes in the file."""
+    robot = robot_named("hoap2_like")
+    turns = np.linspace(0, 2 * np.pi, 50)
+    seen = set()
+    for body, shape in zip(
+        robot_bodies(robot, fit), robot.collision_model.geometryObjects, strict=True
+    ):
+        geometry = shape.geometry
+        seen.add(type(geometry))
+        if isinstance(geometry, coal.Cylinder):
+            r, h = geometry.radius, geometry.halfLength
+            local = np.array([[r * np.cos(a), r * np.sin(a), z] for a in turns for z in (-h, h)])
+        elif isinstance(geometry, coal.Box):
+            half = np.asarray(geometry.halfSide)
+            local = half * [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+        else:
+            continue
+        placed = local @ shape.placement.rotation.T + shape.placement.translation
+        if isinstance(body.shape, Capsule):
+            assert outside_segment(placed, body.shape.ends).max() < body.shape.radius + 1e-6
+        else:
+            assert isinstance(body.shape, Hull)
+            worst = max(outside_hull(point, body.shape.vertices) for point in placed[:20])
+            assert worst < body.shape.radius + 1e-6
+    assert {coal.Cylinder, coal.Box} <= seen
+
+
+def test_the_cache_gives_the_same_and_survives_damage(tmp_path: Path, monkeypatch, rng) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    points = rng.normal(size=(60, 3))
+    calls = []
+
+    def counted(cloud):
+        calls.append(1)
+        return fit_capsule(cloud)
+
+    first = cache.cached_fit("test", counted, points)
+    again = cache.cached_fit("test", counted, points)
+    assert len(calls) == 1
+    np.testing.assert_array_equal(again.shape.ends, first.shape.ends)
+    assert (again.shape.radius, again.bulge) == (first.shape.radius, first.bulge)
+    (file,) = (tmp_path / "shapes").iterdir()
+    entry = json.loads(file.read_text())
+    damages = ["", "{", "[]", json.dumps({"shape": "capsule"})]
+    damages += [
+        json.dumps(entry | {"radius": 0.5 * first.shape.radius}),  # holds not every point any more
+        json.dumps(entry | {"radius": float("nan")}),
+        json.dumps(entry | {"core": [[0, 0], [1, 1]]}),
+        json.dumps(entry | {"shape": "cloud"}),
+        json.dumps(entry | {"shape": "hull", "core": [[0, 0, 0]] * 5}),
+    ]
+    for count, damage in enumerate(damages, start=2):
+        file.write_text(damage)
+        mended = cache.cached_fit("test", counted, points)
+        assert len(calls) == count, damage
+        np.testing.assert_array_equal(mended.shape.ends, first.shape.ends)
+    cache.cached_fit("test", counted, points + 1e-9)  # other content, another entry
+    assert len(list((tmp_path / "shapes").iterdir())) == 2
+
+
+def test_hulls_are_cached_too(tmp_path: Path, monkeypatch, rng) -> None:
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    points = rng.normal(size=(60, 3))
+    first, again = (cache.cached_fit("hull", fit_hull, points) for _ in range(2))
+    np.testing.assert_array_equal(again.shape.vertices, first.shape.vertices)
+
+
+def test_the_cache_can_be_off_or_unwritable(tmp_path: Path, monkeypatch, rng) -> None:
+    points = rng.normal(size=(20, 3))
+    for off in ("off", "0", ""):
+        monkeypatch.setenv(cache.VARIABLE, off)
+        assert cache.cache_folder() is None
+        assert cache.cached_fit("test", fit_capsule, points).shape.radius > 0.0
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    monkeypatch.setenv(cache.VARIABLE, str(blocked))
+    assert cache.cached_fit("test", fit_capsule, points).shape.radius > 0.0
+    monkeypatch.delenv(cache.VARIABLE)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = cache.cache_folder()
+    assert folder is not None
+    assert folder.name == "shapes"
+    assert os.listdir(tmp_path) == ["file"]  # nothing was made by asking

@@ -1,0 +1,419 @@
+"""Distances, normals and rows against coal and finite differences; pairs against brute force."""
+
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial import ConvexHull
+
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError
+from wbc.robot import Robot
+from wbc.robot.collision import (
+    Body,
+    Capsule,
+    CollisionModel,
+    HalfSpace,
+    Hull,
+    Obstacle,
+    robot_bodies,
+    select_pairs,
+)
+from wbc.robot.collision.cache import VARIABLE
+from wbc.robot.placements import JointPlacements
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch) -> None:
+    monkeypatch.setenv(VARIABLE, "off")
+
+
+def bodies_on(robot: Robot, rng) -> list[Body]:
+    """One body of each shape on each of a dozen joints, at random places."""
+    bodies = []
+    for k, joint in enumerate(np.linspace(1, robot.model.njoints - 1, 12).astype(int).tolist()):
+        place = 0.1 * rng.normal(size=3)
+        shape = [
+            Capsule.sphere(place, 0.05),
+            Capsule.of(place, place + 0.1 * rng.normal(size=3), 0.04),
+            Hull.box(0.05 + 0.1 * rng.random(3), place),
+            Hull(place + 0.05 * corners(rng), 0.01),
+        ][k % 4]
+        bodies.append(Body(f"body{k}", f"body{k}", joint, shape))
+    return bodies
+
+
+def corners(rng) -> np.ndarray:
+    points = rng.normal(size=(30, 3))
+    return points[ConvexHull(points).vertices]
+
+
+def all_pairs(bodies) -> list[tuple[int, int]]:
+    n = len(bodies)
+    return [(a, b) for a in range(n) for b in range(a + 1, n) if bodies[a].joint != bodies[b].joint]
+
+
+def oracle(shape) -> tuple[coal.CollisionGeometry, np.ndarray, np.ndarray, float]:
+    """coal's shape, its rotation and origin in the joint's frame, and a radius to take off."""
+    if isinstance(shape, HalfSpace):
+        return coal.Halfspace(shape.normal, shape.offset), np.eye(3), np.zeros(3), 0.0
+    if isinstance(shape, Capsule):
+        axis = shape.ends[1] - shape.ends[0]
+        length = np.linalg.norm(axis)
+        if length == 0.0:
+            return coal.Sphere(shape.radius), np.eye(3), shape.ends[0], 0.0
+        x = np.linalg.svd(axis[None])[2][1]
+        z = axis / length
+        R = np.column_stack((x, np.cross(z, x), z))
+        return coal.Capsule(shape.radius, length), R, shape.ends.mean(axis=0), 0.0
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for vertex in shape.vertices:
+        points.append(vertex)
+    for face in ConvexHull(shape.vertices).simplices.tolist():
+        faces.append(coal.Triangle(*face))
+    return coal.Convex(points, faces), np.eye(3), np.zeros(3), shape.radius
+
+
+def distances(robot: Robot, bodies, pairs, q) -> np.ndarray:
+    """Distances of the pairs by coal alone, the joints placed by a fresh ``pin.Data``."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, q)
+    shapes = [oracle(body.shape) for body in bodies]
+    request = coal.DistanceRequest()
+    request.gjk_tolerance = request.epa_tolerance = 1e-9
+    found = []
+    for a, b in pairs:
+        arguments, radius = [], 0.0
+        for k in (a, b):
+            geometry, R, p, rounding = shapes[k]
+            pose = data.oMi[bodies[k].joint]
+            arguments += [geometry, coal.Transform3s(pose.rotation @ R, pose.act(p))]
+            radius += rounding
+        found.append(coal.distance(*arguments, request, coal.DistanceResult()) - radius)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints"])
+def test_distances_of_all_kinds_of_pairs(name, robot_named, random_snapshot, rng) -> None:
+    robot = robot_named(name)
+    bodies = bodies_on(robot, rng)
+    pairs = all_pairs(bodies)
+    model = CollisionModel(robot, bodies, pairs)
+    for _ in range(5):
+        here = random_snapshot(robot, rng)
+        found = model.nearest(here)
+        np.testing.assert_array_equal(found.pairs, np.arange(len(pairs)))
+        # Two iterations that stop at 1e-7 m; EPA, inside each other, is ten times coarser.
+        expected = distances(robot, bodies, pairs, here.q)
+        np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
+        norms = np.linalg.norm(found.normal, axis=1)
+        np.testing.assert_allclose(norms, 1.0, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "mixed_joints", "talos"])
+def test_rows_are_the_slopes_of_coals_distances(name, robot_named, random_snapshot, rng) -> None:
+    robot = robot_named(name)
+    bodies = bodies_on(robot, rng)
+    pairs = all_pairs(bodies)
+    model = CollisionModel(robot, bodies, pairs)
+    here = random_snapshot(robot, rng)
+    found = model.nearest(here)
+    rows = model.rows(here, found)
+    smooth = found.distance > 1e-2  # the depth inside another shape may have kinks
+    for _ in range(4):
+        v = rng.normal(size=robot.nv)
+        h = 1e-4
+        ahead, behind = (
+            distances(robot, bodies, pairs, robot.integrate(here.q, v, step)) for step in (h, -h)
+        )
+        slope = (ahead - behind) / (2 * h)
+        error = np.abs(rows @ v - slope)[smooth]
+        # Nearest points of flat faces jump, where a slope has two sides: not in nine of ten pairs.
+        assert np.quantile(error, 0.9) < 5e-3 * np.abs(slope).max()
+        round_ones = [
+            isinstance(bodies[a].shape, Capsule) and isinstance(bodies[b].shape, Capsule)
+            for a, b in np.array(pairs)[smooth]
+        ]
+        # The curvature of a capsule's distance is below 1 / core distance: 1e-4 of step, squared.
+        assert error[round_ones].max() < 1e-4 * np.abs(slope).max()
+
+
+def test_witness_points_lie_on_the_surfaces(robot_named, random_snapshot, rng) -> None:
+    """A small ball at either point is in touch with its body."""
+    robot = robot_named("hoap2_like")
+    bodies = bodies_on(robot, rng)
+    model = CollisionModel(robot, bodies, all_pairs(bodies))
+    here = random_snapshot(robot, rng)
+    found = model.nearest(here)
+    apart = np.flatnonzero(found.distance > 1e-3)
+    points = found.point, found.point - found.distance[:, None] * found.normal
+    for side in (0, 1):
+        for k in apart[::7]:
+            body = bodies[model.pairs[k, side]]
+            speck = Body("speck", "speck", 0, Capsule.sphere(points[side][k], 0.0))
+            touch = distances(robot, [body, speck], [(0, 1)], here.q)[0]
+            assert abs(touch) < 2e-5
+
+
+@pytest.mark.parametrize(("name", "fit"), [("hoap2_like", "capsule"), ("icub", "hull")])
+def test_the_nearest_pairs_are_those_of_brute_force(
+    name, fit, robot_named, random_snapshot, rng
+) -> None:
+    robot = robot_named(name)
+    bodies = robot_bodies(robot, fit)
+    model = CollisionModel(robot, bodies, select_pairs(robot, bodies).pairs)
+    for _ in range(5):
+        here = random_snapshot(robot, rng)
+        everything = model.nearest(here)
+        for count in (1, 7, 25):
+            found = model.nearest(here, count)
+            assert len(found.pairs) == count
+            assert (np.diff(found.pairs) > 0).all()
+            np.testing.assert_allclose(
+                np.sort(found.distance), np.sort(everything.distance)[:count], rtol=0, atol=1e-6
+            )
+            again = model.measure(here, found.pairs)
+            np.testing.assert_allclose(again.distance, found.distance, rtol=0, atol=1e-6)
+
+
+def test_a_half_space_against_arithmetic(robot_named, random_snapshot, rng) -> None:
+    robot = robot_named("hoap2_like")
+    bodies = bodies_on(robot, rng)
+    wall = Obstacle.half_space("wall", rng.normal(size=3), 0.3)
+    model = CollisionModel(
+        robot,
+        [*bodies, Body("wall", "wall", 0, wall.shape)],
+        [(k, len(bodies)) for k in range(len(bodies))],
+    )
+    turn, shift = pin.exp3(rng.normal(size=3)), rng.normal(size=3)
+    for R, p in ((np.eye(3), np.zeros(3)), (turn, shift)):
+        model.place(len(bodies), R, p)
+        here = random_snapshot(robot, rng)
+        found = model.nearest(here)
+        n = R @ wall.shape.normal
+        offset = wall.shape.offset + n @ p
+        data = robot.model.createData()
+        pin.forwardKinematics(robot.model, data, here.q)
+        for k, body in enumerate(bodies):
+            pose = data.oMi[body.joint]
+            heights = [n @ pose.act(point) - offset for point in body.shape.core]
+            expected = min(heights) - body.shape.radius
+            assert found.distance[k] == pytest.approx(expected, abs=1e-9)
+            np.testing.assert_allclose(found.normal[k], n, rtol=0, atol=1e-9)
+        few = model.nearest(here, 2)
+        np.testing.assert_allclose(np.sort(few.distance), np.sort(found.distance)[:2], atol=1e-9)
+
+
+def test_obstacles_of_every_shape_wherever_they_are_put(robot_named, random_snapshot, rng) -> None:
+    """Placed by rotation and origin, a shape is where its moved points are."""
+    robot = robot_named("hoap2_like")
+    bodies = bodies_on(robot, rng)
+    shapes = [
+        Capsule.sphere([0.2, 0.1, 0.3], 0.1),
+        Capsule.of([0.2, 0.1, 0.3], [0.0, 0.4, 0.2], 0.05),
+        Hull.box([0.2, 0.3, 0.4], [0.1, 0.2, 0.3]),
+    ]
+    size = len(bodies)
+    around = [Body(f"o{k}", f"o{k}", 0, shape) for k, shape in enumerate(shapes)]
+    pairs = [(b, size + k) for k in range(3) for b in range(size)]
+    model = CollisionModel(robot, [*bodies, *around], pairs)
+    for _ in range(3):
+        R, p = pin.exp3(rng.normal(size=3)), rng.normal(size=3)
+        moved = []
+        for k, shape in enumerate(shapes):
+            model.place(size + k, R, p)
+            moved.append(Body("o", "o", 0, type(shape)(shape.core @ R.T + p, shape.radius)))
+        here = random_snapshot(robot, rng)
+        expected = distances(robot, [*bodies, *moved], pairs, here.q)
+        found = model.nearest(here)
+        np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
+
+
+def test_deep_inside_each_other_everything_stays_finite(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    shapes = [
+        Capsule.sphere(np.zeros(3), 0.1),
+        Capsule.of(np.zeros(3), [0.0, 0.0, 0.2], 0.1),
+        Hull.box([0.1, 0.2, 0.3]),
+        Hull.box([0.1, 0.2, 0.3]),
+    ]
+    here = robot.snapshot(robot.posture("standing"))
+    R, p = here.joint_placements
+    around = []
+    for joint in (1, 2, 3, 4):  # all four at the same place in the world
+        shape = shapes[joint - 1]
+        core = (shape.core - p[joint]) @ R[joint]
+        kind = type(shape)
+        around.append(Body(f"b{joint}", f"b{joint}", joint, kind(core, shape.radius)))
+    model = CollisionModel(robot, around, all_pairs(around))
+    found = model.nearest(here)
+    assert np.isfinite(found.distance).all()
+    assert (found.distance < 0.0).all()
+    np.testing.assert_allclose(np.linalg.norm(found.normal, axis=1), 1.0, atol=1e-6)
+    assert np.isfinite(model.rows(here, found)).all()
+
+
+# ------------------------------------------------------------------------------ which pairs
+
+
+def labels_of(bodies, pairs) -> set[str]:
+    return {f"{bodies[a].name} vs {bodies[b].name}" for a, b in pairs}
+
+
+def test_an_srdf_says_which_pairs_matter(robot_named) -> None:
+    robot = robot_named("talos")
+    bodies = robot_bodies(robot, "hull")
+    chosen = select_pairs(robot, bodies)
+    text = Path(robot.srdf).read_text()
+    reasons = {label: why for label, why in chosen.excluded.items() if "SRDF" in why}
+    assert len(reasons) > 100
+    for label in list(reasons)[:50]:
+        first, second = label.split(" vs ")
+        assert (
+            f'link1="{first}" link2="{second}"' in text
+            or f'link1="{second}" link2="{first}"' in text
+        )
+    kept = labels_of(bodies, chosen.pairs)
+    assert "arm_left_7_link vs arm_right_7_link" in kept
+    assert not kept & set(chosen.excluded)
+
+
+def test_without_an_srdf_adjacent_and_touching_pairs_go(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    bodies = robot_bodies(robot)
+    chosen = select_pairs(robot, bodies, clearance=0.005)
+    assert chosen == select_pairs(robot, bodies, clearance=0.005)  # always the same postures
+    for label, why in chosen.excluded.items():
+        a, b = (next(x for x in bodies if x.name == name) for name in label.split(" vs "))
+        joints = a.joint, b.joint
+        related = (
+            robot.model.parents[joints[0]] == joints[1]
+            or robot.model.parents[joints[1]] == joints[0]
+        )
+        assert related == (why == "adjacent")
+    standing = distances(robot, bodies, chosen.pairs, robot.posture("standing"))
+    assert standing.min() > 0.005 - 1e-5
+    total = len(all_pairs(bodies))
+    assert len(chosen.pairs) + len(chosen.excluded) == total
+    fewer = select_pairs(robot, bodies, clearance=0.005, never_closer=0.05)
+    assert set(fewer.pairs) < set(chosen.pairs)
+
+
+def test_pairs_can_be_named(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    bodies = robot_bodies(robot)
+    plain = select_pairs(robot, bodies)
+    links = [body.link for body in bodies]
+    first, second = "left_foot", "right_foot"
+    assert {first, second} <= set(links)
+    without = select_pairs(robot, bodies, exclude=[("right_foot", "left_f?ot")])
+    gone = set(plain.pairs) - set(without.pairs)
+    assert gone
+    assert all({links[a], links[b]} == {first, second} for a, b in gone)
+    label = next(label for label, why in plain.excluded.items() if why == "adjacent")
+    names = [name.split("#")[0] for name in label.split(" vs ")]
+    back = select_pairs(robot, bodies, include=[(names[1], names[0])])
+    assert label in labels_of(bodies, back.pairs)
+    with pytest.raises(UnknownNameError, match="left_foot"):
+        select_pairs(robot, bodies, exclude=[("left_fot", "*")])
+
+
+# ------------------------------------------------------------------------------ refusals
+
+
+URDF = """<robot name="one"><link name="trunk">
+  <inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  {shape}</link></robot>"""
+
+
+def robot_with(tmp_path: Path, shape: str) -> Robot:
+    path = tmp_path / "one.urdf"
+    path.write_text(URDF.format(shape=shape), encoding="utf-8")
+    return Robot.load(path, feet={})
+
+
+def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
+    mesh = '<collision><geometry><mesh filename="package://p/meshes/trunk.stl"/></geometry></collision>'
+    robot = robot_with(tmp_path, mesh)
+    with pytest.raises(ModelError, match=r"package://p/meshes/trunk.stl of link 'trunk'"):
+        robot_bodies(robot)
+
+
+def test_no_shapes_at_all(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="no collision shapes"):
+        robot_bodies(robot_with(tmp_path, ""))
+    with pytest.raises(UnknownNameError, match="capsule"):
+        robot_bodies(robot_with(tmp_path, ""), "capsul")
+
+
+def test_pairs_that_make_no_sense(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    ball = Capsule.sphere(np.zeros(3), 0.1)
+    floor = HalfSpace.of([0, 0, 1], 0.0)
+    two = [Body("a", "a", 3, ball), Body("b", "b", 3, ball)]
+    with pytest.raises(InvalidInputError, match="one joint"):
+        CollisionModel(robot, two, [(0, 1)])
+    with pytest.raises(InvalidInputError, match="second"):
+        CollisionModel(robot, [Body("floor", "floor", 0, floor), two[0]], [(0, 1)])
+    model = CollisionModel(robot, [two[0], Body("floor", "floor", 0, floor)], [(0, 1)])
+    with pytest.raises(InvalidInputError, match="moved by the robot"):
+        model.place(0, np.eye(3), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Capsule.sphere([0, 0, np.nan], 1.0), "NaN"),
+        (lambda: Capsule.sphere([0, 0, 0], -1.0), "radius"),
+        (lambda: Hull.box([1.0, 0.0, 1.0]), "positive"),
+        (lambda: HalfSpace.of([0, 0, 0], 1.0), "zero"),
+        (lambda: Obstacle.sphere("b", [0, 0, 0], 1.0).move(2 * np.eye(3), [0, 0, 0]), "rotation"),
+        (lambda: Obstacle.sphere("b", [0, 0, 0], 1.0).move(np.eye(3), [0, 0]), "shape"),
+    ],
+)
+def test_bad_shapes(make, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        make()
+
+
+def test_joint_placements_and_twists(robot, random_snapshot, rng) -> None:
+    """Copied through a window on Pinocchio's memory, they are what Pinocchio says one by one."""
+    here = random_snapshot(robot, rng)
+    R, p = here.joint_placements
+    twists = here.joint_twists
+    robot.snapshot(robot.posture("standing"))  # another pass must not change them
+    data = robot.model.createData()
+    pin.computeJointJacobians(robot.model, data, here.q)
+    for joint in range(robot.model.njoints):
+        np.testing.assert_allclose(R[joint], data.oMi[joint].rotation, atol=1e-12)
+        np.testing.assert_allclose(p[joint], data.oMi[joint].translation, atol=1e-12)
+    np.testing.assert_allclose(twists, data.J, atol=1e-12)
+
+
+def test_placements_that_do_not_lie_side_by_side(rng) -> None:
+    """Should Pinocchio ever store them otherwise, they are read one by one."""
+
+    class Pose:
+        def __init__(self) -> None:
+            self.rotation, self.translation = rng.normal(size=(3, 3)), rng.normal(size=3)
+
+    scattered = SimpleNamespace(oMi=[Pose() for _ in range(5)])
+    R, p = JointPlacements(scattered).copies()
+    for k, pose in enumerate(scattered.oMi):
+        np.testing.assert_array_equal(R[k], pose.rotation)
+        np.testing.assert_array_equal(p[k], pose.translation)
+
+
+def test_half_a_disabled_pair_is_refused(robot_named, tmp_path: Path) -> None:
+    """A <disable_collisions> that names one link only."""
+    robot = robot_named("hoap2_like")
+    copy = tmp_path / robot.path.name
+    shutil.copy(robot.path, copy)
+    srdf = tmp_path / "r.srdf"
+    srdf.write_text('<robot name="r"><disable_collisions link1="left_foot"/></robot>')
+    other = Robot.load(copy, srdf=srdf)
+    with pytest.raises(ModelError, match="link2"):
+        select_pairs(other, robot_bodies(other))

@@ -1,0 +1,93 @@
+"""The robot's own bodies kept apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from wbc.constraints.clearance import SKIN, Approach, Clearance
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Gaps, Index, picked
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
+from wbc.validate import Array, finite_number
+
+
+class SelfCollision(Clearance):
+    """Keep the robot's bodies ``margin`` apart.
+
+    Parameters
+    ----------
+    margin:
+        Distance that is kept [m].
+    pairs:
+        How many pairs, the nearest of all, get a row in each tick.
+    fit:
+        What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
+    include, exclude:
+        Pairs of patterns of links; see :func:`wbc.robot.collision.select_pairs`. Pairs nearer than
+        the margin when standing are left out; :attr:`excluded` names them and all others.
+    model:
+        Bodies and pairs made elsewhere, instead of ``fit``, ``include`` and ``exclude``.
+    approach, limits:
+        See :class:`~wbc.constraints.clearance.Clearance`.
+
+    Attributes
+    ----------
+    excluded:
+        The pairs that are not watched, and why.
+
+    Raises
+    ------
+    ModelError
+        A mesh is missing, or the robot has no collision shapes.
+    UnknownNameError
+        A pattern that matches no link.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        margin: float = 0.01,
+        pairs: int = 25,
+        fit: str = "capsule",
+        include: Iterable[tuple[str, str]] = (),
+        exclude: Iterable[tuple[str, str]] = (),
+        model: CollisionModel | None = None,
+        approach: Approach | None = None,
+        limits: Limits | None = None,
+    ) -> None:
+        super().__init__(robot, "self-collision", approach, limits)
+        self.margin = finite_number("self-collision, margin", margin, least=0.0)
+        if pairs < 1:
+            raise InvalidInputError(f"self-collision, pairs: at least 1, got {pairs}")
+        self.count = int(pairs)
+        self.excluded: dict[str, str] = {}
+        if model is None:
+            bodies = robot_bodies(robot, fit)
+            chosen = select_pairs(
+                robot, bodies, include=include, exclude=exclude, clearance=self.margin
+            )
+            model = CollisionModel(robot, bodies, chosen.pairs)
+            self.excluded = dict(chosen.excluded)
+        if model.robot is not robot:
+            raise InvalidInputError("self-collision: the model was made for another robot object")
+        self.model = model
+
+    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+        """Return the nearest pairs, or those given by their numbers."""
+        model = self.model
+        found = (
+            model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
+        )
+        room = found.distance - (self.margin + SKIN)
+        return Gaps(found.pairs, room, model.rows(snapshot, found), None)
+
+    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+        """Return labels such as ``"left_hand vs pelvis"``."""
+        return picked(self.model.labels, gaps.keys)
+
+    def bend(self, gaps: Gaps, step: Array) -> Array:
+        """See :meth:`wbc.robot.collision.CollisionModel.bend`."""
+        return self.model.bend(gaps.keys, step)

@@ -1,0 +1,118 @@
+"""The robot's bodies kept clear of what stands or moves around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from wbc.constraints.clearance import SKIN, Approach, Clearance
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Gaps, Index, picked
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import Body, CollisionModel, Obstacle, Proximity, robot_bodies
+from wbc.robot.names import matching
+from wbc.validate import Array, finite_number
+
+
+class Obstacles(Clearance):
+    """Keep the robot's bodies ``margin`` away from obstacles.
+
+    A row includes the velocity that the obstacle says it has (see
+    :class:`~wbc.robot.collision.Obstacle`): the robot may close in the more slowly, the faster the
+    obstacle comes. When it comes so fast, or is so near, that standing still would not do, the row
+    relaxes to ``C v >= 0`` (the robot does not go to meet it), and a cost that outweighs the tasks
+    asks for the velocity that would do. So the robot gets out of the way as far as contacts and
+    limits let it, and no obstacle can make the QP infeasible.
+
+    Parameters
+    ----------
+    obstacles:
+        Any number. Their places are read at every tick, their shapes once.
+    margin:
+        Distance that is kept [m].
+    pairs:
+        How many pairs of a body and an obstacle, the nearest of all, get a row in each tick.
+    links:
+        Patterns of the links that must keep clear. Leave out the feet if one of the obstacles is
+        the floor they stand on.
+    fit:
+        What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
+    approach, limits:
+        See :class:`~wbc.constraints.clearance.Clearance`.
+
+    Raises
+    ------
+    ModelError
+        A mesh is missing, or the robot has no collision shapes.
+    UnknownNameError
+        A pattern that matches no link.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        obstacles: Sequence[Obstacle],
+        *,
+        margin: float = 0.02,
+        pairs: int = 25,
+        links: Iterable[str] = ("*",),
+        fit: str = "capsule",
+        approach: Approach | None = None,
+        limits: Limits | None = None,
+    ) -> None:
+        super().__init__(robot, "obstacles", approach, limits)
+        self.margin = finite_number("obstacles, margin", margin, least=0.0)
+        if not obstacles:
+            raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
+        if pairs < 1:
+            raise InvalidInputError(f"obstacles, pairs: at least 1, got {pairs}")
+        self.obstacles = tuple(obstacles)
+        self.count = int(pairs)
+        own = _bodies_of(robot_bodies(robot, fit), links)
+        around = [Body(one.name, one.name, 0, one.shape) for one in self.obstacles]
+        self._first = len(own)
+        self.model = CollisionModel(
+            robot,
+            (*own, *around),
+            [(b, self._first + k) for k in range(len(around)) for b in range(len(own))],
+        )
+
+    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+        """Return the nearest pairs, or those given, with the obstacles where they are now."""
+        for k, obstacle in enumerate(self.obstacles):
+            self.model.place(self._first + k, obstacle.rotation, obstacle.origin)
+        model = self.model
+        found = (
+            model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
+        )
+        room = found.distance - (self.margin + SKIN)
+        return Gaps(found.pairs, room, model.rows(snapshot, found), self._rates(found))
+
+    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+        """Return labels such as ``"left_hand vs table"``."""
+        return picked(self.model.labels, gaps.keys)
+
+    def bend(self, gaps: Gaps, step: Array) -> Array:
+        """See :meth:`wbc.robot.collision.CollisionModel.bend`."""
+        return self.model.bend(gaps.keys, step)
+
+    def _rates(self, found: Proximity) -> Array:
+        """Return how fast (k,) the obstacles themselves change the distances [m/s]."""
+        which = self.model.pairs[found.pairs, 1] - self._first
+        origins = np.array([one.origin for one in self.obstacles])[which]
+        rates = np.array([one.velocity for one in self.obstacles])[which]
+        spins = np.array([one.spin for one in self.obstacles])[which]
+        facing = found.point - found.distance[:, None] * found.normal
+        rates = rates + np.cross(spins, facing - origins)
+        return -np.einsum("ki,ki->k", found.normal, rates)
+
+
+def _bodies_of(bodies: Sequence[Body], patterns: Iterable[str]) -> tuple[Body, ...]:
+    """Return the bodies of the links that match a pattern."""
+    links = tuple(dict.fromkeys(body.link for body in bodies))
+    wanted = {links[k] for pattern in patterns for k in matching(pattern, links, "link")}
+    if not wanted:
+        raise InvalidInputError("obstacles, links: no pattern given; no body would keep clear")
+    return tuple(body for body in bodies if body.link in wanted)

@@ -1,0 +1,87 @@
+"""The origin of a frame kept in a box: a workspace, or the height of the base."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.constraints.clearance import SKIN, Approach, Clearance, point_bend
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Gaps, Index, picked
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.point import AXES
+from wbc.validate import Array, finite_array, read_only
+
+
+class PositionBox(Clearance):
+    """Keep the origin of a frame in a box along the world's axes.
+
+    Parameters
+    ----------
+    frame:
+        Such as ``"base"``.
+    lower, upper:
+        (3,) [m]; infinite where there is no bound.
+
+    Raises
+    ------
+    UnknownNameError
+        No such frame.
+    InvalidInputError
+        Bounds that cross, or none at all.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        *,
+        approach: Approach | None = None,
+        limits: Limits | None = None,
+    ) -> None:
+        super().__init__(robot, f"box of {frame}", approach, limits)
+        robot.frame_id(frame)
+        self.frame = frame
+        self.lower, self.upper = (_ends(f"box of {frame!r}", ends) for ends in (lower, upper))
+        if (self.lower + 2.0 * SKIN >= self.upper).any():
+            raise InvalidInputError(f"box of {frame!r}: the lower bounds must be below the upper")
+        signs = np.concatenate((np.eye(3), -np.eye(3)))
+        offsets = np.concatenate((self.lower, -self.upper))
+        used = np.isfinite(offsets)
+        if not used.any():
+            raise InvalidInputError(f"box of {frame!r}: no bound is finite")
+        self._signs, self._offsets = signs[used], offsets[used]
+        names = [f"{frame} {axis} {end}" for end in ("lower", "upper") for axis in AXES]
+        self._names = tuple(name for name, one in zip(names, used, strict=True) if one)
+        self._keys = np.arange(len(self._names))
+
+    @classmethod
+    def height(
+        cls, robot: Robot, lower: float, upper: float = np.inf, *, frame: str = "base"
+    ) -> PositionBox:
+        """Return the constraint that keeps a frame between two heights [m]."""
+        free = (np.inf, np.inf)
+        return cls(robot, frame, (-np.inf, -np.inf, lower), (*free, upper))
+
+    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+        """Return the distances of the frame's origin from the faces."""
+        room = self._signs @ snapshot.position(self.frame) - self._offsets - SKIN
+        matrix = self._signs @ snapshot.jacobian(self.frame)[:3]
+        return Gaps(self._keys, room, matrix, None)
+
+    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+        """Return labels such as ``"base z lower"``."""
+        return picked(self._names, gaps.keys)
+
+    def bend(self, gaps: Gaps, step: Array) -> Array:
+        """Return how far the origin may end beside its linear prediction."""
+        return point_bend(gaps, step)
+
+
+def _ends(what: str, values: ArrayLike) -> Array:
+    given = np.asarray(values, dtype=float)
+    finite_array(what, np.where(np.isinf(given), 0.0, given), (3,))
+    return read_only(given.copy())

@@ -1,0 +1,130 @@
+"""Inequality rows ``lower <= C v <= upper`` of the QP, and what gives them."""
+
+from __future__ import annotations
+
+import operator
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.laws import Rows
+from wbc.robot import Robot, Snapshot
+from wbc.validate import Array
+
+Index = NDArray[np.int64]
+# Room that rows leave when they give way [m/s]: solvers need some to work in.
+LEEWAY = 1e-4
+
+
+class Gaps(NamedTuple):
+    """What a constraint measured at one snapshot.
+
+    Attributes
+    ----------
+    keys:
+        (m,) numbers by which the same gap is found again at another snapshot, increasing.
+    room:
+        (m,) what is left until the margin and its skin are used up [m]; negative inside.
+    matrix:
+        (m, nv) derivative of the room by the velocity.
+    rate:
+        (m,) what it changes by at v = 0 [m/s]; None if nothing but the robot moves.
+    """
+
+    keys: Index
+    room: Array
+    matrix: Array
+    rate: Array | None
+
+
+class Bounds(NamedTuple):
+    """Labelled rows of the QP, and the cost that goes with them.
+
+    Attributes
+    ----------
+    labels:
+        One for each row, in words.
+    matrix:
+        (m, nv).
+    lower, upper:
+        (m,) between which ``matrix v`` must lie; 0 does.
+    push:
+        Rows of a dominating cost, for what cannot be a bound; None for none.
+    gaps:
+        What the rows were made of, if they come from gaps.
+    """
+
+    labels: tuple[str, ...]
+    matrix: Array
+    lower: Array
+    upper: Array
+    push: Rows | None = None
+    gaps: Gaps | None = None
+
+
+class Constraint(ABC):
+    """Something that gives inequality rows on the velocity."""
+
+    robot: Robot
+    name: str
+
+    @abstractmethod
+    def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        """Return the rows for the next velocity, to be applied for ``dt``."""
+
+    def doubts(self, rows: Bounds, v: Array, dt: float) -> bool:
+        """Whether the state that ``v`` leads to needs to be looked at."""
+        return False
+
+    def cuts(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
+        """Return further rows, if ``v`` leads to a state ``there`` that must not be; else None."""
+        return None
+
+
+def giving_way(bounds: Bounds, equalities: Sequence[Rows]) -> Bounds:
+    """Return the rows, loosened where they would forbid what contacts need to take back a drift.
+
+    The least velocity that does what the contacts ask, ``v = A' (A A')^-1 b``, is then allowed as
+    rest is, with a little room around it. It is a matter of micrometres in a tick.
+    """
+    if not equalities or not bounds.lower.size:
+        return bounds
+    A = np.concatenate([rows.matrix for rows in equalities])
+    b = np.concatenate([rows.target for rows in equalities])
+    asked = float(np.abs(b).max(initial=0.0))
+    square = A @ A.T
+    square.flat[:: len(b) + 1] += 1e-12 * square.trace()  # contacts may repeat each other
+    needed = bounds.matrix @ (A.T @ np.linalg.solve(square, b))
+    needed -= 0.1 * asked + LEEWAY
+    return bounds._replace(lower=np.minimum(bounds.lower, needed))
+
+
+def joined(parts: Sequence[Bounds]) -> Bounds:
+    """Return several constraints' rows as one."""
+    if len(parts) == 1:
+        return parts[0]
+    pushes = [part.push for part in parts if part.push is not None]
+    push = None
+    if pushes:
+        push = Rows(
+            np.concatenate([rows.matrix for rows in pushes]),
+            np.concatenate([rows.target for rows in pushes]),
+            np.concatenate([rows.weight for rows in pushes]),
+        )
+    return Bounds(
+        sum((part.labels for part in parts), ()),
+        np.concatenate([part.matrix for part in parts]),
+        np.concatenate([part.lower for part in parts]),
+        np.concatenate([part.upper for part in parts]),
+        push,
+    )
+
+
+def picked(names: Sequence[str], which: Index) -> tuple[str, ...]:
+    """Return some of the names, in order."""
+    if which.size < 2:
+        return tuple(names[k] for k in which)
+    return operator.itemgetter(*which.tolist())(names)

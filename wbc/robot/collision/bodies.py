@@ -1,0 +1,152 @@
+"""The bodies of a robot: the shapes of its description, meshes and cylinders made simple."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from functools import partial
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import ModelError, UnknownNameError
+from wbc.robot.collision.cache import cached_fit
+from wbc.robot.collision.fitting import Fit, fit_capsule, fit_hull
+from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
+from wbc.robot.geometry import triangulated
+from wbc.robot.model import Robot
+from wbc.robot.reading import read_xml
+from wbc.robot.tessellation import AROUND
+from wbc.validate import Array
+
+FITS = ("capsule", "hull")
+_RIM = 16  # corners of the prism that stands for a cylinder
+
+
+def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
+    """Return the collision shapes of a robot, each in the frame of the joint that moves it.
+
+    Spheres, capsules and boxes are taken as they are. Meshes and other shapes become what ``fit``
+    says, larger than what they stand for and never smaller; meshes are looked up in the cache.
+
+    Parameters
+    ----------
+    fit:
+        ``"capsule"`` or ``"hull"``.
+
+    Raises
+    ------
+    ModelError
+        A mesh that the description names was not found, or there are no collision shapes at all.
+    UnknownNameError
+        No such fit.
+    """
+    if fit not in FITS:
+        raise UnknownNameError("fit", fit, FITS)
+    shapes = robot.collision_model
+    _refuse_missing(robot, shapes)
+    if not shapes.ngeoms:
+        raise ModelError(
+            f"{robot.path}: no collision shapes; give the links <collision> elements (their"
+            " visual shapes are not used)"
+        )
+    objects = [shape for shape in shapes.geometryObjects if shape.parentJoint > 0]
+    links = [str(robot.model.frames[shape.parentFrame].name) for shape in objects]
+    several, seen = Counter(links), Counter[str]()
+    bodies = []
+    for link, shape in zip(links, objects, strict=True):
+        seen[link] += 1
+        name = link if several[link] == 1 else f"{link}#{seen[link]}"
+        found = _simple(shape.geometry, fit, f"{robot.path}: link {link!r}")
+        pose = shape.placement
+        placed = moved(found.shape, np.array(pose.rotation), np.array(pose.translation))
+        bodies.append(Body(name, link, int(shape.parentJoint), placed, found.bulge))
+    return tuple(bodies)
+
+
+def _simple(geometry: object, fit: str, where: str) -> Fit:
+    """Return a coal shape as a body's shape, in its own frame."""
+    match geometry:
+        case coal.Sphere():
+            return Fit(Capsule.sphere(np.zeros(3), geometry.radius), 0.0)
+        case coal.Capsule():
+            end = np.array([0.0, 0.0, geometry.halfLength])
+            return Fit(Capsule.of(-end, end, geometry.radius), 0.0)
+        case coal.Box():
+            return Fit(Hull.box(2.0 * np.asarray(geometry.halfSide)), 0.0)
+        case coal.Cylinder() if fit == "capsule":
+            return _round_cylinder(float(geometry.radius), float(geometry.halfLength))
+        case coal.Cylinder():
+            return _prism(float(geometry.radius), float(geometry.halfLength))
+        case coal.Halfspace() | coal.Plane():
+            raise ModelError(f"{where}: a plane moves with the link; give it a shape that ends")
+    vertices = _vertices(geometry)
+    if not len(vertices):
+        raise ModelError(f"{where}: {type(geometry).__name__} is no shape we know; use a mesh")
+    smooth = isinstance(geometry, coal.Ellipsoid | coal.Cone)
+    pad = _sag(vertices) if smooth else 0.0
+    make = partial(fit_capsule if fit == "capsule" else fit_hull, pad=pad)
+    return cached_fit(f"{fit} {pad!r}", make, vertices)
+
+
+def _vertices(geometry: object) -> Array:
+    match geometry:
+        case coal.BVHModelBase():
+            return np.array(geometry.vertices())
+        case coal.ConvexBase():
+            return np.array(geometry.points())
+    return triangulated(geometry).vertices
+
+
+def _sag(vertices: Array) -> float:
+    """Return how far a smooth surface may stick out of the triangles that stand for it [m]."""
+    half_step = np.pi / AROUND
+    return 2.0 * float(np.abs(vertices).max()) * (1.0 - np.cos(half_step))
+
+
+def _round_cylinder(radius: float, half: float) -> Fit:
+    """Return the capsule of least volume round a cylinder along z.
+
+    With its ends at +-h the rim (radius, half) asks for r^2 = radius^2 + (half - h)^2.
+    """
+    h = np.linspace(0.0, half, 201)
+    r = np.hypot(radius, half - h)
+    best = int(np.argmin(r * r * (2.0 * h + 4.0 / 3.0 * r)))
+    end = np.array([0.0, 0.0, h[best]])
+    bulge = max(float(r[best]) - radius, float(h[best] + r[best]) - half)
+    return Fit(Capsule.of(-end, end, float(r[best])), bulge)
+
+
+def _prism(radius: float, half: float) -> Fit:
+    """Return the prism round a cylinder along z: its sides touch the cylinder."""
+    angles = 2.0 * np.pi * np.arange(_RIM) / _RIM
+    outer = radius / np.cos(np.pi / _RIM)
+    rim = np.stack((outer * np.cos(angles), outer * np.sin(angles)), axis=1)
+    ends = [np.column_stack((rim, np.full(_RIM, z))) for z in (-half, half)]
+    return Fit(Hull(np.concatenate(ends)), outer - radius)
+
+
+def _refuse_missing(robot: Robot, shapes: pin.GeometryModel) -> None:
+    """Refuse a URDF whose collision meshes were not all found: a part of the robot is unseen."""
+    root = read_xml(robot.path)
+    if root.tag != "robot":
+        return
+    loaded = Counter(
+        str(robot.model.frames[shape.parentFrame].name) for shape in shapes.geometryObjects
+    )
+    missing = []
+    for link in root.findall("link"):
+        elements = link.findall("collision")
+        if loaded[link.get("name", "")] < len(elements):
+            missing += [f"{name} of link {link.get('name')!r}" for name in _meshes(elements)]
+    if missing:
+        raise ModelError(
+            f"{robot.path}: collision meshes not found: {', '.join(missing)}; install the package"
+            " that holds them, or name its folder in package_dirs"
+        )
+
+
+def _meshes(elements: list[ET.Element]) -> list[str]:
+    meshes = [element.find("geometry/mesh") for element in elements]
+    return [str(mesh.get("filename")) for mesh in meshes if mesh is not None]

@@ -1,0 +1,214 @@
+"""Meshes made simple: the smallest capsule or a hull of few corners that holds every vertex.
+
+Both are conservative, and say by how much they bulge out of the mesh's own convex hull.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import coal
+import numpy as np
+from scipy.optimize import minimize
+from scipy.spatial import ConvexHull, QhullError
+
+from wbc.robot.collision.shapes import Capsule, Hull, Solid
+from wbc.validate import Array
+
+DIRECTIONS = 128  # in which a hull keeps the farthest vertex
+ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
+THINNEST = 1e-4  # m: flat points get a box of this thickness
+_SAMPLES = 400
+
+
+class Fit(NamedTuple):
+    """A shape that holds all points given.
+
+    Attributes
+    ----------
+    bulge:
+        How far the shape sticks out of the points' convex hull, at most [m] (sampled for capsules).
+    """
+
+    shape: Solid
+    bulge: float
+
+
+def fit_capsule(points: Array, pad: float = 0.0) -> Fit:
+    """Return a capsule of small volume that holds ``points`` (k, 3) with ``pad`` [m] around them.
+
+    The two ends are free, the radius is the distance of the farthest point: whatever the search
+    (Nelder and Mead, from the principal axes) ends at, nothing sticks out.
+    """
+    corners = _corners(points)
+    few = _farthest(corners, _directions(DIRECTIONS))
+    middle, size = few.mean(axis=0), float(np.ptp(few, axis=0).max()) + THINNEST
+    axes = np.linalg.svd(few - middle, full_matrices=True)[2]
+    starts = []
+    for axis in axes:
+        along = (few - middle) @ axis
+        low, high = float(along.min()), float(along.max())
+        inset = 0.3 * (high - low)
+        ends = middle + np.outer((low + inset, high - inset), axis)
+        starts.append(ends.ravel())
+    best = min(
+        (_search(few, start, 0.1 * size) for start in starts), key=lambda ends: _volume(ends, few)
+    ).reshape(2, 3)
+    best = _trimmed(best, corners)
+    radius = float(_to_segment(corners, best).max()) + pad + ROUNDING
+    capsule = Capsule(best.copy(), radius)
+    return Fit(capsule, _bulge(capsule, corners))
+
+
+def fit_hull(points: Array, pad: float = 0.0) -> Fit:
+    """Return a rounded hull of at most 128 corners that holds ``points`` (k, 3) and ``pad`` [m].
+
+    Kept are the farthest points in many directions; the radius is how far the others stick out.
+    """
+    corners = _corners(points)
+    if _is_flat(corners):
+        corners = _thick_box(corners)
+    kept = _corners(_farthest(corners, _directions(DIRECTIONS)))
+    if _is_flat(kept):
+        kept = _thick_box(corners)
+    excess = float(_to_hull(corners, kept).max())
+    radius = (excess + ROUNDING if excess > 0.0 else 0.0) + pad
+    return Fit(Hull(kept.copy(), radius), radius)
+
+
+def contains(shape: Solid, points: Array) -> bool:
+    """Whether every point (k, 3) lies in the shape, to the rounding of its radius."""
+    if isinstance(shape, Capsule):
+        outside = _to_segment(points, shape.ends)
+    elif _is_flat(shape.vertices):
+        return False
+    else:
+        outside = _to_hull(points, shape.vertices)
+    return bool((outside <= shape.radius + ROUNDING).all())
+
+
+def convex(vertices: Array) -> coal.Convex:
+    """Return coal's polytope with these corners (k, 3), not all in one plane."""
+    faces = ConvexHull(vertices).simplices
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for vertex in vertices:
+        points.append(vertex)
+    for a, b, c in faces.tolist():
+        triangles.append(coal.Triangle(a, b, c))
+    return coal.Convex(points, triangles)
+
+
+def _search(points: Array, start: Array, size: float) -> Array:
+    """Return the ends (6,) of a capsule round ``points`` with a small volume."""
+    simplex = np.concatenate((start[None], start + size * np.eye(6)))
+    options = {"maxiter": 600, "xatol": 1e-5, "fatol": 1e-12, "initial_simplex": simplex}
+    return np.asarray(
+        minimize(_volume, start, args=(points,), method="Nelder-Mead", options=options).x
+    )
+
+
+def _trimmed(ends: Array, points: Array) -> Array:
+    """Return the ends (2, 3) moved inwards as far as they can without a larger radius.
+
+    Along the axis, an end may be as far from a point as the radius leaves room for.
+    """
+    axis = ends[1] - ends[0]
+    length = float(np.linalg.norm(axis))
+    if length < THINNEST:
+        return ends
+    axis = axis / length
+    along = (points - ends[0]) @ axis
+    across = np.linalg.norm(points - ends[0] - np.outer(along, axis), axis=1)
+    radius = float(_to_segment(points, ends).max())
+    room = np.sqrt(np.maximum(radius * radius - across * across, 0.0))
+    low = min(max(float((along + room).min()), 0.0), length)
+    high = min(max(float((along - room).max()), 0.0), length)
+    low, high = (low, high) if low < high else (0.5 * (low + high),) * 2
+    return ends[0] + np.outer((low, high), axis)
+
+
+def _volume(ends: Array, points: Array) -> float:
+    """Return the volume of the capsule with these ends (6,) that holds the points."""
+    segment = ends.reshape(2, 3)
+    r = float(_to_segment(points, segment).max())
+    return np.pi * r * r * (float(np.linalg.norm(segment[1] - segment[0])) + 4.0 / 3.0 * r)
+
+
+def _to_segment(points: Array, ends: Array) -> Array:
+    """Return the distance (k,) of points to a segment (2, 3)."""
+    along = ends[1] - ends[0]
+    squared = float(along @ along)
+    share = (points - ends[0]) @ along / squared if squared > 0.0 else np.zeros(len(points))
+    nearest = ends[0] + np.clip(share, 0.0, 1.0)[:, None] * along
+    return np.linalg.norm(points - nearest, axis=1)
+
+
+def _to_hull(points: Array, vertices: Array) -> Array:
+    """Return how far outside the hull of ``vertices`` the points are (k,), 0 inside."""
+    hull = convex(vertices)
+    planes = ConvexHull(vertices).equations
+    outside = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    found = np.zeros(len(points))
+    request, still = coal.DistanceRequest(), coal.Transform3s.Identity()
+    speck = coal.Sphere(1e-12)
+    for k in np.flatnonzero(outside > 0.0):
+        place, result = coal.Transform3s(np.eye(3), points[k]), coal.DistanceResult()
+        found[k] = max(
+            float(coal.distance(hull, still, speck, place, request, result)), float(outside[k])
+        )
+    return found
+
+
+def _bulge(capsule: Capsule, corners: Array) -> float:
+    """Return how far the capsule's surface is from the hull of ``corners``, by samples."""
+    if _is_flat(corners):
+        corners = _thick_box(corners)
+    rays = _directions(_SAMPLES)
+    axis = capsule.ends[1] - capsule.ends[0]
+    ends = np.where((rays @ axis > 0.0)[:, None], capsule.ends[1], capsule.ends[0])
+    share = np.linspace(0.0, 1.0, len(rays))[:, None]
+    across = rays - np.outer(rays @ axis, axis) / max(float(axis @ axis), 1e-18)
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
+    barrel = capsule.ends[0] + share * axis + capsule.radius * across
+    return float(_to_hull(np.concatenate((ends + capsule.radius * rays, barrel)), corners).max())
+
+
+def _directions(count: int) -> Array:
+    """Return ``count`` unit vectors, evenly spread (Fibonacci lattice), and the six axes."""
+    k = np.arange(count)
+    z = 1.0 - (2.0 * k + 1.0) / count
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - z * z)
+    lattice = np.stack((flat * np.cos(turn), flat * np.sin(turn), z), axis=1)
+    return np.concatenate((lattice, np.eye(3), -np.eye(3)))
+
+
+def _farthest(points: Array, directions: Array) -> Array:
+    """Return the points that are the farthest in some direction."""
+    return points[np.unique(np.argmax(directions @ points.T, axis=1))]
+
+
+def _corners(points: Array) -> Array:
+    """Return the corners of the convex hull of points (k, 3); all of them if they are flat."""
+    if _is_flat(points):
+        return np.unique(points, axis=0)
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:  # almost flat: nothing is gained by leaving points out
+        return points
+
+
+def _is_flat(points: Array) -> bool:
+    """Whether the points lie in one plane, as far as Qhull is concerned."""
+    if len(points) < 4:
+        return True
+    return bool(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] < 1e-7)
+
+
+def _thick_box(points: Array) -> Array:
+    """Return the corners (8, 3) of a box round the points, aligned with them, never flat."""
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle, full_matrices=True)[2]
+    local = (points - middle) @ axes.T
+    centre, half = 0.5 * (local.max(axis=0) + local.min(axis=0)), 0.5 * np.ptp(local, axis=0)
+    return (Hull.box(2.0 * np.maximum(half, THINNEST)).vertices + centre) @ axes + middle

@@ -1,0 +1,174 @@
+"""What bodies are made of here: a convex core with a rounding radius, in the frame of a joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_array, finite_number, read_only
+
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """All points within ``radius`` of a segment; a sphere where both ends are one point.
+
+    Attributes
+    ----------
+    ends:
+        (2, 3) [m].
+    radius:
+        [m], not negative.
+    """
+
+    ends: Array
+    radius: float
+
+    @classmethod
+    def of(cls, start: ArrayLike, end: ArrayLike, radius: float) -> Capsule:
+        """Return a checked capsule."""
+        ends = [finite_array("capsule, end", point, (3,)) for point in (start, end)]
+        return cls(np.stack(ends), finite_number("capsule, radius", radius, least=0.0))
+
+    @classmethod
+    def sphere(cls, centre: ArrayLike, radius: float) -> Capsule:
+        """Return a checked sphere."""
+        return cls.of(centre, centre, radius)
+
+    def __post_init__(self) -> None:
+        read_only(self.ends)
+
+    @property
+    def core(self) -> Array:
+        """Points (2, 3) whose convex hull, rounded by ``radius``, is the shape."""
+        return self.ends
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """All points within ``radius`` of the convex hull of ``vertices``; a box has 8 of them.
+
+    Attributes
+    ----------
+    vertices:
+        (k, 3) [m], each a corner of the hull, not all in one plane.
+    radius:
+        [m], not negative; 0 for a plain polytope.
+    """
+
+    vertices: Array
+    radius: float = 0.0
+
+    @classmethod
+    def box(cls, size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Hull:
+        """Return a box with side lengths ``size`` (3,) along the axes."""
+        sides = finite_array("box, size", size, (3,))
+        if (sides <= 0.0).any():
+            raise InvalidInputError(f"box, size: sides must be positive, got {sides.tolist()}")
+        return cls(0.5 * sides * _CORNERS + finite_array("box, centre", centre, (3,)))
+
+    def __post_init__(self) -> None:
+        read_only(self.vertices)
+
+    @property
+    def core(self) -> Array:
+        """Points (k, 3) whose convex hull, rounded by ``radius``, is the shape."""
+        return self.vertices
+
+
+@dataclass(frozen=True, eq=False)
+class HalfSpace:
+    """All points x with ``normal . x <= offset``: a floor, a wall, a table without end.
+
+    Attributes
+    ----------
+    normal:
+        (3,) unit vector that points out of it.
+    offset:
+        Of its surface along the normal [m].
+    """
+
+    normal: Array
+    offset: float
+
+    @classmethod
+    def of(cls, normal: ArrayLike, offset: float) -> HalfSpace:
+        """Return a checked half-space; ``normal`` need not be of unit length."""
+        n = finite_array("half-space, normal", normal, (3,))
+        size = float(np.linalg.norm(n))
+        if size < 1e-9:
+            raise InvalidInputError("half-space, normal: must not be zero")
+        return cls(n / size, finite_number("half-space, offset", offset))
+
+    def __post_init__(self) -> None:
+        read_only(self.normal)
+
+    @property
+    def core(self) -> Array:
+        """One point (1, 3) of its surface."""
+        return self.offset * self.normal[None]
+
+    @property
+    def radius(self) -> float:
+        """Nothing is rounded."""
+        return 0.0
+
+
+Solid = Capsule | Hull  # what a robot is made of
+Shape = Solid | HalfSpace
+
+
+def moved(shape: Solid, rotation: Array, origin: Array) -> Solid:
+    """Return the shape turned by ``rotation`` (3, 3), then shifted by ``origin`` (3,)."""
+    core = shape.core @ rotation.T + origin
+    if isinstance(shape, Capsule):
+        return Capsule(core, shape.radius)
+    return Hull(core, shape.radius)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One shape on one link.
+
+    Attributes
+    ----------
+    name:
+        For labels: the link's, numbered where the link has several shapes.
+    link:
+        The link that carries it.
+    joint:
+        Pinocchio's index of the joint that moves it; 0 for what does not move with the robot.
+    shape:
+        In that joint's frame.
+    bulge:
+        How far the shape may stick out of what it stands for [m].
+    """
+
+    name: str
+    link: str
+    joint: int
+    shape: Shape
+    bulge: float = 0.0
+
+    @property
+    def ball(self) -> tuple[Array, float]:
+        """Centre (3,) in the joint's frame and radius [m] of a ball that holds the shape."""
+        core = self.shape.core
+        centre = 0.5 * (core.min(axis=0) + core.max(axis=0))
+        reach = float(np.linalg.norm(core - centre, axis=1).max())
+        return centre, reach + self.shape.radius
+
+    @property
+    def length(self) -> float:
+        """Length of the core [m]: of a capsule exactly, of a hull at most; infinite in a plane."""
+        core = self.shape.core
+        match self.shape:
+            case Capsule():
+                return float(np.linalg.norm(core[1] - core[0]))
+            case Hull():
+                return float(np.linalg.norm(core.max(axis=0) - core.min(axis=0)))
+        return np.inf
