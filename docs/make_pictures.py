@@ -2,8 +2,19 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from wbc.problem import load_problem
-from wbc.view import plot_robot, plot_run
+from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.momentum_qp import MomentumQp
+from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
+from wbc.rmp.balance.recovery import largest_impulses
+from wbc.rmp.balance.region import lean_grid, region_of_attraction
+from wbc.rmp.balance.stabiliser import PointStabiliser
+from wbc.rmp.solid import SolidRmp
+from wbc.view import plot_pendulum, plot_robot, plot_run
+from wbc.view.balance import pushes_figure, regions_figure
+from wbc.view.files import save
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"
@@ -19,6 +30,40 @@ FIG7 = {
 }
 
 
+PENDULUMS = ("rmp_push_qp", "rmp_swing_up", "plan_hop_turn", "plan_walk")
+# A G1-like pendulum: mass [kg], height of the CoM [m], half of the soles [m], motors [N m, rad].
+MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
+RADII = (0.3, 0.3, 0.3)  # m
+
+
+def pendulum_pictures() -> None:
+    """Draw the pendulum's problems, pushes all around and the stabiliser's region of attraction."""
+    for name in PENDULUMS:
+        result = load_problem(ROOT / "problems" / f"{name}.yaml").run()
+        title = f"{name}: {result.status.value}"
+        plot_pendulum(result.history, PICTURES / f"{name}.png", title=title)
+    model = SolidRmp(MASS)
+    square = HALF * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    bounds = Bounds(polygon=square, friction=0.8, wheel_torque=TORQUE, wheel_angle=ANGLE)
+    law = MomentumQp(model, bounds, (0.0, 0.0, HEIGHT), RADII, dt=2e-3)
+    inertia = MASS * 2 / 3 * RADII[0] ** 2
+    wheel = Wheel(inertia, TORQUE, ANGLE)
+    theory = push_limits(compass(16), square, wheel, mass=MASS, height=HEIGHT)
+    bracket = np.column_stack((0.5 * theory.wheel, 1.5 * theory.wheel))
+    impulses = {
+        "ankle only (theory)": theory.ankle,
+        "with reaction mass (theory)": theory.wheel,
+        "MomentumQp, simulated": largest_impulses(law, theory.directions, bracket),
+    }
+    save(pushes_figure(theory.directions, impulses), PICTURES / "rmp_pushes.png")
+    leans = np.radians(np.linspace(-16.0, 16.0, 33))
+    rest = np.array((0.0, 0.0, np.pi / 2, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0, *RADII))
+    stabiliser = PointStabiliser(model, Bounds(wheel_torque=TORQUE), HEIGHT, RADII)
+    region = region_of_attraction(stabiliser, rest, lean_grid(rest, leans, leans))
+    times = {"PointStabiliser": region.settling.reshape(len(leans), len(leans))}
+    save(regions_figure(leans, leans, times), PICTURES / "rmp_region.png")
+
+
 def main() -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     for name in ("astronaut_expand", "shape_standing_g1"):
@@ -31,6 +76,7 @@ def main() -> None:
         first = next(iter(problems.values())).parts
         poses = {"start": first.start} | {k: result.q for k, result in results.items()}
         plot_robot(first.robot, poses, PICTURES / f"{name}.png")
+    pendulum_pictures()
 
 
 if __name__ == "__main__":
