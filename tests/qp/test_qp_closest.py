@@ -9,6 +9,7 @@ from scipy.optimize import linprog
 
 from wbc.qp import QP, Labels, find_conflict
 from wbc.qp.closest import closest
+from wbc.qp.conflict import REACH
 from wbc.qp.irreducible import irreducible
 
 
@@ -40,7 +41,8 @@ def feasible(qp: QP) -> bool:
         b_ub=np.concatenate((qp.u[upper], -qp.l[lower])),
         A_eq=qp.A,
         b_eq=qp.b,
-        bounds=list(zip(qp.lower, qp.upper, strict=True)),
+        # Unknowns without bounds stay within reach, as conflicts are defined.
+        bounds=list(zip(np.maximum(qp.lower, -REACH), np.minimum(qp.upper, REACH), strict=True)),
     )
     assert result.status in (0, 2), result.message
     return result.status == 0

@@ -68,6 +68,11 @@ class Contact:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"
 
+    @property
+    def name(self) -> str:
+        """The held frame's."""
+        return self.frame
+
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the drift from the anchor, [m] above [rad], and the frame's Jacobian; world axes.
 

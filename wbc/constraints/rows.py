@@ -55,6 +55,9 @@ class Bounds(NamedTuple):
         Rows of a dominating cost, for what cannot be a bound; None for none.
     gaps:
         What the rows were made of, if they come from gaps.
+    slack:
+        (m,) weights of 1/2 slack^2 for rows that may give way, infinite for those that may not;
+        None: none may.
     """
 
     labels: tuple[str, ...]
@@ -63,6 +66,7 @@ class Bounds(NamedTuple):
     upper: Array
     push: Rows | None = None
     gaps: Gaps | None = None
+    slack: Array | None = None
 
 
 class Constraint(ABC):
@@ -114,12 +118,18 @@ def joined(parts: Sequence[Bounds]) -> Bounds:
             np.concatenate([rows.target for rows in pushes]),
             np.concatenate([rows.weight for rows in pushes]),
         )
+    slack = None
+    if any(part.slack is not None for part in parts):
+        hard = [np.full(part.lower.size, np.inf) for part in parts]
+        slacks = zip(parts, hard, strict=True)
+        slack = np.concatenate([h if part.slack is None else part.slack for part, h in slacks])
     return Bounds(
         sum((part.labels for part in parts), ()),
         np.concatenate([part.matrix for part in parts]),
         np.concatenate([part.lower for part in parts]),
         np.concatenate([part.upper for part in parts]),
         push,
+        slack=slack,
     )
 
 

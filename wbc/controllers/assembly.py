@@ -13,6 +13,10 @@ from wbc.validate import Array
 
 # Curvatures below this fraction of the largest are raised to it: steps stay finite in flat valleys.
 FLATTEST = 1e-5
+# What the name of a slack variable begins with; the name of its row follows.
+SLACK_OF = "slack of "
+# A slack below this [m/s] is what solvers leave.
+GIVEN_WAY = 1e-7
 
 
 def assemble(
@@ -54,7 +58,7 @@ def assemble(
         bounds = Bounds((), np.zeros((0, n)), np.zeros(0), np.zeros(0))
     else:
         labels = Labels(labels.equality, bounds.labels, labels.variables)
-    return QP(
+    qp = QP(
         P=P,
         g=-(wanted @ stacked),
         A=A,
@@ -66,6 +70,52 @@ def assemble(
         upper=upper,
         labels=labels,
     )
+    return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+def with_slack(qp: QP, weights: Array) -> QP:
+    """Return the QP with a slack variable for each inequality row that may give way.
+
+    ``l <= C x - s <= u`` at the cost of 1/2 weight s^2. The slacks are unknowns behind x, named
+    after their rows.
+
+    Parameters
+    ----------
+    weights:
+        (mi,), infinite for rows that may not give way.
+    """
+    soft = np.flatnonzero(np.isfinite(weights))
+    n, k = qp.g.size, soft.size
+    P = np.zeros((n + k, n + k))
+    P[:n, :n] = qp.P
+    P.flat[n * (n + k + 1) :: n + k + 1] = weights[soft]
+    give = np.zeros((qp.u.size, k))
+    give[soft, np.arange(k)] = -1.0
+    free = np.full(k, np.inf)
+    names = tuple(f"{SLACK_OF}{qp.labels.inequality[row]}" for row in soft)
+    return QP(
+        P=P,
+        g=np.concatenate((qp.g, np.zeros(k))),
+        A=np.concatenate((qp.A, np.zeros((qp.b.size, k))), axis=1),
+        b=qp.b,
+        C=np.concatenate((qp.C, give), axis=1),
+        l=qp.l,
+        u=qp.u,
+        lower=np.concatenate((qp.lower, -free)),
+        upper=np.concatenate((qp.upper, free)),
+        labels=Labels(qp.labels.equality, qp.labels.inequality, qp.labels.variables + names),
+    )
+
+
+def slacks(qp: QP, x: Array) -> dict[str, float]:
+    """Return by how much each row that may give way has given way, by its name."""
+    if not qp.labels.variables[-1].startswith(SLACK_OF):  # most ticks: slacks are the last unknowns
+        return {}
+    return {
+        name.removeprefix(SLACK_OF): float(x[k])
+        for k, name in enumerate(qp.labels.variables)
+        if name.startswith(SLACK_OF) and abs(x[k]) > GIVEN_WAY
+    }
 
 
 def _weighted(costs: Sequence[Rows]) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ The only memory between ticks is the solver's warm start.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from time import perf_counter
 
 import numpy as np
@@ -18,13 +18,15 @@ import numpy as np
 from wbc.constraints.contact import Contact
 from wbc.constraints.limits import BASE_ROWS, Limits
 from wbc.constraints.rows import Bounds, Constraint
-from wbc.controllers.assembly import assemble
+from wbc.controllers.assembly import assemble, slacks
 from wbc.controllers.landing import Landing
 from wbc.controllers.levels import grouped, kept, level_labels
+from wbc.controllers.softness import Softness
 from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.laws import Rows, velocity_law
 from wbc.qp.backend import Backend, make_backend
+from wbc.qp.closest import closest
 from wbc.qp.elimination import Elimination, eliminate
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution, Status
@@ -50,6 +52,9 @@ class KinematicController:
         Joint and base limits, or None for none.
     constraints:
         What gives inequality rows, such as :class:`wbc.constraints.SelfCollision`.
+    slack:
+        Contacts (by their frames) and constraints (by their names) that may give way, and the
+        weights of that: see :class:`wbc.controllers.softness.Softness`. All others are hard.
     dt:
         Time step [s]: the command is meant to be applied for this long.
     solver:
@@ -61,8 +66,9 @@ class KinematicController:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
     on_failure:
         What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
-        (half the measured velocity, within limits) or ``"raise"``
-        (:class:`~wbc.errors.ControllerFailure`).
+        (half the measured velocity, within limits), ``"closest"`` (within limits, missing the other
+        rows by as little as can be; :func:`wbc.qp.closest.closest`, some milliseconds) or
+        ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
     """
 
     def __init__(
@@ -73,6 +79,7 @@ class KinematicController:
         contacts: Sequence[Contact] = (),
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
+        slack: Mapping[str, float] | None = None,
         dt: float = 0.005,
         solver: str | Backend = "proxqp",
         formulation: str = "equality",
@@ -84,6 +91,7 @@ class KinematicController:
         self.contacts = tuple(contacts)
         self.limits = limits
         self.constraints = tuple(constraints)
+        self.softness = Softness(slack or {}, self.contacts, self.constraints)
         self.dt = finite_number("controller, dt", dt, above=0.0)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.backend = make_backend(solver) if isinstance(solver, str) else solver
@@ -91,14 +99,20 @@ class KinematicController:
         self.on_failure = _one_of("failure policy", on_failure, POLICIES)
         self._check_parts()
         self._workspace = (formulation, tuple(contact.labels for contact in self.contacts))
-        self._levels = grouped(self.tasks)
+        hard, soft = self.softness.split(self.contacts)
+        self._held, self._costly = hard, soft
+        # Soft contacts are costs of the first level, behind the tasks.
+        first, *lower = grouped(self.tasks)
+        behind = range(len(self.tasks), len(self.tasks) + len(soft))
+        self._levels = ((*first, *behind), *lower)
         labels = Labels(
-            equality=sum((contact.labels for contact in self.contacts), ()),
+            equality=sum((contact.labels for contact in hard), ()),
             inequality=(),
             variables=BASE_ROWS + robot.joint_names,
         )
+        costs = (*self.tasks, *soft)
         above = [
-            [self.tasks[k] for level in self._levels[:depth] for k in level]
+            [costs[k] for level in self._levels[:depth] for k in level]
             for depth in range(len(self._levels))
         ]
         self._labels = [level_labels(labels, tasks) for tasks in above]
@@ -119,17 +133,19 @@ class KinematicController:
             raise InvalidInputError(f"controller: {snapshot!r} is of another robot object")
         start = perf_counter()
         residuals = [task.residual(snapshot) for task in self.tasks]
-        rows = self._rows(residuals)
-        equalities = self._contact_rows(snapshot)
-        landing = Landing.of(self.constraints, snapshot, self.dt, equalities)
+        costly = self._contact_rows(snapshot, self._costly)
+        rows = [*self._rows(residuals), *map(self.softness.cost, self._costly, costly)]
+        equalities = self._contact_rows(snapshot, self._held)
+        landing = Landing.of(self.constraints, self.softness, snapshot, self.dt, equalities)
         assembled = perf_counter()
         qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
         ready = perf_counter()
         qp, solution = self._descend(qp, snapshot, rows, equalities, landing.bounds)
-        while landing.breaks(solution.x) if solution.solved else landing.yields():
+        nv = self.robot.nv  # behind the velocity there may be slacks
+        while landing.breaks(solution.x[:nv]) if solution.solved else landing.yields():
             qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
             qp, solution = self._descend(qp, snapshot, rows, equalities, landing.bounds)
-        share = landing.share(solution.x) if solution.solved else 1.0
+        share = landing.share(solution.x[:nv]) if solution.solved else 1.0
         times = Times(assembled - start, ready - assembled, perf_counter() - ready)
         return self._answer(snapshot, residuals, qp, solution, share, times)
 
@@ -162,13 +178,12 @@ class KinematicController:
             for task, residual in zip(self.tasks, residuals, strict=True)
         ]
 
-    def _contact_rows(self, snapshot: Snapshot) -> list[Rows]:
-        """Apply the velocity law to every contact: hold, and take back what has drifted."""
-        held = []
-        for contact in self.contacts:
-            residual = contact.residual(snapshot)
-            held.append(velocity_law(residual, contact.gain, self.dt, contact.weight))
-        return held
+    def _contact_rows(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Rows]:
+        """Apply the velocity law to contacts: hold, and take back what has drifted."""
+        return [
+            velocity_law(contact.residual(snapshot), contact.gain, self.dt, contact.weight)
+            for contact in contacts
+        ]
 
     def _qp(
         self,
@@ -216,8 +231,12 @@ class KinematicController:
     ) -> Tick:
         """Turn the solution into a command, by the declared policy if there is none."""
         solved = solution.status is Status.SOLVED
+        if solved:
+            velocity, slack = share * solution.x[: self.robot.nv], slacks(qp, solution.x)
+        else:
+            velocity, slack = self._fallback(snapshot, qp)
         tick = Tick(
-            velocity=read_only(share * solution.x if solved else self._fallback(snapshot, qp)),
+            velocity=read_only(velocity),
             status=solution.status,
             policy=None if solved else self.on_failure,
             errors={
@@ -228,16 +247,21 @@ class KinematicController:
             qp=qp,
             times=times,
             share=share,
+            slack=slack,
         )
         if not solved and self.on_failure == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
 
-    def _fallback(self, snapshot: Snapshot, qp: QP) -> Array:
-        """Return the command of the ``damp`` policy, within the limits' box, or zero."""
-        if self.on_failure != "damp":
-            return np.zeros(self.robot.nv)
-        return np.clip(0.5 * snapshot.v, qp.lower, qp.upper)
+    def _fallback(self, snapshot: Snapshot, qp: QP) -> tuple[Array, dict[str, float]]:
+        """Return the command of the declared policy, within the limits' box, and what it misses."""
+        nv = self.robot.nv
+        if self.on_failure == "closest":
+            found = closest(qp)
+            return found.x[:nv], {**slacks(qp, found.x), **found.slack}
+        if self.on_failure == "damp":
+            return np.clip(0.5 * snapshot.v, qp.lower[:nv], qp.upper[:nv]), {}
+        return np.zeros(nv), {}
 
     def _check_parts(self) -> None:
         """Refuse parts made for another robot, and names given twice."""

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from wbc.constraints.rows import Bounds, Constraint, giving_way, joined
+from wbc.controllers.softness import Softness
 from wbc.laws import Rows
 from wbc.robot import Snapshot
 from wbc.validate import Array
@@ -36,6 +37,7 @@ class Landing:
     """
 
     constraints: Sequence[Constraint]
+    softness: Softness
     snapshot: Snapshot
     dt: float
     contacts: Sequence[Rows]
@@ -49,14 +51,15 @@ class Landing:
     def of(
         cls,
         constraints: Sequence[Constraint],
+        softness: Softness,
         snapshot: Snapshot,
         dt: float,
         contacts: Sequence[Rows],
     ) -> Landing:
         """Return the rows of the constraints at ``snapshot``, with those of its contacts."""
-        parts = [constraint.rows(snapshot, dt) for constraint in constraints]
+        parts = [softness.soften(part, part.rows(snapshot, dt)) for part in constraints]
         bounds = joined(parts) if parts else None
-        return cls(constraints, snapshot, dt, contacts, parts, bounds)
+        return cls(constraints, softness, snapshot, dt, contacts, parts, bounds)
 
     def breaks(self, v: Array) -> bool:
         """Look where ``v`` leads and add rows that keep it from there; False if none are needed."""
@@ -89,7 +92,7 @@ class Landing:
         doubtful = [
             (constraint, part)
             for constraint, part in zip(self.constraints, self.parts, strict=True)
-            if constraint.doubts(part, v, self.dt)
+            if self.softness.is_hard(constraint.name) and constraint.doubts(part, v, self.dt)
         ]
         if not doubtful:
             return []

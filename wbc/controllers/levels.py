@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wbc.constraints.contact import Contact
 from wbc.laws import Rows
 from wbc.qp.problem import Labels
 from wbc.tasks.task import Task
@@ -34,16 +35,16 @@ def kept(rows: Sequence[Rows], x: Array) -> list[Rows]:
     for row in rows:
         wanted = row.weight > 0.0
         matrix = row.matrix[wanted]
-        held.append(Rows(matrix, matrix @ x, np.ones(len(matrix))))
+        held.append(Rows(matrix, matrix @ x[: matrix.shape[1]], np.ones(len(matrix))))
     return held
 
 
-def level_labels(first: Labels, above: Sequence[Task]) -> Labels:
-    """Return the labels of a level's QP: the contacts', then the kept rows of the tasks above."""
+def level_labels(first: Labels, above: Sequence[Task | Contact]) -> Labels:
+    """Return the labels of a level's QP: the contacts', then the kept rows of what is above."""
     names = tuple(
-        f"{task.name} {row}"
-        for task in above
-        for row, weight in zip(task.rows, task.weight, strict=True)
+        f"{part.name} {row}"
+        for part in above
+        for row, weight in zip(part.rows, part.weight, strict=True)
         if weight > 0.0
     )
     return Labels(first.equality + names, first.inequality, first.variables)

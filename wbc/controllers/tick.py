@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from wbc.qp.irreducible import irreducible
 from wbc.qp.problem import QP
-from wbc.qp.solution import Solution, Status
+from wbc.qp.solution import Conflict, Solution, Status
 from wbc.validate import Array
 
-POLICIES = ("hold", "damp", "raise")
+POLICIES = ("hold", "damp", "closest", "raise")
 # Multipliers below this part of the largest, or below this, are what solvers leave: not held.
 HOLDING, NOTHING = 1e-6, 1e-9
 
@@ -49,6 +50,9 @@ class Tick:
     share:
         Part of the solution that is commanded: below 1 in the rare tick in which all of it would
         end inside a margin (see :mod:`wbc.controllers.landing`).
+    slack:
+        By how much rows are missed that may give way, or that the policy ``closest`` gave up, by
+        name, in their units; signs as (what is) - (nearest allowed).
     """
 
     velocity: Array
@@ -59,6 +63,7 @@ class Tick:
     qp: QP
     times: Times
     share: float = 1.0
+    slack: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -82,8 +87,19 @@ class Tick:
         """Return what went wrong in one or two sentences, or ``"solved"``."""
         if self.ok:
             return "solved"
-        conflict = self.solution.conflict
+        conflict = self.conflict
         reason = conflict.describe() if conflict is not None else str(self.solution.residuals)
+        missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
         return (
             f"QP {self.status.value} ({self.solution.solver}): {reason}; command by {self.policy!r}"
+            + (f", which misses {missed}" if missed else "")
         )
+
+    @property
+    def conflict(self) -> Conflict | None:
+        """Rows that contradict each other, each of them to blame, or None; takes milliseconds.
+
+        See :func:`wbc.qp.irreducible.irreducible`; ``solution.conflict`` holds them all.
+        """
+        found = self.solution.conflict
+        return None if found is None else irreducible(self.qp, found)

@@ -7,18 +7,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from wbc.problem.section import Name, Positive, Section
+from wbc.problem.section import Name, NonNegative, Positive, Section
 
-METHODS = ("qp", "pseudo_inverse")
+METHODS = ("qp", "global", "pseudo_inverse")
 
 
 TimeStep = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1.0)]
 
 
-class QpSpec(Section):
-    """One quadratic program per tick: contacts and limits are met exactly, tasks as weighted."""
+class QpSettings(Section):
+    """What methods that solve a quadratic program per tick have in common."""
 
-    method: Literal["qp"] = "qp"
     solver: Name = "proxqp"
     """The QP solver: proxqp, or any that qpsolvers finds installed."""
     eps: Positive | None = None
@@ -29,8 +28,37 @@ class QpSpec(Section):
     """Time step [s]."""
     damping: Positive = 1e-6
     """Weight of 1/2 |v|^2: picks one among equally good velocities."""
-    on_failure: Literal["hold", "damp", "raise"] = "hold"
-    """When a QP has no solution: stand still, slow down, or end the run."""
+    on_failure: Literal["hold", "damp", "closest", "raise"] = "hold"
+    """When a QP has no solution: stand still, slow down, miss the rows by as little as can be, or
+    end the run."""
+
+
+class QpSpec(QpSettings):
+    """One quadratic program per tick: contacts and limits are met exactly, tasks as weighted."""
+
+    method: Literal["qp"] = "qp"
+
+
+class GlobalSpec(QpSettings):
+    """A search from many starts for the posture that serves the tasks best; then the quadratic
+    program is run towards the best posture that it can really reach."""
+
+    method: Literal["global"]
+    starts: int = Field(default=64, ge=1, le=100_000)
+    """How many searches; the first begins at the start of the run."""
+    seconds: Positive | None = None
+    """Wall time after which no search is begun [s]; null: all are made. With a time the answer
+    depends on how fast the machine is."""
+    workers: int = Field(default=2, ge=1, le=256)
+    """Processes that search; the answer does not depend on it."""
+    seed: int = Field(default=0, ge=0)
+    """Of the random postures to search from."""
+    support_margin: NonNegative | None = None
+    """How far inside the polygon of the held soles the CoM is kept [m]; null: no matter where."""
+    attempts: int = Field(default=5, ge=1)
+    """How many postures to try to reach, the best first."""
+    tolerance: NonNegative = 0.01
+    """A posture is reached if the motion ends at no more than its cost and this fraction of it."""
 
 
 class PseudoInverseSpec(Section):
@@ -53,7 +81,9 @@ def _method_form(value: Any) -> str | None:
 
 
 ControllerChoice = Annotated[
-    Annotated[QpSpec, Tag("(qp)")] | Annotated[PseudoInverseSpec, Tag("(pseudo_inverse)")],
+    Annotated[QpSpec, Tag("(qp)")]
+    | Annotated[GlobalSpec, Tag("(global)")]
+    | Annotated[PseudoInverseSpec, Tag("(pseudo_inverse)")],
     Discriminator(
         _method_form,
         custom_error_type="controller",

@@ -32,7 +32,7 @@ _SHARE = 1e-3
 # Part of the conflict's own size, |s|^2, that must survive rounding for a certificate to count.
 _SURVIVING = 0.5
 # Unknowns without bounds are assumed to stay within this multiple of the compromise.
-_REACH = 1e3
+REACH = 1e3
 _EPS, _MAX_ITERATIONS = 1e-8, 200
 
 
@@ -157,7 +157,7 @@ def _contradicts(qp: QP, rows: _Rows, miss: Array, box: Array, size: float) -> b
     bounded = np.isfinite(bound)
     weighted = miss != 0.0
     total = miss[weighted] @ target[weighted] + box[bounded] @ bound[bounded]
-    leak = np.abs(box[~bounded]).sum() * _REACH * (1.0 + size)
+    leak = np.abs(box[~bounded]).sum() * REACH * (1.0 + size)
     return bool(total + leak <= -_SURVIVING * (miss @ miss))
 
 

@@ -1,7 +1,7 @@
 """Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
 
 from wbc.controllers.shaping.capsules import CapsulePair
-from wbc.controllers.shaping.motion import Attempt, Motion
+from wbc.controllers.shaping.motion import Attempt, Motion, MotionTick
 from wbc.controllers.shaping.outcome import (
     Candidate,
     NoPostureError,
@@ -18,6 +18,7 @@ __all__ = [
     "CapsulePair",
     "GlobalShaping",
     "Motion",
+    "MotionTick",
     "NoPostureError",
     "Rejected",
     "ShapingOutcome",

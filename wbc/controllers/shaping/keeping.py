@@ -33,12 +33,12 @@ class Tolerances:
     clearance: float
 
     def excusing(self, kept: Kept) -> Tolerances:
-        """Return tolerances by which ``kept`` breaks nothing."""
+        """Return tolerances beyond what ``kept`` breaks already."""
         return Tolerances(
-            max(self.contact, kept.contact),
-            max(self.limit, -kept.limit),
-            self.support if kept.support is None else max(self.support, -kept.support),
-            self.clearance if kept.clearance is None else max(self.clearance, -kept.clearance),
+            self.contact + kept.contact,
+            self.limit + max(-kept.limit, 0.0),
+            self.support + max(-(kept.support or 0.0), 0.0),
+            self.clearance + max(-(kept.clearance or 0.0), 0.0),
         )
 
 

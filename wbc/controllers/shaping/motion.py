@@ -1,10 +1,13 @@
-"""The motion to a posture, and what was tried to get there."""
+"""The motion to a posture, what was tried to get there, and each tick of it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from wbc.controllers.shaping.outcome import Candidate, Kept
+from wbc.controllers.tick import Tick
+from wbc.robot import Snapshot
 from wbc.validate import Array
 
 
@@ -27,6 +30,36 @@ class Attempt:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class MotionTick:
+    """One tick of an attempt, as it happens.
+
+    Attributes
+    ----------
+    attempt:
+        Counted from 0: the index of its candidate in the outcome.
+    time:
+        When it began [s].
+    snapshot:
+        The robot then.
+    tick:
+        The controller's answer; on the way its errors are those of the tasks that lead.
+    seconds, cpu_seconds:
+        From measurement to command, by the clock and of this thread's CPU.
+    """
+
+    attempt: int
+    time: float
+    snapshot: Snapshot
+    tick: Tick
+    seconds: float
+    cpu_seconds: float
+
+
+# Called after every tick of every attempt.
+Watch = Callable[[MotionTick], None]
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """A motion from the current posture, tick by tick.
@@ -47,6 +80,8 @@ class Motion:
         The worst of every constraint over the motion, contacts [m or rad] as held by feedback.
     arrived:
         True if it keeps every constraint and ends at the candidate's cost.
+    at_rest:
+        True if nothing moved any more when it ended.
     attempts:
         This one and those before it.
     """
@@ -58,4 +93,5 @@ class Motion:
     candidate: Candidate
     kept: Kept
     arrived: bool
+    at_rest: bool
     attempts: tuple[Attempt, ...]

@@ -83,10 +83,13 @@ class Rejected:
         Its number; None for a sample that was never searched from.
     reason:
         Why, in words.
+    kind:
+        Why, in words without numbers, by which reasons can be counted.
     """
 
     start: int | None
     reason: str
+    kind: str
 
 
 class Stopped(StrEnum):

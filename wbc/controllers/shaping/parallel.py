@@ -11,7 +11,8 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,7 +132,8 @@ class _Team:
             context.Process(target=_work, args=shared, daemon=True) for _ in range(max(size, 0))
         ]
         for member in self._members:
-            member.start()
+            with _deaf_to_ctrl_c():
+                member.start()
             # Through a queue, whose own thread sends it: as an argument it would have to be read
             # by a process that is still loading before this one could go on.
             self._tasks.put((nlp, list(starts), deadline))
@@ -181,6 +183,19 @@ class _Team:
             channel.cancel_join_thread()  # nobody is left to read what was not sent yet
 
 
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach, also not while they load.
+
+    A blocked signal stays blocked in what is started; here it waits until it no longer is.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _next(counter: Any, count: int, deadline: float | None) -> int | None:
     """Take the next number, or None when there is none or the time is over."""
     with counter.get_lock():
@@ -193,8 +208,10 @@ def _next(counter: Any, count: int, deadline: float | None) -> int | None:
 
 
 def _work(tasks: Any, counter: Any, answers: Any) -> None:
-    """Search until there is no start left: what the other processes do."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is answered by the first process
+    """Search until there is no start left: what the other processes do.
+
+    Ctrl-C is answered by the first process; see :func:`_deaf_to_ctrl_c`.
+    """
     nlp, starts, deadline = tasks.get()
     searcher = nlp.searcher()
     for number in iter(lambda: _next(counter, len(starts), deadline), None):

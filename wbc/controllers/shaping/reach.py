@@ -7,8 +7,11 @@ constraint and ends at its cost.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from time import perf_counter, thread_time
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,14 +19,25 @@ from wbc.controllers.kinematic import KinematicController
 from wbc.controllers.shaping.keeping import Tolerances, kept_constraints
 from wbc.controllers.shaping.lead import Lead
 from wbc.controllers.shaping.merit import posture_cost
-from wbc.controllers.shaping.motion import Attempt, Motion
+from wbc.controllers.shaping.motion import Attempt, Motion, MotionTick, Watch
 from wbc.controllers.shaping.outcome import Candidate, Kept, ShapingOutcome
 from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.controllers.tick import Tick
+from wbc.errors import ControllerFailure
 from wbc.robot import Snapshot
 from wbc.tasks import Task
 from wbc.validate import Array, read_only
 
-MakeController = Callable[[Sequence[Task]], KinematicController]
+
+class Controller(Protocol):
+    """From a snapshot to a command."""
+
+    def step(self, snapshot: Snapshot) -> Tick:
+        """Return the command for ``snapshot``."""
+        ...
+
+
+MakeController = Callable[[Sequence[Task]], Controller]
 
 LINGERING = 0.5  # s for which the lead is kept at its end
 SETTLING = 4.0  # s at most, after the lead has arrived
@@ -36,23 +50,32 @@ ARRIVED = "arrived"
 NEGLIGIBLE = 1e-9  # of the cost at the start: a target that is met to this is met
 
 
+@dataclass(frozen=True)
+class Terms:
+    """How candidates are tried; see :meth:`~.shaping.GlobalShaping.reach`."""
+
+    tolerance: float
+    attempts: int
+    dt: float
+    longest: float | None
+    rest_speed: float | None
+
+
 def reach_best(
     problem: ShapingProblem,
     q_start: Array,
     outcome: ShapingOutcome,
-    *,
-    tolerance: float,
-    attempts: int,
-    dt: float,
+    terms: Terms,
     make_controller: MakeController | None,
+    watch: Watch | None,
 ) -> Motion:
     """Try candidates, the best first; see :meth:`~.shaping.GlobalShaping.reach`."""
     best = outcome.best
-    way = Way(problem, q_start, tolerance, dt, make_controller or _default(problem, dt))
+    way = Way(problem, q_start, terms, make_controller or _default(problem, terms.dt), watch)
     tried: list[Attempt] = []
     motions: list[Motion] = []
-    for number, candidate in enumerate((best, *outcome.candidates[1:attempts])):
-        motion, reason = way.to(candidate)
+    for number, candidate in enumerate((best, *outcome.candidates[1 : terms.attempts])):
+        motion, reason = way.to(candidate, number)
         tried.append(Attempt(number, float(motion.cost[-1]), reason))
         motions.append(motion)
         if motion.arrived:
@@ -71,64 +94,96 @@ def _default(problem: ShapingProblem, dt: float) -> MakeController:
     return make
 
 
+class Course(NamedTuple):
+    """States tick by tick, whether they end at rest, and what ended them early, or nothing."""
+
+    states: list[Snapshot]
+    at_rest: bool
+    fault: str
+
+
 @dataclass(frozen=True, eq=False)
 class Way:
     """What all attempts have in common."""
 
     problem: ShapingProblem
     q_start: Array
-    tolerance: float
-    dt: float
+    terms: Terms
     make_controller: MakeController
+    watch: Watch | None
 
-    def to(self, candidate: Candidate) -> tuple[Motion, str]:
+    def to(self, candidate: Candidate, number: int) -> tuple[Motion, str]:
         """Return the motion towards a candidate, and why it does not count, or ``"arrived"``."""
-        states, fault = self._run(candidate)
+        states, at_rest, fault = self._run(candidate, number)
         costs = np.array([posture_cost(self.problem.tasks, state) for state in states])
-        kept, broken = worst_kept(self.problem, states, self.dt)
-        allowed = (1.0 + self.tolerance) * candidate.cost + NEGLIGIBLE * float(costs[0])
+        kept, broken = worst_kept(self.problem, states, self.terms.dt)
+        allowed = (1.0 + self.terms.tolerance) * candidate.cost + NEGLIGIBLE * float(costs[0])
         reason = fault or broken or ARRIVED
         if reason == ARRIVED and costs[-1] > allowed:
-            reason = f"came to rest at cost {costs[-1]:.4g} instead of {candidate.cost:.4g}"
+            how = "came to rest" if at_rest else "was still moving when the time was over,"
+            reason = f"{how} at cost {costs[-1]:.4g} instead of {candidate.cost:.4g}"
         v = np.array([state.v for state in states[1:]] + [np.zeros(self.problem.robot.nv)])
         motion = Motion(
-            time=read_only(self.dt * np.arange(len(states))),
+            time=read_only(self.terms.dt * np.arange(len(states))),
             q=read_only(np.array([state.q for state in states])),
             v=read_only(v),
             cost=read_only(costs),
             candidate=candidate,
             kept=kept,
             arrived=reason == ARRIVED,
+            at_rest=at_rest,
             attempts=(),
         )
         return motion, reason
 
-    def _run(self, candidate: Candidate) -> tuple[list[Snapshot], str]:
-        """Return the states tick by tick, and what ended the run early, or nothing."""
-        robot, tasks = self.problem.robot, self.problem.tasks
+    def _run(self, candidate: Candidate, number: int) -> Course:
+        robot, tasks, dt = self.problem.robot, self.problem.tasks, self.terms.dt
         lead = Lead(self.problem, self.q_start, candidate)
         leading = self.make_controller(lead.tasks)
         settling = self.make_controller((*tasks, *lead.lasting))
-        states = [robot.snapshot(self.q_start)]
+        longest = lead.duration + SETTLING if self.terms.longest is None else self.terms.longest
+        q: Array = self.q_start
+        v: Array = np.zeros(robot.nv)
+        states: list[Snapshot] = []
         still = unsolved = 0
-        for k in range(round((lead.duration + SETTLING) / self.dt)):
-            time = k * self.dt
+        fault = ""
+        for k in range(max(1, math.ceil(longest / dt - 1e-9))):
+            time = k * dt
             led = time < lead.duration + LINGERING
             if led:
                 lead.move_to(time)
-            tick = (leading if led else settling).step(states[-1])
+            began, cpu_began = perf_counter(), thread_time()
+            states.append(robot.snapshot(q, v))
+            tick, gave_up = _answer(leading if led else settling, states[-1])
+            seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
+            if self.watch is not None:
+                self.watch(MotionTick(number, time, states[-1], tick, seconds, cpu_seconds))
+            v = tick.velocity
+            q = robot.integrate(q, v, dt)
+            still = still + 1 if not led and tick.ok and self._slow(v) else 0
             # By its policy the controller stands still without solution; the next may have one.
             unsolved = 0 if tick.ok else unsolved + 1
-            if unsolved >= GIVE_UP:
-                return states, f"at {time:.2f} s: {tick.report()}"
-            q = robot.integrate(states[-1].q, tick.velocity, self.dt)
-            states.append(robot.snapshot(q, tick.velocity))
-            still = (
-                still + 1 if not led and tick.ok and np.abs(tick.velocity).max() < AT_REST else 0
-            )
+            if gave_up or unsolved >= GIVE_UP:
+                fault = f"at {time:.2f} s: {tick.report()}"
+                break
             if still >= REST_TICKS:
                 break
-        return states, ""
+        states.append(robot.snapshot(q, v))
+        return Course(states, still >= REST_TICKS, fault)
+
+    def _slow(self, v: Array) -> bool:
+        speed = self.terms.rest_speed
+        return speed is not None and float(np.abs(v).max()) < speed
+
+
+def _answer(controller: Controller, snapshot: Snapshot) -> tuple[Tick, bool]:
+    """Return the tick, and whether the controller gave up by its policy."""
+    try:
+        return controller.step(snapshot), False
+    except ControllerFailure as failure:
+        if not isinstance(failure.tick, Tick):
+            raise
+        return failure.tick, True
 
 
 def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -> tuple[Kept, str]:

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints import Contact, Limits
 from wbc.controllers.shaping.capsules import CapsulePair
-from wbc.controllers.shaping.motion import Motion
+from wbc.controllers.shaping.motion import Motion, Watch
 from wbc.controllers.shaping.nlp import build_nlp
 from wbc.controllers.shaping.outcome import ShapingOutcome, ShapingStatistics, Stopped
 from wbc.controllers.shaping.parallel import search_all
 from wbc.controllers.shaping.problem import ShapingProblem, check_parts, support_half_planes
-from wbc.controllers.shaping.reach import MakeController, reach_best
+from wbc.controllers.shaping.reach import AT_REST, MakeController, Terms, reach_best
 from wbc.controllers.shaping.starts import make_starts
 from wbc.controllers.shaping.verdicts import Progress, Verdicts
 from wbc.robot import Robot
@@ -113,8 +113,7 @@ class GlobalShaping:
         q = self.problem.robot.check_configuration(q_start)
         count = int(finite_number("global shaping, starts", starts, least=1))
         workers = int(finite_number("global shaping, workers", workers, least=1))
-        if seconds is not None:
-            seconds = finite_number("global shaping, seconds", seconds, above=0.0)
+        seconds = _positive("global shaping, seconds", seconds)
         built = build_nlp(self.problem)
         drawn = make_starts(built, q, count, seed)
         verdicts = Verdicts(built, drawn, progress)
@@ -142,6 +141,9 @@ class GlobalShaping:
         attempts: int = 5,
         dt: float = 0.005,
         make_controller: MakeController | None = None,
+        longest: float | None = None,
+        rest_speed: float | None = AT_REST,
+        watch: Watch | None = None,
     ) -> Motion:
         """Run the QP controller from ``q_start`` to the best posture that it can reach.
 
@@ -159,6 +161,13 @@ class GlobalShaping:
             Makes the controller from its tasks, for more constraints or another solver; by default
             a :class:`~wbc.controllers.kinematic.KinematicController` with this problem's contacts
             and limits.
+        longest:
+            How long the motion may take [s]; None: 4 s longer than the way there.
+        rest_speed:
+            The motion ends when no velocity is above this [rad/s, m/s] for ten ticks in a row;
+            None: always after ``longest``.
+        watch:
+            Called with every tick of every attempt.
 
         Returns
         -------
@@ -170,12 +179,16 @@ class GlobalShaping:
         NoPostureError
             The outcome has no candidate.
         """
-        return reach_best(
-            self.problem,
-            self.problem.robot.check_configuration(q_start),
-            outcome,
+        terms = Terms(
             tolerance=finite_number("reach, tolerance", tolerance, least=0.0),
             attempts=int(finite_number("reach, attempts", attempts, least=1)),
             dt=finite_number("reach, dt", dt, above=0.0),
-            make_controller=make_controller,
+            longest=_positive("reach, longest", longest),
+            rest_speed=_positive("reach, rest_speed", rest_speed),
         )
+        q = self.problem.robot.check_configuration(q_start)
+        return reach_best(self.problem, q, outcome, terms, make_controller, watch)
+
+
+def _positive(what: str, value: float | None) -> float | None:
+    return None if value is None else finite_number(what, value, above=0.0)

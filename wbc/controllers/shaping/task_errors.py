@@ -81,7 +81,7 @@ def _(task: InertiaTask, scene: Scene) -> ca.SX:
     # The trace is the same in all axes; in the base's it is an expression of the joints alone.
     frame = BASE if task.rows == TRACE else task.frame
     actual = strung_symbolic(scene.posture.inertia_in(frame))
-    return ca.mtimes(ca.DM(task._selection), actual - ca.DM(task.target))
+    return ca.mtimes(ca.DM(task.selection), actual - ca.DM(task.target))
 
 
 @symbolic_error.register
@@ -98,7 +98,7 @@ def _(task: PrincipalInertiaTask, scene: Scene) -> ca.SX:
     R = scene.axes[task.name]
     nearest = ca.mtimes(ca.mtimes(R, ca.DM(np.diag(task.target))), R.T)
     actual = scene.posture.inertia_in(BASE)
-    return ca.mtimes(ca.DM(task._rows), strung_symbolic(actual - nearest))
+    return ca.mtimes(ca.DM(task.selection), strung_symbolic(actual - nearest))
 
 
 @symbolic_error.register

@@ -14,6 +14,7 @@ Progress = Callable[[int, int, float | None], None]
 # A cost is never negative: at this fraction of a middling posture's cost there is nothing to gain.
 # Some more such postures are searched for all the same: perhaps not all can be reached.
 MET, ENOUGH = 1e-12, 4
+UNCLOSED = "a sample stayed off the contacts"
 
 
 class Verdicts:
@@ -54,7 +55,7 @@ class Verdicts:
         return (
             *(verdict for verdict in found if isinstance(verdict, Rejected)),
             *(
-                Rejected(None, f"a sample stayed {gap:.2g} off the contacts (allowed {CLOSED:g})")
+                Rejected(None, f"{UNCLOSED}: {gap:.2g} away (allowed {CLOSED:g})", UNCLOSED)
                 for gap in self._starts.unclosed
             ),
         )

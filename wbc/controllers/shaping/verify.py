@@ -26,11 +26,13 @@ def judged(built: BuiltNlp, number: int, start: Start, local: Local) -> Candidat
     """
     problem = built.unknowns.problem
     if not np.isfinite(local.x).all():
-        return Rejected(number, f"IPOPT: {local.status}, the answer is not finite")
+        reason = f"IPOPT: {local.status}, the answer is not finite"
+        return Rejected(number, reason, reason)
     snapshot = problem.robot.snapshot(built.configuration(start, local.x))
     kept = kept_constraints(problem, snapshot, FOUND)
     if kept.broken:
-        return Rejected(number, f"IPOPT: {local.status}; {', '.join(kept.broken)}")
+        reason = f"IPOPT: {local.status}; {', '.join(kept.broken)}"
+        return Rejected(number, reason, f"IPOPT: {local.status}; a constraint is broken")
     return Candidate(
         q=read_only(snapshot.q),
         cost=posture_cost(problem.tasks, snapshot),

@@ -1,0 +1,201 @@
+"""Contradictions on purpose: what is commanded, and whether the report names who is to blame.
+
+Families of generated problems on several robots, each without any solution: feet held too far
+apart, contacts that drifted farther than joint speeds can take back, margins and contacts against a
+demand, a demand beyond all joint speeds. Every verdict is checked by a linear program (HiGHS), the
+command against all limits, and the named rows by leaving them out one by one: what is left must
+have a solution.
+
+    python benchmarks/infeasible.py [--count 200] [--seed 0]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from time import perf_counter
+
+import numpy as np
+from scipy.optimize import linprog
+
+from wbc.constraints import Constraint, Contact, Limits, SelfCollision, support
+from wbc.constraints.rows import Bounds
+from wbc.controllers import KinematicController, Tick
+from wbc.qp.problem import QP
+from wbc.qp.solution import ConflictRow
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import ComTask, PostureTask
+
+ROBOTS = ("hoap2_like", "g1", "talos", "icub", "romeo")
+
+
+class Demand(Constraint):
+    """Asks points of the robot to move at given velocities: a user's own constraint."""
+
+    name = "demand"
+
+    def __init__(self, robot: Robot, frames: Sequence[str], velocities: np.ndarray) -> None:
+        self.robot, self._frames, self._velocities = robot, tuple(frames), velocities
+
+    def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        matrix = np.concatenate([snapshot.jacobian(frame)[:3] for frame in self._frames])
+        wanted = self._velocities.ravel()
+        labels = tuple(f"{frame} {axis}" for frame in self._frames for axis in "xyz")
+        return Bounds(labels, matrix, wanted - 1e-3, wanted + 1e-3)
+
+
+def feet_apart(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
+    """Both feet held, one at a place that legs do not reach in a tick, nor ever."""
+    left, right = support(here, "double")
+    moved = left.position + rng.uniform(0.5, 2.0) * _unit(rng)
+    return {"contacts": (Contact(robot, left.frame, moved, left.rotation), right)}
+
+
+def drifted(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
+    """Both feet held, turned against each other by more than joint speeds take back."""
+    left, right = support(here, "double")
+    angle = rng.uniform(0.5, 1.5)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+    return {"contacts": (Contact(robot, left.frame, left.position, turn @ left.rotation), right)}
+
+
+def hand_through_body(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
+    """A foot must go where it is, and away: margins, contacts and a demand."""
+    contacts = support(here, "double")
+    frame = contacts[int(rng.integers(2))].frame
+    demand = Demand(robot, [frame], rng.uniform(0.1, 1.0) * _unit(rng)[None])
+    return {"contacts": contacts, "constraints": (SelfCollision(robot), demand)}
+
+
+def too_fast(robot: Robot, here: Snapshot, rng: np.random.Generator) -> dict:
+    """A foot must move faster than the joints' limits allow, the other one is held."""
+    left, right = (robot.feet[side].frame for side in ("left", "right"))
+    demand = Demand(robot, [left], rng.uniform(30.0, 100.0) * _unit(rng)[None])
+    return {"contacts": support(here, [right]), "constraints": (demand,)}
+
+
+FAMILIES = (feet_apart, drifted, hand_through_body, too_fast)
+
+
+def contradictory(
+    robot: Robot, family, rng: np.random.Generator
+) -> tuple[KinematicController, Snapshot, Limits]:
+    """Return a controller without a solution at the snapshot."""
+    q = robot.posture("standing")
+    step = np.concatenate((np.zeros(6), 0.1 * rng.standard_normal(robot.nv - 6)))
+    low, high = robot.limits.lower, robot.limits.upper
+    moved = robot.integrate(q, step, 1.0)
+    positions = robot.limits.joint_positions(moved)
+    if ((positions < low) | (positions > high)).any():
+        moved = q
+    here = robot.snapshot(moved, np.zeros(robot.nv))
+    limits = Limits(robot)
+    tasks = [ComTask(robot, here.com), PostureTask(robot, q, weight=0.1)]
+    parts = family(robot, here, rng)
+    return (
+        KinematicController(robot, tasks, limits=limits, on_failure="closest", **parts),
+        here,
+        limits,
+    )
+
+
+def feasible(qp: QP, rows: Sequence[ConflictRow] | None = None) -> bool:
+    """Whether any x meets all rows and bounds, or only the given ones, by HiGHS."""
+    n = qp.g.size
+    A, b, G, h = [np.zeros((0, n))], [np.zeros(0)], [np.zeros((0, n))], [np.zeros(0)]
+    lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
+    wanted = None if rows is None else {(row.label, row.side) for row in rows}
+
+    def has(label: str, side: str) -> bool:
+        return wanted is None or (label, side) in wanted
+
+    for k, label in enumerate(qp.labels.equality):
+        if has(label, "equality"):
+            A.append(qp.A[k : k + 1])
+            b.append(qp.b[k : k + 1])
+    for k, label in enumerate(qp.labels.inequality):
+        if np.isfinite(qp.u[k]) and has(label, "upper limit"):
+            G.append(qp.C[k : k + 1])
+            h.append(qp.u[k : k + 1])
+        if np.isfinite(qp.l[k]) and has(label, "lower limit"):
+            G.append(-qp.C[k : k + 1])
+            h.append(-qp.l[k : k + 1])
+    for k, label in enumerate(qp.labels.variables):
+        lower[k] = qp.lower[k] if has(label, "lower bound") else -np.inf
+        upper[k] = qp.upper[k] if has(label, "upper bound") else np.inf
+    # Unknowns without bounds get far ones, as the certificate has it.
+    result = linprog(
+        np.zeros(n), np.concatenate(G), np.concatenate(h), np.concatenate(A), np.concatenate(b),
+        bounds=list(zip(np.maximum(lower, -1e3), np.minimum(upper, 1e3), strict=True)),
+    )  # fmt: skip
+    return result.status == 0
+
+
+def judged(tick: Tick, box: tuple[np.ndarray, np.ndarray]) -> list[str]:
+    """Return what is wrong with the answer to a contradiction."""
+    faults = []
+    n = tick.velocity.size
+    if feasible(tick.qp):
+        return ["not a contradiction"] if not tick.ok else []
+    if tick.ok:
+        return ["solved without a solution"]
+    if not np.isfinite(tick.velocity).all():
+        faults.append("not finite")
+    if (tick.velocity < box[0][:n]).any() or (tick.velocity > box[1][:n]).any():
+        faults.append("outside the limits")
+    conflict = tick.conflict
+    if conflict is None or not conflict.rows:
+        return [*faults, "no row named"]
+    if feasible(tick.qp, conflict.rows):
+        faults.append("named rows do not contradict each other")
+    # Without any one of them the rest must have a solution: each is to blame.
+    idle = [
+        row for row in conflict.rows
+        if not feasible(tick.qp, [other for other in conflict.rows if other is not row])
+    ]  # fmt: skip
+    if len(idle) == len(conflict.rows):
+        faults.append("no named row is to blame")
+    elif idle:
+        faults.append("some named rows are not to blame")
+    return faults
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    robots = [Robot.load(name) for name in ROBOTS]
+    statuses, faults, sizes, times = Counter(), Counter(), [], []
+    for k in range(options.count):
+        family = FAMILIES[k % len(FAMILIES)]
+        robot = robots[(k // len(FAMILIES)) % len(robots)]
+        controller, here, limits = contradictory(robot, family, rng)
+        start = perf_counter()
+        tick = controller.step(here)
+        times.append(perf_counter() - start)
+        statuses[f"{family.__name__}: {tick.status.value}"] += 1
+        for fault in judged(tick, limits.box(here, controller.dt)):
+            faults[f"{family.__name__}: {fault}"] += 1
+        if not tick.ok and tick.conflict is not None:
+            sizes.append(len(tick.conflict.rows))
+    print(f"{options.count} problems, {len(ROBOTS)} robots")
+    for name, count in sorted(statuses.items()):
+        print(f"  {name:40} {count}")
+    print("faults:", dict(faults) or "none")
+    print(f"named rows: median {np.median(sizes):.0f}, largest {max(sizes)}")
+    print(f"tick with the closest command: median {1e3 * np.median(times):.1f} ms")
+
+
+def _unit(rng: np.random.Generator) -> np.ndarray:
+    v = rng.standard_normal(3)
+    return v / np.linalg.norm(v)
+
+
+if __name__ == "__main__":
+    main()

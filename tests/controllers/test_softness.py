@@ -1,0 +1,126 @@
+"""Contacts and constraints that may give way, and the closest command where none is left."""
+
+import numpy as np
+import pytest
+import qpsolvers
+
+from wbc.constraints import Contact, Limits, PositionBox, support
+from wbc.controllers import KinematicController
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import ComTask, PositionTask, PostureTask
+
+DT = 0.005
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+@pytest.fixture(scope="module")
+def here(robot: Robot) -> Snapshot:
+    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+
+
+def controller(robot: Robot, here: Snapshot, **settings) -> KinematicController:
+    """A CoM task that pulls against what is held."""
+    wanted = here.com + (0.02, 0.0, -0.02)
+    tasks = [ComTask(robot, wanted, weight=10.0), PostureTask(robot, here.q, weight=0.1)]
+    return KinematicController(robot, tasks, limits=Limits(robot), dt=DT, **settings)
+
+
+def boxed(robot: Robot, here: Snapshot) -> PositionBox:
+    """The base is where it may be, and may hardly go forward."""
+    return PositionBox(robot, "base", here.q[:3] - 1.0, here.q[:3] + (1e-4, 1.0, 1.0))
+
+
+def test_a_soft_contact_is_its_rows_as_a_cost(robot: Robot, here: Snapshot) -> None:
+    contacts = support(here, "double")
+    soft = controller(robot, here, contacts=contacts, slack={contacts[0].frame: 30.0}).step(here)
+    hard = controller(robot, here, contacts=contacts[1:]).step(here)
+    # The oracle: the QP with one contact, the other one's rows added to its cost by hand.
+    J = here.jacobian(contacts[0].frame)
+    expected = qpsolvers.solve_qp(
+        hard.qp.P + 30.0 * J.T @ J, hard.qp.g, A=hard.qp.A, b=hard.qp.b,
+        lb=hard.qp.lower, ub=hard.qp.upper, solver="daqp",
+    )  # fmt: skip
+    assert soft.ok
+    # Damping 1e-6 against rows of 10: a part in 1e7 of the velocity is not determined.
+    np.testing.assert_allclose(soft.velocity, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("weight", [1.0, 1e3])
+def test_a_soft_constraint_gives_way_by_pull_over_weight(
+    robot: Robot, here: Snapshot, weight: float
+) -> None:
+    box = boxed(robot, here)
+    tick = controller(
+        robot, here, contacts=support(here, "double"), constraints=[box], slack={box.name: weight}
+    ).step(here)
+    assert tick.ok
+    assert tick.slack, "the CoM task pulls forward, so the box must give way"
+    # Stationarity of the slacks: weight s = multiplier of the row, whatever the rest of the QP is.
+    rows = list(tick.qp.labels.inequality)
+    for name, slack in tick.slack.items():
+        assert weight * slack == pytest.approx(tick.solution.z[rows.index(name)], rel=1e-5)
+    free = controller(robot, here, contacts=support(here, "double")).step(here)
+    held = controller(robot, here, contacts=support(here, "double"), constraints=[box]).step(here)
+    forward = [each.velocity[0] for each in (held, tick, free)]
+    assert forward[0] <= forward[1] + 1e-9 <= forward[2] + 2e-9
+    assert forward[0] < forward[2] - 1e-3
+
+
+def test_a_heavy_slack_is_as_good_as_hard(robot: Robot, here: Snapshot) -> None:
+    box = boxed(robot, here)
+    settings = {"contacts": support(here, "double"), "constraints": [box]}
+    hard = controller(robot, here, **settings).step(here)
+    soft = controller(robot, here, slack={box.name: 1e7}, **settings).step(here)
+    # The row gives way by its pull, some 100, over the weight; joints move up to ten times as much.
+    np.testing.assert_allclose(soft.velocity, hard.velocity, atol=5e-4)
+
+
+def test_levels_below_do_not_disturb_a_soft_contact(robot: Robot, here: Snapshot) -> None:
+    contacts = support(here, "double")
+    hand = PositionTask(robot, "left_hand", here.position("left_hand") + 0.1, priority=1)
+    com = ComTask(robot, here.com + (0.02, 0.0, 0.0), weight=10.0)
+    first = KinematicController(
+        robot, [com], contacts=contacts, limits=Limits(robot), slack={contacts[0].frame: 30.0}
+    ).step(here)
+    both = KinematicController(
+        robot, [com, hand], contacts=contacts, limits=Limits(robot), slack={contacts[0].frame: 30.0}
+    ).step(here)
+    assert first.ok and both.ok
+    J = np.concatenate((here.com_jacobian, here.jacobian(contacts[0].frame)))
+    np.testing.assert_allclose(J @ both.velocity, J @ first.velocity, atol=1e-7)
+    assert np.abs(both.velocity - first.velocity).max() > 1e-3
+
+
+def test_mistakes(robot: Robot, here: Snapshot) -> None:
+    contacts = support(here, "double")
+    with pytest.raises(UnknownNameError, match="did you mean 'left_sole'"):
+        controller(robot, here, contacts=contacts, slack={"left_soul": 1.0})
+    with pytest.raises(InvalidInputError, match="slack of 'left_sole'"):
+        controller(robot, here, contacts=contacts, slack={"left_sole": 0.0})
+
+
+def test_the_closest_command_stays_within_limits_and_says_what_it_misses(
+    robot: Robot, here: Snapshot
+) -> None:
+    left, right = support(here, "double")
+    apart = Contact(robot, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
+    limits = Limits(robot)
+    tick = KinematicController(
+        robot, [ComTask(robot, here.com)], contacts=[apart, right], limits=limits,
+        on_failure="closest",
+    ).step(here)  # fmt: skip
+    assert not tick.ok and tick.policy == "closest"
+    lower, upper = limits.box(here, DT)
+    assert (tick.velocity >= lower).all() and (tick.velocity <= upper).all()
+    # It does what it can: nearer to what is asked than standing still is.
+    asked = tick.qp.A @ tick.velocity - tick.qp.b
+    assert np.linalg.norm(asked) < np.linalg.norm(tick.qp.b)
+    assert any(name.startswith("left_sole") for name in tick.slack)
+    assert "which misses" in tick.report()
+    assert tick.conflict is not None
+    assert {row.label.split()[0] for row in tick.conflict.rows} >= {"left_sole"}
