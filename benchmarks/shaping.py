@@ -13,7 +13,13 @@ end of the global motion, and whether that motion keeps every constraint.
     python benchmarks/shaping.py [--robots g1 icub] [--targets 20] [--scipy-starts 200]
 
 On two cores 200 L-BFGS-B searches take 2 to 30 s for a floating target and 1 to 3 minutes for one
-on both feet, the global search 0.4 to 4 s; all 100 targets take about two hours. For a look:
+on both feet, the global search 0.4 to 4 s; all 100 targets take about two hours. Each target is a
+line as soon as it is measured; with --output it is also written then, and the same command goes on
+where it was stopped:
+
+    nohup python benchmarks/shaping.py --output shaping.json > shaping.txt &
+
+For a look:
 
     python benchmarks/shaping.py --robots hoap2_like g1 --targets 4 --scipy-starts 50
 """
@@ -26,7 +32,7 @@ import argparse
 import json
 import multiprocessing
 import resource
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
 
@@ -50,6 +56,7 @@ SHAPES = {  # factors on (xx, yy) and zz of the standing robot
 }
 WITHIN = 1.01  # of SciPy's best cost
 MET = 1e-8  # of the cost at the start: both have met the target
+GOALS = ("good", "faster", "arrived")
 
 
 @dataclass(frozen=True)
@@ -240,6 +247,42 @@ def measure(target: Target, options: argparse.Namespace, pool) -> dict[str, obje
     }
 
 
+HEAD = f"{'':26s}{'cost':>10s}{'SciPy':>10s}{'s':>7s}{'CPU s':>7s}{'SciPy s':>8s}  relative error"
+
+
+def line(row: dict) -> str:
+    """Return the figures of one target as a line."""
+    label = f"{row['robot']} {row['mode']} {row['shape']}"
+    return (
+        f"{label:26s}{row['cost']:10.3e}{row['scipy_cost']:10.3e}{row['wall']:7.2f}"
+        f"{row['cpu']:7.2f}{row['scipy_wall']:8.2f}  {row['error_start']:.3f} local"
+        f" {row['error_local']:.3f} global {row['error_global']:.3f}"
+        f"{'' if row['good'] else '  WORSE'}{'' if row['faster'] else '  SLOWER'}"
+        f"{'' if row['arrived'] else '  NOT REACHED'}"
+    )
+
+
+def tally(what: str, rows: list[dict]) -> str:
+    """Return how many targets went well, and the times in all."""
+    counts = (f"{sum(bool(row[key]) for row in rows)} {key}" for key in GOALS)
+    ours, theirs = (sum(row[key] for row in rows) for key in ("wall", "scipy_wall"))
+    return f"{what}: of {len(rows)} targets {', '.join(counts)}; {ours:.0f} s, SciPy {theirs:.0f} s"
+
+
+def resumed(options: argparse.Namespace) -> list[dict]:
+    """Return what an earlier run with the same settings has written so far."""
+    if options.output is None or not options.output.exists():
+        return []
+    earlier = json.loads(options.output.read_text())
+    if earlier["settings"] != settings(options):
+        raise SystemExit(f"{options.output}: was made with other settings: {earlier['settings']}")
+    return earlier["rows"]
+
+
+def settings(options: argparse.Namespace) -> dict[str, int]:
+    return {key: getattr(options, key) for key in ("starts", "scipy_starts", "workers", "seed")}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
@@ -248,32 +291,26 @@ def main() -> None:
     parser.add_argument("--scipy-starts", type=int, default=200)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--output", type=Path, help="write the figures as JSON")
+    parser.add_argument("--output", type=Path, help="JSON, written after every target; resumed")
     options = parser.parse_args()
-    rows = []
+    rows = resumed(options)
+    known = [{field.name: row[field.name] for field in fields(Target)} for row in rows]
     context = multiprocessing.get_context("spawn")
-    print(
-        f"{'':26s}{'cost':>10s}{'SciPy':>10s}{'s':>7s}{'CPU s':>7s}{'SciPy s':>8s}  relative error"
-    )
+    print(HEAD, flush=True)
     with context.Pool(options.workers) as pool:
         for name in options.robots:
             for target in targets(name, options.targets, options.seed):
+                described = json.loads(json.dumps(asdict(target)))
+                if described in known:
+                    continue
                 pool.map(scipy_search, [(target, 1)] * options.workers, chunksize=1)  # loads robots
-                row = measure(target, options, pool)
-                rows.append({**asdict(target), **row})
-                label = f"{name} {target.mode} {target.shape}"
-                print(
-                    f"{label:26s}{row['cost']:10.3e}{row['scipy_cost']:10.3e}{row['wall']:7.2f}"
-                    f"{row['cpu']:7.2f}{row['scipy_wall']:8.2f}  {row['error_start']:.3f} local"
-                    f" {row['error_local']:.3f} global {row['error_global']:.3f}"
-                    f"{'' if row['good'] else '  WORSE'}{'' if row['faster'] else '  SLOWER'}"
-                    f"{'' if row['arrived'] else '  NOT REACHED'}",
-                    flush=True,
-                )
-    for what in ("good", "faster", "arrived"):
-        print(f"{what}: {sum(bool(row[what]) for row in rows)} of {len(rows)}")
-    if options.output:
-        options.output.write_text(json.dumps(rows, indent=2))
+                rows.append({**described, **measure(target, options, pool)})
+                print(line(rows[-1]), flush=True)
+                if options.output:
+                    written = json.dumps({"settings": settings(options), "rows": rows}, indent=2)
+                    options.output.write_text(written)
+            print(tally(name, [row for row in rows if row["robot"] == name]), flush=True)
+    print(tally("all", rows))
 
 
 if __name__ == "__main__":

@@ -4,9 +4,10 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 
 * braking: from velocity u it can stop before q_max if ``u dt + u^2 / (2 a_max) <= q_max - q``. Once
   this holds it can hold at the next tick too, so a limit is met without overshoot or oscillation;
-* speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always allowed: with
-  several limits and closed kinematic chains, a hard bound on deceleration can contradict the
-  contacts, and standing still must remain possible;
+* speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always allowed, and
+  from there to speed up the other way: with several limits and closed kinematic chains, a hard
+  bound on deceleration can contradict the contacts, and standing still must remain possible (and a
+  little more: a foot put down while moving takes back what it has drifted);
 * outside its range a joint may only move back, and a soft row of high weight moves it back. That
   row is a cost, not a bound, so that no state can make the QP infeasible.
 """
@@ -80,9 +81,11 @@ class Limits:
         most = self._reach(distance, dt)  # (2, joints): how fast it may go down, and up
         np.minimum(most, self.speed, out=most)
         if snapshot.moving:
+            gain = self.acceleration * dt
             faster = _SIGNS * snapshot.v[6:]
-            faster += self.acceleration * dt
-            np.maximum(faster, 0.0, out=faster)
+            faster += gain
+            # A joint that stops may start the other way in the same tick: contacts need that.
+            np.maximum(faster, gain, out=faster)
             np.minimum(most, faster, out=most)
         lower, upper = self._box_of_base
         return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
