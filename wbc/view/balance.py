@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.validate import finite_array, finite_vector
+from wbc.validate import Array, finite_array, finite_vector
 from wbc.view import style
 
 SIDE = 3.4  # inches
@@ -29,15 +30,19 @@ def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> F
     Raises
     ------
     InvalidInputError
-        Wrong sizes, or not finite.
+        Wrong sizes, not finite, a direction of no length, or nothing to draw.
     """
     across = finite_array("directions", directions, (len(np.atleast_2d(directions)), 2))
+    if not np.any(across, axis=1).all():
+        raise InvalidInputError("directions: each must have a length")
+    if not impulses:
+        raise InvalidInputError("impulses: needs at least one size for each direction")
     angle = np.arctan2(across[:, 1], across[:, 0])
-    figure = Figure(figsize=(1.7 * SIDE, 1.15 * SIDE), dpi=style.DPI)
-    axes: Any = figure.add_axes((0.06, 0.08, 0.58, 0.82), projection="polar")
+    figure = Figure(figsize=(1.25 * SIDE, 1.45 * SIDE), dpi=style.DPI)
+    axes: Any = figure.add_axes((0.12, 0.23, 0.76, 0.64), projection="polar")
     closed = np.append(angle, angle[:1])
     names = list(impulses)
-    for name, colour in zip(names, style.SERIES, strict=False):
+    for name, colour in zip(names, cycle(style.SERIES), strict=False):
         size = finite_vector(name, impulses[name], len(angle))
         look = {"marker": "o", "markersize": 3.5} if name == names[-1] else {}
         axes.plot(
@@ -47,7 +52,9 @@ def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> F
     axes.tick_params(labelsize=style.SMALL, colors=style.BLACK)
     axes.grid(color="#E4E6EA", linewidth=0.6)
     axes.set_title("Impulse [N s] by direction", fontsize=style.NORMAL, color=style.BLACK, pad=12)
-    axes.legend(loc="center left", bbox_to_anchor=(1.12, 0.5), fontsize=style.SMALL, frameon=False)
+    axes.legend(
+        loc="upper center", bbox_to_anchor=(0.5, -0.12), fontsize=style.SMALL, frameon=False
+    )
     return figure
 
 
@@ -59,7 +66,7 @@ def regions_figure(
     Parameters
     ----------
     x_leans, y_leans:
-        Starts' leans toward x (n,) and y (m,) [rad], evenly spaced.
+        Starts' leans toward x (n,) and y (m,) [rad], growing in even steps.
     settling:
         Times [s] (n, m) by law; NaN where it fell.
 
@@ -70,15 +77,16 @@ def regions_figure(
     """
     if not settling:
         raise InvalidInputError("settling: needs at least one map")
-    x = np.degrees(finite_vector("x_leans", x_leans, np.size(x_leans)))
-    y = np.degrees(finite_vector("y_leans", y_leans, np.size(y_leans)))
+    x, y = _even("x_leans", x_leans), _even("y_leans", y_leans)
     maps = {name: np.asarray(times, dtype=float) for name, times in settling.items()}
     for name, times in maps.items():
         if times.shape != (len(x), len(y)):
             raise InvalidInputError(f"settling of {name}: expected {(len(x), len(y))}")
+        if np.isinf(times).any():
+            raise InvalidInputError(f"settling of {name}: infinite; NaN says that it fell")
     longest = max((float(np.nanmax(m)) for m in maps.values() if np.isfinite(m).any()), default=1.0)
     count = len(maps)
-    width = 0.75 + count * (SIDE - 0.4) + 0.95
+    width = 0.75 + count * (SIDE - 0.4) + 0.6
     figure = Figure(figsize=(width, SIDE + 0.35), dpi=style.DPI)
     half = [(axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5 for axis in (x, y)]
     extent = (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])
@@ -93,7 +101,16 @@ def regions_figure(
             aspect="auto", interpolation="nearest",
         )  # fmt: skip
         axes.grid(visible=False)
-    bar = figure.colorbar(drawn, cax=figure.add_axes((1.0 - 0.85 / width, 0.16, 0.15 / width, 0.7)))
+    bar = figure.colorbar(drawn, cax=figure.add_axes((1.0 - 0.75 / width, 0.16, 0.15 / width, 0.7)))
     bar.set_label("time to rest [s]; grey: fell", fontsize=style.SMALL, color=style.BLACK)
     bar.ax.tick_params(labelsize=style.SMALL, colors=style.BLACK)
     return figure
+
+
+def _even(name: str, leans: ArrayLike) -> Array:
+    """Return leans (n,) in degrees; a picture's cells are all of one size."""
+    degrees = np.degrees(finite_vector(name, leans, np.size(leans)))
+    steps = np.diff(degrees)
+    if not len(degrees) or (steps <= 0.0).any() or not np.allclose(steps, steps[:1]):
+        raise InvalidInputError(f"{name}: must grow in even steps, one value at least")
+    return degrees

@@ -141,6 +141,7 @@ def test_a_wheel_without_limits_of_motion_holds_as_far_as_its_torque() -> None:
         ({"mass": 0.0}, "mass"),
         ({"height": -1.0}, "height"),
         ({"polygon": [(0.0, 0.0), (1.0, 0.0)]}, "three corners"),
+        ({"polygon": [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0)]}, "on one line"),
         ({"directions": [(0.0, 0.0)]}, "no length"),
         ({"directions": [(np.nan, 0.0)]}, "NaN"),
     ],

@@ -233,6 +233,19 @@ def test_margins_are_the_least_distances() -> None:
     assert flat.ground_force[0] == pytest.approx((-0.2 * M * G, M * G), abs=1e-9)
 
 
+def test_what_is_broken_and_that_a_pivot_bounds_no_ground_force() -> None:
+    # At rest and upright, with a foot's torque that takes the CoP 5 cm beyond the polygon.
+    law = Constant(PLANAR, np.array((0.2 * M * G, M * G, 0, 0)))
+    bounds = Bounds(polygon=(-0.1, 0.15), friction=0.1, leg_force=(0, 1), radius=(0.4, 0.5))
+    start = ((0, np.pi / 2, 1, 0, 0.3), np.zeros(5), 0.001)
+    broken = simulate(law, *start, bounds=bounds).broken()
+    expected = {"cop": 0.05, "friction": 0.1, "leg_force": M * G - 1, "radius": 0.1}
+    assert broken == pytest.approx(expected, abs=1e-9)
+    bolted = simulate(law, *start, bounds=bounds, pivot=True)
+    assert bolted.broken() == pytest.approx({"radius": 0.1}, abs=1e-9)
+    assert [bolted.margins()[name] for name in ("cop", "friction", "leg_force")] == [np.inf] * 3
+
+
 def test_another_plant_stop_and_progress() -> None:
     law, told = Constant(PLANAR, PLANAR.holding_force(Q_PLANAR)), []
     heavy = simulate(law, Q_PLANAR, np.zeros(5), 0.3, plant=PlanarRmp(25.0), progress=told.append)
@@ -253,6 +266,7 @@ def test_another_plant_stop_and_progress() -> None:
     [
         ({"duration": -1.0}, "duration"),
         ({"duration": 1e-5}, "less than a step"),
+        ({"duration": 1e9}, "takes 1e.12 steps"),
         ({"dt": 0.0}, "dt"),
         ({"q0": (0, 1, -1, 0, 1)}, "r_l"),
         ({"q0": (0, 1, 1, 0, 0)}, "no inertia"),

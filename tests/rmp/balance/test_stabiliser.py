@@ -174,3 +174,12 @@ def test_without_gravity_there_is_nothing_to_balance() -> None:
 def test_unusable_gains_are_refused(gains: dict[str, float]) -> None:
     with pytest.raises(InvalidInputError):
         StabiliserGains(**gains)
+
+
+@pytest.mark.parametrize("theta", [0.0, np.pi, -np.pi / 2])
+def test_a_leg_on_or_below_the_ground_still_gets_numbers(
+    law: PointStabiliser, theta: float
+) -> None:
+    q = REST.copy()
+    q[2] = theta
+    assert np.isfinite(law.command(q, np.ones(11), 0.0).force).all()

@@ -188,6 +188,9 @@ def test_reference_is_smooth_and_ends_at_rest() -> None:
         ({"spin": 200.0}, r"out of reach.*\[0.05, 0.6\] m.* 1.33333 to 192 rad/s"),
         ({"spin": -9.0}, "1.33333 to 192"),
         ({"spin": np.nan}, "spin"),
+        # Without a limit of the radius the range begins at zero, which is not reached.
+        ({"spin": 0.0, "bounds": Bounds()}, "infinitely far"),
+        ({"spin": 5e-324, "bounds": Bounds()}, "infinitely far"),
         ({"v0": np.zeros(5)}, "do not spin"),
         ({"v0": V_PLANAR + (0, 0, 0, 0, 0.1)}, "must not slide"),
         ({"q0": Q_PLANAR + (0, 0, 0, 0, 0.3)}, "out of bounds"),
@@ -209,3 +212,11 @@ def test_nonsense_is_refused(change: dict[str, object], words: str) -> None:
     }
     with pytest.raises(InvalidInputError, match=words):
         SpinChange(**(given | change))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("broken", [np.full(5, np.nan), np.zeros(4)])
+def test_a_state_that_is_none_is_refused(broken: Array) -> None:
+    law = SpinChange(PLANAR, Q_PLANAR, V_PLANAR, 9.0, 1.0, FOOT[PLANAR])
+    for q, v in ((broken, np.zeros(5)), (Q_PLANAR, broken)):
+        with pytest.raises(InvalidInputError):
+            law.command(q, v, 0.0)

@@ -23,10 +23,11 @@ from wbc.problem.pendulum.spec import PendulumSpec
 from wbc.problem.pendulum.start import planar_start, solid_start
 from wbc.problem.source import Source
 from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.law import BalanceLaw
+from wbc.rmp.balance.foot import require_support
+from wbc.rmp.balance.law import BalanceLaw, Pendulum
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
-from wbc.rmp.balance.simulate import Push
+from wbc.rmp.balance.simulate import Push, impulses_by_step, whole_steps
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.balance.static_lean import StaticLean
 from wbc.rmp.balance.swing_up import SwingUp
@@ -35,8 +36,6 @@ from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
-
-Pendulum = PlanarRmp | SolidRmp
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,6 @@ class Balance:
         The pendulum that moves.
     goal:
         Direction (3,) in which the leg should point, from foot to CoM.
-    spin:
-        Wanted rate of the masses [rad/s], if the law has one.
     """
 
     law: BalanceLaw
@@ -63,7 +60,6 @@ class Balance:
     pushes: tuple[Push, ...]
     pivot: bool
     goal: Array
-    spin: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,26 +99,46 @@ def _refuse_strangers(spec: PendulumSpec, mistakes: Mistakes) -> None:
 
 def _balance(spec: PendulumSpec, pendulum: Pendulum, mistakes: Mistakes) -> Balance:
     q, v = mistakes.require((), partial(_start, spec, pendulum))
-    bounds = mistakes.require(("bounds",), partial(_bounds, spec.bounds))
+    with mistakes.at("start"):
+        # Refuses a leg or masses that cannot move.
+        pendulum.forward_dynamics(q, v, np.zeros(len(pendulum.F)))
+    bounds = mistakes.require(("bounds",), partial(_bounds, spec.bounds, pendulum))
     law = mistakes.require(("law",), partial(_law, spec, pendulum, bounds, q, v))
+    stop, accept = spec.stop, spec.stop.accept
+    if accept.spin is not None and not isinstance(law, SpinChange):
+        mistakes.note(("stop", "accept", "spin"), Misplaced("only a law of type spin has this"))
+    steps = mistakes.require(("stop",), partial(whole_steps, stop.duration, stop.dt))
     pushes = list[Push]()
     for k, push in enumerate(spec.pushes):
         with mistakes.at("pushes", k):
             pushes.append(Push(push.time, push.impulse))
+            impulses_by_step(pushes[-1:], pendulum, stop.dt, steps)
     mistakes.raise_any()
-    plant = type(pendulum)(spec.mass * spec.plant.mass, spec.gravity)
-    angle = law.angle if isinstance(law, StaticLean) else math.pi / 2
     return Balance(
         law=law,
-        plant=plant,
+        plant=type(pendulum)(spec.mass * spec.plant.mass, spec.gravity),
         bounds=bounds,
         q=q,
         v=v,
         pushes=tuple(pushes),
         pivot=isinstance(law, SwingUp),
-        goal=np.array((math.cos(angle), 0.0, math.sin(angle))),
-        spin=law.spin if isinstance(law, SpinChange) else None,
+        goal=_goal(law, q),
     )
+
+
+def _goal(law: BalanceLaw, q: Array) -> Array:
+    """Return the direction (3,) in which the law wants the leg of a pendulum that starts at q."""
+    if isinstance(law, MomentumQp):
+        from_foot = np.asarray(law.com) - (*q[:2], 0.0)
+        return np.asarray(from_foot / np.linalg.norm(from_foot))
+    if isinstance(law, StaticLean):
+        return np.array((math.cos(law.angle), 0.0, math.sin(law.angle)))
+    if isinstance(law, SpinChange):  # which leaves the leg where it was
+        com, _ = law.model.com(q, np.zeros(len(law.model.V)))
+        leg = com - (*q[: len(com) - 1], 0.0)
+        leg = leg if len(leg) == 3 else np.array((leg[0], 0.0, leg[1]))
+        return np.asarray(leg / np.linalg.norm(leg))
+    return np.array((0.0, 0.0, 1.0))
 
 
 def _start(spec: PendulumSpec, pendulum: Pendulum) -> tuple[Array, Array]:
@@ -133,8 +149,10 @@ def _start(spec: PendulumSpec, pendulum: Pendulum) -> tuple[Array, Array]:
     return solid_start(spec.start, pendulum)
 
 
-def _bounds(spec: BoundsSpec) -> Bounds:
-    return Bounds(**spec.model_dump(exclude_none=True))
+def _bounds(spec: BoundsSpec, pendulum: Pendulum) -> Bounds:
+    bounds = Bounds(**spec.model_dump(exclude_none=True))
+    require_support(pendulum, bounds)
+    return bounds
 
 
 def _law(spec: PendulumSpec, pendulum: Pendulum, bounds: Bounds, q: Array, v: Array) -> BalanceLaw:

@@ -34,7 +34,7 @@ class PendulumHistory:
         Lower end of the leg (n, 3) [m]; NaN in flight.
     cop, cmp:
         Where the ground pushes, and where its force through the CoM meets the ground (n, 3) [m];
-        NaN in flight.
+        NaN in flight, and at the end of a simulation, where nothing is commanded any more.
     radii:
         Distances r_k of the masses (n, 3) [m]; a planar pendulum has (r, 0, 0).
     axes:

@@ -151,7 +151,7 @@ class PlantSpec(Section):
 
 
 class AcceptSpec(Section):
-    """What must hold at the end of a simulation."""
+    """What must hold at the end of a simulation, besides the bounds on the way."""
 
     leg: Positive | None = None
     """Angle of the leg from where it should be [rad]."""
@@ -166,7 +166,8 @@ class AcceptSpec(Section):
 
 
 class PendulumStopSpec(Section):
-    """How long a simulation runs, and what counts as success: to stand until then, and accept."""
+    """How long a simulation runs, and what counts as success: to stand until then, within bounds,
+    and accept."""
 
     duration: Positive = 5.0
     """Time to simulate [s]."""

@@ -20,9 +20,10 @@ FORMAT = "wbc pendulum result 1"
 class PendulumStatus(StrEnum):
     """How it ended.
 
-    ``COMPLETED``: stood for the whole time, and every tolerance met. ``PLANNED``: a plan was found
-    and checked. ``NOT_REACHED``: a tolerance was not met. ``PLAN_BROKEN``: the plan found does not
-    stand its check at twice the knots. The others: the simulation ended early.
+    ``COMPLETED``: stood for the whole time, every tolerance met and no bound broken. ``PLANNED``: a
+    plan was found and checked. ``NOT_REACHED``: a tolerance was not met, or a bound was broken on
+    the way. ``PLAN_BROKEN``: the plan found does not stand its check at twice the knots. The
+    others: the simulation ended early.
     """
 
     COMPLETED = "completed"
@@ -49,7 +50,8 @@ class PendulumResult:
     status, reason:
         How it ended, and why that is so in words.
     measures:
-        What was measured, by name with unit, such as ``"leg at the end [rad]"``.
+        What was measured, in SI units. Of a simulation: those that ``stop.accept`` can limit, by
+        its names, and for each bound ``margin to ...``, negative where it was broken.
     history:
         The motion in space.
     arrays:

@@ -17,9 +17,12 @@ from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
 from wbc.problem.run import Progress
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
+from wbc.rmp.balance.variable_inertia import SpinChange
 from wbc.rmp.plan.check import check
 from wbc.rmp.plan.planner import solve
 from wbc.rmp.plan.store import plan_arrays
+from wbc.rmp.planar import PlanarRmp
+from wbc.validate import Array
 
 _ENDINGS = {
     Ending.COMPLETE: PendulumStatus.COMPLETED,
@@ -58,11 +61,10 @@ def run_balance(
     history = simulation_history(simulation)
     measures = _measures(balance, simulation, history)
     status, reason = _verdict(simulation, stop, measures)
-    idle = ("cop", "leg_force") if balance.pivot else ()  # a pivot pulls as well
     measures |= {
         f"margin to {name}": room
         for name, room in simulation.margins().items()
-        if math.isfinite(room) and name not in idle
+        if math.isfinite(room)
     }
     arrays = {"q": simulation.q, "v": simulation.v, "force": simulation.force}
     return PendulumResult(status, reason, measures, history, arrays, provenance)
@@ -75,21 +77,24 @@ def _measures(
     away = np.arctan2(np.linalg.norm(np.cross(leg, balance.goal), axis=1), leg @ balance.goal)
     across = leg[-1] / np.linalg.norm(leg[-1])
     turning = history.com_velocity[-1] - (history.com_velocity[-1] @ across) * across
-    spin = simulation.v[-1, 3:4] if history.flat else simulation.v[-1, 5:8]
+    wheel = simulation.v[-1, 3:4] if history.flat else simulation.v[-1, 5:8]
     measures = {
         "leg": float(away[-1]),
         "leg_rate": float(np.linalg.norm(turning) / np.linalg.norm(leg[-1])),
-        "wheel_rate": float(np.linalg.norm(spin)),
+        "wheel_rate": float(np.linalg.norm(wheel)),
         "worst_leg": float(away.max()),
     }
-    if balance.spin is not None:
-        own = simulation.v[-1, 1] + simulation.v[-1, 3] if history.flat else spin[_axis(spin)]
-        measures["spin"] = abs(float(own) - balance.spin)
+    if isinstance(balance.law, SpinChange):
+        measures["spin"] = _spin_error(balance.law, simulation.v[-1])
     return measures
 
 
-def _axis(spin: np.ndarray[Any, Any]) -> int:
-    return int(np.abs(spin).argmax())
+def _spin_error(law: SpinChange, v: Array) -> float:
+    """Return how far the masses' spin in space (planar) or all of it (solid) is off [rad/s]."""
+    if len(v) == len(PlanarRmp.V):
+        return abs(float(v[1] + v[3]) - law.spin)
+    # A body that tumbles has spin about the other axes too.
+    return float(np.linalg.norm(v[5:8] - law.spin * np.eye(3)[law.axis]))
 
 
 def _verdict(
@@ -98,15 +103,21 @@ def _verdict(
     if simulation.ending is not Ending.COMPLETE:
         return _ENDINGS[simulation.ending], simulation.note
     missed = [
-        f"{name} ({measures.get(name, math.nan):.3g}, tolerance {tolerance:g})"
+        f"{name} ({measures[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.model_dump(exclude_none=True).items()
-        if not measures.get(name, math.nan) <= tolerance
+        if not measures[name] <= tolerance
     ]
-    how = f"stood for {simulation.ended_at:g} s"
+    broken = [f"{name} by {amount:.3g}" for name, amount in simulation.broken().items()]
+    told = [f"stood for {simulation.ended_at:g} s"]
     if missed:
-        return PendulumStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}"
-    note = f"; the law: {simulation.note}" if simulation.note else ""
-    return PendulumStatus.COMPLETED, how + note
+        told.append(f"not within tolerance: {', '.join(missed)}")
+    if broken:
+        told.append(f"out of bounds: {', '.join(broken)}")
+    if simulation.note:
+        told.append(f"the law: {simulation.note}")
+    good = not missed and not broken
+    status = PendulumStatus.COMPLETED if good else PendulumStatus.NOT_REACHED
+    return status, "; ".join(told)
 
 
 def run_plan(planning: Planning, provenance: Mapping[str, Any]) -> PendulumResult:

@@ -67,10 +67,10 @@ def planar_start(spec: PendulumStartSpec, model: PlanarRmp) -> tuple[Array, Arra
     Misplaced
         What only a solid pendulum has, or neither or both of inertia and radii.
     """
-    for name, given in (("phi", spec.phi), ("rpy", any(spec.rpy))):
-        if given:
+    for name in ("phi", "rpy"):
+        if name in spec.model_fields_set:
             raise Misplaced("only a solid pendulum (rmp_solid) has this", "start", name)
-    if spec.rates.phi:
+    if "phi" in spec.rates.model_fields_set:
         raise Misplaced("only a solid pendulum (rmp_solid) has this", "start", "rates", "phi")
     key, sizes = _masses(spec)
     size = _one(sizes, key)
@@ -89,7 +89,7 @@ def solid_start(spec: PendulumStartSpec, model: SolidRmp) -> tuple[Array, Array]
         What only a planar pendulum has, neither or both of inertia and radii, or moments of inertia
         that no masses have.
     """
-    if spec.alpha:
+    if "alpha" in spec.model_fields_set:
         raise Misplaced("only a planar pendulum has this; a solid one has rpy", "start", "alpha")
     key, sizes = _masses(spec)
     three = _three(sizes, key)

@@ -84,11 +84,10 @@ def _interval(name: str, value: tuple[float, float]) -> tuple[float, float]:
         raise InvalidInputError(
             f"bounds: {name} must be a pair (least, greatest), got {value!r}"
         ) from error
-    floor = 0.0
-    if not (floor <= low < high):
+    if not (0.0 <= low < high):
         raise InvalidInputError(
             f"bounds: {name} must be 0 <= least < greatest, got ({low:g}, {high:g})"
         )
-    if low == floor and name != "leg_force":
+    if low == 0.0 and name != "leg_force":
         raise InvalidInputError(f"bounds: the least {name} must be positive")
     return low, high

@@ -17,6 +17,14 @@ from wbc.validate import Array
 SKIN = 1e-5
 
 
+def require_support(model: Pendulum, bounds: Bounds) -> None:
+    """Raise InvalidInputError for a polygon of the other kind of pendulum; none is fine."""
+    flat = isinstance(model, PlanarRmp)
+    if bounds.polygon is not None and (np.ndim(bounds.polygon) == 1) != flat:
+        want = "(least x, greatest x)" if flat else "corners (k, 2)"
+        raise InvalidInputError(f"bounds: polygon of a {type(model).__name__} must be {want}")
+
+
 class Foot:
     """The support polygon of a foot that stays, as a limit on torques about the leg's foot.
 
@@ -33,11 +41,8 @@ class Foot:
                 "bounds: a foot without extent gives no torque; give a polygon, or leave the foot"
                 " out of the law"
             )
-        flat = isinstance(model, PlanarRmp)
-        if (np.ndim(polygon) == 1) != flat:
-            want = "(least x, greatest x)" if flat else "corners (k, 2)"
-            raise InvalidInputError(f"bounds: polygon of a {type(model).__name__} must be {want}")
-        if flat:
+        require_support(model, bounds)
+        if isinstance(model, PlanarRmp):
             low, high = np.asarray(polygon).tolist()
             self._normals, self._offsets = np.array(((1.0,), (-1.0,))), np.array((high, -low))
         else:

@@ -41,9 +41,10 @@ class MomentumQp:
     CoP, friction and the force along the leg are rows without slack; the length of the leg and the
     wheel's angle have slacks of great weight. The command is not ``ok``, and its note says why, if
     a slack gives way, or if the capture point is further out than foot and wheel together can reach
-    at constant height: then only a step helps. If the QP fails, which no state has made it do
-    yet, the note has the evidence; the force then puts the CMP at the point of the support nearest
-    to the CoM and slows the masses, and keeps no limits but the motors'.
+    at constant height: then only a step helps. The rows without slack may contradict each other at
+    speeds of 10 m/s or rad/s and more. If the QP has no solution, the note has the evidence; the
+    force then puts the CMP at the point of the support nearest to the CoM and slows the masses, and
+    keeps no limits but the motors'.
 
     Phases: ``"wheel"`` while the capture point is beyond what the CoP can hold, ``"recover"`` until
     the masses have returned, ``"stand"``; ``"fallback"`` where the QP failed. The only memory
@@ -168,7 +169,10 @@ def _require_rest(bounds: Bounds, com: Array, radii: Array) -> None:
     normals, offsets = half_planes(np.asarray(bounds.polygon))
     inside = float((offsets - normals @ com[:2]).min())
     if inside <= 0.0:
-        raise InvalidInputError(f"com: rests {-inside:.3g} m outside the support polygon")
+        raise InvalidInputError(
+            "com: must rest above the inside of the support polygon, and is"
+            f" {max(0.0, -inside):.3g} m beyond its edge"
+        )
     low, high = bounds.radius
     if not (low <= radii.min() and radii.max() <= high):
         raise InvalidInputError(f"radii: must be within [{low:g}, {high:g}] m, got {radii}")

@@ -31,6 +31,9 @@ from wbc.rmp.balance.bounds import FREE
 from wbc.rmp.ground import STANDARD_GRAVITY, checked_polygon
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
+# Width of a polygon, as a part of its longest edge, below which it counts as a line.
+FLAT = 1e-9
+
 _AXES = np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
 
 
@@ -208,6 +211,9 @@ def half_planes(polygon: ArrayLike) -> tuple[Array, Array]:
     if len(corners) < 3:
         raise InvalidInputError("polygon: needs three corners at least that are not on one spot")
     normals = np.column_stack((edges[:, 1], -edges[:, 0])) / lengths[:, None]
+    # The polygon's reach across each edge; corners on one line have none.
+    if float(np.ptp(corners @ normals.T, axis=0).min()) < FLAT * float(lengths.max()):
+        raise InvalidInputError("polygon: its corners are on one line, so it has no inside")
     return normals, np.einsum("ij,ij->i", normals, corners)
 
 

@@ -14,6 +14,10 @@ from wbc.rmp.ground import centre_of_pressure, polygon_margin, pressed
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, read_only
 
+# By how much a bound may be overstepped, in its unit, before it counts as broken: the accuracy of a
+# QP, for N and N m of the order of a thousand.
+KEPT = 1e-6
+
 
 class Ending(Enum):
     """How a simulation ended."""
@@ -33,6 +37,9 @@ class Simulation:
     ----------
     model, bounds:
         The pendulum that moved and the bounds that it is judged by.
+    pivot:
+        Whether the foot was bolted to the ground, which then bounds neither CoP nor friction nor
+        force along the leg.
     time:
         (n + 1,) [s].
     q, v:
@@ -54,6 +61,7 @@ class Simulation:
 
     model: Pendulum
     bounds: Bounds
+    pivot: bool
     time: Array
     q: Array
     v: Array
@@ -100,16 +108,21 @@ class Simulation:
         turned, spin = self._wheel()
         leg_force = self.force[:, self.model.F.index("f_l")]
         torque = self.force[:, -2 * masses : -masses]
+        slope = np.linalg.norm(level, axis=1) / up
         return {
-            "cop": self._cop_margin(pushed),
-            "friction": _least(b.friction - np.linalg.norm(level, axis=1) / up),
-            "leg_force": _within(leg_force, b.leg_force),
+            "cop": FREE if self.pivot else self._cop_margin(pushed),
+            "friction": FREE if self.pivot else _least(b.friction - slope),
+            "leg_force": FREE if self.pivot else _within(leg_force, b.leg_force),
             "leg_length": _within(self.q[:, self.model.Q.index("r_l")], b.leg_length),
             "wheel_torque": _least(b.wheel_torque - np.abs(torque)),
             "wheel_angle": _least(b.wheel_angle - np.abs(turned)),
             "wheel_rate": _least(b.wheel_rate - np.abs(spin)),
             "radius": _within(self.q[:, -masses:], b.radius),
         }
+
+    def broken(self) -> dict[str, float]:
+        """Return the bounds that were broken, and by how much at most, in their units."""
+        return {name: -room for name, room in self.margins().items() if room < -KEPT}
 
     def _wheel(self) -> tuple[Array, Array]:
         if isinstance(self.model, PlanarRmp):
@@ -136,6 +149,7 @@ def record(
     *,
     model: Pendulum,
     bounds: Bounds,
+    pivot: bool,
     time: Array,
     states: Array,
     inputs: Array,
@@ -161,7 +175,14 @@ def record(
     }
     kept = {name: read_only(array) for name, array in arrays.items()}
     return Simulation(
-        model=model, bounds=bounds, phase=phase, ok=ok, ending=ending, note=note, **kept
+        model=model,
+        bounds=bounds,
+        pivot=pivot,
+        phase=phase,
+        ok=ok,
+        ending=ending,
+        note=note,
+        **kept,
     )
 
 

@@ -18,9 +18,6 @@ from wbc.validate import Array, finite_array, finite_number, finite_vector
 
 # How near to rest, as :func:`wbc.rmp.balance.region.rest_error` measures it.
 NEAR = 0.02
-# By how much a bound may be overstepped, in its unit: accuracy of the QP, for N and N m of the
-# order of a thousand.
-KEPT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +33,7 @@ class Recovery:
     settled_at:
         When it was at rest [s]; the end of the run if it was not.
     broken:
-        Names of the bounds that were broken; see :meth:`Simulation.margins`.
+        Names of the bounds that were broken; see :meth:`Simulation.broken`.
     simulation:
         The motion.
     """
@@ -89,7 +86,7 @@ def recover(law: MomentumQp, impulse: ArrayLike, *, duration: float = 8.0) -> Re
         pushes=[Push(0.0, (*level, 0.0))],
         stop=settled,
     )
-    broken = tuple(name for name, margin in run.margins().items() if margin < -KEPT)
+    broken = tuple(run.broken())
     back = run.ending is Ending.COMPLETE and _error(run.q[-1], run.v[-1], start) <= NEAR
     return Recovery(level, back and not broken, run.ended_at, broken, run)
 

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError
 from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.foot import require_support
 from wbc.rmp.balance.function import Evaluator
 from wbc.rmp.balance.law import BalanceLaw, Command, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation, record
 from wbc.rmp.ground import FLIGHT, STANDARD_GRAVITY
 from wbc.rmp.integrators import runge_kutta
+from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 __all__ = ["Ending", "Push", "Simulation", "simulate", "velocity_jump"]
@@ -25,6 +27,8 @@ __all__ = ["Ending", "Push", "Simulation", "simulate", "velocity_jump"]
 FALLEN = math.radians(10.0)
 # Rates and lengths beyond this are no motion any more [SI].
 LARGEST = 1e8
+# Longest record; a solid pendulum's takes 2 GB.
+MOST_STEPS = 5_000_000
 # How often progress is told [steps].
 TOLD = 100
 
@@ -131,15 +135,13 @@ def simulate(
         A start, duration, push or plant that is unusable; the message says which and why.
     """
     bounds = Bounds() if bounds is None else bounds
-    loop = _Loop(law, _plant(law, plant), finite_number("dt", dt, above=0.0), bounds, pivot, fallen)
+    steps = whole_steps(duration, dt)
+    loop = _Loop(law, _plant(law, plant), float(dt), bounds, pivot, fallen)
     model = loop.model
-    steps = round(finite_number("duration", duration, above=0.0) / loop.dt)
-    if steps < 1:
-        raise InvalidInputError(f"duration: {duration:g} s is less than a step of {loop.dt:g} s")
-    _require_fitting(bounds, model)
+    require_support(model, bounds)
     # Also refuses sizes, NaN and configurations that cannot move.
     model.forward_dynamics(q0, v0, np.zeros(len(model.F)))
-    jumps = _jumps(pushes, model, loop.dt, steps)
+    jumps = impulses_by_step(pushes, model, loop.dt, steps)
     x = np.concatenate((np.array(q0, dtype=float), np.array(v0, dtype=float)))
     return _finished(loop, _run(loop, x, steps, jumps, stop, progress))
 
@@ -174,7 +176,7 @@ class _Loop:
         self.law, self.model, self.dt, self.bounds = law, model, dt, bounds
         self.pivot, self.fallen = pivot, finite_number("fallen", fallen)
         self.nq, self.nv, self.nf = len(model.Q), len(model.V), len(model.F)
-        masses = sum(name.startswith("r") for name in model.Q) - 1
+        masses = 1 if isinstance(model, PlanarRmp) else 3
         self._radii = slice(self.nq - masses, self.nq)
         step = _judged_step(model, dt)
         self.grounds, self._step = step.size1_out(1), Evaluator(step)
@@ -279,21 +281,42 @@ def _plant(law: BalanceLaw, plant: Pendulum | None) -> Pendulum:
     return plant
 
 
-def _require_fitting(bounds: Bounds, model: Pendulum) -> None:
-    flat = len(model.V) - len(model.F) == 1
-    if bounds.polygon is not None and (np.ndim(bounds.polygon) == 1) != flat:
-        want = "(least x, greatest x)" if flat else "corners (k, 2)"
-        raise InvalidInputError(f"bounds: polygon of a {type(model).__name__} must be {want}")
+def whole_steps(duration: float, dt: float) -> int:
+    """Return how many steps of ``dt`` a simulation of that duration takes.
+
+    Raises
+    ------
+    InvalidInputError
+        Not positive, not one step, or more of them than a record can hold.
+    """
+    dt = finite_number("dt", dt, above=0.0)
+    steps = finite_number("duration", duration, above=0.0) / dt
+    if round(min(steps, MOST_STEPS)) < 1:
+        raise InvalidInputError(f"duration: {duration:g} s is less than a step of {dt:g} s")
+    if steps > MOST_STEPS:
+        raise InvalidInputError(
+            f"duration: {duration:g} s takes {steps:.3g} steps of {dt:g} s; {MOST_STEPS:g} at most"
+        )
+    return round(steps)
 
 
-def _jumps(pushes: Iterable[Push], model: Pendulum, dt: float, steps: int) -> dict[int, Array]:
+def impulses_by_step(
+    pushes: Iterable[Push], model: Pendulum, dt: float, steps: int
+) -> dict[int, Array]:
+    """Return the impulses (2,) or (3,) by the number of the step that they act before.
+
+    Raises
+    ------
+    InvalidInputError
+        A push after the end, or of the other kind of pendulum.
+    """
     size = len(model.V) - len(model.F) + 1
     jumps: dict[int, Array] = {}
     for push in pushes:
         k = round(push.time / dt)
         if k >= steps:
-            raise InvalidInputError(f"pushes: {push.time:g} s is not before the end")
-        impulse = finite_vector(f"pushes: the impulse at {push.time:g} s", push.impulse, size)
+            raise InvalidInputError(f"the push at {push.time:g} s is not before the end")
+        impulse = finite_vector(f"the impulse at {push.time:g} s", push.impulse, size)
         jumps[k] = jumps[k] + impulse if k in jumps else impulse
     return jumps
 
@@ -307,6 +330,7 @@ def _finished(loop: _Loop, trace: _Trace) -> Simulation:
     return record(
         model=loop.model,
         bounds=loop.bounds,
+        pivot=loop.pivot,
         time=loop.dt * np.arange(n + 1),
         states=states,
         inputs=inputs,

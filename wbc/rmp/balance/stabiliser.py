@@ -33,6 +33,10 @@ from wbc.rmp.balance.law import Command
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
+# Height [m] below which the law reckons with no lower CoM: a leg on the ground cannot be raised by
+# a hip, and the law must still return numbers.
+LOWEST = 1e-3
+
 
 @dataclass(frozen=True)
 class StabiliserGains:
@@ -151,7 +155,7 @@ def _force(
     model, most = foot.model, bounds.wheel_torque
     weight = model.mass * model.gravity
     place = foot.com - ca.vertcat(foot.q[:2], 0.0)
-    omega = ca.sqrt(model.gravity / ca.fmax(place[2], 1e-3))
+    omega = ca.sqrt(model.gravity / ca.fmax(place[2], LOWEST))
     xi = place[:2] + (foot.com_rate[:2] - foot.v[:2]) / omega
     cmp = _wanted_cmp(foot, xi, omega, most / weight, gains)
     lift = gains.height**2 * (height - place[2]) - 2 * gains.height * foot.com_rate[2]
@@ -196,7 +200,7 @@ def _push(place: ca.SX, moment: ca.SX, pressure: ca.SX, leg_force: tuple[float, 
 
     ``place`` is the CoM from the foot; f_z is ``pressure`` if the force along the leg allows it.
     """
-    x, y, z = place[0], place[1], place[2]
+    x, y, z = place[0], place[1], ca.fmax(place[2], LOWEST)
     # (-place) x f_r = moment. Along the leg that is f_l = (r_l^2 f_z + turning) / (r_l z).
     length = ca.norm_2(place)
     turning = y * moment[0] - x * moment[1]

@@ -84,7 +84,14 @@ class StaticLean:
         return -self.held.weight_torque * math.cos(self.angle)
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return the forces; ``time`` does not matter."""
+        """Return the forces; ``time`` does not matter.
+
+        Raises
+        ------
+        InvalidInputError
+            Wrong sizes or not finite.
+        """
+        q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         wanted = self._wanted_torque(q, v)
         why = self._saturated(q, v, wanted)
         limit = self.bounds.wheel_torque

@@ -107,7 +107,14 @@ class SwingUp:
         return rate + 2.0 * math.sin(x / 2.0)
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return the forces; ``time`` does not matter."""
+        """Return the forces; ``time`` does not matter.
+
+        Raises
+        ------
+        InvalidInputError
+            Wrong sizes or not finite.
+        """
+        q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         x, rate = self._leg(q, v)
         s = rate + 2.0 * math.sin(x / 2.0)
         most = min(self.torque_ratio, 1.0)

@@ -17,6 +17,8 @@ from wbc.validate import Array, finite_number, finite_vector, read_only
 
 # How far, as a part of it, a solid body's spin may be off one of the axes of the masses.
 ALONG = 1e-6
+# Least spin, as a part of that at the start: radii a million times as large are no pendulum's.
+SLOWEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,10 @@ class SpinChange:
             )
         start = _resting_radii(q0, v0, _masses(model), self.bounds)
         axis, spin0 = _spin(model, v0)
+        if abs(self.spin) < SLOWEST * abs(spin0):
+            raise InvalidInputError(
+                f"spin: {self.spin:g} rad/s would take masses that are infinitely far out"
+            )
         end = _final_radii(start, axis, spin0 / self.spin, self.bounds)
         foot = None if self.bounds.polygon is None else Foot(model, self.bounds)
         radii = (read_only(start), read_only(end))
@@ -133,6 +139,7 @@ class SpinChange:
     def command(self, q: Array, v: Array, time: float) -> Command:
         """Return the forces at a time since the state that the law was made for."""
         model, masses, a = self.model, _masses(self.model), self.rate
+        q, v = finite_vector("q", q, len(model.Q)), finite_vector("v", v, len(model.V))
         driven = len(model.V) - len(model.F)
         r, pace, push = self.reference(time)
         wanted = np.zeros(len(model.V))
