@@ -58,7 +58,9 @@ def run(robot: Robot, rng: np.random.Generator) -> tuple[float, float, int]:
             landed = Contact.hold(snapshot, free.frame)
             controller = KinematicController(robot, tasks, contacts=(*held, landed), **settings)
         tick = controller.step(snapshot)
-        failed += not tick.ok
+        if not tick.ok:
+            failed += 1
+            print(f"tick {k} of {robot.name}: {tick.report()}")
         excess = float((speeding_up(tick.velocity[6:], v[6:]) - bound).max())
         worst = max(worst, excess / DT)
         if k in (start, end):
