@@ -118,10 +118,18 @@ def test_nan_from_the_solver_never_leaves_as_solved(ticks, monkeypatch):
     solution = backend.solve(second)
     assert solution.status is Status.CONTRADICTED
     assert not solution.solved
-    assert solution.attempts == 3  # warm, cold, polished
+    assert solution.attempts == 4  # warm, cold, polished, and a longer search
 
 
-def test_iteration_limit_is_reported_and_forgotten(ticks):
+def test_a_longer_search_saves_a_tick(ticks):
+    solution = ProxQP(max_iterations=1).solve(next(iter(ticks(seed=4, count=1))))
+    assert solution.solved
+    assert solution.iterations > 1
+    assert solution.attempts == 3  # cold, polished, longer
+
+
+def test_iteration_limit_is_reported_and_forgotten(ticks, monkeypatch):
+    monkeypatch.setattr("wbc.qp.proxqp.PATIENCE", 1)
     first, second = ticks(seed=4, count=2)
     backend = ProxQP(max_iterations=1)
     solution = backend.solve(first)
