@@ -1,9 +1,12 @@
 """Make the pictures of the README from the problems that ship: python docs/make_pictures.py"""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+from PIL import Image  # matplotlib brings it
 
+from wbc.motion import analyse, read_motion
 from wbc.problem import load_problem
 from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
@@ -13,6 +16,7 @@ from wbc.rmp.balance.region import lean_grid, region_of_attraction
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run
+from wbc.view.analysis import plot_analysis
 from wbc.view.balance import pushes_figure, regions_figure
 from wbc.view.files import save
 
@@ -34,6 +38,21 @@ PENDULUMS = ("rmp_push_qp", "rmp_swing_up", "plan_hop_turn", "plan_walk")
 # A G1-like pendulum: mass [kg], height of the CoM [m], half of the soles [m], motors [N m, rad].
 MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
 RADII = (0.3, 0.3, 0.3)  # m
+# Shiko [s]: standing, squat, over the right foot, left leg half way, at its top, stomp, other leg.
+SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
+
+
+def analysis_picture() -> None:
+    """Draw the shiko as `wbc analyze` does; 256 colours are enough for it."""
+    with TemporaryDirectory() as folder:
+        result = load_problem(ROOT / "problems" / "shiko_hoap2.yaml").run()
+        recording = Path(folder) / "shiko_hoap2.npz"
+        result.save(recording)
+        series = analyse(read_motion(recording, result.robot))
+    picture = PICTURES / "shiko_hoap2_rmp.png"
+    title = f"{recording.name}: {series.robot.name}, {series.robot.mass:.1f} kg"
+    plot_analysis(series, picture, title=title, snapshots=SHIKO)
+    Image.open(picture).convert("RGB").quantize(256).save(picture, optimize=True)
 
 
 def pendulum_pictures() -> None:
@@ -76,6 +95,7 @@ def main() -> None:
         first = next(iter(problems.values())).parts
         poses = {"start": first.start} | {k: result.q for k, result in results.items()}
         plot_robot(first.robot, poses, PICTURES / f"{name}.png")
+    analysis_picture()
     pendulum_pictures()
 
 

@@ -87,6 +87,23 @@ def test_some_frames_fly_and_nan_is_only_there() -> None:
     assert (series.cop_outside == (series.cop_margin < 0.0)).all()
 
 
+def test_feet_are_judged_unless_told_otherwise() -> None:
+    robot = Robot.load("hoap2_like")
+    motion = waving(robot, 0.0)
+    base = np.tile(robot.postures["standing"][:7], (len(TIME), 1))
+    still = Motion(robot, TIME, motion.joints, base)
+    series = analyse(still)
+    assert series.feet == ("left", "right")
+    assert series.standing.all() and not series.cop_unjudged.any()
+    assert (series.cop_margin > 0.02).all()
+    assert analyse(still, feet=None).cop_margin is None
+    assert analyse(still, feet=["left", "left"]).feet == ("left",)
+    # No sole is on this ground: nothing is said of the CoP, and that is said.
+    lower = analyse(still, ground_height=-0.3)
+    assert lower.cop_unjudged.all() and np.isnan(lower.cop_margin).all()
+    assert not lower.cop_outside.any()
+
+
 def test_a_rigid_body_that_turns_about_the_vertical() -> None:
     # By hand: joints at rest, base turning at 1.2 rad/s about the CoM's vertical.
     robot = Robot.load("hoap2_like")

@@ -80,6 +80,8 @@ def test_dropouts_are_printed(walk: Path) -> None:
         (["--planted", "left", "-o", "r.json"], ".npz"),
         (["--planted", "left", "--plot", "r.gif"], "gif"),
         (["--planted", "left", "--plot", "r.png", "--snapshots", "0"], "snapshots"),
+        (["--planted", "left", "--plot", "r.png", "--snapshots", "0,x"], "snapshots"),
+        (["--planted", "left", "--resample", "0.5"], "one frame"),
     ],
 )
 def test_bad_input_is_one_line(walk: Path, options: list[str], words: str) -> None:
@@ -89,9 +91,40 @@ def test_bad_input_is_one_line(walk: Path, options: list[str], words: str) -> No
     assert answer.stderr.count("\n") == 1
 
 
+def test_the_recording_is_not_overwritten(walk: Path) -> None:
+    before = walk.read_bytes()
+    answer = command(walk, "--planted", "left", "-o", walk)
+    assert answer.exit_code == 1 and "is the recording itself" in answer.stderr
+    assert walk.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "CoP inside the support polygon wherever"),
+        (["--ground", "-0.3"], "CoP not judged: no sole is ever flat on the ground"),
+        (["--feet", "none"], "CoP not judged: no feet"),
+        (["--feet", "left", "--ground", "0"], "CoP outside the support polygon in 100 of 100"),
+    ],
+)
+def test_what_is_said_of_the_cop(tmp_path: Path, options: list[str], words: str) -> None:
+    robot = Robot.load("hoap2_like")
+    q = np.tile(robot.postures["standing"], (100, 1))
+    waist = robot.joint_names.index("waist_pitch")
+    q[:, 7 + waist] = robot.limits.upper[waist] + 0.05
+    np.savez(tmp_path / "still.npz", time=TIME, q=q)
+    answer = command(tmp_path / "still.npz", *options)
+    assert answer.exit_code == 0, answer.stderr
+    said = " ".join(answer.stdout.split())
+    assert words in said
+    assert "waist_pitch is up to 0.05 past its limits" in said
+    assert ("wherever there is one" in said) == (not options)
+
+
 def test_defaults_are_those_of_the_library() -> None:
     reading = inspect.signature(read_motion).parameters
     analysis = inspect.signature(analyse).parameters
     assert float(command_module.CUTOFF) == analysis["cutoff"].default
+    assert analysis["feet"].default == command_module.FEET
     assert reading["longest_gap"].default == command_module.LONGEST_GAP
     assert reading["beyond"].default == command_module.BEYOND

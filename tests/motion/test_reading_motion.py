@@ -71,11 +71,13 @@ def test_joints_in_any_order(robot, joints, write: Write, delimiter: str) -> Non
 
 def test_units_in_names(robot, joints, write: Write) -> None:
     columns = columns_of(robot, joints)
-    in_names = {"t [s]": columns.pop("time")}
+    in_names = {"Time (ms)": 1e3 * columns.pop("time")}
     for k, (name, values) in enumerate(columns.items()):
-        marked = (f"{name} [deg]", f"{name}_deg", f"{name} [rad]", f"{name}_rad", name)[k % 5]
+        marked = (f"{name} (deg)", f"{name}_deg", f"{name} [rad]", f"{name}_rad", name)[k % 5]
         in_names[marked] = np.rad2deg(values) if "deg" in marked else values
-    np.testing.assert_allclose(read_motion(write(in_names), robot).joints, joints, rtol=1e-12)
+    motion = read_motion(write(in_names), robot)
+    np.testing.assert_allclose(motion.joints, joints, rtol=1e-12)
+    np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
 
 
 def test_degrees_are_for_angles_only(write: Write) -> None:
@@ -221,15 +223,25 @@ def test_times_must_increase(robot, joints, write: Write, value: float, row: int
 
 def test_limits_and_degrees(robot, joints, write: Write) -> None:
     k = robot.joint_names.index("left_knee_pitch")
-    joints[30, k] = robot.limits.upper[k] + 0.02
+    joints[30, k] = robot.limits.upper[k] + 0.12
     path = write(columns_of(robot, joints))
-    error = refused(path, robot, "left_knee_pitch", "limits", "0.02")
+    error = refused(path, robot, "left_knee_pitch", "limits", "0.12")
     assert (error.column, error.row, error.line) == ("left_knee_pitch", 31, 32)
     assert "in degrees" not in str(error)
-    assert read_motion(path, robot, beyond=0.03).joints[30, k] == joints[30, k]
+    assert read_motion(path, robot, beyond=0.13).joints[30, k] == joints[30, k]
     in_degrees = columns_of(robot, np.rad2deg(np.delete(joints, 30, axis=0)[[*range(59), 58]]))
     refused(write(in_degrees), robot, "in degrees?")
     assert read_motion(write(in_degrees), robot, degrees=True).time.size == COUNT
+
+
+def test_a_little_past_a_limit_is_told(robot, joints) -> None:
+    k = robot.joint_names.index("left_knee_pitch")
+    joints[:, k] = robot.limits.upper[k] + 0.05
+    base = np.tile(robot.postures["standing"][:7], (COUNT, 1))
+    series = analyse(Motion(robot, TIME, joints, base))
+    assert series.past_limits == {"left_knee_pitch": pytest.approx(0.05)}
+    series = analyse(Motion(robot, TIME, np.minimum(joints, robot.limits.upper), base))
+    assert series.past_limits == {}
 
 
 def test_no_times_or_both(robot, joints, write: Write) -> None:
@@ -276,12 +288,35 @@ def test_unknown_units(robot, joints, write: Write) -> None:
         ("time,a\n0,1\n1,2,3\n", ["row 2", "3 cells"]),
         ("time,a,b\n0,1\n1,2\n", ["row 1", "2 cells"]),
         ("time,a\n0,1\n\n1,x\n", ["'a'", "line 4", "'x' is not a number"]),
+        ("time;a\n0;1,5\n", ["'1,5' is not a number; write decimals with a point"]),
+        ("time head_yaw\n0 1\n", ["one column, 'time head_yaw'", "commas"]),
+        ("0.0,1.0\n0.1,1.0\n", ["first line holds numbers"]),
+        (",time\n0,0\n1,1\n", ["column 1 has no name"]),
     ],
 )
 def test_broken_csv(robot, tmp_path: Path, text: str, words: list[str]) -> None:
     path = tmp_path / "broken.csv"
     path.write_text(text)
     refused(path, robot, *words)
+
+
+def test_text_in_another_encoding(robot, joints, write: Write) -> None:
+    path = write(columns_of(robot, joints))
+    path.write_text(path.read_text(), encoding="utf-16")
+    refused(path, robot, "not text in UTF-8")
+
+
+@pytest.mark.parametrize("head", ["# ", "# recorded on Monday, in the hall\n", "\ufeff"])
+def test_remarks_and_byte_order_marks(robot, joints, write: Write, head: str) -> None:
+    path = write(columns_of(robot, joints))
+    path.write_text(head + path.read_text(), encoding="utf-8")
+    np.testing.assert_allclose(read_motion(path, robot).joints, joints, rtol=1e-12)
+
+
+def test_a_comma_at_the_end_of_each_line_is_no_column(robot, joints, write: Write) -> None:
+    path = write(columns_of(robot, joints))
+    path.write_text(path.read_text().replace("\n", ",\n"))
+    np.testing.assert_allclose(read_motion(path, robot).joints, joints, rtol=1e-12)
 
 
 def test_empty_cells_are_missing_numbers(robot, joints, write: Write) -> None:
@@ -296,11 +331,12 @@ def test_empty_cells_are_missing_numbers(robot, joints, write: Write) -> None:
 @pytest.mark.parametrize(
     ("arrays", "words"),
     [
-        ({"time": TIME, "q": np.zeros((COUNT, 9))}, ["'q'", "(60, 9)"]),
+        ({"time": TIME, "q": np.zeros((COUNT, 9))}, ["'q'", "(60, 9)", "another robot"]),
         ({"time": TIME[1:], "head_yaw": TIME}, ["60 rows", "59"]),
         ({"time": TIME, "head_yaw": np.zeros((COUNT, 2))}, ["head_yaw", "shape"]),
         ({"time": TIME, "names": ["head_yaw"], "positions": np.zeros((COUNT, 2))}, ["positions"]),
         ({"time": TIME, "head_yaw": np.array(["x"] * COUNT)}, ["head_yaw", "numbers"]),
+        ({"time": TIME, "q": np.zeros((COUNT, 32), dtype=complex)}, ["'q'", "real numbers"]),
     ],
 )
 def test_broken_npz(robot, tmp_path: Path, arrays: dict, words: list[str]) -> None:
@@ -371,6 +407,38 @@ def test_frozen_rows_are_reported(robot, joints, write: Write) -> None:
     filled = read_motion(path, robot, fill=True)
     assert filled.dropouts[0].filled
     np.testing.assert_allclose(filled.joints, true, atol=0.004)
+
+
+@pytest.mark.parametrize("base_too", [True, False])
+def test_a_frozen_base_is_filled_with_the_joints(
+    robot, joints, write: Write, rng, base_too: bool
+) -> None:
+    columns = columns_of(robot, joints) | (base := base_columns(rng))
+    true = np.column_stack(list(base.values()))
+    for name, values in columns.items():
+        if name in robot.joint_names or (base_too and name in base):
+            columns[name] = values.copy()
+            columns[name][31:35] = values[30]
+    motion = read_motion(write(columns), robot, fill=True)
+    # PCHIP over 50 ms of 0.1 m and 0.2 rad at 1 rad/s; and where it was not frozen, as recorded.
+    np.testing.assert_allclose(motion.base, true, atol=1e-4 if base_too else 1e-12)
+
+
+def test_a_gap_can_be_declared_as_it_is_told(robot, joints, write: Write) -> None:
+    kept = np.delete(np.arange(COUNT), slice(20, 35))
+    columns = {name: values[kept] for name, values in columns_of(robot, joints).items()}
+    columns["time"] = columns["time"] * 1.00123 + 1.7e9  # as computers count time
+    told = str(refused(write(columns), robot, "1700000000.19"))
+    longest = float(re.search(r"longest gap of (\S+) s", told)[1])
+    (gap,) = read_motion(write(columns), robot, longest_gap=longest).dropouts
+    assert longest - 0.01 < gap.duration <= longest
+
+
+def test_gaps_too_long_to_fill(robot, joints, write: Write) -> None:
+    columns = columns_of(robot, joints)
+    columns["time"] = np.where(TIME > 0.3, TIME + 1e6, TIME)
+    with pytest.raises(InvalidInputError, match="1,000,000"):
+        read_motion(write(columns), robot, longest_gap=1e7)
 
 
 def test_rest_and_coarse_sensors_are_not_frozen(robot, joints, write: Write) -> None:

@@ -68,10 +68,16 @@ def test_a_line_passes_as_it_is() -> None:
     assert low_passed(line, RATE, None) is line
 
 
-@pytest.mark.parametrize("cutoff", [0.0, -1.0, 100.0, np.nan])
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, 100.0, np.nan, 1e-9, 3.9])
 def test_cutoffs_that_make_no_sense(cutoff: float) -> None:
     with pytest.raises(InvalidInputError, match="cutoff"):
         low_passed(np.zeros((50, 1)), RATE, cutoff)
+
+
+@pytest.mark.parametrize("rate", [0.1, 1e-9, 1e8])
+def test_rates_that_give_one_frame_or_too_many(rate: float) -> None:
+    with pytest.raises(InvalidInputError, match="rate"):
+        sampled(TIME, rate)
 
 
 def test_angular_velocity_of_a_tumbling_body() -> None:

@@ -52,8 +52,9 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
 
 
 @pytest.mark.usefixtures("coarse")
-def test_no_text_overlaps(still: RmpSeries) -> None:
-    figure = analysis_figure(still, title="Standing")
+@pytest.mark.parametrize("snapshots", [6, 10])
+def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
+    figure = analysis_figure(still, title="Standing", snapshots=snapshots)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -85,11 +86,13 @@ def test_flight_and_no_feet(tmp_path: Path) -> None:
 
 
 def test_snapshots() -> None:
-    assert snapshot_frames(101, 6) == [0, 20, 40, 60, 80, 100]
-    assert snapshot_frames(2, 6) == [0, 1]
-    for wrong in (0, 11):
+    time = 7.0 + 0.01 * np.arange(101)
+    assert snapshot_frames(time, 6) == [0, 20, 40, 60, 80, 100]
+    assert snapshot_frames(time[:2], 6) == [0, 1]
+    assert snapshot_frames(time, [7.501, 7.0, 7.5]) == [0, 50]
+    for wrong in (0, 11, [], [6.9], [8.1], [7.0] * 11):
         with pytest.raises(InvalidInputError, match="snapshots"):
-            snapshot_frames(100, wrong)
+            snapshot_frames(time, wrong)
 
 
 def test_other_suffixes(still: RmpSeries, tmp_path: Path) -> None:

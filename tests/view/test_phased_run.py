@@ -81,6 +81,23 @@ def test_every_phase_is_drawn_and_marked(robot: Robot, run: Run) -> None:
 
 
 @pytest.mark.usefixtures("coarse")
+def test_long_names_are_shortened(robot: Robot, run: Run) -> None:
+    figure = run_figure(robot, replace(run, phase=["x" * 200] * 31), title="")
+    assert titles(figure)[1].startswith(f"1  {'x' * 19}…, 3.0 s")
+    assert plots(figure)[0].texts[-1].get_text() == f"1  {'x' * 19}…"
+    wide = [axes.get_position().width for axes in figure.axes if axes.get_images()]
+    np.testing.assert_allclose(wide, 0.25)  # two pictures are not drawn larger than four
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.usefixtures("coarse")
+def test_a_single_tick_is_drawn(robot: Robot, run: Run) -> None:
+    one = Run(run.time[:1], run.q[:1], {"com": run.errors["com"][:1]}, ["down"], None, [0.03])
+    figure = run_figure(robot, one, title="")
+    assert plots(figure)[0].texts[0].get_text() == "least 30.0 mm"
+
+
+@pytest.mark.usefixtures("coarse")
 def test_without_feet_there_is_no_plot_of_balance(robot: Robot, run: Run) -> None:
     for balance in (None, np.full(31, np.nan)):
         figure = run_figure(robot, replace(run, balance=balance, support=None), title="")

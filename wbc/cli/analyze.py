@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from wbc.motion import RmpSeries
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
-CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS = "10", 0.1, 1e-6, 6
+CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS, FEET = "10", 0.1, 0.1, "6", "auto"
 SECONDS_BETWEEN_LINES = 5.0
 SHOWN_DROPOUTS = 10
 
@@ -36,8 +36,8 @@ def analyze(
         str | None, typer.Option(help="Flat foot, if no base was recorded: left, right, auto.")
     ] = None,
     feet: Annotated[
-        str | None, typer.Option(help="Feet that stand, as in left,right; auto: by height.")
-    ] = None,
+        str, typer.Option(help="Feet that stand, as in left,right; auto: by height; or none.")
+    ] = FEET,
     ground: Annotated[float, typer.Option(help="Height of the ground, in m.")] = 0.0,
     rate: Annotated[
         float | None, typer.Option(help="Rows per second of a file without times, in Hz.")
@@ -61,13 +61,15 @@ def analyze(
         float, typer.Option(help="How far joints may be past their limits, in rad.")
     ] = BEYOND,
     fill: Annotated[bool, typer.Option("--fill", help="Fill NaN and frozen rows too.")] = False,
-    max_gap: Annotated[float, typer.Option(help="Longest time to fill, in s.")] = LONGEST_GAP,
+    longest_gap: Annotated[float, typer.Option(help="Longest time to fill, in s.")] = LONGEST_GAP,
     output: Annotated[
         list[Path] | None,
         typer.Option("--output", "-o", help="Write the series: .npz (all), .csv; repeatable."),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the motion into a picture.")] = None,
-    snapshots: Annotated[int, typer.Option(help="Snapshots in the picture.")] = SNAPSHOTS,
+    snapshots: Annotated[
+        str, typer.Option(help="In the picture: how many, or their times in s, as in 0,2.5,4.")
+    ] = SNAPSHOTS,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
@@ -79,7 +81,7 @@ def analyze(
             "ignore": ignore or (),
             "beyond": beyond,
             "fill": fill,
-            "longest_gap": max_gap,
+            "longest_gap": longest_gap,
         }
         analysis = {
             "rate": resample,
@@ -89,9 +91,10 @@ def analyze(
             "ground_height": ground,
         }
         outputs = output or []
-        _check_outputs(outputs, plot, snapshots)
+        moments = _snapshots(snapshots)
+        _check_outputs(motion, outputs, plot, moments)
         series = _series(motion, robot, reading, analysis, quiet)
-        written, failures = _write(series, outputs, plot, snapshots)
+        written, failures = _write(series, outputs, plot, moments)
         if not quiet:
             _print(series, written)
     for failure in failures:
@@ -107,13 +110,23 @@ def _cutoff(text: str) -> float | None:
     return finite_number("--cutoff (Hz, or none)", text, least=0.0) or None
 
 
-def _feet(text: str | None) -> str | list[str] | None:
-    if text is None or text == "auto":
-        return text
+def _feet(text: str) -> str | list[str] | None:
+    if text in ("auto", "none"):
+        return text if text == "auto" else None
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _check_outputs(outputs: list[Path], plot: Path | None, snapshots: int) -> None:
+def _snapshots(text: str) -> int | list[float]:
+    from wbc.validate import finite_number
+
+    if text.strip().isdecimal():
+        return int(text)
+    return [finite_number("--snapshots (how many, or times in s)", t) for t in text.split(",")]
+
+
+def _check_outputs(
+    motion: Path, outputs: list[Path], plot: Path | None, snapshots: int | list[float]
+) -> None:
     """Raise InvalidInputError for what could never be written, before any work is done."""
     from importlib.util import find_spec
 
@@ -122,17 +135,19 @@ def _check_outputs(outputs: list[Path], plot: Path | None, snapshots: int) -> No
     from wbc.motion.saving import series_format
 
     for path in outputs:
+        if path.exists() and motion.exists() and path.samefile(motion):
+            raise InvalidInputError(f"--output {path}: is the recording itself; name another file")
         series_format(path)
         check_place("--output", path)
     if plot is not None:
         if find_spec("matplotlib") is None:
             raise InvalidInputError("--plot needs matplotlib: pip install 'wbc[plot]'")
-        from wbc.view.analysis import snapshot_frames
+        from wbc.view.analysis import check_snapshots
         from wbc.view.files import picture_file
 
         check_place("--plot", plot)
         picture_file(plot)
-        snapshot_frames(snapshots, snapshots)
+        check_snapshots(snapshots)
 
 
 def _series(
@@ -147,7 +162,7 @@ def _series(
 
 
 def _write(
-    series: RmpSeries, outputs: list[Path], plot: Path | None, snapshots: int
+    series: RmpSeries, outputs: list[Path], plot: Path | None, snapshots: int | list[float]
 ) -> tuple[list[Path], list[str]]:
     """Write what is wanted; return what was written and, in words, what could not be."""
     from wbc.errors import WbcError
@@ -221,6 +236,9 @@ def _print(series: RmpSeries, written: list[Path]) -> None:
         console.print(Text.assemble(("dropout  ", "yellow"), str(dropout)))
     if len(series.dropouts) > SHOWN_DROPOUTS:
         console.print(f"and {len(series.dropouts) - SHOWN_DROPOUTS} more dropouts")
+    for name, excess in series.past_limits.items():
+        text = f"{name} is up to {excess:.3g} past its limits [rad or m]"
+        console.print(Text.assemble(("limits   ", "yellow"), text))
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
     for k, column in enumerate(("", "least", "mean", "largest")):
         table.add_column(Text(f"\n{column}"), justify="left" if k == 0 else "right")
@@ -259,22 +277,33 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
 
 
 def _verdict(series: RmpSeries) -> Any:
-    """Return one line on flight and on the CoP."""
+    """Return what is to be said of the CoP, flight and axes, in a line."""
+    import numpy as np
     from rich.text import Text
 
     count = len(series)
     line = Text()
+    unjudged = int(series.cop_unjudged.sum())
+    judged = series.cop_margin is not None and bool(np.isfinite(series.cop_margin).any())
     if series.cop_margin is None:
-        line.append("CoP not judged: no feet named (--feet). ")
+        line.append("CoP not judged: no feet. ")
+    elif unjudged and not judged:
+        line.append(
+            "CoP not judged: no sole is ever flat on the ground; look at --ground, and at the unit"
+            " of the base and the order of its quaternion. ",
+            style="yellow",
+        )
     elif series.cop_outside.any():
-        first = float(series.time[series.cop_outside][0])
+        first = series.time[series.cop_outside][0]
         line.append(
             f"CoP outside the support polygon in {series.cop_outside.sum()} of {count} frames,"
-            f" first at {first:.4g} s: the motion is infeasible there. ",
+            f" first at {first:.12g} s: the motion is infeasible there. ",
             style="red",
         )
     else:
         line.append("CoP inside the support polygon wherever there is one. ", style="green")
+    if unjudged and judged:
+        line.append(f"In {unjudged} of {count} frames no sole is flat on the ground. ")
     if series.flight.any():
         line.append(f"The ground does not push in {series.flight.sum()} of {count} frames. ")
     undefined = int((~series.axes_defined.all(axis=1)).sum())

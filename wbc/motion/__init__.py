@@ -2,8 +2,16 @@
 
 from wbc.motion.analysis import analyse
 from wbc.motion.dropouts import Dropout
-from wbc.motion.errors import RecordingError
+from wbc.motion.errors import RecordingError, UnknownColumnError
 from wbc.motion.recording import Motion, read_motion
 from wbc.motion.series import RmpSeries
 
-__all__ = ["Dropout", "Motion", "RecordingError", "RmpSeries", "analyse", "read_motion"]
+__all__ = [
+    "Dropout",
+    "Motion",
+    "RecordingError",
+    "RmpSeries",
+    "UnknownColumnError",
+    "analyse",
+    "read_motion",
+]

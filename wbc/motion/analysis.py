@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.motion.ground_push import AUTO, GroundPush, chosen_feet, ground_push, judged
+from wbc.motion.ground_push import GroundPush, chosen_feet, ground_push, judged
+from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.trajectory import Trajectory, smooth_trajectory
@@ -25,7 +26,7 @@ def analyse(
     rate: float | None = None,
     cutoff: float | None = CUTOFF,
     planted: str | None = None,
-    feet: str | Iterable[str] | None = None,
+    feet: str | Iterable[str] | None = AUTO,
     ground_height: float = 0.0,
     gap: float = GAP,
     progress: Progress | None = None,
@@ -47,8 +48,7 @@ def analyse(
         :func:`wbc.motion.planted.planted_base`.
     feet:
         Feet that stand all the time, for the support polygon; or ``auto`` for those whose sole is
-        within 1 cm of the ground. By default ``auto`` if a foot is planted, which then stands in
-        any case, and else none: the CoP is then not judged.
+        within 1 cm of the ground, and the planted one. None: the CoP is not judged.
     ground_height:
         Height of the ground [m].
     gap:
@@ -60,14 +60,14 @@ def analyse(
     ------
     InvalidInputError
         Both a recorded base and a planted foot, or neither; a cutoff that is not below half the
-        recording's rate; a number that is not positive; no feet, or a CoM at the CoP.
+        recording's rate, or whose period is longer than the recording; a rate that gives one frame
+        or over a million; a number that is not positive; no feet, or a CoM at the CoP.
     UnknownNameError
         A foot that the robot does not have.
     """
     height = finite_number("ground_height", ground_height)
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot
-    feet = AUTO if feet is None and planted is not None else feet
     names = chosen_feet(robot, feet)
     frames = smooth_trajectory(motion, rate, cutoff, planted, height, progress)
     whole = centroidal_series(robot, frames.q, frames.v, frames.acceleration, progress)

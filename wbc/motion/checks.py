@@ -22,8 +22,8 @@ def check_times(table: Table, time: Array, column: int) -> None:
     if len(back):
         row = int(back[0]) + 1
         what = (
-            f"time must increase from row to row, but {time[row - 1]:g} is followed by"
-            f" {time[row]:g}; sort the rows, and remove those that are there twice"
+            f"time must increase from row to row, but {time[row - 1]:.12g} is followed by"
+            f" {time[row]:.12g}; sort the rows, and remove those that are there twice"
         )
         raise table.error(what, column, row)
 
@@ -35,7 +35,7 @@ def check_finite(table: Table, values: Array, columns: Sequence[int], fill: bool
     if wrong.any():
         row, k = (int(part) for part in np.argwhere(wrong)[0])
         infinite = np.isinf(used[row, k])
-        remedy = "correct it" if infinite else "or declare with fill that it be interpolated"
+        remedy = "correct it" if infinite else "correct it, or have it interpolated (fill)"
         what = f"{'infinite' if infinite else 'NaN or an empty cell'}; {remedy}"
         raise table.error(what, columns[k], row)
 
@@ -64,7 +64,7 @@ def check_limits(
     remedy = (
         "are the angles in degrees? Then declare that (degrees), or name the unit: 'knee [deg]'"
         if degrees
-        else f"correct it, or allow joints to be {worst:.4g} beyond"
+        else f"correct it, or allow joints to be {worst:.4g} past them (beyond)"
     )
     what = (
         f"{joints[row, k]:.6g} is outside the limits [{limits.lower[k]:g}, {limits.upper[k]:g}] of"

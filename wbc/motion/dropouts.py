@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from wbc.motion.smoothing import check_count
 from wbc.validate import Array
 
 GAP, MISSING, FROZEN = "gap in time", "missing numbers", "frozen"
@@ -51,7 +52,7 @@ class Dropout:
     def __str__(self) -> str:
         names = ", ".join(self.columns[:LISTED])
         more = f" and {len(self.columns) - LISTED} more" if len(self.columns) > LISTED else ""
-        what = f"{self.kind} from {self.start:.6g} s to {self.end:.6g} s"
+        what = f"{self.kind} from {self.start:.12g} s to {self.end:.12g} s"
         done = "interpolated" if self.filled else "left as recorded"
         return f"{what}: {names}{more}; {done}"
 
@@ -110,10 +111,17 @@ def frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray[
 def with_rows_in_gaps(
     time: Array, values: Array, gaps: Sequence[tuple[int, int]]
 ) -> tuple[Array, Array]:
-    """Return times and values with rows of NaN where rows were lost, a median step apart."""
+    """Return times and values with rows of NaN where rows were lost, a median step apart.
+
+    Raises
+    ------
+    InvalidInputError
+        More rows than can be handled.
+    """
     if not gaps:
         return time, values
     step = float(np.median(np.diff(time)))
+    check_count("gaps to fill", sum(time[after] - time[before] for before, after in gaps), step)
     where, inserted = list[int](), list[float]()
     for before, after in gaps:
         count = max(2, round((time[after] - time[before]) / step))

@@ -1,8 +1,10 @@
-"""The error of a recording that cannot be used as it is."""
+"""The errors of a recording that cannot be used as it is."""
 
 from __future__ import annotations
 
-from wbc.errors import InvalidInputError
+from collections.abc import Iterable
+
+from wbc.errors import InvalidInputError, UnknownNameError
 
 
 class RecordingError(InvalidInputError):
@@ -35,3 +37,22 @@ class RecordingError(InvalidInputError):
         if row is not None:
             places.append(f"row {row}" + (f" (line {line})" if line is not None else ""))
         super().__init__(f"{': '.join([file, ', '.join(places)] if places else [file])}: {what}")
+
+
+class UnknownColumnError(UnknownNameError):
+    """A recording has a column that means nothing for its robot.
+
+    Parameters
+    ----------
+    file:
+        The file, as it was named.
+    name:
+        The column's name in the file.
+    choices:
+        Names that columns may have.
+    """
+
+    def __init__(self, file: str, name: str, choices: Iterable[str]) -> None:
+        super().__init__("column", name, choices)
+        self.file = file
+        self.args = (f"{file}: {self}; correct it, or declare that it be passed over (ignore)",)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion.planted import AUTO
 from wbc.motion.support import sole_corners, support_margins, touching
 from wbc.reduction import SINGULAR
 from wbc.rmp.axes import Bools
@@ -16,8 +17,6 @@ from wbc.rmp.ground import centre_of_pressure, centroidal_moment_pivot, normal_m
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
 from wbc.validate import Array
-
-AUTO = "auto"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +87,17 @@ def chosen_feet(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ..
     Raises
     ------
     InvalidInputError
-        An empty choice, or ``auto`` for a robot without feet.
+        An empty choice, or one for a robot without feet.
     UnknownNameError
         A foot that the robot does not have.
     """
     if feet is None:
         return ()
+    if feet == AUTO:
+        return tuple(robot.feet)
     if not robot.feet:
         raise InvalidInputError(f"{robot.name} has no feet; say which links they are, or name none")
-    names = tuple(robot.feet) if feet == AUTO else (feet,) if isinstance(feet, str) else (*feet,)
+    names = tuple(dict.fromkeys((feet,) if isinstance(feet, str) else feet))
     if not names:
         raise InvalidInputError("feet: name at least one foot that stands on the ground")
     for name in names:

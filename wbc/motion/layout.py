@@ -10,8 +10,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.errors import UnknownNameError
-from wbc.motion.errors import RecordingError
+from wbc.motion.errors import RecordingError, UnknownColumnError
 from wbc.motion.table import Table
 from wbc.robot import Robot
 from wbc.robot.series import turning_joints
@@ -21,8 +20,8 @@ TIME = ("time", "t")
 PLACE = ("base_x", "base_y", "base_z")
 QUATERNION = ("base_qx", "base_qy", "base_qz", "base_qw")
 ANGLES = ("base_roll", "base_pitch", "base_yaw")
-UNIT = 1e-3  # how far the norm of a recorded quaternion may be from 1
-_BRACKETS = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\]]*)\]")
+UNIT = 1e-2  # how far the norm of a recorded quaternion may be from 1: two decimals are enough
+_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]")
 _SUFFIX = re.compile(r"(?P<name>.*)_(?P<unit>deg|rad)")
 
 
@@ -66,20 +65,26 @@ def understood(table: Table, robot: Robot, ignore: Sequence[str]) -> dict[str, C
 
     Raises
     ------
-    UnknownNameError
+    UnknownColumnError
         A column that is none of these, with the nearest that is.
     RecordingError
-        Two columns that hold the same, or an unknown unit.
+        Two columns that hold the same, or a column without a name.
     """
     known = {*TIME, *PLACE, *QUATERNION, *ANGLES, *robot.joint_names}
     found: dict[str, Column] = {}
     for k, header in enumerate(table.columns):
         if any(fnmatchcase(header, pattern) for pattern in ignore):
             continue
+        if not header:
+            if np.isnan(table.values[:, k]).all():  # every line ends with a delimiter
+                continue
+            what = f"column {k + 1} has no name; give it one, or pass it over: ignore = ''"
+            raise RecordingError(what, table.source)
         name, unit = _split(header, known)
+        name = name.lower() if name.lower() in TIME else name
         if name not in known:
-            kind = f"column in {table.source}:"
-            raise UnknownNameError(kind, name, sorted({*robot.joint_names, *PLACE, *QUATERNION}))
+            choices = {"time", *robot.joint_names, *PLACE, *QUATERNION}
+            raise UnknownColumnError(table.source, name, choices)
         name = "time" if name in TIME else name
         if name in found:
             other = table.columns[found[name].index]
@@ -113,7 +118,8 @@ def converted(table: Table, found: dict[str, Column], robot: Robot, degrees: boo
         elif name in QUATERNION:
             factors = {"1": 1.0, "": 1.0, None: 1.0}
         else:
-            factors = {"s" if name == "time" else "m": 1.0, None: 1.0}
+            unit = "s" if name == "time" else "m"
+            factors = {unit: 1.0, f"m{unit}": 1e-3, None: 1.0}
         if column.unit not in factors:
             units = ", ".join(unit for unit in factors if unit)
             raise table.error(f"unknown unit {column.unit!r}; use {units}", column.index)
@@ -130,7 +136,7 @@ def base_of(table: Table, values: Array, found: dict[str, Column]) -> Array | No
     Raises
     ------
     RecordingError
-        Some of the base's columns are missing, or a quaternion whose norm is off by over 1e-3.
+        Some of the base's columns are missing, or a quaternion whose norm is off by over 1e-2.
     """
     place, quaternion, angles = (
         [name for name in names if name in found] for names in (PLACE, QUATERNION, ANGLES)
@@ -153,6 +159,6 @@ def base_of(table: Table, values: Array, found: dict[str, Column]) -> Array | No
     wrong = np.flatnonzero(np.abs(norm - 1.0) > UNIT)
     if len(wrong):
         row = int(wrong[0])
-        what = f"quaternion of norm {norm[row]:.6g}, expected 1; is the order x, y, z, w?"
+        what = f"quaternion of norm {norm[row]:.6g}, expected 1; correct it, or leave out the row"
         raise table.error(what, found["base_qx"].index, row)
     return np.hstack((position, turned / norm[:, None]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -65,7 +66,9 @@ def mended(
         end = last + 1
         if fill:
             _check(table, where, time, (first, end), columns, longest)
-            content[first + 1 : end, :count] = np.nan
+            # The base is recorded apart, and may go on where the joints are frozen.
+            still = (content[first:end] == content[first]).all(axis=0)
+            content[first + 1 : end, still] = np.nan
         dropouts.append(Dropout(FROZEN, float(time[first]), float(time[end]), columns, fill))
     gaps = time_gaps(time)
     for before, after in gaps:
@@ -102,11 +105,17 @@ def _check(
     duration = float(time[after] - time[before])
     if duration > longest + SLACK:
         what = (
-            f"nothing usable from {time[before]:g} s to {time[after]:g} s, {duration:.3g} s; only"
-            f" up to {longest:g} s is interpolated: declare a longest gap of {duration:.3g} s, or"
-            " cut the recording there"
+            f"nothing usable from {time[before]:.12g} s to {time[after]:.12g} s, {duration:.3g} s;"
+            f" only up to {longest:g} s is interpolated: declare a longest gap of"
+            f" {_rounded_up(duration):g} s, or cut the recording there"
         )
         raise table.error(what, column, after)
+
+
+def _rounded_up(seconds: float) -> float:
+    """Return a duration rounded up to two digits, so that it can be declared as it is told."""
+    unit = 10.0 ** (math.floor(math.log10(seconds)) - 1)
+    return unit * math.ceil(seconds / unit - SLACK)
 
 
 def _join_turns(content: Array, names: Sequence[str], robot: Robot) -> None:

@@ -28,7 +28,9 @@ from wbc.robot import Robot
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 LONGEST_GAP = 0.1  # s
-BEYOND = 1e-6  # rad or m: files round limits and positions to 6 digits
+# rad or m: encoders are not always calibrated, nor are limits always the mechanical stops. What is
+# past them by so much is told (RmpSeries.past_limits); what is further is a mistake.
+BEYOND = 0.1
 LEAST_ROWS = 8  # fewer do not tell accelerations
 
 
@@ -109,7 +111,8 @@ def read_motion(
     CSV: a line of column names, then rows of numbers. ``time`` or ``t``; a column for each joint,
     in any order; optionally the floating base as ``base_x``, ``base_y``, ``base_z`` with
     ``base_qx``, ``base_qy``, ``base_qz``, ``base_qw`` or with ``base_roll``, ``base_pitch``,
-    ``base_yaw`` (R = Rz Ry Rx). A unit may follow a name: ``left_knee [deg]``, ``left_knee_deg``.
+    ``base_yaw`` (R = Rz Ry Rx). A unit may follow a name: ``left_knee [deg]``, ``left_knee (deg)``,
+    ``left_knee_deg``, ``time [ms]``, ``base_x [mm]``.
 
     NPZ: arrays named like those columns; or ``time``, ``names`` and ``positions`` (n, k); or
     ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes.
@@ -128,7 +131,7 @@ def read_motion(
     ignore:
         Columns to pass over, names or patterns such as ``imu_*``.
     beyond:
-        How far a joint may be past its limits [rad or m]: encoders are not always calibrated.
+        How far a joint may be past its limits [rad or m]; by default 0.1, nearly 6 degrees.
     fill:
         Interpolate over missing numbers and frozen rows too, up to ``longest_gap``.
     longest_gap:
@@ -139,7 +142,7 @@ def read_motion(
     RecordingError
         The file cannot be used as it is; the message names file, column and row.
     UnknownNameError
-        A column that is no joint of the robot, or an unknown posture.
+        A column that is no joint of the robot (UnknownColumnError), or an unknown posture.
     InvalidInputError
         Options that are not positive numbers.
     """
@@ -194,7 +197,7 @@ def _joints(
     if lacking and missing is None:
         raise RecordingError(
             f"there is no column for {', '.join(lacking)}; declare that joints without a column"
-            " stay as in a posture: missing = 'standing' or 'neutral'",
+            " stay as in a posture (missing): standing or neutral",
             table.source,
         )
     joints = np.empty((len(values), len(robot.joint_names)))

@@ -13,6 +13,8 @@ from wbc.rmp.axes import Bools
 from wbc.robot import Robot
 from wbc.validate import Array
 
+ROUNDED = 1e-3  # rad or m: so much past a limit is what rounding and the filter can do
+
 
 @dataclass(frozen=True, eq=False)
 class RmpSeries:
@@ -116,6 +118,21 @@ class RmpSeries:
         margin = np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
         return np.asarray(margin < 0.0)
 
+    @property
+    def cop_unjudged(self) -> Bools:
+        """True where the ground pushes but no foot is known to stand (n,)."""
+        margin = np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
+        return np.asarray(np.isnan(margin) & ~self.flight)
+
+    @property
+    def past_limits(self) -> dict[str, float]:
+        """How far joints are past their limits at worst [rad or m]; only those that are."""
+        limits = self.robot.limits
+        joints = self.q[:, list(limits.starts)]  # of continuous joints something, without limits
+        past = np.fmax(limits.lower - joints, joints - limits.upper).max(axis=0)
+        names = zip(self.robot.joint_names, past.tolist(), strict=True)
+        return {name: excess for name, excess in names if excess > ROUNDED}
+
     def arrays(self) -> dict[str, Array]:
         """Return every array by its name."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -152,4 +169,5 @@ class RmpSeries:
             "source": self.source,
             "ground_height": self.ground_height,
             "dropouts": [str(one) for one in self.dropouts],
+            "past_limits": self.past_limits,
         }

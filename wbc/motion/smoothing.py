@@ -20,6 +20,7 @@ ORDER = 4  # of the Butterworth filter; run both ways it falls by 48 dB per octa
 UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
 EDGE = 3.0  # periods of the cutoff by which a series is continued beyond its ends,
 TERMS = 6  # by a polynomial of so many terms
+MOST_FRAMES = 1_000_000  # with 3 kB or so each
 
 
 def even_grid(time: Array) -> Array:
@@ -37,9 +38,30 @@ def even_grid(time: Array) -> Array:
 
 
 def sampled(time: Array, rate: float) -> Array:
-    """Return the times (m,) within ``time`` (n,) at ``rate`` [Hz], from its first on."""
+    """Return the times (m,) within ``time`` (n,) at ``rate`` [Hz], from its first on.
+
+    Raises
+    ------
+    InvalidInputError
+        A rate that gives fewer than two frames, or more than can be handled.
+    """
+    seconds = float(time[-1] - time[0])
+    if seconds * rate < 1.0 - 1e-9:
+        raise InvalidInputError(
+            f"rate: {rate:g} Hz gives but one frame in {seconds:.4g} s; choose a higher one"
+        )
+    check_count(f"rate: {rate:g} Hz", seconds, 1.0 / rate)
     count = int(np.floor((time[-1] - time[0]) * rate * (1.0 + 1e-12) + 1e-9))
     return np.minimum(time[0] + np.arange(count + 1) / rate, time[-1])
+
+
+def check_count(what: str, seconds: float, step: float) -> None:
+    """Raise InvalidInputError if a time holds more steps than can be handled."""
+    if seconds > MOST_FRAMES * step:
+        raise InvalidInputError(
+            f"{what}: {seconds:.4g} s would be {seconds / step:.3g} frames; at most"
+            f" {MOST_FRAMES:,} are possible"
+        )
 
 
 def on_grid(time: Array, values: Array, grid: Array) -> Array:
@@ -61,15 +83,20 @@ def low_passed(values: Array, rate: float, cutoff: float | None) -> Array:
     Raises
     ------
     InvalidInputError
-        A cutoff that is not positive, or not below half the rate.
+        A cutoff that is not below half the rate, or whose period is longer than the series.
     """
     if cutoff is None:
         return values
     cutoff = finite_number("cutoff", cutoff, above=0.0)
     if cutoff >= 0.5 * rate:
         raise InvalidInputError(
-            f"cutoff: {cutoff:g} Hz is not below half the recording's {rate:g} Hz; choose a lower"
-            " one, or none"
+            f"cutoff: {cutoff:g} Hz is not below half the recording's {rate:.6g} Hz; choose a lower"
+            " one, or none; or are its times not in s?"
+        )
+    if cutoff * len(values) < rate:
+        raise InvalidInputError(
+            f"cutoff: the recording's {len(values) / rate:.4g} s are less than a period of"
+            f" {cutoff:g} Hz; choose a higher one, or none"
         )
     # In the bilinear transform's frequency tan(pi f / rate) the digital filter is the analog one.
     warped = np.tan(np.pi * cutoff / rate) / (np.sqrt(2.0) - 1.0) ** (0.5 / ORDER)

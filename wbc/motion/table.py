@@ -14,6 +14,8 @@ from wbc.motion.errors import RecordingError
 from wbc.validate import Array
 
 DELIMITERS = (",", ";", "\t")
+NUMBERS = "iuf"  # kinds of arrays: whole numbers and fractions, not complex ones nor truth values
+SHOWN = 40  # characters of a header that is not understood
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,23 +56,27 @@ class Table:
 def read_csv(path: Path) -> Table:
     """Return what a CSV file holds; its first line names the columns. Empty cells are NaN.
 
+    That line may begin with ``#``, as NumPy writes it. Remarks, which do too, may come before it.
+
     Raises
     ------
     RecordingError
-        Unreadable, no rows, a row of another length, a cell that is not a number, or a column name
-        that is there twice.
+        Unreadable, no rows, no names, a row of another length, a cell that is not a number, or a
+        column name that is there twice.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise RecordingError(
+            "it is not text in UTF-8; export it as CSV UTF-8", str(path)
+        ) from error
+    except OSError as error:
         raise _unreadable(path, error) from error
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
-    if not numbered:
-        raise RecordingError("it is empty; expected a line of column names", str(path))
-    header = numbered[0][1]
-    delimiter = next((mark for mark in DELIMITERS if mark in header), ",")
-    columns = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
-    numbers, rows = tuple(k for k, _ in numbered[1:]), [line for _, line in numbered[1:]]
+    header, numbered = _header(str(path), numbered)
+    delimiter = _delimiter(header)
+    columns = _names(str(path), header, delimiter)
+    numbers, rows = tuple(k for k, _ in numbered), [line for _, line in numbered]
     if not rows:
         raise RecordingError("it holds no rows of numbers", str(path))
     try:
@@ -80,6 +86,40 @@ def read_csv(path: Path) -> Table:
     if values.shape[1] != len(columns):
         raise _ragged(str(path), len(columns), values.shape[1], 0, numbers[0])
     return Table(str(path), columns, values, numbers)
+
+
+def _header(source: str, numbered: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]]:
+    """Return the line of column names, and the lines after it."""
+    if not numbered:
+        raise RecordingError("it is empty; expected a line of column names", source)
+    marked = next((k for k, (_, line) in enumerate(numbered) if line[0] != "#"), len(numbered))
+    following = numbered[marked][1] if marked < len(numbered) else ""
+    if marked and (not following or _is_number(following.split(_delimiter(following))[0])):
+        return numbered[marked - 1][1].lstrip("# "), numbered[marked:]
+    return following, numbered[marked + 1 :]
+
+
+def _delimiter(line: str) -> str:
+    return next((mark for mark in DELIMITERS if mark in line), ",")
+
+
+def _names(source: str, header: str, delimiter: str) -> tuple[str, ...]:
+    columns = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
+    if all(_is_number(name) for name in columns):
+        raise RecordingError("its first line holds numbers; it must name the columns", source)
+    if len(columns) == 1 and len(header.split()) > 1:
+        start = header if len(header) <= SHOWN else f"{header[:SHOWN]}..."
+        what = f"its first line names but one column, {start!r}"
+        raise RecordingError(f"{what}; set commas, semicolons or tabs between names", source)
+    return columns
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _cell_by_cell(
@@ -98,7 +138,9 @@ def _cell_by_cell(
                 try:
                     values[k, j] = float(cell)
                 except ValueError as error:
-                    what = f"{cell.strip()!r} is not a number"
+                    comma = "," in cell and _is_number(cell.replace(",", "."))
+                    remedy = "; write decimals with a point" if comma else ""
+                    what = f"{cell.strip()!r} is not a number{remedy}"
                     raise RecordingError(what, source, columns[j], k + 1, numbers[k]) from error
     return values
 
@@ -148,7 +190,8 @@ def read_npz(path: Path, configuration: Sequence[str]) -> Table:
 def _unstacked(path: Path, name: str, array: Array, columns: Sequence[str]) -> dict[str, Array]:
     if array.ndim != 2 or array.shape[1] != len(columns):
         what = f"it has shape {array.shape}; expected (rows, {len(columns)})"
-        raise RecordingError(what, str(path), name)
+        remedy = "; is it the motion of another robot?" if array.ndim == 2 else ""
+        raise RecordingError(what + remedy, str(path), name)
     values = _numbers(path, name, array)
     if len(set(columns)) < len(columns):
         raise RecordingError("a name is there twice; remove one", str(path), "names")
@@ -156,10 +199,9 @@ def _unstacked(path: Path, name: str, array: Array, columns: Sequence[str]) -> d
 
 
 def _numbers(path: Path, name: str, array: Array) -> Array:
-    try:
-        return np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise RecordingError("it does not hold numbers", str(path), name) from error
+    if array.dtype.kind not in NUMBERS:
+        raise RecordingError("it does not hold real numbers", str(path), name)
+    return np.asarray(array, dtype=np.float64)
 
 
 def _stacked(path: Path, columns: dict[str, Array]) -> Table:

@@ -50,7 +50,7 @@ def centroidal_series(
 ) -> CentroidalSeries:
     """Return CoM, momentum, inertia, their rates and the soles' placements in n frames.
 
-    Memory: 8 (36 + 16 f) bytes per frame, f the number of feet.
+    Memory: 8 (33 + 16 f) bytes per frame, f the number of feet.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
 from wbc.motion import RmpSeries
+from wbc.validate import Array
 from wbc.view import style
 from wbc.view.analysis_plots import LETTERS, PLOTS
 from wbc.view.analysis_strip import Moment, draw_moments, moments_of, shape_of_moments
@@ -23,8 +25,12 @@ PLOT, APART, BELOW = 1.35, 0.5, 0.5  # inches
 LEFT, BETWEEN, RIGHT = 0.66, 1.24, 0.30  # inches
 MOST = len(LETTERS)
 
+Snapshots = int | Sequence[float]  # how many, or at which times [s]
 
-def plot_analysis(series: RmpSeries, path: str | Path, *, title: str, snapshots: int = 6) -> Path:
+
+def plot_analysis(
+    series: RmpSeries, path: str | Path, *, title: str, snapshots: Snapshots = 6
+) -> Path:
     """Draw a motion's reaction mass pendulum: snapshots, ground, radii, leg and rotation.
 
     Parameters
@@ -34,7 +40,7 @@ def plot_analysis(series: RmpSeries, path: str | Path, *, title: str, snapshots:
     title:
         Written above all.
     snapshots:
-        How many, evenly spread over the motion; 1 to 10.
+        How many, evenly spread over the motion; or their times [s]. 1 to 10.
 
     Returns
     -------
@@ -43,7 +49,7 @@ def plot_analysis(series: RmpSeries, path: str | Path, *, title: str, snapshots:
     Raises
     ------
     InvalidInputError
-        Another suffix, no such folder, or another number of snapshots.
+        Another suffix, no such folder, another number of snapshots, or times outside the motion.
     ModelError
         The robot's meshes cannot be read.
     """
@@ -52,9 +58,9 @@ def plot_analysis(series: RmpSeries, path: str | Path, *, title: str, snapshots:
     return path
 
 
-def analysis_figure(series: RmpSeries, *, title: str, snapshots: int = 6) -> Figure:
+def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
     """Return the figure that :func:`plot_analysis` writes."""
-    frames = snapshot_frames(len(series), snapshots)
+    frames = snapshot_frames(series.time, snapshots)
     moments = moments_of(series, frames)
     wide = WIDTH / max(len(moments), 4)  # fewer are not drawn larger than a quarter
     high = min(HIGHEST, wide * float(np.clip(shape_of_moments(moments), *PANEL_SHAPE)))
@@ -74,17 +80,31 @@ def analysis_figure(series: RmpSeries, *, title: str, snapshots: int = 6) -> Fig
     return figure
 
 
-def snapshot_frames(count: int, snapshots: int) -> list[int]:
-    """Return the frames to draw, evenly spread from the first to the last of ``count``.
+def check_snapshots(snapshots: Snapshots) -> None:
+    """Raise InvalidInputError unless they are 1 to 10."""
+    count = snapshots if isinstance(snapshots, int) else len(snapshots)
+    if not 1 <= count <= MOST:
+        raise InvalidInputError(f"snapshots: from 1 to {MOST}, got {count}")
+
+
+def snapshot_frames(time: Array, snapshots: Snapshots) -> list[int]:
+    """Return the frames to draw: evenly spread over all, or those nearest to the times given.
 
     Raises
     ------
     InvalidInputError
-        Not 1 to 10.
+        Not 1 to 10, or a time outside the motion.
     """
-    if not 1 <= snapshots <= MOST:
-        raise InvalidInputError(f"snapshots: from 1 to {MOST}, got {snapshots}")
-    return np.unique(np.linspace(0, count - 1, snapshots).round().astype(int)).tolist()
+    check_snapshots(snapshots)
+    if isinstance(snapshots, int):
+        frames = np.linspace(0, len(time) - 1, snapshots).round().astype(int)
+        return np.unique(frames).tolist()
+    for at in snapshots:
+        if not time[0] <= at <= time[-1]:
+            raise InvalidInputError(
+                f"snapshots: the motion is from {time[0]:.6g} s to {time[-1]:.6g} s, got {at:g} s"
+            )
+    return sorted({int(np.abs(time - at).argmin()) for at in snapshots})
 
 
 def _draw_strip(

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from wbc.motion import RmpSeries
+from wbc.motion.dropouts import runs
 from wbc.validate import Array
 from wbc.view import style
 
@@ -47,11 +47,12 @@ def _plot_ground(
 def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
     """Plot how far the CoP is inside the support polygon; below zero the motion is infeasible."""
     _prepare(axes, series, frames, lowest, "CoP inside the support polygon by", "mm")
-    if series.cop_margin is None:
+    if series.cop_margin is None or np.isnan(series.cop_margin).all():
+        why = "no feet to judge by" if series.cop_margin is None else "no foot stands"
         axes.text(
             0.5,
             0.5,
-            "no feet named: the CoP is not judged",
+            f"{why}: the CoP is not judged",
             transform=axes.transAxes,
             ha="center",
             va="center",
@@ -162,15 +163,10 @@ def _prepare(
                 fontsize=6.5,
                 color=style.GREY,
             )
-    for start, end in _spans(series.flight):
+    for start, end in runs(series.flight):
         axes.axvspan(
             series.time[start], series.time[end - 1], color=FLIGHT, linewidth=0.0, zorder=0
         )
-
-
-def _spans(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False])).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _curve(

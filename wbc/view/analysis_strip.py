@@ -20,7 +20,8 @@ from wbc.view.portrait import AZIMUTH, ELEVATION, INCH, Portrait, portraits_of, 
 from wbc.view.render import render
 
 RADIUS_WIDTH = 0.44  # inches, of a radius as written below a picture
-TINY = 6.5  # points
+FULL_SIZE = 0.39  # inches that a radius needs for full size
+TINY, TINIEST = 6.5, 5.0  # points, of the radii, where there is room and where there is not
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,14 +118,16 @@ def _draw_pendulum(panel: Panel, moment: Moment) -> None:
 
 
 def _write_radii(axes: Axes, radii: Array, width: float) -> None:
-    apart = RADIUS_WIDTH / width
+    # Closer to each other than to those of the next picture.
+    apart = min(RADIUS_WIDTH / width, 0.31)
+    size = max(TINIEST, TINY * min(1.0, apart * width / FULL_SIZE))
     for k, colour in enumerate(style.PRINCIPAL):
         axes.text(
             0.5 + apart * (k - 1),
             -0.02,
             f"r{style.INDEX[k]} {1e3 * radii[k]:.0f}",
             color=colour,
-            fontsize=TINY,
+            fontsize=size,
             fontweight="bold",
             ha="center",
             va="top",

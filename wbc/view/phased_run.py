@@ -15,10 +15,11 @@ from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.portrait import draw_portraits, portraits_of, shape_of
-from wbc.view.series import Series, plot_errors, plot_moments
+from wbc.view.series import Series, plot_errors, plot_moments, shortened
 
 WIDTH = 12.0  # inches
 ROW = 6  # portraits side by side, at most
+FEWEST = 4  # fewer are not drawn larger than a quarter
 PANEL_SHAPE = (0.9, 1.7)  # height to width, at least and at most
 HEADING, TITLE, BELOW_PANEL = 0.45, 0.5, 0.3  # inches
 NAMES, PLOT, BETWEEN, BOTTOM = 0.85, 1.55, 0.5, 0.5  # inches; NAMES: of the phases, slanted
@@ -112,13 +113,14 @@ def phased_figure(robot: Robot, run: PhasedRun, title: str) -> Figure:
     """Return the figure of a run with phases."""
     configurations = {f"start\n{_standing(run.phases[0])}": run.q[0]}
     configurations |= {
-        f"{k}  {phase.name}, {phase.ends:.1f} s\n{_standing(phase)}": run.q[phase.last]
+        f"{k}  {shortened(phase.name)}, {phase.ends:.1f} s\n{_standing(phase)}": run.q[phase.last]
         for k, phase in enumerate(run.phases, start=1)
     }
     portraits = portraits_of(robot, configurations)
     rows = math.ceil(len(portraits) / ROW)
     columns = math.ceil(len(portraits) / rows)
-    width = WIDTH / columns
+    width = WIDTH / max(columns, FEWEST)
+    margin = 0.5 * (WIDTH - columns * width)
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
     plots = 2 if run.balance is None else 3
     strip = rows * (TITLE + high + BELOW_PANEL)
@@ -129,9 +131,8 @@ def phased_figure(robot: Robot, run: PhasedRun, title: str) -> Figure:
     for k in range(len(portraits)):
         row, column = divmod(k, columns)
         top = total - HEADING - row * (TITLE + high + BELOW_PANEL) - TITLE
-        panels.append(
-            figure.add_axes((column / columns, (top - high) / total, 1 / columns, high / total))
-        )
+        left = (margin + column * width) / WIDTH
+        panels.append(figure.add_axes((left, (top - high) / total, width / WIDTH, high / total)))
     draw_portraits(panels, portraits)
     figure.text(0.99, 1.0 - 0.16 / total, "semi-axes in mm", ha="right", va="top",
                 fontsize=style.SMALL, color=style.GREY)  # fmt: skip
@@ -179,7 +180,7 @@ def _write_names(axes: Axes, phases: Sequence[PhaseSpan]) -> None:
         axes.text(
             0.5 * (phase.begins + phase.ends),
             1.04,
-            f"{k}  {phase.name}",
+            f"{k}  {shortened(phase.name)}",
             rotation=SLANT,
             rotation_mode="anchor",
             ha="left",
@@ -193,7 +194,8 @@ def _write_names(axes: Axes, phases: Sequence[PhaseSpan]) -> None:
 def _plot_balance(axes: Axes, time: Array, balance: Array) -> None:
     style.plain(axes, "", "time [s]", "balance margin [mm]")
     axes.plot(time, 1e3 * balance, color=style.BLUE, linewidth=1.6)
-    axes.set_xlim(time[0], time[-1])
+    if len(time) > 1:
+        axes.set_xlim(time[0], time[-1])
     worst = int(np.nanargmin(balance))
     axes.plot(time[worst], 1e3 * balance[worst], "o", color=style.VERMILION, markersize=4)
     axes.annotate(

@@ -104,12 +104,17 @@ def _label_ends(axes: Axes, series: list[Series]) -> None:
         axes.text(
             1.02,
             height,
-            one.label if len(one.label) <= LONGEST else one.label[: LONGEST - 1] + "…",
+            shortened(one.label),
             color=one.colour,
             fontsize=style.SMALL,
             va="center",
             transform=axes.transAxes,
         )
+
+
+def shortened(label: str) -> str:
+    """Return a label of at most 20 characters."""
+    return label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
 
 
 def spread(heights: Array, gap: float) -> Array:
