@@ -117,6 +117,34 @@ def test_a_search_lost_with_its_process_is_repeated(robot_named) -> None:
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
 
 
+def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named) -> None:
+    """A terminal sends it to all; only this process answers, and theirs do not print a trace."""
+    robot = robot_named("hoap2_like")
+    shaping, q = shaping_of(robot), robot.posture()
+    alive: list[bool] = []
+
+    def press(done: int, total: int, cost: float | None) -> None:
+        if done == 1:
+            (member,) = teams[0]._members
+            os.kill(member.pid, signal.SIGINT)
+            member.join(0.3)  # s; time enough to die of it
+            alive.append(member.is_alive())
+
+    teams: list[parallel_module._Team] = []
+
+    class Watched(parallel_module._Team):
+        def __init__(self, *args) -> None:
+            super().__init__(*args)
+            teams.append(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parallel_module, "_Team", Watched)
+        outcome = shaping.solve(q, 3, workers=2, progress=press)
+    assert alive == [True]
+    assert outcome.statistics.stopped is None
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 def test_unusable_numbers_are_refused(robot_named) -> None:
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()

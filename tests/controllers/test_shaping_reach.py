@@ -8,8 +8,11 @@ import pytest
 
 from wbc.constraints import Contact, Limits, support
 from wbc.controllers import KinematicController
-from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome
+from wbc.controllers.shaping import GlobalShaping, Motion, MotionTick, ShapingOutcome
+from wbc.controllers.shaping.keeping import Tolerances
 from wbc.controllers.shaping.merit import posture_cost
+from wbc.controllers.shaping.outcome import Kept
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
 
@@ -99,6 +102,39 @@ def test_a_broken_constraint_on_the_way_is_told(robot_named) -> None:
     back = away.solve(inside, 1, workers=1)
     leaving = shaping.reach(inside, back, attempts=1, dt=0.01)
     assert not leaving.arrived
+
+
+def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    shaping = GlobalShaping(robot, [tall(robot, q, "base")])
+    outcome = shaping.solve(q, 2, workers=1)
+    ticks: list[MotionTick] = []
+    motion = shaping.reach(q, outcome, attempts=1, dt=0.01, watch=ticks.append)
+    assert motion.at_rest
+    assert {tick.attempt for tick in ticks} == {0}
+    np.testing.assert_array_equal([tick.snapshot.q for tick in ticks], motion.q[:-1])
+    np.testing.assert_array_equal([tick.tick.velocity for tick in ticks], motion.v[:-1])
+    np.testing.assert_allclose([tick.time for tick in ticks], motion.time[:-1], atol=1e-12)
+    assert all(tick.seconds > 0.0 for tick in ticks)
+    short = shaping.reach(q, outcome, attempts=1, dt=0.01, longest=0.5)
+    assert (len(short.q), short.at_rest, short.arrived) == (51, False, False)
+    assert "still moving when the time was over" in short.attempts[0].reason
+    whole = shaping.reach(q, outcome, attempts=1, dt=0.01, longest=6.0, rest_speed=None)
+    assert (len(whole.q), whole.at_rest, whole.arrived) == (601, False, True)
+    for name in ("longest", "rest_speed"):
+        with pytest.raises(InvalidInputError, match=f"reach, {name}: must be greater than 0"):
+            shaping.reach(q, outcome, **{name: 0.0})
+
+
+def test_what_the_start_breaks_is_excused(robot_named) -> None:
+    """Outside the polygon at the start: on the way in, a hair further out is allowed."""
+    allowed = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
+    outside = Kept(contact=0.0, limit=-0.1, support=-0.02, clearance=None, broken=("all",))
+    excused = allowed.excusing(outside)
+    assert excused == Tolerances(1e-3, 0.1 + 1e-6, 0.021, 1e-4)
+    inside = Kept(contact=0.0, limit=0.3, support=0.02, clearance=0.1, broken=())
+    assert allowed.excusing(inside) == allowed
 
 
 def test_the_callers_controller_is_used(robot_named) -> None:

@@ -88,6 +88,9 @@ GOOD = [
     BASE + "limits: {velocity: null, acceleration: {'*': 3}, base_twist: [1, 1, 1, 1, 1, 1]}\n",
     BASE
     + "controller: {method: pseudo_inverse, damping: 0.1}\nstop: {speed: null, accept: {t: 1}}\n",
+    BASE + "controller: {method: global}\n",
+    BASE + "controller: {method: global, starts: 9, seconds: 1.5, workers: 1, seed: 3, attempts: 2,"
+    " tolerance: 0, support_margin: 0.01, solver: daqp, eps: null, dt: 0.01}\n",
     BASE.replace(
         "g1", "{model: x.urdf, locked: {a: 0}, feet: {l: {link: f}}, srdf: s, package_dirs: [.]}"
     ),
@@ -113,6 +116,10 @@ BAD = [
     BASE + "limits: off\n",
     BASE + "support: {frame: a}\n",
     BASE + "controller: {method: pseudo_inverse, solver: daqp}\n",
+    BASE + "controller: {method: global, starts: 0}\n",
+    BASE + "controller: {method: global, seconds: 0}\n",
+    BASE + "controller: {method: qp, starts: 9}\n",
+    BASE + "controller: {starts: 9}\n",
     BASE + "stop: {duration: 0}\n",
     with_task("{type: com}"),
     with_task("{type: com, target: [1, 2]}"),

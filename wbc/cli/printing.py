@@ -6,10 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console, JustifyMethod
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from wbc.cli.shaping import postures_table, search_rows
+from wbc.cli.tables import heads
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
 from wbc.problem.result import TaskResult
@@ -24,6 +26,8 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
     console.print(_tasks(result))
     if result.inertia:
         console.print(_inertia(result))
+    if result.shaping is not None:
+        console.print(postures_table(result.shaping))
     console.print(_rest(result))
     _print_written(console, written)
 
@@ -32,7 +36,7 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
     """Print how a pendulum's problem ended, and what was measured."""
     console = Console(highlight=False)
     console.print(_head(result.status, result.reason))
-    table = _table("measured", "")
+    table = heads("measured", "")
     for name, value in result.measures.items():
         table.add_row(Text(name), Text(f"{value:.4g}"))
     console.print(table)
@@ -55,17 +59,9 @@ def _time_step(result: Result) -> float:
     return float(time[1] - time[0]) if time.size > 1 else 0.0
 
 
-def _table(*columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
-    for k, column in enumerate(columns):
-        justify: JustifyMethod = "left" if k == 0 else "right"
-        table.add_column(Text(f"\n{column}"), justify=justify, overflow="fold")
-    return table
-
-
 def _tasks(result: Result) -> Table:
     accepts = any(task.tolerance is not None for task in result.tasks.values())
-    table = _table("task", "error", "largest entry", *(["tolerance"] if accepts else []))
+    table = heads("task", "error", "largest entry", *(["tolerance"] if accepts else []))
     for name, task in result.tasks.items():
         cells = [Text(name), Text(f"{task.norm:.3g}{_unit(task)}"), Text(_largest(task))]
         if task.tolerance is not None:
@@ -86,7 +82,7 @@ def _largest(task: TaskResult) -> str:
 
 
 def _inertia(result: Result) -> Table:
-    table = _table("inertia [kg m^2]", "start", "wanted", "reached")
+    table = heads("inertia [kg m^2]", "start", "wanted", "reached")
     for name, one in result.inertia.items():
         for k, component in enumerate(one.components):
             numbers = (f"{values[k]:.4f}" for values in (one.start, one.wanted, one.reached))
@@ -115,6 +111,8 @@ def _rest(result: Result) -> Table:
         )
     table.add_row("QP", Text(_qp(result)))
     table.add_row("tick time", _times(result))
+    for name, text in search_rows(result.shaping) if result.shaping is not None else ():
+        table.add_row(name, Text(text))
     return table
 
 

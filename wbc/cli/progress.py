@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from wbc.problem import Progress as ProgressCall
 
 SECONDS_BETWEEN_LINES = 5.0
+SEARCHING = "searching"
 
 
 @contextmanager
@@ -29,12 +30,19 @@ def shown_progress() -> Iterator[ProgressCall]:
 
 @contextmanager
 def _bar(console: Console) -> Iterator[ProgressCall]:
-    columns = (TextColumn("running"), BarColumn(), TextColumn("{task.fields[state]}"))
+    columns = (
+        TextColumn("{task.fields[doing]}"),
+        BarColumn(),
+        TextColumn("{task.fields[state]}"),
+    )
     with Progress(*columns, console=console, transient=True) as bar:
-        shown = bar.add_task("", total=None, state="")
+        shown = bar.add_task("", total=None, doing="running", state="")
 
         def call(done: int, total: int, info: Mapping[str, Any]) -> None:
-            bar.update(shown, completed=done, total=total, state=_state(info))
+            doing, state = _doing(info), _state(info)
+            if doing == SEARCHING:
+                state = f"{done} of {total} starts, {state}"
+            bar.update(shown, completed=done, total=total, doing=doing, state=state)
 
         yield call
 
@@ -46,12 +54,22 @@ def _lines(console: Console) -> ProgressCall:
         nonlocal last
         if time.monotonic() - last > SECONDS_BETWEEN_LINES:
             last = time.monotonic()
-            console.print(f"tick {done} of at most {total}: {_state(info)}")
+            what = "start" if _doing(info) == SEARCHING else "tick"
+            console.print(f"{what} {done} of at most {total}: {_state(info)}")
 
     return call
 
 
+def _doing(info: Mapping[str, Any]) -> str:
+    if "cost" in info:
+        return SEARCHING
+    return f"moving to posture {info['posture']}" if "posture" in info else "running"
+
+
 def _state(info: Mapping[str, Any]) -> str:
+    if "cost" in info:
+        cost = info["cost"]
+        return "no posture yet" if cost is None else f"best cost {cost:.4g}"
     speed = f", speed {info['speed']:.1e}" if "speed" in info else ""
     failed = f", {info['failed']} failed" if info.get("failed") else ""
     return f"t = {info['time']:.2f} s{speed}{failed}"

@@ -17,10 +17,11 @@ from wbc.constraints import Contact, Limits
 from wbc.controllers import KinematicController, PseudoInverseController, Tick
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.build_tasks import BuiltTask, build_task
-from wbc.problem.controller_specs import PseudoInverseSpec, QpSpec
+from wbc.problem.controller_specs import GlobalSpec, PseudoInverseSpec, QpSettings
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.part_specs import LimitsSpec, RobotSpec, StartSpec
 from wbc.problem.plan import Phase, plan
+from wbc.problem.shaping_checks import check_global, global_shaping
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.standing import contacts_of
@@ -70,7 +71,7 @@ class Parts:
 
     def controller(
         self,
-        spec: QpSpec | PseudoInverseSpec,
+        spec: QpSettings | PseudoInverseSpec,
         tasks: Sequence[Task],
         contacts: Sequence[Contact],
     ) -> Controller:
@@ -115,10 +116,12 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     with mistakes.at("support"):
         contacts += contacts_of(spec.support, start)
     phases = plan(spec, built, start, source, mistakes)
-    if isinstance(spec.controller, QpSpec):
+    if isinstance(spec.controller, QpSettings):
         with mistakes.at("controller"):
             _backend(spec.controller)
     _check_stop(spec, mistakes)
+    if isinstance(spec.controller, GlobalSpec):
+        check_global(spec, mistakes)
     limits = mistakes.require(("limits",), partial(_limits, spec.limits, robot))
     parts = Parts(
         robot=robot,
@@ -130,6 +133,9 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     )
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts)
     mistakes.require(("controller",), make)
+    if isinstance(spec.controller, GlobalSpec):
+        search = partial(global_shaping, parts, spec, spec.controller)
+        mistakes.require(("controller",), search)
     return parts
 
 
@@ -173,7 +179,7 @@ def _limits(spec: str | LimitsSpec, robot: Robot) -> Limits | None:
     return Limits(robot, acceleration=acceleration, **values)
 
 
-def _backend(spec: QpSpec) -> Backend:
+def _backend(spec: QpSettings) -> Backend:
     settings = {} if spec.eps is None else {"eps": spec.eps}
     return make_backend(spec.solver, **settings)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from wbc.problem.build import Parts, build
+from wbc.problem.controller_specs import GlobalSpec
 from wbc.problem.messages import explained
 from wbc.problem.overrides import apply_overrides, provenance
 from wbc.problem.reading import read_source
@@ -55,9 +56,27 @@ class Problem:
             Called every ten ticks and at the end with ticks done, ticks at most, and a mapping
             with ``time`` [s], ``speed`` (largest velocity), ``errors`` (norm by task) and
             ``failed`` (ticks without solution).
+            With the method ``global``, while it searches: searches done, searches in all, and a
+            mapping with ``cost`` (the least so far, or None); then as above for the motion, with
+            ``posture`` (the rank of the one it is led to).
         observe:
             Called with every tick: its QP, solution and errors.
+
+        Notes
+        -----
+        The method ``global`` starts other processes: a script that runs such a problem needs the
+        usual ``if __name__ == "__main__"`` guard. Ctrl-C ends its search, and the motion goes to
+        the best found until then.
+
+        Raises
+        ------
+        NoPostureError
+            The method ``global`` found no posture that keeps every constraint.
         """
+        if isinstance(self.spec.controller, GlobalSpec):
+            from wbc.problem.shaping_run import run_global  # only now: it loads CasADi
+
+            return run_global(self, self.spec.controller, progress, observe)
         return run(self, progress, observe)
 
     def provenance(self) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from wbc.problem.ending import RunStatus
 from wbc.problem.history import History
 from wbc.problem.recorder import Measured
 from wbc.problem.saving import result_format, save_json, save_npz
+from wbc.problem.shaping_report import ShapingReport
 from wbc.problem.task_rows import InertiaReading, by_row
 from wbc.robot import Robot
 from wbc.validate import Array
@@ -103,6 +104,8 @@ class Result:
         Every tick.
     provenance:
         Problem text, overrides and versions.
+    shaping:
+        What the search came to, with the method ``global``.
     """
 
     robot: Robot
@@ -120,6 +123,7 @@ class Result:
     failures: tuple[Failure, ...]
     history: History
     provenance: Mapping[str, Any]
+    shaping: ShapingReport | None = None
 
     @property
     def worst_kkt(self) -> float:
@@ -173,6 +177,7 @@ class Result:
                 ],
             },
             "tick_time": self.tick_times(),
+            "shaping": self.shaping and self.shaping.summary(),
             **self.provenance,
         }
 

@@ -23,7 +23,8 @@ from wbc.validate import Array
 if TYPE_CHECKING:
     from wbc.problem.problem import Problem
 
-# Called with ticks done, ticks at most, and time [s], speed, errors by task, failed ticks.
+# Called with ticks done, ticks at most, and time [s], speed, errors by task, failed ticks; by a
+# search with searches done, searches in all, and cost.
 Progress = Callable[[int, int, Mapping[str, Any]], None]
 Observe = Callable[[Tick], None]
 PROGRESS_EVERY = 10

@@ -39,8 +39,9 @@ class ProxQP:
         Accuracy: a solution is accepted when every KKT residual is below eps (1 + the largest term
         it is made of); about one tick in a thousand with active limits everywhere needs step (4).
     max_iterations:
-        Cap on ProxQP's outer iterations, per attempt but the last, longer one. Ticks take 2-10. Of 2870 cold solves none
-        needed more than 30 for an acceptable answer; a higher cap only prolongs infeasible ticks.
+        Cap on ProxQP's outer iterations, per attempt but the last, longer one. Ticks take 2-10. Of
+        2870 cold solves none needed more than 30 for an acceptable answer; a higher cap only
+        prolongs infeasible ticks.
     warm:
         False: every solve is cold, as a stateless solver would be.
 

@@ -84,6 +84,11 @@ class InertiaTask(Task):
         self._none = self._zeros()
         self.set_target(target)
 
+    @property
+    def selection(self) -> Array:
+        """Matrix (k, 6), read-only: the error is selection @ (actual - target), both strung."""
+        return self._selection
+
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
         """Set the wanted inertia [kg m^2] and, for a moving target, its rate, in the same form."""
         goal = strung_target(f"task {self.name!r}, target", target, self.rows)

@@ -38,9 +38,14 @@ class PrincipalInertiaTask(Task):
         **law: Unpack[Law],
     ) -> None:
         super().__init__(robot, name, ALL, **law)
-        self._rows = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
+        self._selection = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
         self._none = self._zeros()
         self.set_target(target)
+
+    @property
+    def selection(self) -> Array:
+        """Matrix (6, 6), read-only: the error is selection @ strung(I - N)."""
+        return self._selection
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted principal moments (3,) [kg m^2]; they are sorted."""
@@ -55,10 +60,10 @@ class PrincipalInertiaTask(Task):
         kept = 1.0 - turning_ratios(moments, self.target)
         reshaped = (congruence(V) * strung(kept)) @ congruence(V.T)  # (6, 6)
         jacobian = reshaped @ snapshot.base_inertia_jacobian
-        error_rows = self._rows @ strung(error)
-        pull = self._rows.T @ self._pull(error_rows)
+        error_rows = self._selection @ strung(error)
+        pull = self._selection.T @ self._pull(error_rows)
         bound = curvature_bound(pull, snapshot.inertia)
-        return Residual(error_rows, self._rows @ jacobian, self._none, curvature_bound=bound)
+        return Residual(error_rows, self._selection @ jacobian, self._none, curvature_bound=bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the error at zero acceleration of v."""
@@ -69,12 +74,12 @@ class PrincipalInertiaTask(Task):
         S = np.diag(self.target)
         turned = spin @ S - S @ spin
         nearest = spin @ turned - turned @ spin + spin_rate @ S - S @ spin_rate
-        return self._rows @ strung(V @ (curvature - nearest) @ V.T)
+        return self._selection @ strung(V @ (curvature - nearest) @ V.T)
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return actual minus target principal moments (3,), in increasing order."""
         moments = np.linalg.eigvalsh(snapshot.inertia)
-        return (moments - self.target) * self._rows[0, 0]
+        return (moments - self.target) * self._selection[0, 0]
 
 
 def turning_ratios(moments: Array, wanted: Array) -> Array:

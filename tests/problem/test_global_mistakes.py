@@ -1,0 +1,73 @@
+"""What is wrong with a problem whose method is ``global`` is said with its line, before it runs."""
+
+from pathlib import Path
+
+import pytest
+
+from wbc.errors import ProblemFileError
+from wbc.problem import load_problem
+
+TEXT = """\
+robot: hoap2_like
+support: double
+tasks:
+  shape:
+    {type: inertia, frame: world, target: [0.167, 0, 0, 0.146, 0, 0.0045],
+     gain: 0.3, second_order: true}
+  calm: {type: posture, weight: 1.0e-4, gain: 0.3}
+  idle: {type: momentum, active: false}
+limits: {margin: 0.02}
+controller:
+  method: global
+  starts: 12
+  workers: 1
+  support_margin: 0.01
+  dt: 0.01
+"""
+
+
+def complaint(folder: Path, text: str) -> str:
+    (folder / "p.yaml").write_text(text)
+    with pytest.raises(ProblemFileError) as error:
+        load_problem(folder / "p.yaml")
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("  idle: {type: momentum, active: false}", "  idle: {type: momentum}",
+         "p.yaml:8: tasks.idle.type: method global: momentum is about velocities"),
+        ("weight: 1.0e-4,", "weight: 1.0e-4, priority: 1,",
+         "p.yaml:7: tasks.calm.priority: method global weighs tasks against each other within"
+         " one level; give all tasks the same priority ('shape' has 0)"),
+        ("gain: 0.3, second", "ramp: 1.0, gain: 0.3, second",
+         "p.yaml:6: tasks.shape.ramp: method global looks for the posture that meets"),
+        ("limits: {margin: 0.02}", "phases: {a: {duration: 1}}",
+         "p.yaml:9: phases: method global looks for one posture"),
+        ("support: double", "support: floating",
+         "p.yaml:14: controller.support_margin: no contact holds a foot's sole"),
+        ("support_margin: 0.01", "support_margin: 0.5",
+         "p.yaml:14: controller.support_margin: 0.5 m leaves nothing"),
+        ("starts: 12", "starts: 0", "p.yaml:12: controller.starts: must be at least 1, got 0"),
+        ("starts: 12", "strats: 12", "p.yaml:12: controller.strats: unknown key; did you mean"),
+        ("workers: 1", "workers: two", "p.yaml:13: controller.workers: "),
+        ("starts: 12", "seconds: 0", "p.yaml:12: controller.seconds: must be greater than 0"),
+        ("workers: 1", "solver: proxpq", "p.yaml:13: controller.solver: unknown QP solver"),
+        ("method: global", "method: globl", "p.yaml:11: controller.method: 'globl' does not exist;"
+         " did you mean 'global'?"),
+        ("second_order: true", "second_order: true, gian: 1",
+         "p.yaml:6: tasks.shape.gian: unknown key"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert TEXT.count(old) == 1
+    assert words in complaint(tmp_path, TEXT.replace(old, new))
+
+
+def test_several_mistakes_are_named_at_once(tmp_path: Path) -> None:
+    text = TEXT.replace(", active: false", "").replace("second_order: true", "ramp: 1.0")
+    message = complaint(tmp_path, text)
+    assert message.startswith("2 mistakes in ")
+    assert ":6: tasks.shape.ramp" in message
+    assert ":8: tasks.idle.type" in message
