@@ -1,6 +1,7 @@
 """Robots and random states shared by the tests."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -29,6 +30,17 @@ def random_state(robot: Robot, rng: np.random.Generator) -> tuple[np.ndarray, np
     step[6:] = middle + half * rng.uniform(-1, 1, robot.nv - 6)
     q = robot.integrate(robot.postures["neutral"], step, 1.0)
     return q, rng.normal(size=robot.nv)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep fitted shapes of tests out of the user's cache; a name that is set already stays."""
+    if "WBC_CACHE" not in os.environ:
+        os.environ["WBC_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+        yield
+        del os.environ["WBC_CACHE"]
+    else:
+        yield
 
 
 @pytest.fixture(params=ROBOTS)

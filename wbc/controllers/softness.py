@@ -62,8 +62,11 @@ class Softness:
         return rows._replace(weight=np.sqrt(self._weights[contact.frame]) * rows.weight)
 
     def soften(self, constraint: Constraint, bounds: Bounds) -> Bounds:
-        """Return a constraint's rows with their slack weights, if it is soft."""
+        """Return a constraint's rows with their slack weights, if it is soft.
+
+        The dominating cost that pushes out of a margin goes: it would overrule what overrules.
+        """
         if self.is_hard(constraint.name):
             return bounds
         weight = self._weights[constraint.name]
-        return bounds._replace(slack=np.full(bounds.lower.size, weight))
+        return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)

@@ -5,7 +5,7 @@ Every name and number is checked here, before anything moves; see :mod:`wbc.prob
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,10 +16,11 @@ import numpy as np
 from wbc.constraints import Contact, Limits
 from wbc.controllers import KinematicController, PseudoInverseController, Tick
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem.build_constraints import Surroundings, surroundings
 from wbc.problem.build_tasks import BuiltTask, build_task
 from wbc.problem.controller_specs import GlobalSpec, PseudoInverseSpec, QpSettings
 from wbc.problem.mistakes import Mistakes
-from wbc.problem.part_specs import LimitsSpec, RobotSpec, StartSpec
+from wbc.problem.part_specs import ContactSpec, LimitsSpec, RobotSpec, StartSpec
 from wbc.problem.plan import Phase, plan
 from wbc.problem.shaping_checks import check_global, global_shaping
 from wbc.problem.source import Source
@@ -63,6 +64,8 @@ class Parts:
     contacts: tuple[Contact, ...]
     phases: tuple[Phase, ...]
     limits: Limits | None
+    surroundings: Surroundings
+    contact_slack: Mapping[str, float]
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -74,10 +77,20 @@ class Parts:
         spec: QpSettings | PseudoInverseSpec,
         tasks: Sequence[Task],
         contacts: Sequence[Contact],
+        snapshot: Snapshot,
     ) -> Controller:
-        """Return a new controller, which remembers nothing of earlier runs."""
+        """Return a new controller, which remembers nothing of earlier runs.
+
+        CoM supports are those of the contacts as they are at ``snapshot``.
+        """
+        constraints = self.surroundings.around(snapshot, contacts)
+        frames = [contact.frame for contact in contacts]
+        slack = {frame: w for frame, w in self.contact_slack.items() if frame in frames}
+        slack |= self.surroundings.slack_of(constraints)
         common: dict[str, Any] = {
             "contacts": contacts,
+            "constraints": constraints,
+            "slack": slack,
             "limits": self.limits,
             "dt": spec.dt,
             "damping": spec.damping,
@@ -123,6 +136,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     if isinstance(spec.controller, GlobalSpec):
         check_global(spec, mistakes)
     limits = mistakes.require(("limits",), partial(_limits, spec.limits, robot))
+    around = surroundings(spec.constraints, start, limits, mistakes)
+    mistakes.raise_any()
     parts = Parts(
         robot=robot,
         start=start.q,
@@ -130,8 +145,10 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         contacts=contacts_of(phases[0].support, start),
         phases=phases,
         limits=limits,
+        surroundings=around,
+        contact_slack=_contact_slack(spec),
     )
-    make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts)
+    make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     mistakes.require(("controller",), make)
     if isinstance(spec.controller, GlobalSpec):
         search = partial(global_shaping, parts, spec, spec.controller)
@@ -177,6 +194,17 @@ def _limits(spec: str | LimitsSpec, robot: Robot) -> Limits | None:
     for pattern, value in spec.acceleration.items():
         acceleration[np.array(robot.joint_indices(pattern)) - 6] = value
     return Limits(robot, acceleration=acceleration, **values)
+
+
+def _contact_slack(spec: ProblemSpec) -> dict[str, float]:
+    """Return the slack weights of contacts, by frame; a later phase's count over an earlier's."""
+    supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
+    listed = [one for support in supports if not isinstance(support, str) for one in support or ()]
+    return {
+        one.frame: one.slack
+        for one in listed
+        if isinstance(one, ContactSpec) and one.slack is not None
+    }
 
 
 def _backend(spec: QpSettings) -> Backend:

@@ -75,6 +75,9 @@ class ContactSpec(Section):
     """fixed: position and orientation are held; point: the position only."""
     gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
     """Fraction of the drift to take back in one tick, in [0, 1]."""
+    slack: Positive | None = None
+    """Weight of the squared slip [1/(m/s)^2, 1/(rad/s)^2] of a contact that may give way; left out:
+    hard."""
 
 
 Support = Annotated[

@@ -53,6 +53,7 @@ def run_global(
     outcome = shaping.solve(
         parts.start, spec.starts, spec.seconds, spec.workers, spec.seed, searched
     )
+    start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
     began = perf_counter()
     watcher = _Watcher(problem, shaping.problem.tasks, spec.dt, progress, observe)
     motion = shaping.reach(
@@ -61,7 +62,7 @@ def run_global(
         spec.tolerance,
         spec.attempts,
         spec.dt,
-        lambda tasks: parts.controller(spec, tasks, parts.contacts),
+        lambda tasks: parts.controller(spec, tasks, parts.contacts, start),
         longest=stop.duration,
         rest_speed=stop.speed,
         watch=watcher,

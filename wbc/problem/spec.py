@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from wbc.problem.constraint_specs import ConstraintSpec
 from wbc.problem.controller_specs import ControllerChoice, QpSpec
 from wbc.problem.part_specs import (
     LimitsChoice,
@@ -39,6 +40,8 @@ class ProblemSpec(Section):
     phases everything is as it is at the start, until the run stops."""
     limits: LimitsChoice = LimitsSpec()
     """What joints and base may do, or none."""
+    constraints: dict[PlainName, ConstraintSpec] = Field(default_factory=dict)
+    """What else the robot must respect, by names of your choice."""
     controller: ControllerChoice = QpSpec()
     """How the tasks are turned into motion."""
     stop: StopSpec = StopSpec()

@@ -68,6 +68,7 @@ class Stage:
         None, or in words why the phase that begins cannot: a foot that should stand is in the air.
         """
         dt = self._problem.spec.controller.dt
+        self._problem.parts.surroundings.move_to(tick * dt)
         while self._coming and tick >= self._coming[0].first_tick(dt):
             complaint = self._enter(self._coming.pop(0), snapshot)
             if complaint is not None:
@@ -98,7 +99,7 @@ class Stage:
         self.standing = Standing.on(phase.name, contacts)
         tasks = [self._built[name].task for name in used]
         self.controller = self._problem.parts.controller(
-            self._problem.spec.controller, tasks, contacts
+            self._problem.spec.controller, tasks, contacts, snapshot
         )
         return None
 
