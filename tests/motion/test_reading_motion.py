@@ -188,7 +188,7 @@ def refused(path: Path, robot: Robot, *words: str, **options: object) -> Recordi
 def test_missing_joints_are_named(robot, joints, write: Write) -> None:
     columns = columns_of(robot, joints)
     del columns["left_elbow_pitch"], columns["head_yaw"]
-    refused(write(columns), robot, "left_elbow_pitch", "head_yaw", "standing")
+    assert refused(write(columns), robot, "left_elbow_pitch", "head_yaw", "standing")
     with pytest.raises(UnknownNameError, match="sitting"):
         read_motion(write(columns), robot, missing="sitting")
 
@@ -230,7 +230,7 @@ def test_limits_and_degrees(robot, joints, write: Write) -> None:
     assert "in degrees" not in str(error)
     assert read_motion(path, robot, beyond=0.13).joints[30, k] == joints[30, k]
     in_degrees = columns_of(robot, np.rad2deg(np.delete(joints, 30, axis=0)[[*range(59), 58]]))
-    refused(write(in_degrees), robot, "in degrees?")
+    assert refused(write(in_degrees), robot, "in degrees?")
     assert read_motion(write(in_degrees), robot, degrees=True).time.size == COUNT
 
 
@@ -246,9 +246,9 @@ def test_a_little_past_a_limit_is_told(robot, joints) -> None:
 
 def test_no_times_or_both(robot, joints, write: Write) -> None:
     columns = columns_of(robot, joints)
-    refused(write(columns), robot, "time", rate=100.0)
+    assert refused(write(columns), robot, "time", rate=100.0)
     del columns["time"]
-    refused(write(columns), robot, "'time'", "rate")
+    assert refused(write(columns), robot, "'time'", "rate")
     with pytest.raises(InvalidInputError, match="rate"):
         read_motion(write(columns), robot, rate=0.0)
 
@@ -256,9 +256,9 @@ def test_no_times_or_both(robot, joints, write: Write) -> None:
 def test_an_incomplete_base(robot, joints, write: Write, rng) -> None:
     base = base_columns(rng)
     del base["base_qw"]
-    refused(write(columns_of(robot, joints) | base), robot, "base_qw")
+    assert refused(write(columns_of(robot, joints) | base), robot, "base_qw")
     both = base_columns(rng) | {"base_roll": TIME}
-    refused(write(columns_of(robot, joints) | both), robot, "not both")
+    assert refused(write(columns_of(robot, joints) | both), robot, "not both")
 
 
 def test_a_quaternion_that_is_none(robot, joints, write: Write, rng) -> None:
@@ -268,16 +268,16 @@ def test_a_quaternion_that_is_none(robot, joints, write: Write, rng) -> None:
 
 
 def test_the_same_column_twice(robot, joints, write: Write) -> None:
-    refused(write(columns_of(robot, joints) | {"t": TIME}), robot, "'t'", "'time'")
+    assert refused(write(columns_of(robot, joints) | {"t": TIME}), robot, "'t'", "'time'")
     path = write(columns_of(robot, joints))
     path.write_text(path.read_text().replace("head_yaw", "head_pitch", 1))
-    refused(path, robot, "head_pitch", "twice")
+    assert refused(path, robot, "head_pitch", "twice")
 
 
 def test_unknown_units(robot, joints, write: Write) -> None:
     columns = columns_of(robot, joints)
     columns["head_yaw [turns]"] = columns.pop("head_yaw")
-    refused(write(columns), robot, "turns", "deg")
+    assert refused(write(columns), robot, "turns", "deg")
 
 
 @pytest.mark.parametrize(
@@ -297,13 +297,13 @@ def test_unknown_units(robot, joints, write: Write) -> None:
 def test_broken_csv(robot, tmp_path: Path, text: str, words: list[str]) -> None:
     path = tmp_path / "broken.csv"
     path.write_text(text)
-    refused(path, robot, *words)
+    assert refused(path, robot, *words)
 
 
 def test_text_in_another_encoding(robot, joints, write: Write) -> None:
     path = write(columns_of(robot, joints))
     path.write_text(path.read_text(), encoding="utf-16")
-    refused(path, robot, "not text in UTF-8")
+    assert refused(path, robot, "not text in UTF-8")
 
 
 @pytest.mark.parametrize("head", ["# ", "# recorded on Monday, in the hall\n", "\ufeff"])
@@ -341,19 +341,19 @@ def test_empty_cells_are_missing_numbers(robot, joints, write: Write) -> None:
 )
 def test_broken_npz(robot, tmp_path: Path, arrays: dict, words: list[str]) -> None:
     np.savez(tmp_path / "broken.npz", **arrays)
-    refused(tmp_path / "broken.npz", robot, *words)
+    assert refused(tmp_path / "broken.npz", robot, *words)
 
 
 def test_files_that_are_none(robot, tmp_path: Path) -> None:
     (tmp_path / "x.npz").write_text("no zip")
-    refused(tmp_path / "x.npz", robot, "cannot be read")
-    refused(tmp_path / "absent.csv", robot, "cannot be read")
-    refused(tmp_path / "walk.bvh", robot, ".csv or .npz")
+    assert refused(tmp_path / "x.npz", robot, "cannot be read")
+    assert refused(tmp_path / "absent.csv", robot, "cannot be read")
+    assert refused(tmp_path / "walk.bvh", robot, ".csv or .npz")
 
 
 def test_few_rows(robot, joints, write: Write) -> None:
     columns = {name: values[:5] for name, values in columns_of(robot, joints).items()}
-    refused(write(columns), robot, "5 rows")
+    assert refused(write(columns), robot, "5 rows")
     with pytest.raises(InvalidInputError, match="5 rows"):
         Motion(robot, TIME[:5], joints[:5])
     with pytest.raises(InvalidInputError, match="increase"):
@@ -373,7 +373,7 @@ def test_gaps_in_time_up_to_the_longest(robot, joints, write: Write) -> None:
     np.testing.assert_allclose(motion.time, TIME, atol=1e-12)
     # PCHIP over 70 ms of sines of 5 rad/s: a parabola is off by A (w T)^2 / 8 = 1.5% at most.
     np.testing.assert_allclose(motion.joints, joints, atol=0.015 * 0.25)
-    refused(write(columns), robot, "0.07", longest_gap=0.05)
+    assert refused(write(columns), robot, "0.07", longest_gap=0.05)
 
 
 def test_missing_numbers_if_declared(robot, joints, write: Write) -> None:
@@ -388,9 +388,9 @@ def test_missing_numbers_if_declared(robot, joints, write: Write) -> None:
     assert second.duration == pytest.approx(0.02)
     np.testing.assert_allclose(motion.joints, true, atol=0.002)
     path = write(columns_of(robot, joints))
-    refused(path, robot, robot.joint_names[2], fill=True, longest_gap=0.03)
+    assert refused(path, robot, robot.joint_names[2], fill=True, longest_gap=0.03)
     joints[-1, 4] = np.nan
-    refused(write(columns_of(robot, joints)), robot, "begin or end", fill=True)
+    assert refused(write(columns_of(robot, joints)), robot, "begin or end", fill=True)
 
 
 def test_frozen_rows_are_reported(robot, joints, write: Write) -> None:

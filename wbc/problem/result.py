@@ -12,7 +12,7 @@ import numpy as np
 from wbc.problem.ending import RunStatus
 from wbc.problem.history import History
 from wbc.problem.recorder import Measured
-from wbc.problem.saving import result_format, save_json, save_npz
+from wbc.problem.saving import save_result
 from wbc.problem.shaping_report import ShapingReport
 from wbc.problem.task_rows import InertiaReading, by_row
 from wbc.robot import Robot
@@ -194,20 +194,9 @@ class Result:
     def save(self, path: str | Path) -> None:
         """Write the summary to a ``.json`` file, or summary and history to an ``.npz`` file.
 
-        The file appears whole or not at all. JSON is strict: what is not finite is null. In an
-        ``.npz`` the entry ``summary`` holds the JSON text.
-
-        Raises
-        ------
-        InvalidInputError
-            Another ending.
-        OSError
-            The file cannot be written.
+        Errors and guarantees are those of :func:`wbc.problem.saving.save_result`.
         """
-        if result_format(path) == ".npz":
-            save_npz(Path(path), self.summary(), self.history.arrays())
-        else:
-            save_json(Path(path), self.summary())
+        save_result(path, self.summary(), self.history.arrays)
 
 
 def _task_summary(task: TaskResult) -> dict[str, Any]:

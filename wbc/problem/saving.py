@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,29 @@ def result_format(path: str | Path) -> str:
             f"{path}: a result is written as .json (summary) or .npz (summary and histories)"
         )
     return ending
+
+
+def save_result(
+    path: str | Path,
+    summary: Mapping[str, Any],
+    arrays: Callable[[], Mapping[str, NDArray[np.generic]]],
+) -> None:
+    """Write a summary to a ``.json`` file, or summary and arrays to an ``.npz`` file.
+
+    The file appears whole or not at all. JSON is strict: what is not finite is null. In an ``.npz``
+    the entry ``summary`` holds the JSON text.
+
+    Raises
+    ------
+    InvalidInputError
+        Another ending.
+    OSError
+        The file cannot be written.
+    """
+    if result_format(path) == ".npz":
+        save_npz(Path(path), summary, arrays())
+    else:
+        save_json(Path(path), summary)
 
 
 def save_json(path: Path, summary: Mapping[str, Any]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.problem.pendulum.history import PendulumHistory
-from wbc.problem.saving import result_format, save_json, save_npz
+from wbc.problem.saving import save_result
 
 FORMAT = "wbc pendulum result 1"
 
@@ -80,20 +80,9 @@ class PendulumResult:
     def save(self, path: str | Path) -> None:
         """Write the summary to a ``.json`` file, or summary and motion to an ``.npz`` file.
 
-        The file appears whole or not at all. JSON is strict: what is not finite is null. In an
-        ``.npz`` the entry ``summary`` holds the JSON text.
-
-        Raises
-        ------
-        InvalidInputError
-            Another ending.
-        OSError
-            The file cannot be written.
+        Errors and guarantees are those of :func:`wbc.problem.saving.save_result`.
         """
-        if result_format(path) == ".npz":
-            save_npz(Path(path), self.summary(), {**self._motion(), **self.arrays})
-        else:
-            save_json(Path(path), self.summary())
+        save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays})
 
     def _motion(self) -> dict[str, NDArray[np.generic]]:
         plain = {
