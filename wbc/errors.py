@@ -58,8 +58,9 @@ class UnknownNameError(WbcError):
 def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     """Return the tail of an error message: the nearest valid name and the list of choices."""
     known = sorted(str(choice) for choice in choices)
-    nearest = difflib.get_close_matches(str(name), known, n=1, cutoff=0.5)
-    hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+    folded = {choice.casefold(): choice for choice in known}
+    nearest = difflib.get_close_matches(str(name).casefold(), folded, n=1, cutoff=0.5)
+    hint = f"; did you mean {folded[nearest[0]]!r}?" if nearest else ""
     if not known:
         return f"{hint} (there are none to choose from)"
     shown = ", ".join(known[:listed])

@@ -19,6 +19,7 @@ from wbc.constraints.contact import Contact
 from wbc.constraints.limits import BASE_ROWS, Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.assembly import assemble, slacks
+from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.landing import Landing
 from wbc.controllers.levels import grouped, kept, level_labels
 from wbc.controllers.softness import Softness
@@ -148,6 +149,10 @@ class KinematicController:
         share = landing.share(solution.x[:nv]) if solution.solved else 1.0
         times = Times(assembled - start, ready - assembled, perf_counter() - ready)
         return self._answer(snapshot, residuals, qp, solution, share, times)
+
+    def conditioning(self, tick: Tick) -> Conditioning:
+        """Return how well the tasks determined a tick of this controller: rank and condition."""
+        return conditioning(tick.qp, self.damping)
 
     def _descend(
         self,

@@ -1,0 +1,45 @@
+"""Rank and condition of a tick, against singular values of the stacked rows."""
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from wbc.constraints import support
+from wbc.controllers import KinematicController
+from wbc.robot import Robot
+from wbc.tasks import ComTask, PositionTask
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+def test_rank_and_condition_are_those_of_the_rows(robot: Robot) -> None:
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    hand = here.position("left_hand")
+    tasks = [ComTask(robot, here.com, weight=3.0), PositionTask(robot, "left_hand", hand)]
+    controller = KinematicController(robot, tasks, contacts=support(here, "double"), damping=1e-9)
+    found = controller.conditioning(controller.step(here))
+    J = np.concatenate((3.0 * here.com_jacobian, here.jacobian("left_hand")[:3]))
+    held = np.concatenate([here.jacobian(f"{side}_sole") for side in ("left", "right")])
+    free = null_space(held)
+    values = np.linalg.svd(J @ free, compute_uv=False)
+    assert found.free == free.shape[1]
+    assert found.rank == np.linalg.matrix_rank(J @ free) == 6
+    # The squares of 1e-9 of rounding and damping, relative to the least curvature.
+    assert found.condition == pytest.approx((values[0] / values[-1]) ** 2, rel=1e-5)
+
+
+def test_redundant_tasks_have_less_rank_than_rows(robot: Robot) -> None:
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    hand = here.position("left_hand")
+    same = [
+        PositionTask(robot, "left_hand", hand),
+        PositionTask(robot, "left_hand", hand, name="again"),
+    ]
+    controller = KinematicController(robot, same)
+    tick = controller.step(here)
+    assert tick.ok
+    assert controller.conditioning(tick).rank == 3
+    assert controller.conditioning(tick).free == robot.nv
