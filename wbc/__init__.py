@@ -4,7 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wbc.constraints import Contact, Limits, PointContact, support
+    from wbc.constraints import (
+        ComSupport,
+        Contact,
+        Limits,
+        Obstacles,
+        PointContact,
+        PositionBox,
+        SelfCollision,
+        support,
+    )
     from wbc.controllers import KinematicController, PseudoInverseController, Tick
     from wbc.errors import WbcError
     from wbc.motion import Motion, RmpSeries, analyse, read_motion
@@ -30,6 +39,7 @@ __version__ = "0.1.0"
 # help without loading Pinocchio.
 _HOMES = {
     "AxisTask": "wbc.tasks",
+    "ComSupport": "wbc.constraints",
     "ComTask": "wbc.tasks",
     "Contact": "wbc.constraints",
     "InertiaTask": "wbc.tasks",
@@ -37,9 +47,11 @@ _HOMES = {
     "Limits": "wbc.constraints",
     "MomentumTask": "wbc.tasks",
     "Motion": "wbc.motion",
+    "Obstacles": "wbc.constraints",
     "OrientationTask": "wbc.tasks",
     "PointContact": "wbc.constraints",
     "PoseTask": "wbc.tasks",
+    "PositionBox": "wbc.constraints",
     "PositionTask": "wbc.tasks",
     "PostureTask": "wbc.tasks",
     "PrincipalInertiaTask": "wbc.tasks",
@@ -47,6 +59,7 @@ _HOMES = {
     "RmpSeries": "wbc.motion",
     "RmpState": "wbc.reduction",
     "Robot": "wbc.robot",
+    "SelfCollision": "wbc.constraints",
     "Snapshot": "wbc.robot",
     "Task": "wbc.tasks",
     "Tick": "wbc.controllers",
@@ -61,6 +74,7 @@ _HOMES = {
 
 __all__ = [
     "AxisTask",
+    "ComSupport",
     "ComTask",
     "Contact",
     "InertiaTask",
@@ -68,9 +82,11 @@ __all__ = [
     "Limits",
     "MomentumTask",
     "Motion",
+    "Obstacles",
     "OrientationTask",
     "PointContact",
     "PoseTask",
+    "PositionBox",
     "PositionTask",
     "PostureTask",
     "PrincipalInertiaTask",
@@ -78,6 +94,7 @@ __all__ = [
     "RmpSeries",
     "RmpState",
     "Robot",
+    "SelfCollision",
     "Snapshot",
     "Task",
     "Tick",
