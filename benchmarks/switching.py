@@ -1,8 +1,8 @@
 """Contacts that come and go at random times: accelerations and QPs through every switch.
 
 Each run starts on both feet with random targets; at a random tick one foot is let go and pulled to
-a random place, at another it is held again where it is then. Judged on every tick: was the QP solved,
-and did no joint speed up by more than the declared acceleration bound.
+a random place, at another it is held again where it is then. Judged on every tick: was the QP
+solved, and did no joint speed up by more than the declared acceleration bound.
 
     python benchmarks/switching.py [--runs 1000] [--seed 0]
 """
