@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -55,7 +56,7 @@ def assemble(
     A = np.concatenate([rows.matrix for rows in equalities]) if equalities else np.zeros((0, n))
     b = np.concatenate([rows.target for rows in equalities]) if equalities else np.zeros(0)
     if bounds is None:
-        bounds = Bounds((), np.zeros((0, n)), np.zeros(0), np.zeros(0))
+        bounds = _none(n)
     else:
         labels = Labels(labels.equality, bounds.labels, labels.variables)
     qp = QP(
@@ -71,6 +72,12 @@ def assemble(
         labels=labels,
     )
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+@cache
+def _none(n: int) -> Bounds:
+    """Return no rows for n unknowns."""
+    return Bounds((), np.zeros((0, n)), np.zeros(0), np.zeros(0))
 
 
 def with_slack(qp: QP, weights: Array) -> QP:

@@ -134,8 +134,10 @@ class KinematicController:
             raise InvalidInputError(f"controller: {snapshot!r} is of another robot object")
         start = perf_counter()
         residuals = [task.residual(snapshot) for task in self.tasks]
-        costly = self._contact_rows(snapshot, self._costly)
-        rows = [*self._rows(residuals), *map(self.softness.cost, self._costly, costly)]
+        rows = self._rows(residuals)
+        if self._costly:
+            costly = self._contact_rows(snapshot, self._costly)
+            rows += map(self.softness.cost, self._costly, costly)
         equalities = self._contact_rows(snapshot, self._held)
         landing = Landing.of(self.constraints, self.softness, snapshot, self.dt, equalities)
         assembled = perf_counter()
@@ -237,7 +239,9 @@ class KinematicController:
         """Turn the solution into a command, by the declared policy if there is none."""
         solved = solution.status is Status.SOLVED
         if solved:
-            velocity, slack = share * solution.x[: self.robot.nv], slacks(qp, solution.x)
+            velocity, slack = solution.x[: self.robot.nv], slacks(qp, solution.x)
+            if share < 1.0:
+                velocity = share * velocity
         else:
             velocity, slack = self._fallback(snapshot, qp)
         tick = Tick(

@@ -22,7 +22,7 @@ ROUNDS = 3
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 
 
-@dataclass
+@dataclass(slots=True)
 class Landing:
     """The inequality rows of one tick, which grow as places are looked at.
 
