@@ -38,7 +38,7 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
     console.print(_head(result.status, result.reason))
     table = heads("measured", "")
     for name, value in result.measures.items():
-        table.add_row(Text(name), Text(f"{value:.4g}"))
+        table.add_row(Text(name), Text(f"{value:.4g} {result.unit(name)}".rstrip()))
     console.print(table)
     _print_written(console, written)
 

@@ -15,6 +15,23 @@ from wbc.problem.pendulum.history import PendulumHistory
 from wbc.problem.saving import save_result
 
 FORMAT = "wbc pendulum result 1"
+# Of what is measured, by the last words of its name; what is not here has none.
+UNITS = {
+    "leg": "rad",
+    "leg_rate": "rad/s",
+    "wheel_rate": "rad/s",
+    "worst_leg": "rad",
+    "spin": "rad/s",
+    "cop": "m",
+    "leg_force": "N",
+    "leg_length": "m",
+    "wheel_torque": "N m",
+    "wheel_angle": "rad",
+    "radius": "m",
+    "seconds": "s",
+    "duration": "s",
+    "momentum drift in flight": "kg m^2/s",
+}
 
 
 class PendulumStatus(StrEnum):
@@ -66,6 +83,10 @@ class PendulumResult:
     history: PendulumHistory
     arrays: Mapping[str, NDArray[np.generic]]
     provenance: Mapping[str, Any]
+
+    def unit(self, name: str) -> str:
+        """Return the unit of what is measured under ``name``; empty if it has none."""
+        return UNITS.get(name.removeprefix("margin to "), "")
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the motion as plain data; what ``save`` writes as JSON."""

@@ -136,12 +136,17 @@ def run_plan(planning: Planning, provenance: Mapping[str, Any]) -> PendulumResul
         "constraints": float(stats.constraints),
         "iterations": float(stats.iterations),
         "seconds": stats.seconds,
-        "duration [s]": plan.duration,
+        "duration": plan.duration,
         "largest defect": checked.defect,
         "largest violation": max((each.amount for each in checked.limits), default=-math.inf),
         "momentum drift in flight": checked.drift,
     }
     status = PendulumStatus.PLANNED if checked.ok else PendulumStatus.PLAN_BROKEN
     return PendulumResult(
-        status, checked.report(), measures, plan_history(plan), plan_arrays(plan), provenance
+        status,
+        "; ".join(checked.report().splitlines()),
+        measures,
+        plan_history(plan),
+        plan_arrays(plan),
+        provenance,
     )
