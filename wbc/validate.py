@@ -59,6 +59,25 @@ def finite_number(
     return number
 
 
+def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, float]:
+    """Return ``value`` as (least, greatest), 0 <= least < greatest; infinity is no upper limit.
+
+    ``positive`` asks for a least above zero.
+    """
+    try:
+        low, high = (float(x) for x in value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(
+            f"{what} must be a pair (least, greatest), got {value!r}"
+        ) from error
+    if not 0.0 <= low < high:
+        raise InvalidInputError(f"{what} must be 0 <= least < greatest, got ({low:g}, {high:g})")
+    if positive and low == 0.0:
+        group, _, name = what.rpartition(" ")
+        raise InvalidInputError(f"{group} the least {name} must be positive")
+    return low, high
+
+
 def read_only(array: Array) -> Array:
     """Mark ``array`` as read-only and return it."""
     array.flags.writeable = False

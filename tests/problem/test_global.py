@@ -22,23 +22,7 @@ from wbc.qp.solution import Status
 
 SHIPPED = Path(__file__).parents[2] / "problems" / "global_tall_hoap2.yaml"
 MARGIN = 0.02
-TEXT = """\
-robot: hoap2_like
-support: double
-tasks:
-  shape:
-    {type: inertia, frame: world, target: [0.167, 0, 0, 0.146, 0, 0.0045],
-     gain: 0.3, second_order: true}
-  calm: {type: posture, weight: 1.0e-4, gain: 0.3}
-  idle: {type: momentum, active: false}
-limits: {margin: 0.02}
-controller:
-  method: global
-  starts: 12
-  workers: 1
-  support_margin: 0.01
-  dt: 0.01
-"""
+TEXT = Path(__file__).with_name("global_small.yaml").read_text()
 
 
 def problem(folder: Path, text: str = TEXT, overrides: dict[str, Any] | None = None) -> Problem:

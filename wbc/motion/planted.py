@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.minimum_jerk import minimum_jerk
 from wbc.motion.mending import same_sign
 from wbc.robot import Robot
 from wbc.robot.series import Progress, sole_series
@@ -157,7 +158,7 @@ def _settling(pose: Array, elapsed: Array, height: float) -> Array:
     flat[:3, 3] = pose[0, 3], pose[1, 3], height
     tilt = Rotation.from_matrix(flat[:3, :3].T @ pose[:3, :3]).as_rotvec()
     s = np.clip(elapsed / EASE, 0.0, 1.0)
-    left = 1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2)  # no jump in velocity and acceleration
+    left = 1.0 - minimum_jerk(s)  # no jump in velocity and acceleration
     poses = np.tile(flat, (len(s), 1, 1))
     poses[:, :3, :3] = flat[:3, :3] @ Rotation.from_rotvec(left[:, None] * tilt).as_matrix()
     poses[:, 2, 3] += left * (pose[2, 3] - height)

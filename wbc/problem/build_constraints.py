@@ -36,7 +36,7 @@ SHAPES = ("sphere", "capsule", "box", "half_space")
 class Surroundings:
     """What a robot must respect beside its limits, ready for any contacts and any time.
 
-    Parameters
+    Attributes
     ----------
     fixed:
         Constraints that are the same in every phase.

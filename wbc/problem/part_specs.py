@@ -16,13 +16,12 @@ from wbc.problem.section import (
     Names,
     NonNegative,
     Number,
+    Pair,
     Positive,
     PositiveOrInfinite,
     Section,
     forms,
 )
-
-_Corner = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=2)]
 
 
 class FootSpec(Section):
@@ -30,7 +29,7 @@ class FootSpec(Section):
 
     link: Name
     """The foot's link, or any frame fixed to it."""
-    polygon: Annotated[tuple[_Corner, ...], Strict(False), Field(min_length=3)] | None = None
+    polygon: Annotated[tuple[Pair, ...], Strict(False), Field(min_length=3)] | None = None
     """Corners [x, y] of the sole [m] in that frame; found from the collision shapes if missing."""
     height: Number = 0.0
     """How far the frame's origin is above the sole [m]; used with polygon only."""

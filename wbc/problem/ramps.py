@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.problem.spaces import VECTORS, Space
 from wbc.validate import Array
 
@@ -38,11 +39,10 @@ class MinimumJerk:
         Rate and acceleration are those along :attr:`way`.
         """
         x = min(max(t / self.duration, 0.0), 1.0)
-        along = x**3 * (10.0 + x * (6.0 * x - 15.0))
-        speed = 30.0 * (x * (1.0 - x)) ** 2 / self.duration
-        push = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.duration**2
+        slope, bend = minimum_jerk_rates(x)
+        speed, push = slope / self.duration, bend / self.duration**2
         # Written from the end, so that the end is met exactly.
-        value = self.space.moved(self.end, -(1.0 - along) * self.way)
+        value = self.space.moved(self.end, -(1.0 - minimum_jerk(x)) * self.way)
         return value, speed * self.way, push * self.way
 
 

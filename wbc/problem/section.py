@@ -91,6 +91,9 @@ Name = Annotated[str, Field(min_length=1)]
 # Lists of the file become tuples, hence lax about the container and strict about the entries.
 Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=3)]
 Quaternion = Annotated[tuple[Number, ...], Strict(False), Field(min_length=4, max_length=4)]
+Pair = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=2)]
+# (least, greatest), in which infinity is no limit; what gets it checks the order.
+Range = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
 Names = Annotated[tuple[Name, ...], Strict(False), Field(min_length=1)]
 Distinct = AfterValidator(_distinct)
 

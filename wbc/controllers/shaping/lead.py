@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.controllers.shaping.outcome import Candidate
 from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.minimum_jerk import PEAK, minimum_jerk
 from wbc.robot import Snapshot
 from wbc.robot.snapshot import BASE
 from wbc.tasks import ComTask, PoseTask, PostureTask, Task
@@ -19,7 +20,6 @@ LEADING = 1000.0  # factor by which the CoM's squared weight exceeds the tasks' 
 LEANING = 0.01  # m: a posture with its CoM nearer to the edge of the support leans on it
 USED_SPEED = 0.5  # fraction of the velocity limits that the lead asks for at its fastest
 SHORTEST, LONGEST = 2.0, 20.0  # s
-PEAK = 1.875  # largest slope of the minimum-jerk curve
 
 
 class Lead:
@@ -73,7 +73,7 @@ class Lead:
     def move_to(self, time: float) -> None:
         """Set the targets to those of a time [s]."""
         x = min(time / self.duration, 1.0)
-        along = x**3 * (10.0 + x * (6.0 * x - 15.0))  # minimum jerk
+        along = minimum_jerk(x)
         q = self._robot.integrate(self._start, self._way, along)
         self._posture.set_target(q)
         if self._base is not None:

@@ -12,14 +12,14 @@ from wbc.problem.section import (
     MATRIX,
     NonNegative,
     Number,
+    Pair,
     Positive,
     PositiveOrInfinite,
+    Range,
     Section,
     forms,
 )
 
-_Pair = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=2)]
-_Range = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
 _Numbers = Annotated[tuple[Positive, ...], Strict(False), Field(min_length=1)]
 _Impulse = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
 
@@ -29,8 +29,8 @@ class BoundsSpec(Section):
 
     polygon: (
         Annotated[
-            Annotated[_Pair, LIST]
-            | Annotated[tuple[_Pair, ...], Strict(False), Field(min_length=3), MATRIX],
+            Annotated[Pair, LIST]
+            | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=3), MATRIX],
             forms("[least x, greatest x] (planar), or corners [[x, y], ...] (solid)"),
         ]
         | None
@@ -39,9 +39,9 @@ class BoundsSpec(Section):
     left out: a point."""
     friction: PositiveOrInfinite | None = None
     """Largest horizontal over vertical ground force."""
-    leg_force: _Range | None = None
+    leg_force: Range | None = None
     """[least, greatest] force along the leg [N]."""
-    leg_length: _Range | None = None
+    leg_length: Range | None = None
     """[least, greatest] length of the leg [m]."""
     wheel_torque: PositiveOrInfinite | None = None
     """Greatest torque about each axis of the masses [N m]."""
@@ -49,7 +49,7 @@ class BoundsSpec(Section):
     """Greatest angle of the masses about each axis [rad]."""
     wheel_rate: PositiveOrInfinite | None = None
     """Greatest rate of that angle [rad/s]."""
-    radius: _Range | None = None
+    radius: Range | None = None
     """[least, greatest] distance of the masses from the CoM [m]."""
 
 

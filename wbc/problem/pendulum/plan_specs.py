@@ -15,15 +15,15 @@ from wbc.problem.section import (
     Name,
     NonNegative,
     Number,
+    Pair,
     Positive,
     PositiveOrInfinite,
+    Range,
     Section,
     forms,
 )
 
-_Pair = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=2)]
 _Sizes = Annotated[tuple[Positive, ...], Strict(False), Field(min_length=2, max_length=2)]
-_Range = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
 _Parts = Annotated[tuple[Number | None, ...], Strict(False), Field(min_length=3, max_length=3)]
 _Durations = Annotated[
     Annotated[Positive, NUMBER] | Annotated[_Sizes, LIST],
@@ -34,7 +34,7 @@ _Durations = Annotated[
 class RectangleSpec(Section):
     """A rectangular sole on the ground, its sides along x and y."""
 
-    at: _Pair
+    at: Pair
     """Middle [x, y] [m]."""
     size: _Sizes
     """Length along x and width along y [m]."""
@@ -49,7 +49,7 @@ class HullSpec(Section):
 
 SupportPolygon = Annotated[
     Annotated[Literal["flight"], WORD]
-    | Annotated[tuple[_Pair, ...], Strict(False), Field(min_length=1), MATRIX]
+    | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=1), MATRIX]
     | Annotated[RectangleSpec | HullSpec, MAPPING],
     forms(
         "flight, corners [[x, y], ...] anticlockwise, {at: [x, y], size: [length, width]}, or "
@@ -84,23 +84,23 @@ class PlanLimitsSpec(Section):
     """Largest horizontal over vertical ground force."""
     torsion: NonNegative | None = None
     """Largest moment about the vertical over the vertical ground force [m]."""
-    normal_force: _Range | None = None
+    normal_force: Range | None = None
     """[least, greatest] vertical ground force in stance [N]."""
     force: PositiveOrInfinite | None = None
     """Greatest ground force [N]."""
-    leg_length: _Range | None = None
+    leg_length: Range | None = None
     """[least, greatest] distance from CoP to CoM [m]."""
     torque: PositiveOrInfinite | None = None
     """Greatest torque between leg and masses [N m]."""
     momentum: PositiveOrInfinite | None = None
     """Greatest size of each component of the angular momentum [kg m^2/s]."""
-    radius: _Range | None = None
+    radius: Range | None = None
     """[least, greatest] distance of the masses [m]."""
     radius_rate: PositiveOrInfinite | None = None
     """Greatest rate of a distance [m/s]."""
     radius_acceleration: PositiveOrInfinite | None = None
     """Greatest acceleration of a distance [m/s^2]."""
-    height: _Range | None = None
+    height: Range | None = None
     """[least, greatest] height of the CoM [m]."""
 
 
@@ -161,7 +161,7 @@ class PlanSpec(Section):
     """For all phases; a phase's own come on top."""
     weights: PlanWeightsSpec = PlanWeightsSpec()
     """Of the cost."""
-    periodic: _Pair | None = None
+    periodic: Pair | None = None
     """Stride [x, y] [m]: the last state is the first one moved by it."""
     reference: (
         Annotated[tuple[Number, ...], Strict(False), Field(min_length=4, max_length=4)] | None

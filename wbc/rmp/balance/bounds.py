@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.ground import checked_polygon
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, finite_number, interval, read_only
 
 FREE = math.inf
 
@@ -64,7 +64,8 @@ class Bounds:
                     self, name, finite_number(f"bounds: {name}", getattr(self, name), above=0.0)
                 )
         for name in ("leg_force", "leg_length", "radius"):
-            object.__setattr__(self, name, _interval(name, getattr(self, name)))
+            pair = interval(f"bounds: {name}", getattr(self, name), positive=name != "leg_force")
+            object.__setattr__(self, name, pair)
 
 
 def _support(polygon: ArrayLike) -> Array:
@@ -75,19 +76,3 @@ def _support(polygon: ArrayLike) -> Array:
     if least > greatest:
         raise InvalidInputError(f"bounds: polygon runs from {least:g} to {greatest:g} m; swap them")
     return np.array((least, greatest))
-
-
-def _interval(name: str, value: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = (float(x) for x in value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(
-            f"bounds: {name} must be a pair (least, greatest), got {value!r}"
-        ) from error
-    if not (0.0 <= low < high):
-        raise InvalidInputError(
-            f"bounds: {name} must be 0 <= least < greatest, got ({low:g}, {high:g})"
-        )
-    if low == 0.0 and name != "leg_force":
-        raise InvalidInputError(f"bounds: the least {name} must be positive")
-    return low, high

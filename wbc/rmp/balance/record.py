@@ -7,6 +7,7 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wbc.rmp.balance.bounds import FREE, Bounds
 from wbc.rmp.balance.law import Pendulum
@@ -127,12 +128,8 @@ class Simulation:
     def _wheel(self) -> tuple[Array, Array]:
         if isinstance(self.model, PlanarRmp):
             return self.q[:, 3], self.v[:, 3]
-        vector, scalar = self.q[:, 5:8], self.q[:, 8:9]
-        size = np.linalg.norm(vector, axis=1, keepdims=True)
         # The shorter way round: a quaternion and its negative are one orientation.
-        angle = 2.0 * np.arctan2(size, np.abs(scalar)) * np.where(scalar < 0.0, -1.0, 1.0)
-        ratio = np.divide(angle, size, out=np.full_like(size, 2.0), where=size > 0.0)
-        return ratio * vector, self.v[:, 5:8]
+        return Rotation.from_quat(self.q[:, 5:9]).as_rotvec(), self.v[:, 5:8]
 
     def _cop_margin(self, pushed: NDArray[np.bool_]) -> float:
         polygon, cop = self.bounds.polygon, self.cop[pushed]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.foot import Foot
 from wbc.rmp.balance.law import Command, Pendulum
@@ -131,10 +132,9 @@ class SpinChange:
         """Return the radii wanted at a time [s], their rates and accelerations."""
         s = min(max(time / self.duration, 0.0), 1.0)
         start, way = self.radii[0], self.radii[1] - self.radii[0]
-        path = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        pace = 30.0 * s**2 * (1.0 - s) ** 2 / self.duration
-        push = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / self.duration**2
-        return start + path * way, pace * way, push * way
+        slope, bend = minimum_jerk_rates(s)
+        pace, push = slope / self.duration, bend / self.duration**2
+        return start + minimum_jerk(s) * way, pace * way, push * way
 
     def command(self, q: Array, v: Array, time: float) -> Command:
         """Return the forces at a time since the state that the law was made for."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from wbc.errors import InvalidInputError
-from wbc.validate import finite_number
+from wbc.validate import finite_number, interval
 
 FREE = math.inf
 Range = tuple[float, float]
@@ -64,13 +63,12 @@ class Limits:
     def __post_init__(self) -> None:
         for each in fields(self):
             value = getattr(self, each.name)
-            checked = (
-                _interval(each.name, value) if each.name in _RANGES else _size(each.name, value)
-            )
-            object.__setattr__(self, each.name, checked)
-        for name in ("leg_length", "radius"):
-            if getattr(self, name)[0] == 0.0:
-                raise InvalidInputError(f"limits: the least {name} must be positive")
+            if each.name in _RANGES:
+                positive = each.name in ("leg_length", "radius")
+                pair = interval(f"limits: {each.name}", value, positive=positive)
+                object.__setattr__(self, each.name, pair)
+            else:
+                object.__setattr__(self, each.name, _size(each.name, value))
 
 
 def _size(name: str, value: float) -> float:
@@ -79,17 +77,3 @@ def _size(name: str, value: float) -> float:
     if name == "torsion":
         return finite_number("limits: torsion", value, least=0.0)
     return finite_number(f"limits: {name}", value, above=0.0)
-
-
-def _interval(name: str, value: Range) -> Range:
-    try:
-        low, high = (float(x) for x in value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(
-            f"limits: {name} must be a pair (least, greatest), got {value!r}"
-        ) from error
-    if not (0.0 <= low < high and low < FREE):
-        raise InvalidInputError(
-            f"limits: {name} must be 0 <= least < greatest, got ({low:g}, {high:g})"
-        )
-    return low, high
