@@ -1,6 +1,8 @@
 """The JSON Schema says what the models say; checked by a small validator of its own."""
 
 import re
+import subprocess
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
@@ -180,3 +182,9 @@ def test_choices_are_those_of_the_controller() -> None:
     fields = QpSpec.model_fields
     assert get_args(fields["formulation"].annotation) == FORMULATIONS
     assert get_args(fields["on_failure"].annotation) == POLICIES
+
+
+def test_problems_of_robots_do_not_wait_for_casadi() -> None:
+    # In a process of its own: other tests have loaded it here.
+    command = "import sys, wbc.problem, wbc.cli.outputs; sys.exit('casadi' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", command], check=False).returncode == 0

@@ -14,7 +14,7 @@ from wbc.problem.pendulum.law_specs import (
     PushSpec,
 )
 from wbc.problem.pendulum.plan_specs import PlanSpec
-from wbc.problem.pendulum.start import PendulumStartSpec
+from wbc.problem.pendulum.start_specs import PendulumStartSpec
 from wbc.problem.section import NonNegative, Positive, Section
 
 
