@@ -24,6 +24,8 @@ class Rows(NamedTuple):
         Added to the diagonal of the quadratic cost.
     curvature:
         (n, n) added to the quadratic cost, possibly indefinite; None for none.
+    singular_below:
+        Singular values of ``matrix`` below which the target is held back; 0 for never.
     """
 
     matrix: Array
@@ -31,10 +33,16 @@ class Rows(NamedTuple):
     weight: Array
     damping: float = 0.0
     curvature: Array | None = None
+    singular_below: float = 0.0
 
 
 def velocity_law(
-    residual: Residual, gain: float, dt: float, weight: Array, lm_damping: float = 0.0
+    residual: Residual,
+    gain: float,
+    dt: float,
+    weight: Array,
+    lm_damping: float = 0.0,
+    singular_below: float = 0.0,
 ) -> Rows:
     """Return rows asking for ``d(error)/dt = -gain/dt * error``; the unknown is the velocity.
 
@@ -48,7 +56,7 @@ def velocity_law(
     if lm_damping > 0.0:
         weighted = weight * residual.error
         damping += lm_damping * math.sqrt(float(weighted @ weighted))
-    return Rows(residual.jacobian, wanted, weight, damping, residual.curvature)
+    return Rows(residual.jacobian, wanted, weight, damping, residual.curvature, singular_below)
 
 
 def acceleration_law(

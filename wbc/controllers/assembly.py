@@ -26,7 +26,7 @@ def assemble(
     box: tuple[Array, Array],
     bounds: Bounds | None,
     labels: Labels,
-    damping: float,
+    damping: float | Array,
 ) -> QP:
     """Return the QP of one tick.
 
@@ -43,7 +43,7 @@ def assemble(
     labels:
         Names; those of the inequality rows are taken from ``bounds``.
     damping:
-        Weight of 1/2 |x|^2, which makes the optimum unique; ``costs`` add their own damping.
+        Weight of 1/2 x^2, one or (n,); makes the optimum unique. ``costs`` add their own damping.
     """
     lower, upper = box
     n = lower.size

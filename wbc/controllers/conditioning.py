@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import null_space
+from scipy.linalg import eigh, null_space
 
 from wbc.qp.problem import QP
+from wbc.validate import Array
 
 # A direction whose curvature is not this many times the damping is left to the damping.
 DETERMINED = 10.0
@@ -15,6 +16,8 @@ DETERMINED = 10.0
 
 class Conditioning(NamedTuple):
     """What the tasks decide of the motions that contacts leave.
+
+    What becomes of a single task is told by :attr:`wbc.controllers.tick.Tick.singular`.
 
     Attributes
     ----------
@@ -25,6 +28,7 @@ class Conditioning(NamedTuple):
         the tasks have rows means that tasks are singular or repeat each other.
     condition:
         Largest over least curvature of the cost along the directions determined; 1 if none is.
+        Directions are measured by the joints' weights, like the damping.
     """
 
     free: int
@@ -32,16 +36,19 @@ class Conditioning(NamedTuple):
     condition: float
 
 
-def conditioning(qp: QP, damping: float) -> Conditioning:
+def conditioning(qp: QP, damping: float, weights: Array) -> Conditioning:
     """Return how well conditioned a QP's cost is; takes a millisecond.
 
     Parameters
     ----------
-    damping:
-        The controller's, which is part of the cost.
+    damping, weights:
+        The controller's, and its weights (nv,) of the joints, which are part of the cost.
     """
-    free = null_space(qp.A) if qp.b.size else np.eye(qp.g.size)
-    curvatures = np.linalg.eigvalsh(free.T @ qp.P @ free) - damping
+    n = qp.g.size
+    free = null_space(qp.A) if qp.b.size else np.eye(n)
+    metric = np.concatenate((weights, np.ones(n - weights.size)))  # behind v there may be slacks
+    size = (free.T * metric) @ free
+    curvatures = eigh(free.T @ qp.P @ free, size, eigvals_only=True) - damping
     determined = curvatures[curvatures > DETERMINED * damping]
     condition = float(determined[-1] / determined[0]) if determined.size else 1.0
     return Conditioning(free.shape[1], determined.size, condition)

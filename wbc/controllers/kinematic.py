@@ -16,12 +16,15 @@ from time import perf_counter
 import numpy as np
 
 from wbc.constraints.contact import Contact
+from wbc.constraints.held import Held, contact_rows
 from wbc.constraints.limits import BASE_ROWS, Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.assembly import assemble, slacks
 from wbc.controllers.conditioning import Conditioning, conditioning
+from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.landing import Landing
 from wbc.controllers.levels import grouped, kept, level_labels
+from wbc.controllers.singular import Singularity, filtered
 from wbc.controllers.softness import Softness
 from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
@@ -65,6 +68,12 @@ class KinematicController:
         eqs. 34-37), which leaves a smaller QP with the same optimum.
     damping:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
+    joint_weights:
+        Factors on the damping, so that it is 1/2 damping * sum of weight * v^2: a joint of weight
+        10 moves a tenth as much as one of weight 1 that serves as well. By name or pattern
+        (``{"*wrist*": 10, "base": 100}``, later entries win, all others 1), or (nv,). They decide
+        what the tasks leave open, and nothing if a posture task leaves nothing open: give that
+        task ``joints``, or raise ``damping`` towards the squares of the tasks' weights.
     on_failure:
         What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
         (half the measured velocity, within limits), ``"closest"`` (within limits, missing the other
@@ -85,6 +94,7 @@ class KinematicController:
         solver: str | Backend = "proxqp",
         formulation: str = "equality",
         damping: float = 1e-6,
+        joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
     ) -> None:
         self.robot = robot
@@ -95,22 +105,20 @@ class KinematicController:
         self.softness = Softness(slack or {}, self.contacts, self.constraints)
         self.dt = finite_number("controller, dt", dt, above=0.0)
         self.damping = finite_number("controller, damping", damping, above=0.0)
+        self.joint_weights = weights_of(robot, joint_weights)
+        self._root = np.sqrt(self.joint_weights)
         self.backend = make_backend(solver) if isinstance(solver, str) else solver
         self.formulation = _one_of("formulation", formulation, FORMULATIONS)
         self.on_failure = _one_of("failure policy", on_failure, POLICIES)
         self._check_parts()
         self._workspace = (formulation, tuple(contact.labels for contact in self.contacts))
         hard, soft = self.softness.split(self.contacts)
-        self._held, self._costly = hard, soft
+        self._held, self._soft = Held(hard), soft
         # Soft contacts are costs of the first level, behind the tasks.
         first, *lower = grouped(self.tasks)
         behind = range(len(self.tasks), len(self.tasks) + len(soft))
         self._levels = ((*first, *behind), *lower)
-        labels = Labels(
-            equality=sum((contact.labels for contact in hard), ()),
-            inequality=(),
-            variables=BASE_ROWS + robot.joint_names,
-        )
+        labels = Labels(self._held.labels, (), BASE_ROWS + robot.joint_names)
         costs = (*self.tasks, *soft)
         above = [
             [costs[k] for level in self._levels[:depth] for k in level]
@@ -135,26 +143,26 @@ class KinematicController:
         start = perf_counter()
         residuals = [task.residual(snapshot) for task in self.tasks]
         rows = self._rows(residuals)
-        if self._costly:
-            costly = self._contact_rows(snapshot, self._costly)
-            rows += map(self.softness.cost, self._costly, costly)
-        equalities = self._contact_rows(snapshot, self._held)
+        for contact in self._soft:
+            rows.append(self.softness.cost(contact, contact_rows(contact, snapshot, self.dt)))
+        equalities = self._held.rows(snapshot, self.dt)
         landing = Landing.of(self.constraints, self.softness, snapshot, self.dt, equalities)
         assembled = perf_counter()
+        rows, singular = self._filtered(rows, equalities, level=0)
         qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
         ready = perf_counter()
-        qp, solution = self._descend(qp, snapshot, rows, equalities, landing.bounds)
+        qp, solution, below = self._descend(qp, snapshot, rows, equalities, landing.bounds)
         nv = self.robot.nv  # behind the velocity there may be slacks
         while landing.breaks(solution.x[:nv]) if solution.solved else landing.yields():
             qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
-            qp, solution = self._descend(qp, snapshot, rows, equalities, landing.bounds)
+            qp, solution, below = self._descend(qp, snapshot, rows, equalities, landing.bounds)
         share = landing.share(solution.x[:nv]) if solution.solved else 1.0
         times = Times(assembled - start, ready - assembled, perf_counter() - ready)
-        return self._answer(snapshot, residuals, qp, solution, share, times)
+        return self._answer(snapshot, residuals, qp, solution, share, times, singular | below)
 
     def conditioning(self, tick: Tick) -> Conditioning:
         """Return how well the tasks determined a tick of this controller: rank and condition."""
-        return conditioning(tick.qp, self.damping)
+        return conditioning(tick.qp, self.damping, self.joint_weights)
 
     def _descend(
         self,
@@ -163,33 +171,30 @@ class KinematicController:
         rows: list[Rows],
         equalities: list[Rows],
         bounds: Bounds | None,
-    ) -> tuple[QP, Solution]:
-        """Solve the QP of the first level, then those of the levels below."""
-        solution = self._solve(qp)
+    ) -> tuple[QP, Solution, dict[str, Singularity]]:
+        """Solve the QP of the first level, then those of the levels below, singular tasks held."""
+        solution, singular = self._solve(qp), dict[str, Singularity]()
         for level in range(1, len(self._levels)):
             above = [rows[k] for k in self._levels[level - 1]]
             if solution.status is not Status.SOLVED:
                 break
             equalities = [*equalities, *kept(above, solution.x)]
+            rows, found = self._filtered(rows, equalities, level)
+            singular |= found
             elimination = eliminate(self._qp(snapshot, rows, equalities, bounds, level))
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 break
             qp = elimination.full
             solution = self._solve_reduced(elimination, level)
-        return qp, solution
+        return qp, solution, singular
 
     def _rows(self, residuals: Sequence[Residual]) -> list[Rows]:
         """Apply the velocity law to every task."""
         return [
-            velocity_law(residual, task.gain, self.dt, task.weight, task.lm_damping)
+            velocity_law(
+                residual, task.gain, self.dt, task.weight, task.lm_damping, task.singular_below
+            )
             for task, residual in zip(self.tasks, residuals, strict=True)
-        ]
-
-    def _contact_rows(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Rows]:
-        """Apply the velocity law to contacts: hold, and take back what has drifted."""
-        return [
-            velocity_law(contact.residual(snapshot), contact.gain, self.dt, contact.weight)
-            for contact in contacts
         ]
 
     def _qp(
@@ -209,7 +214,22 @@ class KinematicController:
             if level == 0:
                 dominating.append(self.limits.recovery_rows(snapshot, self.dt))
         rows = [*rows, *(_outweighing(extra, rows) for extra in dominating if extra is not None)]
-        return assemble(rows, equalities, box, bounds, self._labels[level], self.damping)
+        damping = self.damping * self.joint_weights
+        return assemble(rows, equalities, box, bounds, self._labels[level], damping)
+
+    def _filtered(
+        self, rows: list[Rows], equalities: list[Rows], level: int
+    ) -> tuple[list[Rows], dict[str, Singularity]]:
+        """Return all rows, singular ones of a level asking for less, and what they are, by task."""
+        members = self._levels[level]
+        if not any(rows[k].singular_below for k in members):
+            return rows, {}
+        soft = [rows[k] for k in members if k >= len(self.tasks)]
+        eased, found = filtered([rows[k] for k in members], [*equalities, *soft], self._root)
+        rows = list(rows)
+        for k, row in zip(members, eased, strict=True):
+            rows[k] = row
+        return rows, {self.tasks[members[k]].name: one for k, one in found.items()}
 
     def _solve(self, qp: QP) -> Solution:
         """Solve the first level in the chosen formulation."""
@@ -235,6 +255,7 @@ class KinematicController:
         solution: Solution,
         share: float,
         times: Times,
+        singular: dict[str, Singularity],
     ) -> Tick:
         """Turn the solution into a command, by the declared policy if there is none."""
         solved = solution.status is Status.SOLVED
@@ -257,6 +278,7 @@ class KinematicController:
             times=times,
             share=share,
             slack=slack,
+            singular=singular,
         )
         if not solved and self.on_failure == "raise":
             raise ControllerFailure(tick.report(), tick)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from wbc.controllers.singular import Singularity
 from wbc.qp.irreducible import irreducible
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
@@ -53,6 +54,9 @@ class Tick:
     slack:
         By how much rows are missed that may give way, or that the policy ``closest`` gave up, by
         name, in their units; signs as (what is) - (nearest allowed).
+    singular:
+        Of each task with ``singular_below``, by name: its rank and least singular value, and what
+        was withheld because of them.
     """
 
     velocity: Array
@@ -64,6 +68,7 @@ class Tick:
     times: Times
     share: float = 1.0
     slack: Mapping[str, float] = field(default_factory=dict)
+    singular: Mapping[str, Singularity] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:

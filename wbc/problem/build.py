@@ -15,6 +15,7 @@ import numpy as np
 
 from wbc.constraints import Contact, Limits
 from wbc.controllers import KinematicController, PseudoInverseController, Tick
+from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.build_constraints import Surroundings, surroundings
 from wbc.problem.build_tasks import BuiltTask, build_task
@@ -94,6 +95,7 @@ class Parts:
             "limits": self.limits,
             "dt": spec.dt,
             "damping": spec.damping,
+            "joint_weights": spec.joint_weights,
         }
         if isinstance(spec, PseudoInverseSpec):
             return PseudoInverseController(self.robot, tasks, **common)
@@ -132,6 +134,9 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     if isinstance(spec.controller, QpSettings):
         with mistakes.at("controller"):
             _backend(spec.controller)
+    for pattern in spec.controller.joint_weights:
+        with mistakes.at("controller", "joint_weights", pattern):
+            moved_by(robot, pattern)
     _check_stop(spec, mistakes)
     if isinstance(spec.controller, GlobalSpec):
         check_global(spec, mistakes)

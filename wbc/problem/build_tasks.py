@@ -281,7 +281,7 @@ def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> BuiltTask:
         components=components,
         name=name,
         weight=_weight(spec.weight, components),
-        priority=spec.priority,
+        **_rank(spec),
     )
     return BuiltTask(task, _known(goal), lambda now: now.momentum, VECTORS, _value_to(task))
 
@@ -307,4 +307,9 @@ def _weight(weight: float | Sequence[float], rows: Sequence[str]) -> ArrayLike:
 
 def _law(spec: Any) -> dict[str, Any]:
     """Return the settings that every task with an error to remove has."""
-    return {"gain": spec.gain, "lm_damping": spec.lm_damping, "priority": spec.priority}
+    return {"gain": spec.gain, "lm_damping": spec.lm_damping, **_rank(spec)}
+
+
+def _rank(spec: Any) -> dict[str, Any]:
+    """Return the settings that every task has."""
+    return {"priority": spec.priority, "singular_below": spec.singular_below}

@@ -39,6 +39,7 @@ class PostureTask(Task):
         weight: float = 1.0,
         gain: float = 0.5,
         lm_damping: float = 0.0,
+        singular_below: float = 0.0,
         priority: int = 0,
     ) -> None:
         factors = _factors(robot, joints or {}, name)
@@ -54,6 +55,7 @@ class PostureTask(Task):
             weight=weights,
             gain=gain,
             lm_damping=lm_damping,
+            singular_below=singular_below,
             priority=priority,
         )
         self._joints = slice(None) if chosen.size == factors.size else chosen

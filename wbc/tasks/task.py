@@ -55,6 +55,7 @@ class Law(TypedDict, total=False):
     weight: ArrayLike
     gain: float
     lm_damping: float
+    singular_below: float
     priority: int
 
 
@@ -78,6 +79,11 @@ class Task(ABC):
     lm_damping:
         Levenberg-Marquardt damping: ``lm_damping * |weight * error|`` is added to the diagonal of
         the cost. Keeps a task with an unreachable target from chattering round its optimum.
+    singular_below:
+        Singular values of the Jacobian below this are singular: along their directions the task
+        asks for less, by (value / this)^2, so that no joint rate above |wanted rate / this| is
+        needed. In the error's unit/s per rad/s; counted are the motions that contacts and more
+        important tasks leave. 0 for never. See :mod:`wbc.controllers.singular`.
     priority:
         Level, 0 the most important: tasks of a level never give way to those of a later one.
         Within a level tasks are weighed against each other.
@@ -94,6 +100,7 @@ class Task(ABC):
         weight: ArrayLike = 1.0,
         gain: float = 0.5,
         lm_damping: float = 0.0,
+        singular_below: float = 0.0,
         priority: int = 0,
     ) -> None:
         self.robot = robot
@@ -104,6 +111,9 @@ class Task(ABC):
         self.weight = weight
         self.gain = gain
         self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
+        self.singular_below = finite_number(
+            f"task {name!r}, singular_below", singular_below, least=0.0
+        )
         self.priority = int(finite_number(f"task {name!r}, priority", priority, least=0))
 
     def __repr__(self) -> str:

@@ -1,0 +1,142 @@
+"""Stacks of singular tasks: bounds and closed forms by numpy, contradictions, levels, mistakes."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from wbc.constraints import support
+from wbc.controllers import KinematicController, Tick
+from wbc.controllers.singular import filtered
+from wbc.errors import InvalidInputError
+from wbc.laws import Rows
+from wbc.robot import Robot
+from wbc.tasks import ComTask, PositionTask, PostureTask
+from wbc.tasks.point import STILL
+
+Load = Callable[[str], Robot]
+
+
+def random_rows(rng, sizes: Sequence[int], nv: int) -> list[Rows]:
+    """Stacks of rows that are nearly dependent, of very different weights and thresholds."""
+    common = rng.normal(size=(max(sizes), nv))
+    return [
+        Rows(
+            common[:k] + 10.0 ** rng.uniform(-6, 1) * rng.normal(size=(k, nv)),
+            rng.normal(size=k),
+            10.0 ** rng.uniform(-2, 2) * rng.uniform(0.5, 2.0, k),
+            singular_below=10.0 ** rng.uniform(-2, 0),
+        )
+        for k in sizes
+    ]
+
+
+def test_what_is_asked_for_needs_no_more_than_the_wanted_rate_over_the_threshold(rng) -> None:
+    """Stacks of tasks: the bound of wbc.controllers.singular, by the pseudo-inverses of numpy.
+
+    The held rows ask for motion too; the bound is on what the tasks add to the least such motion.
+    """
+    nv, changed = 12, 0
+    for _ in range(200):
+        rows = random_rows(rng, (2, 3, 1), nv)
+        C, c = rng.normal(size=(4, nv)), rng.normal(size=4)
+        root = np.exp(0.5 * rng.normal(size=nv))
+        out, found = filtered(rows, [Rows(C, c, np.ones(4))], root)
+        metric = np.concatenate([row.matrix for row in rows]) / root
+        J = metric @ null_space(C / root)
+        brought = metric @ np.linalg.pinv(C / root) @ c
+        asked, wanted = (np.concatenate([row.target for row in rs]) - brought for rs in (out, rows))
+        motion = np.linalg.pinv(J, rcond=1e-9) @ asked
+        least = np.concatenate([np.full(row.target.size, row.singular_below) for row in rows])
+        assert np.linalg.norm(motion) <= np.linalg.norm(wanted / least) * (1 + 1e-6)
+        np.testing.assert_allclose(J @ motion, asked, atol=1e-5)  # all of it can be done
+        lost = [found[k].withheld for k in range(3) if found[k].withheld is not None]
+        if lost:
+            changed += 1
+            np.testing.assert_allclose(np.concatenate(lost), wanted - asked, atol=1e-12)
+    assert 50 < changed < 200
+
+
+def test_what_held_rows_bring_about_is_not_asked_for(rng) -> None:
+    """One task beside held rows that move; oracle: SVD in the joints' metric."""
+    nv = 9
+    C, c = rng.normal(size=(3, nv)), rng.normal(size=3)
+    root = np.exp(rng.normal(size=nv))
+    row = Rows(rng.normal(size=(3, nv)), rng.normal(size=3), np.ones(3))
+    metric = row.matrix / root
+    U, s, _ = np.linalg.svd(metric @ null_space(C / root))
+    threshold = 0.5 * (s[0] + s[1])
+    row = row._replace(singular_below=threshold)
+    _, found = filtered([row], [Rows(C, c, np.ones(3))], root)
+    missing = row.target - metric @ np.linalg.pinv(C / root) @ c
+    lost = U @ ((1.0 - np.minimum(1.0, s / threshold) ** 2) * (U.T @ missing))
+    np.testing.assert_allclose(found[0].withheld, lost, atol=1e-12)
+
+
+def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
+    """Two points 5 cm apart on a hand are to cross: each is easy, both together are not."""
+    robot = robot_named("g1_27")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    places = {f: here.position(f) for f in ("left_wrist_yaw_link", "left_wrist_pitch_link")}
+    apart = np.subtract(*places.values())
+    aside = np.cross(apart, [0, 0, 1.0])
+    aside *= 0.5 / np.linalg.norm(aside)
+
+    def step(yaw: float, pitch: float) -> Tick:
+        tasks = [
+            PositionTask(robot, frame, STILL, singular_below=least, name=frame)
+            for frame, least in zip(places, (yaw, pitch), strict=True)
+        ]
+        for task, sign in zip(tasks, (1, -1), strict=True):
+            task.set_target(places[task.frame], sign * aside)
+        return KinematicController(robot, tasks, contacts=support(here, "double")).step(here)
+
+    alone, both = step(0.0, 0.06), step(0.06, 0.06)
+    assert min(one.least for one in both.singular.values()) > 0.06
+    assert alone.singular["left_wrist_pitch_link"].withheld is None
+    assert np.abs(alone.velocity).max() > 9.0
+    assert np.abs(both.velocity).max() < 0.5 * np.abs(alone.velocity).max()
+    assert all(one.withheld is not None for one in both.singular.values())
+
+
+def test_tasks_that_contradict_each_other_settle_by_their_weights(robot_named: Load) -> None:
+    """One point in two places at once: the rate is the mean, weighted by the squared weights."""
+    robot = robot_named("g1_27")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    place = here.position("left_wrist_yaw_link")
+    tasks = [
+        PositionTask(
+            robot, "left_wrist_yaw_link", place + [0.01 * sign, 0, 0], name=name,
+            weight=weight, singular_below=0.02,
+        )
+        for name, sign, weight in (("a", 1.0, 1.0), ("b", -1.0, 3.0))
+    ]  # fmt: skip
+    tick = KinematicController(robot, tasks, contacts=support(here, "double")).step(here)
+    rate = here.jacobian("left_wrist_yaw_link")[:3] @ tick.velocity
+    # By 1 to 9, as without thresholds, but for (0.02 / singular value)^2.
+    np.testing.assert_allclose(rate, [(1 - 9) / 10, 0, 0], atol=0.01)
+
+
+def test_a_level_that_holds_nothing_and_one_that_holds_everything(robot_named: Load) -> None:
+    robot = robot_named("g1_27")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    com = ComTask(robot, here.com, priority=1, singular_below=0.08)
+    nothing = PostureTask(robot, here.q, weight=0.0)
+    tick = KinematicController(robot, [nothing, com]).step(here)
+    least = np.linalg.svd(here.com_jacobian, compute_uv=False)[-1]
+    assert tick.singular["com"].least == pytest.approx(least, rel=1e-9)
+    everything = PostureTask(robot, here.q)
+    contacts = support(here, "left")
+    tick = KinematicController(robot, [everything, com], contacts=contacts).step(here)
+    assert tick.ok
+    assert tick.singular["com"].rank == 0
+    assert tick.singular["com"].least < 1e-7
+
+
+def test_a_threshold_is_not_negative(robot_named: Load) -> None:
+    robot = robot_named("g1_27")
+    with pytest.raises(InvalidInputError, match=r"'com', singular_below: must be at least 0"):
+        ComTask(robot, np.zeros(3), singular_below=-0.1)
+    with pytest.raises(InvalidInputError, match=r"'posture', singular_below"):
+        PostureTask(robot, robot.posture("standing"), singular_below=np.nan)

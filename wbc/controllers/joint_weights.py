@@ -1,0 +1,62 @@
+"""Weights of the joints: which of them move where tasks leave the choice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NV
+from wbc.robot.names import matches
+from wbc.validate import Array, finite_number, finite_vector, read_only
+
+WHAT = "controller, joint_weights"
+BASE = "base"
+
+# By joint name, pattern or "base", or one for each entry of v.
+JointWeights = Mapping[str, float] | ArrayLike
+
+
+def weights_of(robot: Robot, given: JointWeights | None) -> Array:
+    """Return the weights (nv,), all 1 where nothing is given.
+
+    Parameters
+    ----------
+    given:
+        By joint name or shell pattern, and ``"base"`` for the six of the base; later entries win.
+        Or (nv,) numbers. All above 0.
+
+    Raises
+    ------
+    UnknownNameError
+        A name or pattern that no joint matches.
+    InvalidInputError
+        A weight that is not a positive number, or not as many as v has entries.
+    """
+    weights: Array = np.ones(robot.nv)
+    if isinstance(given, Mapping):
+        for pattern, weight in given.items():
+            value = finite_number(f"{WHAT} of {pattern!r}", weight, above=0.0)
+            weights[moved_by(robot, pattern)] = value
+    elif given is not None:
+        weights = finite_vector(WHAT, given, robot.nv)
+        if (weights <= 0.0).any():
+            raise InvalidInputError(f"{WHAT}: each must be greater than 0, got {weights.min():g}")
+    return read_only(weights)
+
+
+def moved_by(robot: Robot, pattern: str) -> list[int]:
+    """Return the entries of v of the joints that a name or pattern matches, or of ``"base"``.
+
+    Raises
+    ------
+    UnknownNameError
+        No joint matches.
+    """
+    found = [BASE_NV + k for k in matches(pattern, robot.joint_names)]
+    if not found and pattern != BASE:
+        raise UnknownNameError("joint", pattern, (BASE, *robot.joint_names))
+    return found or list(range(BASE_NV))

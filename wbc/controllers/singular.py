@@ -1,0 +1,179 @@
+"""What singular tasks ask for is held back, in the directions in which they are singular only.
+
+Over straight knees, at a straight arm, or where tasks nearly repeat each other, a small rate of the
+error takes huge rates of the joints. Tasks that have opted in (``singular_below``) are looked at
+together, in the motions that are left to them. With N (nv, free) an orthonormal basis of what the
+held rows leave, M the joints' weights, W the rows' weights, c the weighted rates that the tasks
+want beyond what the held rows bring about, and E = W * singular_below,
+
+    A = W J M^-1/2 N,    L = positive part of (E^2 - A A'),    c' = A A' (A A' + L)^-1 c
+
+is what they ask for instead of c. For one task this is least squares damped by numerical filtering
+(Maciejewski and Klein 1988) with the variable damping of Nakamura and Hanafusa (1986) and
+Chiaverini (1997): in a direction of singular value s the joint rate is the wanted rate times
+s / max(s, singular_below)^2. For any number of tasks:
+
+- Where A A' - E^2 is positive definite, nothing is changed; where a singular value passes the
+  threshold, or two cross, nothing jumps: c' is a continuous function of A, as singular vectors are
+  not.
+- Joint rates |M^1/2 v| no greater than |wanted rates / singular_below| achieve what is asked for.
+- Tasks that contradict each other outright still settle by their weights.
+
+The demand is filtered rather than the motion damped: a direction in which a task can do nothing is
+left to the other tasks, such as a posture that leads away from the singularity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import lapack
+
+from wbc.laws import Rows
+from wbc.qp.elimination import RANK_TOLERANCE
+from wbc.validate import Array
+
+# Rows this many times lighter than the heaviest count as so heavy: squares keep their digits.
+LIGHTEST = 1e-4
+
+
+class Singularity(NamedTuple):
+    """How well one task can be done with the motions that are left to it.
+
+    Attributes
+    ----------
+    rank:
+        Of its rows that have weight, how many independent ones are not singular: singular values
+        of the Jacobian at or above ``singular_below``.
+    least:
+        Least singular value [the error's unit/s per rad/s].
+    condition:
+        Largest over least singular value; infinite if the least is 0.
+    withheld:
+        (k,) wanted minus asked-for rate of the error, or None: neither this task nor all of its
+        level together that have opted in are singular.
+    """
+
+    rank: int
+    least: float
+    condition: float
+    withheld: Array | None
+
+
+class Left(NamedTuple):
+    """The motions that held rows leave, in the joints' metric (velocities times ``root``).
+
+    Attributes
+    ----------
+    taken:
+        (nv, rank) orthonormal basis of the motions that are taken.
+    brought:
+        (nv,) the least motion that meets the held rows.
+    root:
+        (nv,) square roots of the joints' weights.
+    """
+
+    taken: Array
+    brought: Array
+    root: Array
+
+
+def filtered(
+    rows: Sequence[Rows], held: Sequence[Rows], root: Array
+) -> tuple[list[Rows], dict[int, Singularity]]:
+    """Return rows of which the singular ones ask for less, and what was found by their index.
+
+    Parameters
+    ----------
+    rows:
+        Costs of one level; those whose ``singular_below`` is 0 stay as they are.
+    held:
+        Rows that are met whatever the costs: contacts, and what more important tasks achieve.
+    root:
+        (nv,) square roots of the joints' weights.
+    """
+    chosen = [k for k, row in enumerate(rows) if row.singular_below and row.weight.any()]
+    if not chosen:
+        return list(rows), {}
+    stack = [_weighty(rows[k]) for k in chosen]
+    left = _left(held, root)
+    gram = _gram(np.concatenate([row.matrix for row in stack]), left)
+    withheld = _withheld(stack, gram, left)
+    out, found, begin = list(rows), dict[int, Singularity](), 0
+    for k, row in zip(chosen, stack, strict=True):
+        here = slice(begin, begin + row.weight.size)
+        begin = here.stop
+        lost = None
+        if withheld is not None:
+            lost = np.zeros(rows[k].weight.size)
+            lost[rows[k].weight > 0.0] = withheld[here]
+            out[k] = rows[k]._replace(target=rows[k].target - lost)
+        found[k] = _singularity(gram[here, here], row.singular_below, lost)
+    return out, found
+
+
+def _weighty(row: Rows) -> Rows:
+    """Return a task's rows without those of no weight."""
+    if row.weight.all():
+        return row
+    wanted = row.weight > 0.0
+    return row._replace(
+        matrix=row.matrix[wanted], target=row.target[wanted], weight=row.weight[wanted]
+    )
+
+
+def _left(held: Sequence[Rows], root: Array) -> Left:
+    """Factorise the held rows, which may repeat each other, by QR with column pivoting."""
+    if not any(row.matrix.any() for row in held):
+        return Left(np.zeros((root.size, 0)), np.zeros(root.size), root)
+    C = np.concatenate([row.matrix for row in held])
+    c = np.concatenate([row.target for row in held])
+    packed, pivots, tau, _, _ = lapack.dgeqp3((C / root).T)
+    rank, least = tau.size, RANK_TOLERANCE * abs(packed[0, 0])
+    while rank > 1 and abs(packed[rank - 1, rank - 1]) <= least:
+        rank -= 1
+    Q, _, _ = lapack.dorgqr(packed[:, : tau.size], tau)
+    taken = Q[:, :rank]
+    along, _ = lapack.dtrtrs(packed[:rank, :rank], c[pivots[:rank] - 1], trans=1)
+    return Left(taken, (taken @ along) / root, root)
+
+
+def _gram(matrix: Array, left: Left) -> Array:
+    """Return J M^-1/2 N N' M^-1/2 J' (k, k) for J = ``matrix`` (k, nv)."""
+    metric = matrix / left.root
+    metric -= (metric @ left.taken) @ left.taken.T
+    gram: Array = metric @ metric.T
+    return gram
+
+
+def _withheld(stack: Sequence[Rows], gram: Array, left: Left) -> Array | None:
+    """Return W^-1 (c - c') (k,), or None if nothing is singular."""
+    weight = np.concatenate([row.weight for row in stack])
+    weight = np.maximum(weight, LIGHTEST * weight.max())
+    least = np.concatenate([[row.singular_below] * row.weight.size for row in stack])
+    floor = np.square(weight * least)
+    weighted = weight[:, None] * gram * weight
+    above = weighted.copy()
+    above.flat[:: weight.size + 1] -= floor
+    _, singular = lapack.dpotrf(above)  # cheaper than eigenvalues, on most ticks
+    if not singular:
+        return None
+    values, vectors, _ = lapack.dsyev(-above)
+    lacking = vectors * np.maximum(values, 0.0)
+    lacking = lacking @ vectors.T
+    wanted = [row.target - row.matrix @ left.brought for row in stack]
+    _, pull, _ = lapack.dposv(weighted + lacking, weight * np.concatenate(wanted))
+    withheld: Array = (lacking @ pull) / weight
+    return withheld
+
+
+def _singularity(gram: Array, threshold: float, withheld: Array | None) -> Singularity:
+    """Return what the task with ``gram`` (k, k) can do by itself."""
+    squares, _, _ = lapack.dsyev(gram, compute_v=0)
+    values = [math.sqrt(max(square, 0.0)) for square in squares.tolist()]
+    condition = values[-1] / values[0] if values[0] > 0.0 else math.inf
+    rank = sum(value >= threshold for value in values)
+    return Singularity(rank, values[0], condition, withheld)
