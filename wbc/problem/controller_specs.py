@@ -15,7 +15,18 @@ METHODS = ("qp", "global", "pseudo_inverse")
 TimeStep = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1.0)]
 
 
-class QpSettings(Section):
+class ControllerSettings(Section):
+    """What all methods have in common."""
+
+    dt: TimeStep = 0.005
+    """Time step [s]."""
+    joint_weights: dict[Name, Positive] = Field(default_factory=dict)
+    """Factors on the damping by joint name or pattern, base for the base ({"*wrist*": 10, base:
+    100}): which joints move where the tasks leave the choice. Others: 1. A posture task leaves
+    none to the joints that it controls, unless damping is near the squares of weights."""
+
+
+class QpSettings(ControllerSettings):
     """What methods that solve a quadratic program per tick have in common."""
 
     solver: Name = "proxqp"
@@ -24,8 +35,6 @@ class QpSettings(Section):
     """Accuracy asked of the solver; null: its default here."""
     formulation: Literal["equality", "reduced"] = "equality"
     """equality: contacts are rows of the QP; reduced: they are eliminated first."""
-    dt: TimeStep = 0.005
-    """Time step [s]."""
     damping: Positive = 1e-6
     """Weight of 1/2 |v|^2: picks one among equally good velocities."""
     on_failure: Literal["hold", "damp", "closest", "raise"] = "hold"
@@ -61,12 +70,10 @@ class GlobalSpec(QpSettings):
     """A posture is reached if the motion ends at no more than its cost and this fraction of it."""
 
 
-class PseudoInverseSpec(Section):
+class PseudoInverseSpec(ControllerSettings):
     """The damped pseudo-inverse of the paper, a baseline: limits are met by clipping."""
 
     method: Literal["pseudo_inverse"]
-    dt: TimeStep = 0.005
-    """Time step [s]."""
     damping: Positive = 1e-3
     """Weight of 1/2 |v|^2; the tasks' rows nearly lose rank, so it must not be tiny."""
 
