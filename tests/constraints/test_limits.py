@@ -54,9 +54,35 @@ def test_rest_is_always_allowed(robot: Robot, rng) -> None:
     for _ in range(50):
         joints = inside(robot, rng) + rng.normal(size=robot.nv - 6)  # often outside
         v = rng.normal(scale=20, size=robot.nv)
-        lower, upper = limits.box(robot.snapshot(at(robot, joints), v), DT)
+        lower, upper = limits.stopping_box(robot.snapshot(at(robot, joints), v), DT)
         assert (lower <= 0).all()
         assert (upper >= 0).all()
+
+
+def test_bounded_braking_joint_by_joint(robot: Robot, rng) -> None:
+    """Of what a joint may do if it may stop at once, the part nearest to its present velocity."""
+    free, bounded = Limits(robot), Limits(robot, braking="bounded")
+    change = free.acceleration * DT
+    kept = forced = 0
+    for _ in range(50):
+        joints = inside(robot, rng) + 0.1 * rng.normal(size=robot.nv - 6)  # some outside
+        v = np.concatenate((np.zeros(6), rng.normal(size=robot.nv - 6) * robot.limits.velocity))
+        here = robot.snapshot(at(robot, joints), v)
+        (low, high), (least, most) = free.box(here, DT), bounded.box(here, DT)
+        for k in range(6, robot.nv):
+            gain = change[k - 6]
+            ends = (low[k], v[k] - gain, v[k] + gain, high[k])
+            within = [x for x in ends if low[k] <= x <= high[k]]
+            allowed = [x for x in within if abs(x - v[k]) <= gain + 1e-12]
+            if allowed:
+                kept += 1
+                assert least[k] == pytest.approx(min(allowed), abs=1e-12)
+                assert most[k] == pytest.approx(max(allowed), abs=1e-12)
+            else:  # the joint's own limit asks for more: just what it asks for
+                forced += 1
+                nearest = high[k] if v[k] > 0 else low[k]
+                assert least[k] == most[k] == pytest.approx(nearest, abs=1e-12)
+    assert kept > 50 and forced > 50
 
 
 def test_without_a_measured_velocity_there_is_no_speeding_up_bound(robot: Robot) -> None:

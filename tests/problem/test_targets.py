@@ -112,14 +112,16 @@ def test_momenta(tmp_path: Path) -> None:
 
 
 def test_accelerations_by_joint(tmp_path: Path) -> None:
-    limits = 'limits: {velocity: 0.5, acceleration: {"*": 7, waist_pitch: 3}}\n'
+    limits = 'limits: {velocity: 0.5, acceleration: {"*": 7, waist_pitch: 3}, braking: bounded}\n'
     parts = problem(tmp_path, "{type: posture}", f"robot: hoap2_like\n{limits}").parts
     waist = parts.robot.joint_index("waist_pitch") - 6
     assert parts.limits.acceleration[waist] == 3.0
+    assert parts.limits.braking == "bounded"
     assert (np.delete(parts.limits.acceleration, waist) == 7.0).all()
     np.testing.assert_allclose(parts.limits.speed, 0.5 * parts.robot.limits.velocity)
     limits = "limits: {acceleration: {waist_pitch: 3}}\n"
     parts = problem(tmp_path, "{type: posture}", f"robot: hoap2_like\n{limits}").parts
+    assert parts.limits.braking == "free"
     others = np.delete(parts.limits.acceleration, waist)
     np.testing.assert_allclose(others, np.delete(parts.robot.limits.velocity, waist) / 0.1)
 

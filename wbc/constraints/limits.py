@@ -1,13 +1,16 @@
-"""Limits on joints and base, as one box on the next velocity.
+"""Limits on joints and base, as a box on the next velocity.
 
 Three facts shape the box of a joint at position q moving at v, with limits q_max, v_max, a_max:
 
 * braking: from velocity u it can stop before q_max if ``u dt + u^2 / (2 a_max) <= q_max - q``. Once
   this holds it can hold at the next tick too, so a limit is met without overshoot or oscillation;
-* speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always allowed, and
+* speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always possible, and
   from there to speed up the other way: with several limits and closed kinematic chains, a hard
   bound on deceleration can contradict the contacts, and standing still must remain possible (and a
-  little more: a foot put down while moving takes back what it has drifted);
+  little more: a foot put down while moving takes back what it has drifted). With ``braking:
+  bounded`` slowing down is bounded by ``a_max dt`` as well, unless a limit of the joint itself asks
+  for more; where contacts or margins do, the controller opens this box towards the other one, see
+  :mod:`wbc.controllers.braking`;
 * outside its range a joint may only move back, and a soft row of high weight moves it back. That
   row is a cost, not a bound, so that no state can make the QP infeasible.
 """
@@ -17,12 +20,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
+BRAKING = ("free", "bounded")
 # Time in which a joint reaches full speed if no acceleration limit is given [s].
 DEFAULT_RISE_TIME = 0.1
 # Stands for the distance to a limit that does not exist: finite, so that no inf/inf can arise.
@@ -44,10 +48,22 @@ class Limits:
     acceleration:
         One number or one per joint [rad/s^2 or m/s^2], used for braking and for speeding up; None
         takes the velocity limit divided by 0.1 s (no bound where there is no velocity limit).
+    braking:
+        ``"free"``: a joint may stop in one tick if tasks ask for it. ``"bounded"``: it slows down
+        by no more than the acceleration, except where limits, contacts or margins leave nothing
+        else. Tasks must then ask for no more than joints can brake, or they overshoot: a gain up
+        to ``acceleration dt / speed`` does not (0.05 for 5 ms and the default acceleration).
     base_twist:
         (6,) largest base velocity in base axes, linear [m/s] then angular [rad/s]; None: no limit.
     recovery:
         Fraction of a violation to take back in one tick, in (0, 1].
+
+    Raises
+    ------
+    InvalidInputError
+        A value out of range, or a margin that leaves a joint no range.
+    UnknownNameError
+        No such kind of braking.
     """
 
     def __init__(
@@ -58,6 +74,7 @@ class Limits:
         margin: float = 0.0,
         velocity: float | None = 1.0,
         acceleration: ArrayLike | None = None,
+        braking: str = "free",
         base_twist: ArrayLike | None = None,
         recovery: float = 0.2,
     ) -> None:
@@ -66,6 +83,9 @@ class Limits:
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
         self.acceleration = read_only(_accelerations(acceleration, self.speed, joints))
+        if braking not in BRAKING:
+            raise UnknownNameError("kind of braking", braking, BRAKING)
+        self.braking = braking
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)
         self.recovery = finite_number("limits, recovery", recovery, above=0.0)
@@ -76,19 +96,25 @@ class Limits:
         self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
 
     def box(self, snapshot: Snapshot, dt: float) -> tuple[Array, Array]:
-        """Return lower and upper bounds (nv,), (nv,) on the next velocity; 0 is always inside."""
-        distance = self._signed_bounds - _SIGNS * self.robot.limits.joint_positions(snapshot.q)
-        most = self._reach(distance, dt)  # (2, joints): how fast it may go down, and up
-        np.minimum(most, self.speed, out=most)
+        """Return lower and upper bounds (nv,), (nv,) on the next velocity."""
+        if self.braking == "free":
+            return self.stopping_box(snapshot, dt)
+        most = self._most(snapshot, dt)
         if snapshot.moving:
-            gain = self.acceleration * dt
-            faster = _SIGNS * snapshot.v[6:]
-            faster += gain
+            change = self._after_change(snapshot, dt)
+            # Where a joint's own limit asks for harder braking than its acceleration, it wins.
+            most = np.maximum(np.minimum(most, change), -most[::-1])
+        return self._with_base(most)
+
+    def stopping_box(self, snapshot: Snapshot, dt: float) -> tuple[Array, Array]:
+        """Return the bounds (nv,), (nv,) if joints may stop at once; 0 is always inside."""
+        most = self._most(snapshot, dt)
+        if snapshot.moving:
+            change = self._after_change(snapshot, dt)
             # A joint that stops may start the other way in the same tick: contacts need that.
-            np.maximum(faster, gain, out=faster)
-            np.minimum(most, faster, out=most)
-        lower, upper = self._box_of_base
-        return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
+            np.maximum(change, self.acceleration * dt, out=change)
+            np.minimum(most, change, out=most)
+        return self._with_base(most)
 
     def recovery_rows(self, snapshot: Snapshot, dt: float) -> Rows | None:
         """Return unit-weight rows that move joints back into range, or None if all are inside."""
@@ -115,6 +141,22 @@ class Limits:
         margin = np.minimum(limits.upper - position, position - limits.lower)
         worst = int(np.argmin(margin))
         return float(margin[worst]), self.robot.joint_names[worst]
+
+    def _most(self, snapshot: Snapshot, dt: float) -> Array:
+        """Return how fast (2, joints) joints may go down, and up, by position and speed."""
+        distance = self._signed_bounds - _SIGNS * self.robot.limits.joint_positions(snapshot.q)
+        most = self._reach(distance, dt)
+        return np.minimum(most, self.speed, out=most)
+
+    def _after_change(self, snapshot: Snapshot, dt: float) -> Array:
+        """Return how fast (2, joints) joints may go down, and up, by the acceleration limit."""
+        change = _SIGNS * snapshot.v[6:]
+        change += self.acceleration * dt
+        return change
+
+    def _with_base(self, most: Array) -> tuple[Array, Array]:
+        lower, upper = self._box_of_base
+        return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
 
     def _reach(self, distance: Array, dt: float) -> Array:
         """Return the largest speed (2, joints) from which one can still stop within ``distance``.

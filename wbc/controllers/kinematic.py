@@ -11,6 +11,7 @@ The only memory between ticks is the solver's warm start.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -20,6 +21,7 @@ from wbc.constraints.held import Held, contact_rows
 from wbc.constraints.limits import BASE_ROWS, Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.assembly import assemble, slacks
+from wbc.controllers.braking import opened
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.landing import Landing
@@ -149,12 +151,14 @@ class KinematicController:
         landing = Landing.of(self.constraints, self.softness, snapshot, self.dt, equalities)
         assembled = perf_counter()
         rows, singular = self._filtered(rows, equalities, level=0)
-        qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
+        box = self._no_box if self.limits is None else self.limits.box(snapshot, self.dt)
+        qp = self._qp(snapshot, rows, equalities, landing.bounds, box, level=0)
         ready = perf_counter()
         qp, solution, below = self._descend(qp, snapshot, rows, equalities, landing.bounds)
         nv = self.robot.nv  # behind the velocity there may be slacks
         while landing.breaks(solution.x[:nv]) if solution.solved else landing.yields():
-            qp = self._qp(snapshot, rows, equalities, landing.bounds, level=0)
+            box = qp.lower[:nv], qp.upper[:nv]  # as far open as it had to be
+            qp = self._qp(snapshot, rows, equalities, landing.bounds, box, level=0)
             qp, solution, below = self._descend(qp, snapshot, rows, equalities, landing.bounds)
         share = landing.share(solution.x[:nv]) if solution.solved else 1.0
         times = Times(assembled - start, ready - assembled, perf_counter() - ready)
@@ -174,6 +178,12 @@ class KinematicController:
     ) -> tuple[QP, Solution, dict[str, Singularity]]:
         """Solve the QP of the first level, then those of the levels below, singular tasks held."""
         solution, singular = self._solve(qp), dict[str, Singularity]()
+        if not solution.solved and self.limits is not None:
+            gently = partial(self.backend.solve, workspace=(*self._workspace, "braking"))
+            wider = opened(qp, self.limits, snapshot, self.dt, gently)
+            if wider is not None:
+                qp, solution = wider, self._solve(wider)
+        box = qp.lower[: self.robot.nv], qp.upper[: self.robot.nv]
         for level in range(1, len(self._levels)):
             above = [rows[k] for k in self._levels[level - 1]]
             if solution.status is not Status.SOLVED:
@@ -181,7 +191,7 @@ class KinematicController:
             equalities = [*equalities, *kept(above, solution.x)]
             rows, found = self._filtered(rows, equalities, level)
             singular |= found
-            elimination = eliminate(self._qp(snapshot, rows, equalities, bounds, level))
+            elimination = eliminate(self._qp(snapshot, rows, equalities, bounds, box, level))
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 break
             qp = elimination.full
@@ -203,16 +213,14 @@ class KinematicController:
         rows: list[Rows],
         equalities: list[Rows],
         bounds: Bounds | None,
+        box: tuple[Array, Array],
         level: int,
     ) -> QP:
         """Join the costs of a level, equalities (contacts first), inequalities and limits."""
-        box = self._no_box
         rows = rows if len(self._levels) == 1 else [rows[k] for k in self._levels[level]]
         dominating = [bounds.push] if bounds is not None and level == 0 else []
-        if self.limits is not None:
-            box = self.limits.box(snapshot, self.dt)
-            if level == 0:
-                dominating.append(self.limits.recovery_rows(snapshot, self.dt))
+        if self.limits is not None and level == 0:
+            dominating.append(self.limits.recovery_rows(snapshot, self.dt))
         rows = [*rows, *(_outweighing(extra, rows) for extra in dominating if extra is not None)]
         damping = self.damping * self.joint_weights
         return assemble(rows, equalities, box, bounds, self._labels[level], damping)

@@ -115,6 +115,9 @@ class LimitsSpec(Section):
     ) = None
     """Largest acceleration [rad/s^2 or m/s^2], one number or by joint name or pattern; where none
     is given, the velocity limit divided by 0.1 s."""
+    braking: Annotated[Literal["free", "bounded"], WORD] = "free"
+    """free: a joint may stop in one tick; bounded: it slows down by no more than the acceleration,
+    except where limits, contacts or margins leave nothing else (tasks of high gain overshoot)."""
     base_twist: (
         Annotated[tuple[PositiveOrInfinite, ...], Strict(False), Field(min_length=6, max_length=6)]
         | None

@@ -92,6 +92,8 @@ class Daqp:
         )
         multipliers = info["lam"]
         claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
+        if not np.isfinite(multipliers).all():  # it grows them without end on infeasible QPs
+            return Answer.nothing(qp, claim, message)
         return Answer(
             x=x,
             y=multipliers[equalities:],

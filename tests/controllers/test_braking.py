@@ -1,0 +1,138 @@
+"""Bounded braking: the acceleration bound holds both ways, unless there is nothing else to do."""
+
+import numpy as np
+import pytest
+import qpsolvers
+
+from wbc.constraints import Contact, Limits, PositionBox, support
+from wbc.controllers import KinematicController
+from wbc.errors import UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import ComTask, PositionTask, PostureTask
+
+DT = 0.005
+# Solvers promise 1e-8 (a last resort 1e-6) [rad/s]; changes are counted in bounds of 0.05 and more.
+SOLVED = 1e-4
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def change(v: np.ndarray, before: np.ndarray, limits: Limits) -> np.ndarray:
+    """Return changes of joint velocities in parts of what the bound allows in a tick."""
+    return np.abs(v - before)[6:] / (limits.acceleration * DT)
+
+
+def hardest(robot: Robot, braking: str) -> float:
+    """Return the largest change while a greedy arm reaches for one place, then for another."""
+    limits = Limits(robot, acceleration=20.0, braking=braking)
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    here = robot.snapshot(q)
+    hand = PositionTask(robot, "left_hand_link", here.position("left_hand_link"), gain=1.0)
+    controller = KinematicController(
+        robot, [hand, PostureTask(robot, q, weight=0.01)], contacts=support(here, "double"),
+        limits=limits, dt=DT,
+    )  # fmt: skip
+    start, worst = hand.target, 0.0
+    for k in range(120):
+        hand.set_target(start + np.cos(k // 12 * np.pi) * np.array([0.05, 0.05, 0.1]))
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        worst = max(worst, float(change(tick.velocity, v, limits).max()))
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+        assert limits.worst_margin(q)[0] > -1e-9
+    return worst
+
+
+def test_changes_are_bounded_both_ways(robot) -> None:
+    assert hardest(robot, "bounded") <= 1.0 + SOLVED
+    assert hardest(robot, "free") > 3.0, "the same without the bound: the test tests something"
+
+
+def on_one_foot(robot: Robot, rng: np.random.Generator, speed: float) -> Snapshot:
+    """Return a state in which the right foot rests and the left one moves."""
+    still = robot.snapshot(robot.posture("standing"))
+    J = still.jacobian("right_sole")
+    v = speed * rng.normal(size=robot.nv)
+    return robot.snapshot(still.q, v - np.linalg.pinv(J) @ (J @ v))
+
+
+def gentlest(here: Snapshot, limits: Limits) -> np.ndarray:
+    """Return the least change that stops both feet, in parts of the bounds; by another solver."""
+    lower, upper = limits.stopping_box(here, DT)
+    scale = np.concatenate((np.full(6, 1e2), limits.acceleration * DT))  # the base is nearly free
+    weight = scale**-2.0
+    feet = np.concatenate([here.jacobian(f"{side}_sole") for side in ("left", "right")])
+    x = qpsolvers.solve_qp(
+        np.diag(weight), -weight * here.v, A=feet, b=np.zeros(12),
+        lb=np.maximum(lower, -1e3), ub=np.minimum(upper, 1e3), solver="quadprog",
+    )  # fmt: skip
+    return np.abs(x - here.v)[6:] / scale[6:]
+
+
+@pytest.mark.parametrize("formulation", ["equality", "reduced"])
+def test_a_foot_put_down_in_motion_stops_as_gently_as_can_be(robot, rng, formulation) -> None:
+    limits = Limits(robot, acceleration=20.0, braking="bounded")
+    for speed in (0.2, 0.5, 1.0):
+        here = on_one_foot(robot, rng, speed)
+        tasks = [ComTask(robot, here.com), PostureTask(robot, here.q, weight=0.1, priority=1)]
+        tick = KinematicController(
+            robot, tasks, contacts=support(here, "double"), limits=limits, dt=DT,
+            formulation=formulation,
+        ).step(here)  # fmt: skip
+        assert tick.ok, tick.report()
+        assert np.abs(here.jacobian("left_sole") @ tick.velocity).max() < 1e-6
+        needed = gentlest(here, limits)
+        assert needed.max() > 1.5, "it cannot be done within the bound"
+        # A tenth of a bound is the room that solvers get; the base's weight is not the oracle's.
+        changed = change(tick.velocity, here.v, limits)
+        assert (changed <= np.maximum(1.0, needed) + 0.12).all()
+        assert (changed[needed < 0.9] <= 1.0 + SOLVED).all(), "others keep their bound"
+
+
+def test_before_a_wall_that_appears_the_robot_stops_all_the_same(robot, rng) -> None:
+    """A margin that asks for more than joints can brake is kept; the bound is not."""
+    limits = Limits(robot, acceleration=5.0, braking="bounded")
+    still = robot.snapshot(robot.posture("standing"))
+    v = np.zeros(robot.nv)
+    v[robot.joint_index("left_shoulder_pitch")] = 2.0
+    here = robot.snapshot(still.q, v)
+    rate = here.jacobian("left_hand_link")[:3] @ v
+    way = int(np.abs(rate).argmax())
+    sign = np.sign(rate[way])
+    lower, upper = np.full(3, -np.inf), np.full(3, np.inf)
+    (upper if sign > 0 else lower)[way] = here.position("left_hand_link")[way] + sign * 1e-3
+    wall = PositionBox(robot, "left_hand_link", lower, upper)
+    tick = KinematicController(
+        robot, [PostureTask(robot, still.q)], contacts=support(here, "double"), limits=limits,
+        constraints=[wall], dt=DT,
+    ).step(here)  # fmt: skip
+    assert tick.ok, tick.report()
+    there = robot.snapshot(robot.integrate(here.q, tick.velocity, DT)).position("left_hand_link")
+    assert (lower <= there).all() and (there <= upper).all()
+    assert change(tick.velocity, v, limits).max() > 1.0
+
+
+def test_what_contradicts_without_the_bound_is_named(robot, rng) -> None:
+    here = on_one_foot(robot, rng, 1.0)
+    left, right = support(here, "double")
+    apart = Contact(robot, left.frame, left.position + (1.0, 0.0, 0.0), left.rotation)
+    limits = Limits(robot, acceleration=20.0, braking="bounded")
+    tick = KinematicController(
+        robot, [ComTask(robot, here.com)], contacts=[apart, right], limits=limits, dt=DT
+    ).step(here)
+    assert tick.status.value == "infeasible"
+    assert not tick.velocity.any()
+    assert tick.conflict is not None
+    assert any(row.label.startswith("left_sole") for row in tick.conflict.rows)
+    nv, (lower, upper) = robot.nv, limits.stopping_box(here, DT)
+    np.testing.assert_array_equal(tick.qp.lower[:nv], lower)
+    np.testing.assert_array_equal(tick.qp.upper[:nv], upper)
+
+
+def test_an_unknown_kind_of_braking_is_refused(robot) -> None:
+    with pytest.raises(UnknownNameError, match="bounded"):
+        Limits(robot, braking="bound")
