@@ -6,7 +6,7 @@
 2. Time of a tick of ``tick.py``'s job with and without, in turns.
 3. Hands pressed against the body: a command that trembles would change its sign.
 
-    python benchmarks/collision.py [--ticks 100000] [--robots g1 talos] [--fit capsule]
+    python benchmarks/collision.py [--ticks 100000] [--robots g1 talos] [--braking bounded]
 """
 
 import os
@@ -45,13 +45,16 @@ class Record:
     shared: int = 0  # ticks of which only a part was commanded
     broken: float = -np.inf  # m: margin minus the smallest distance of all pairs
     speeding: float = 0.0  # largest gain of a joint's speed in a tick, in parts of the declared one
+    hard: int = 0  # ticks in which a joint brakes harder than declared
+    hardest: float = 0.0  # largest change of a joint's velocity, in parts of the declared one
     statuses: Counter[str] = field(default_factory=Counter)
     examples: list[str] = field(default_factory=list)
 
     def row(self) -> str:
         return (
             f"{self.ticks:8d}{self.near:8d}{self.cut:7d}{self.shared:7d}{self.broken * 1e3:10.4f}"
-            f"{self.speeding:10.4f}  {dict(self.statuses)}"
+            f"{self.speeding:10.4f}{100.0 * self.hard / self.ticks:8.2f}{self.hardest:9.1f}"
+            f"  {dict(self.statuses)}"
         )
 
 
@@ -69,6 +72,7 @@ def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator
 def episode(
     robot: Robot,
     margins: SelfCollision,
+    limits: Limits,
     mode: str,
     rng: np.random.Generator,
     solver: str,
@@ -77,7 +81,6 @@ def episode(
     """Run one set of random targets from a random posture."""
     q = clear_posture(robot, margins, rng)
     here = robot.snapshot(q)
-    limits = Limits(robot)
     controller = KinematicController(
         robot,
         random_tasks(robot, rng, here),
@@ -98,6 +101,9 @@ def episode(
             record.examples.append(tick.report())
         gained = (np.abs(tick.velocity) - np.abs(v))[6:] / (limits.acceleration * DT)
         record.speeding = max(record.speeding, float(gained.max()))
+        change = float((np.abs(tick.velocity - v)[6:] / (limits.acceleration * DT)).max())
+        record.hard += change > 1.0 + 1e-6
+        record.hardest = max(record.hardest, change)
         v = tick.velocity
         q = robot.integrate(q, v, DT)
         found = margins.model.nearest(robot.snapshot(q))
@@ -113,23 +119,28 @@ def random_ticks(options: argparse.Namespace) -> None:
     rng = np.random.default_rng(options.seed)
     share = -(-options.ticks // (len(options.robots) * len(SUPPORTS)))
     print(f"{'robot':12s}{'support':10s}{'ticks':>8s}{'near':>8s}{'cut':>7s}{'shared':>7s}", end="")
-    print(f"{'broken mm':>10s}{'speeding':>10s}  statuses")
+    print(f"{'broken mm':>10s}{'speeding':>10s}{'hard %':>8s}{'hardest':>9s}  statuses")
     total = Record()
     for name in options.robots:
         robot = Robot.load(name)
-        margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, fit=options.fit)
+        limits = Limits(robot, braking=options.braking)
+        margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, fit=options.fit, limits=limits)
         for mode in SUPPORTS:
             record = Record()
             while record.ticks < share:
-                episode(robot, margins, mode, rng, options.solver, record)
+                episode(robot, margins, limits, mode, rng, options.solver, record)
             print(f"{name:12s}{mode:10s}{record.row()}", flush=True)
             for example in record.examples:
                 print("    ", example)
             total.ticks += record.ticks
             total.statuses += record.statuses
+            total.hard += record.hard
+            total.hardest = max(total.hardest, record.hardest)
             total.broken = max(total.broken, record.broken)
     worst = f"{total.broken * 1e3:.4f} mm"
-    print(f"total {total.ticks} ticks, margin broken by {worst}, {dict(total.statuses)}")
+    hard = f"{100.0 * total.hard / total.ticks:.2f} % of them, {total.hardest:.1f} times at most"
+    print(f"total {total.ticks} ticks, margin broken by {worst}, {dict(total.statuses)};")
+    print(f"a joint changed its velocity by more than the acceleration allows in {hard}")
 
 
 def watched(robot: Robot, fit: str, few: bool) -> SelfCollision:
@@ -196,7 +207,8 @@ def pressed(solver: str) -> None:
         ("romeo", "l_wrist", "r_wrist"),
     ):
         robot = Robot.load(name)
-        margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS)
+        limits = Limits(robot)
+        margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, limits=limits)
         q, v = robot.posture("standing"), np.zeros(robot.nv)
         here = robot.snapshot(q)
         tasks = [
@@ -207,7 +219,7 @@ def pressed(solver: str) -> None:
             robot,
             [*tasks, PostureTask(robot, q, weight=0.05, gain=0.05)],
             contacts=support(here, "double"),
-            limits=Limits(robot),
+            limits=limits,
             constraints=[margins],
             dt=DT,
             solver=solver,
@@ -240,6 +252,7 @@ def main() -> None:
     parser.add_argument("--solver", default="proxqp")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--fit", default="capsule")
+    parser.add_argument("--braking", default="free", help="free or bounded, of the random ticks")
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
     options = parser.parse_args()
     if options.ticks:
