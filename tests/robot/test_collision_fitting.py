@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from wbc.robot import Robot
 from wbc.robot.collision import cache
 from wbc.robot.collision.bodies import robot_bodies
-from wbc.robot.collision.fitting import fit_capsule, fit_hull
+from wbc.robot.collision.fitting import fit_capsule, fit_hull, quick_capsule
 from wbc.robot.collision.shapes import Capsule, Hull
 
 FITS = {"capsule": fit_capsule, "hull": fit_hull}
@@ -200,3 +200,11 @@ def test_the_cache_can_be_off_or_unwritable(tmp_path: Path, monkeypatch, rng) ->
     assert folder is not None
     assert folder.name == "shapes"
     assert os.listdir(tmp_path) == ["file"]  # nothing was made by asking
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 200])
+def test_a_quick_capsule_holds_every_point(count: int, rng) -> None:
+    points = rng.normal(size=(count, 3)) * [3.0, 1.0, 0.5]
+    capsule = quick_capsule(points)
+    assert (outside_segment(points, capsule.ends) <= capsule.radius).all()
+    assert capsule.radius > 0.0

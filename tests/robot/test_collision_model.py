@@ -19,6 +19,7 @@ from wbc.robot.collision import (
     HalfSpace,
     Hull,
     Obstacle,
+    hulls,
     robot_bodies,
     select_pairs,
 )
@@ -177,6 +178,37 @@ def test_the_nearest_pairs_are_those_of_brute_force(
             )
             again = model.measure(here, found.pairs)
             np.testing.assert_allclose(again.distance, found.distance, rtol=0, atol=1e-6)
+
+
+def test_pairs_asked_for_in_turn_are_measured_anew(robot_named, random_snapshot, rng) -> None:
+    """What was asked for before, few or all, leaves nothing behind."""
+    robot = robot_named("hoap2_like")
+    bodies = bodies_on(robot, rng)
+    pairs = all_pairs(bodies)
+    model = CollisionModel(robot, bodies, pairs)
+    for size in (3, len(pairs), 1, 20, 5, 0):
+        here = random_snapshot(robot, rng)
+        some = np.sort(rng.choice(len(pairs), size, replace=False))
+        found = model.measure(here, some)
+        expected = distances(robot, bodies, [pairs[k] for k in some], here.q)
+        np.testing.assert_array_equal(found.pairs, some)
+        np.testing.assert_allclose(found.distance, expected, rtol=0, atol=5e-6)
+        assert found.normal.shape == found.point.shape == (size, 3)
+
+
+def test_results_that_do_not_lie_side_by_side(
+    robot_named, random_snapshot, rng, monkeypatch
+) -> None:
+    """Read one by one, coal's results are those that are read through a window."""
+    robot = robot_named("hoap2_like")
+    bodies = bodies_on(robot, rng)
+    pairs = all_pairs(bodies)
+    here = random_snapshot(robot, rng)
+    at_once = CollisionModel(robot, bodies, pairs).nearest(here, 15)
+    monkeypatch.setattr(hulls, "side_by_side", lambda fields: None)
+    one_by_one = CollisionModel(robot, bodies, pairs).nearest(here, 15)
+    for quick, slow in zip(at_once[:4], one_by_one[:4], strict=True):
+        np.testing.assert_array_equal(quick, slow)
 
 
 def test_a_half_space_against_arithmetic(robot_named, random_snapshot, rng) -> None:

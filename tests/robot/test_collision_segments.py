@@ -8,15 +8,18 @@ from scipy.optimize import minimize
 from wbc.robot.collision.segments import nearest_points
 
 
-def columns(start, end) -> np.ndarray:
+def columns(start, end) -> tuple[np.ndarray, np.ndarray]:
     start, end = np.atleast_2d(start), np.atleast_2d(end)
-    return np.stack((start, end - start), axis=2)
+    axis = end - start
+    length = np.linalg.norm(axis, axis=1)
+    unit = axis / np.where(length > 0.0, length, 1.0)[:, None]
+    return np.stack((start.T, unit.T)), length
 
 
 def nearest(a0, a1, b0, b1):
-    A, B = columns(a0, a1), columns(b0, b1)
-    shrink = [1.0 / np.where(s > 0, s, np.inf) for s in ((X[:, :, 1] ** 2).sum(1) for X in (A, B))]
-    return nearest_points(A, B, *shrink)
+    (A, length_a), (B, length_b) = columns(a0, a1), columns(b0, b1)
+    found = nearest_points(A, B, length_a, length_b)
+    return found._replace(normal=found.normal.T, point=found.point.T)
 
 
 def by_coal(a0, a1, b0, b1, radius=0.05) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from wbc.constraints.clearance import SKIN, Approach, Clearance
+from wbc.constraints.clearance import SKIN, USED, Approach, Clearance
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Gaps, Index, picked
 from wbc.errors import InvalidInputError
@@ -82,12 +82,17 @@ class SelfCollision(Clearance):
             model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
         )
         room = found.distance - (self.margin + SKIN)
-        return Gaps(found.pairs, room, model.rows(snapshot, found), None)
+        return Gaps(found.pairs, room, model.rows(snapshot, found), None, found)
 
     def labels(self, gaps: Gaps) -> tuple[str, ...]:
         """Return labels such as ``"left_hand vs pelvis"``."""
-        return picked(self.model.labels, gaps.keys)
+        every = self.model.labels
+        return every if gaps.keys.size == len(every) else picked(every, gaps.keys)
 
     def bend(self, gaps: Gaps, step: Array) -> Array:
-        """See :meth:`wbc.robot.collision.CollisionModel.bend`."""
-        return self.model.bend(gaps.keys, step)
+        """See :meth:`wbc.robot.collision.CollisionModel.sharp_bend`."""
+        if gaps.found is None:
+            return self.model.bend(gaps.keys, step)
+        left = gaps.room + gaps.matrix @ step
+        left += USED
+        return self.model.sharp_bend(gaps.found, step, left)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import Proximity
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
@@ -32,12 +33,15 @@ class Gaps(NamedTuple):
         (m, nv) derivative of the room by the velocity.
     rate:
         (m,) what it changes by at v = 0 [m/s]; None if nothing but the robot moves.
+    found:
+        The bodies that the gaps are between, as they were measured; None if there are none.
     """
 
     keys: Index
     room: Array
     matrix: Array
     rate: Array | None
+    found: Proximity | None = None
 
 
 class Bounds(NamedTuple):

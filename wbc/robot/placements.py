@@ -1,7 +1,8 @@
-"""All joint placements at once, without asking Pinocchio for one joint after the other."""
+"""What Pinocchio keeps of many things at once, without asking for one after the other."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,16 +37,23 @@ class JointPlacements:
 
     def _look(self, first: Any) -> Array | None:
         """Return a view on the field of which ``first`` is the first joint's, or None."""
-        poses = self._data.oMi
         kind = "rotation" if first.ndim > 1 else "translation"
-        fields = [getattr(pose, kind) for pose in poses]
-        places = np.array([field.ctypes.data for field in fields])
-        steps = np.unique(np.diff(places))
-        if len(steps) != 1 or any(field.flags.owndata for field in fields):
-            return None
-        return np.lib.stride_tricks.as_strided(
-            first,
-            shape=(len(fields), *first.shape),
-            strides=(int(steps[0]), *first.strides),
-            writeable=False,
-        )
+        return side_by_side([getattr(pose, kind) for pose in self._data.oMi])
+
+
+def side_by_side(fields: Sequence[Any]) -> Array | None:
+    """Return one view (n, ...) on n arrays that lie at a constant distance in memory, or None.
+
+    The view does not keep alive what it looks at.
+    """
+    first = fields[0]
+    steps = np.unique(np.diff([field.ctypes.data for field in fields]))
+    if len(steps) > 1 or any(field.flags.owndata for field in fields):
+        return None
+    step = int(steps[0]) if len(steps) else first.nbytes
+    return np.lib.stride_tricks.as_strided(
+        first,
+        shape=(len(fields), *first.shape),
+        strides=(step, *first.strides),
+        writeable=False,
+    )

@@ -76,6 +76,19 @@ def fit_hull(points: Array, pad: float = 0.0) -> Fit:
     return Fit(Hull(kept.copy(), radius), radius)
 
 
+def quick_capsule(points: Array) -> Capsule:
+    """Return a capsule along a principal axis that holds ``points`` (k, 3), without a search."""
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle, full_matrices=True)[2]
+    along = (points - middle) @ axes.T
+    tried = [
+        _trimmed(middle + np.outer((low, high), axis), points)
+        for axis, low, high in zip(axes, along.min(axis=0), along.max(axis=0), strict=True)
+    ]
+    ends = min(tried, key=lambda found: _volume(found, points))
+    return Capsule(ends.copy(), float(_to_segment(points, ends).max()) + ROUNDING)
+
+
 def contains(shape: Solid, points: Array) -> bool:
     """Whether every point (k, 3) lies in the shape, to the rounding of its radius."""
     if isinstance(shape, Capsule):

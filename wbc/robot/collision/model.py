@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.robot.collision.bending import REACH, Bending
+from wbc.robot.collision.fitting import quick_capsule
 from wbc.robot.collision.hulls import SolidPairs
-from wbc.robot.collision.segments import Nearest, nearest_points
-from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
+from wbc.robot.collision.segments import nearest_points
+from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
 from wbc.robot.model import Robot
 from wbc.robot.snapshot import Snapshot
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]
-# Pairs measured exactly for each pair asked for: bounding balls say little about long shapes.
+Scalar = TypeVar("Scalar", bound=np.generic)
+# Pairs looked at for each pair asked for: bounding balls say little about long shapes.
 CANDIDATES = 3
-REACH = 1.0  # m: levers on which joints carry bodies, for an estimate of curvature
+# Of these, pairs measured where that needs GJK (1.5 us each): capsules round the shapes say more.
+NARROWED = 2
 
 
 class Proximity(NamedTuple):
@@ -35,12 +39,15 @@ class Proximity(NamedTuple):
         (k, 3) unit vectors from the second body to the first, world axes.
     point:
         (k, 3) on the surface of the first body; that of the second is ``point - distance normal``.
+    snapshot:
+        The state they were measured in.
     """
 
     pairs: Index
     distance: Array
     normal: Array
     point: Array
+    snapshot: Snapshot
 
 
 class CollisionModel:
@@ -69,38 +76,41 @@ class CollisionModel:
         self.labels = tuple(f"{names[a]} vs {names[b]}" for a, b in self.pairs)
         joints = np.array([body.joint for body in self.bodies], dtype=np.int64)
         self._joints = joints
+        self._every: Index = np.arange(len(self.pairs))
+        self._every.flags.writeable = False
         self._first, self._second = self.pairs[:, 0].copy(), self.pairs[:, 1].copy()
         if (joints[self._first] == joints[self._second]).any():
             k = int(np.flatnonzero(joints[self._first] == joints[self._second])[0])
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
-        self._local = np.stack([_columns(body) for body in self.bodies])  # (bodies, 3, 3)
-        self._radii = np.array([body.shape.radius for body in self.bodies])
+        covers = [_cover(body.shape) for body in self.bodies]
+        self._own = [_columns(*both) for both in zip(self.bodies, covers, strict=True)]
+        self._local = np.stack(self._own)  # (bodies, 3, 3)
+        radii = np.array([cover.radius for cover in covers])
+        lengths = np.array([_length(cover) for cover in covers])
         reach = np.array([body.ball[1] for body in self.bodies])
         self._reaches = reach[self._first] + reach[self._second]
-        self._thickness = self._radii[self._first] + self._radii[self._second]
-        lengths = np.array([body.length for body in self.bodies])
-        squared = np.where(np.isfinite(lengths) & (lengths > 0.0), lengths, np.inf) ** 2
-        self._shrink_a, self._shrink_b = 1.0 / squared[self._first], 1.0 / squared[self._second]
+        self._thickness = radii[self._first] + radii[self._second]
+        self._first_radius = radii[self._first]
+        self._length_a, self._length_b = lengths[self._first], lengths[self._second]
         self._flat_index = self._first * len(self.bodies) + self._second
         moves = _moved_by(robot)
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[self._first]] - moves[joints[self._second]]  # (pairs, nv)
-        self._turns = np.abs(self._signs)
-        self._turns[:, :3] = 0.0  # the base's translation turns nothing
-        self._slides = np.minimum(lengths[self._first], lengths[self._second])
-        self._split()
+        turns = np.abs(self._signs)
+        turns[:, :3] = 0.0  # the base's translation turns nothing
+        self._bending = Bending(self.bodies, self.pairs, turns)
+        self._solids = self._split()
 
-    def _split(self) -> None:
-        """Tell the pairs that need coal from those of two capsules."""
+    def _split(self) -> SolidPairs | None:
+        """Return what measures the pairs if some shape is no capsule; None if all are."""
         flat = np.array([isinstance(body.shape, HalfSpace) for body in self.bodies])
         if flat[self._first].any():
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self._flat = np.flatnonzero(flat[self._second])
-        hull = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
-        solid = hull[self._first] | hull[self._second]
-        self._solid = solid if solid.any() else None
-        self._rank = np.cumsum(solid) - 1  # a pair's number among those that need coal
-        self._solids = SolidPairs(self.bodies, self.pairs[solid]) if solid.any() else None
+        solid = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
+        if not solid[self.pairs].any():
+            return None
+        return SolidPairs(self.robot, self.bodies, self.pairs)
 
     def __repr__(self) -> str:
         return (
@@ -113,26 +123,30 @@ class CollisionModel:
             raise InvalidInputError(f"body {self.bodies[body].name!r} is moved by the robot")
         R = finite_array("rotation", rotation, (3, 3))
         p = finite_array("origin", origin, (3,))
-        local = _columns(self.bodies[body])
-        self._local[body] = R @ local
+        self._local[body] = R @ self._own[body]
         self._local[body, :, 0] += p
         self._local[body, :, 2] += p
+        self._bending.place(body, self.bodies[body].shape.core @ R.T + p)
         if self._solids is not None:
             self._solids.place(body, (R, p))
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> Proximity:
         """Return how near the bodies of some pairs are, given by their numbers, increasing."""
-        return self._nearest(snapshot, self._placed(snapshot), pairs, len(pairs))
+        return self._nearest(snapshot, None, pairs, len(pairs))
 
     def nearest(self, snapshot: Snapshot, count: int | None = None) -> Proximity:
         """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`."""
-        placed = self._placed(snapshot)
         total = len(self.pairs)
         count = total if count is None else min(count, total)
         tried = CANDIDATES * count
         if tried >= total:
-            return self._nearest(snapshot, placed, np.arange(total), count)
+            return self._nearest(snapshot, None, self._every, count)
+        placed = self._placed(snapshot)
         lower = self._lower_bounds(placed)
+        if self._solids is not None:
+            near = np.argpartition(lower, tried)[:tried]
+            lower[near] = self._closer_bounds(placed, near, lower.take(near))
+            tried = NARROWED * count
         order = np.argpartition(lower, tried)
         candidates = order[:tried]
         candidates.sort()
@@ -152,16 +166,14 @@ class CollisionModel:
         joints at the world's origin, d(distance)/dt = [n, p x n] J v over the joints that move one
         body and not the other. No joint is looked at by itself.
         """
-        n, p = found.normal, found.point
-        line = np.empty((len(n), 6))
-        line[:, :3] = n
-        n0, n1, n2 = n.T
-        p0, p1, p2 = p.T
-        line[:, 3] = p1 * n2 - p2 * n1
-        line[:, 4] = p2 * n0 - p0 * n2
-        line[:, 5] = p0 * n1 - p1 * n0
-        matrix = line @ snapshot.joint_twists
-        matrix *= self._signs.take(found.pairs, axis=0)
+        n, p = found.normal.T, found.point.T
+        line = np.empty((6, len(found.pairs)))
+        line[:3] = n
+        n, p = np.concatenate((n, n)), np.concatenate((p, p))  # x y z x y z
+        arm = np.multiply(p[1:4], n[2:5], out=line[3:])
+        arm -= p[2:5] * n[1:4]
+        matrix = line.T @ snapshot.joint_twists
+        matrix *= self._of(self._signs, found.pairs)
         return matrix
 
     def bend(self, pairs: Index, step: Array) -> Array:
@@ -171,22 +183,46 @@ class CollisionModel:
         of the angles between them. That bends the paths of their points, and where surfaces are
         parallel the nearest points may jump along the shorter one.
         """
-        angle = self._turns.take(pairs, axis=0) @ np.abs(step)
-        return angle * (self._slides.take(pairs) + 0.5 * REACH * angle)
+        bending = self._bending
+        angle = self._of(bending.turns, pairs) @ np.abs(step)
+        return angle * (self._of(bending.slides, pairs) + 0.5 * REACH * angle)
+
+    def sharp_bend(self, found: Proximity, step: Array, room: Array) -> Array:
+        """Return :meth:`bend`, more closely where it is above ``room`` (k,): see ``bending``.
+
+        Only surfaces that are parallel and near each other keep what :meth:`bend` says of them.
+        """
+        bend = self.bend(found.pairs, step)
+        unsure = np.flatnonzero(bend > room)
+        if unsure.size:
+            pairs = found.pairs.take(unsure)
+            normal, point = found.normal.take(unsure, axis=0), found.point.take(unsure, axis=0)
+            contact = normal, point, point - found.distance.take(unsure)[:, None] * normal
+            angle = self._bending.turns.take(pairs, axis=0) @ np.abs(step)
+            places = found.snapshot.joint_placements
+            closer = self._bending.from_corners(places, pairs, contact, angle)
+            bend[unsure] = np.minimum(bend[unsure], closer)
+        return bend
+
+    def _of(self, values: NDArray[Scalar], pairs: Index) -> NDArray[Scalar]:
+        """Return what belongs to some pairs; without a copy if these are all."""
+        return values if pairs is self._every else values.take(pairs, axis=0)
 
     def _placed(self, snapshot: Snapshot) -> Array:
-        """Return start, direction and middle (bodies, 3, 3) of all bodies, in columns, world."""
+        """Return start, direction and middle of all bodies, (3, 3, bodies), world axes.
+
+        Bodies come last: NumPy is quickest along the long side.
+        """
         R, p = snapshot.joint_placements
-        placed = np.matmul(R.take(self._joints, axis=0), self._local)
-        origins = p.take(self._joints, axis=0)
-        placed[:, :, 0] += origins
-        placed[:, :, 2] += origins
+        turned = np.matmul(R.take(self._joints, axis=0), self._local)
+        placed = np.ascontiguousarray(turned.T)
+        placed[::2] += p.take(self._joints, axis=0).T
         return placed
 
     def _lower_bounds(self, placed: Array) -> Array:
         """Return the distance (pairs,) of the balls that hold the bodies, or of ball and plane."""
-        middles = placed[:, :, 2] - placed[0, :, 2]  # from near by: no cancellation far away
-        products = middles @ middles.T
+        middles = placed[2] - placed[2, :, :1]  # from near by: no cancellation far away
+        products = middles.T @ middles
         squares = products.diagonal()
         apart = squares[:, None] + squares
         products *= 2.0
@@ -196,73 +232,91 @@ class CollisionModel:
         np.sqrt(bounds, out=bounds)
         bounds -= self._reaches
         if self._flat.size:
-            plane = placed[self._second[self._flat]]
-            above = placed[self._first[self._flat], :, 2] - plane[:, :, 0]
-            heights = np.einsum("ki,ki->k", above, plane[:, :, 1])
+            planes, bodies = self._second[self._flat], self._first[self._flat]
+            above = placed[2, :, bodies] - placed[0, :, planes]  # (k, 3)
+            heights = np.einsum("ki,ki->k", above, placed[1, :, planes])
             bounds[self._flat] = heights - self._reaches[self._flat]
         return bounds
 
-    def _nearest(self, snapshot: Snapshot, placed: Array, tried: Index, count: int) -> Proximity:
+    def _closer_bounds(self, placed: Array, chosen: Index, lower: Array) -> Array:
+        """Return ``lower`` or, where more, the distance (k,) of capsules round the shapes."""
+        covers, _, _ = self._capsules(placed, chosen)
+        if self._flat.size:
+            covers[np.isin(chosen, self._flat)] = -np.inf  # nothing is round a plane
+        return np.maximum(covers, lower, out=covers)
+
+    def _nearest(
+        self, snapshot: Snapshot, placed: Array | None, tried: Index, count: int
+    ) -> Proximity:
         """Return the ``count`` nearest of the pairs ``tried``, measured exactly."""
-        if self._solids is None or self._solid is None:
-            return _best(tried, self._capsules(placed, tried), count)
-        solid = self._solid.take(tried)
-        mixed = not solid.all()
-        distance = np.empty(len(tried))
-        distance[solid] = self._solids.distances(snapshot, self._rank.take(tried[solid]))
-        round_ones = self._capsules(placed, tried[~solid]) if mixed else None
-        if round_ones is not None:
-            distance[~solid] = round_ones.distance
-        best = _smallest(distance, count)
-        chosen, kind = tried[best], solid[best]
-        normal, point = np.empty((len(best), 3)), np.empty((len(best), 3))
-        normal[kind], point[kind] = self._solids.witnesses(self._rank.take(chosen[kind]))
-        if round_ones is not None:
-            place = (np.cumsum(~solid) - 1)[best[~kind]]
-            normal[~kind], point[~kind] = round_ones.normal[place], round_ones.point[place]
-        return Proximity(chosen, distance[best], normal, point)
+        solids = self._solids
+        if solids is None:
+            placed = self._placed(snapshot) if placed is None else placed
+            distance, normal, point = self._capsules(placed, tried)
+            if count < len(tried):
+                best = _smallest(distance, count)
+                tried, distance = tried.take(best), distance.take(best)
+                normal, point = normal.take(best, axis=1), point.take(best, axis=1)
+            return Proximity(tried, distance, normal.T, point.T, snapshot)
+        distance = solids.distances(snapshot, tried)
+        if count < len(tried):
+            best = _smallest(distance, count)
+            tried, distance = tried.take(best), distance.take(best)
+        normal, point = solids.witnesses(tried)
+        return Proximity(tried, distance, normal.T, point.T, snapshot)
 
-    def _capsules(self, placed: Array, chosen: Index) -> Nearest:
-        first, second = self._first.take(chosen), self._second.take(chosen)
+    def _capsules(self, placed: Array, chosen: Index) -> tuple[Array, Array, Array]:
+        """Return distances (k,), normals (3, k) and points on the first bodies (3, k).
+
+        Those of the capsules round the shapes, if these are others.
+        """
+        first, second = self._of(self._first, chosen), self._of(self._second, chosen)
         axes = nearest_points(
-            placed.take(first, axis=0),
-            placed.take(second, axis=0),
-            self._shrink_a.take(chosen),
-            self._shrink_b.take(chosen),
+            placed.take(first, axis=2),
+            placed.take(second, axis=2),
+            self._of(self._length_a, chosen),
+            self._of(self._length_b, chosen),
         )
-        surface = axes.point - self._radii.take(first)[:, None] * axes.normal
-        return Nearest(axes.distance - self._thickness.take(chosen), axes.normal, surface)
-
-
-def _best(tried: Index, found: Nearest, count: int) -> Proximity:
-    """Return the ``count`` nearest of capsules that were measured, order unchanged."""
-    if count >= len(tried):
-        return Proximity(tried, *found)
-    best = _smallest(found.distance, count)
-    distance, normal, point = (part.take(best, axis=0) for part in found)
-    return Proximity(tried.take(best), distance, normal, point)
+        distance, normal, point = axes
+        distance -= self._of(self._thickness, chosen)
+        point -= self._of(self._first_radius, chosen) * normal
+        return distance, normal, point
 
 
 def _smallest(values: Array, count: int) -> Index:
     """Return where the ``count`` smallest values are, increasing."""
-    if count >= len(values):
-        return np.arange(len(values))
     places = np.argpartition(values, count)[:count]
     places.sort()
     return places
 
 
-def _columns(body: Body) -> Array:
-    """Return start, direction and middle (3, 3) of a body in its frame, in columns.
+def _cover(shape: Shape) -> Capsule:
+    """Return a capsule that holds a shape; of a half-space, a point of its surface."""
+    match shape:
+        case Capsule():
+            return shape
+        case Hull():
+            capsule = quick_capsule(shape.vertices)
+            return Capsule(capsule.ends, capsule.radius + shape.radius)
+    return Capsule.sphere(shape.core[0], 0.0)
 
-    Those of a half-space are a point of its surface, its normal, and the point again.
+
+def _length(capsule: Capsule) -> float:
+    return float(np.linalg.norm(capsule.ends[1] - capsule.ends[0]))
+
+
+def _columns(body: Body, cover: Capsule) -> Array:
+    """Return start, unit direction and middle (3, 3) of a body in its frame, in columns.
+
+    Start and direction are those of its cover; the direction of a half-space is its normal.
     """
     if isinstance(body.shape, HalfSpace):
         point = body.shape.core[0]
         return np.stack((point, body.shape.normal, point), axis=1)
-    ends = body.shape.core[[0, -1]]
+    start, end = cover.ends
+    direction = (end - start) / (_length(cover) or 1.0)
     middle, _ = body.ball
-    return np.stack((ends[0], ends[1] - ends[0], middle), axis=1)
+    return np.stack((start, direction, middle), axis=1)
 
 
 def _moved_by(robot: Robot) -> Array:

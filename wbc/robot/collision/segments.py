@@ -1,7 +1,9 @@
 """Nearest points of many pairs of segments at once.
 
-A segment is its start and its direction; a point has direction zero. The way through the cases is
-that of Ericson, Real-Time Collision Detection (2005), sec. 5.1.9, without branches.
+A segment is its start, its unit direction and its length; a point has length zero. The way through
+the cases is that of Ericson, Real-Time Collision Detection (2005), sec. 5.1.9, without branches.
+
+Components come first, (3, k): NumPy takes a third of the time along the long side.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ class Nearest(NamedTuple):
     distance:
         (k,) [m], not negative.
     normal:
-        (k, 3) unit vectors from B to A.
+        (3, k) unit vectors from B to A.
     point:
-        (k, 3) on A.
+        (3, k) on A.
     """
 
     distance: Array
@@ -34,7 +36,7 @@ class Nearest(NamedTuple):
     point: Array
 
 
-def nearest_points(A: Array, B: Array, shrink_a: Array, shrink_b: Array) -> Nearest:
+def nearest_points(A: Array, B: Array, length_a: Array, length_b: Array) -> Nearest:
     """Return what is nearest between segments A and B.
 
     Where axes touch, the normal is the common perpendicular of the two axes on the side of A's
@@ -43,50 +45,47 @@ def nearest_points(A: Array, B: Array, shrink_a: Array, shrink_b: Array) -> Near
     Parameters
     ----------
     A, B:
-        (k, 3, 2 or more): start, direction in columns.
-    shrink_a, shrink_b:
-        (k,) one over the squared lengths, 0 for points: they do not change with the posture.
+        (2 or more, 3, k): start, unit direction (anything for a point).
+    length_a, length_b:
+        (k,) [m], 0 for points.
     """
-    V = np.empty((len(A), 3, 3))
-    V[:, :, 0] = A[:, :, 1]
-    V[:, :, 1] = B[:, :, 1]
-    between = np.subtract(A[:, :, 0], B[:, :, 0], out=V[:, :, 2])
-    G = np.matmul(V.transpose(0, 2, 1), V)  # all inner products
-    s, t = _shares(G, shrink_a, shrink_b)
-    along_a = s[:, None] * V[:, :, 0]
+    a, b = A[1], B[1]
+    between = A[0] - B[0]
+    s, t = _shares(a, b, between, length_a, length_b)
+    along_a = s * a
     apart = between + along_a
-    apart -= t[:, None] * V[:, :, 1]
-    distance = np.sqrt(np.einsum("ki,ki->k", apart, apart))
-    touching = distance.size > 0 and np.minimum.reduce(distance) < TOUCHING
-    safe = np.maximum(distance, TOUCHING) if touching else distance
-    normal = apart / safe[:, None]
-    if touching:
+    apart -= t * b
+    distance = np.sqrt(_inner(apart, apart))
+    if distance.size and np.minimum.reduce(distance) < TOUCHING:
+        normal = apart / np.maximum(distance, TOUCHING)
         for k in np.flatnonzero(distance < TOUCHING):
-            normal[k] = _fallback(A[k, :, 1], B[k, :, 1], between[k])
-    along_a += A[:, :, 0]
+            normal[:, k] = _fallback(length_a[k] * a[:, k], length_b[k] * b[:, k], between[:, k])
+    else:
+        normal = np.divide(apart, distance, out=apart)
+    along_a += A[0]
     return Nearest(distance, normal, along_a)
 
 
-def _shares(G: Array, shrink_a: Array, shrink_b: Array) -> tuple[Array, Array]:
-    """Return where on A and on B (k,), (k,) the nearest points are, 0 at the start, 1 at the end.
-
-    G (k, 3, 3) holds the inner products of A's direction, B's direction, and start of A minus
-    start of B.
-    """
-    ab, bb = G[:, 0, 1], G[:, 1, 1]
-    ar, br = G[:, 0, 2], G[:, 1, 2]
-    both = G[:, 0, 0] * bb
-    sine = both - ab * ab
-    sine[sine <= PARALLEL * both] = np.inf  # parallel, or a point: any s will do
-    s = _into_unit((ab * br - ar * bb) / sine)
-    t = _into_unit((ab * s + br) * shrink_b)
-    s = _into_unit((ab * t - ar) * shrink_a)
-    return s, t
+def _shares(
+    a: Array, b: Array, between: Array, length_a: Array, length_b: Array
+) -> tuple[Array, Array]:
+    """Return how far along A and along B (k,), (k,) the nearest points are [m]."""
+    ab, ar, br = _inner(a, b), _inner(a, between), _inner(b, between)
+    sine = 1.0 - ab * ab
+    # Parallel segments: any s will do.
+    s = _within((ab * br - ar) / np.maximum(sine, PARALLEL, out=sine), length_a)
+    t = _within(ab * s + br, length_b)
+    return _within(ab * t - ar, length_a), t
 
 
-def _into_unit(x: Array) -> Array:
+def _inner(x: Array, y: Array) -> Array:
+    """Return the inner products (k,) of vectors (3, k)."""
+    return np.asarray(np.add.reduce(x * y))
+
+
+def _within(x: Array, length: Array) -> Array:
     np.maximum(x, 0.0, out=x)
-    return np.minimum(x, 1.0, out=x)
+    return np.minimum(x, length, out=x)
 
 
 def _fallback(a: Array, b: Array, between: Array) -> Array:
