@@ -25,6 +25,7 @@ FLOORS = {
     "problem": 4,
     "view": 5,
     "cli": 5,
+    "__main__": 5,
 }
 # Rooms inside a room that stand on a floor of their own: a balance law may solve a QP.
 INNER = {"rmp/balance": 2}
@@ -91,5 +92,5 @@ def test_imports_go_down(path: Path) -> None:
 
 
 def test_every_room_has_a_floor() -> None:
-    rooms = {room_of(path) for path in FILES} - {"__init__", "__main__"}
+    rooms = {room_of(path) for path in FILES} - {"__init__"}
     assert rooms == set(FLOORS) | set(INNER)

@@ -221,3 +221,14 @@ def test_help_does_not_load_the_robotics_libraries() -> None:
     )
     assert answer.stdout.splitlines()[-1] == "[]"
     assert "robots" in answer.stdout
+
+
+def test_python_m_wbc_is_wbc() -> None:
+    answer = subprocess.run(
+        [sys.executable, "-m", "wbc", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(Path(wbc.__file__).parents[1])},
+    )
+    assert answer.stdout == f"wbc {wbc.__version__}\n"
