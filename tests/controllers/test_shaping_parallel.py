@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from wbc.controllers.shaping import GlobalShaping
-from wbc.controllers.shaping import parallel as parallel_module
+from wbc.controllers.shaping import shaping as shaping_module
+from wbc.controllers.shaping.team import NOTHING, Team
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import InertiaTask
@@ -91,33 +92,61 @@ def test_ctrl_c_inside_ipopt_ends_the_search(robot_named) -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_search_lost_with_its_process_is_repeated(robot_named) -> None:
-    """A process takes a number and dies: nobody waits for it for ever."""
+@pytest.fixture
+def teams(monkeypatch: pytest.MonkeyPatch) -> list[Team]:
+    """The teams that are made during the test."""
+    made: list[Team] = []
+
+    class Watched(Team):
+        def __init__(self, *args) -> None:
+            super().__init__(*args)
+            made.append(self)
+
+    monkeypatch.setattr(shaping_module, "Team", Watched)
+    return made
+
+
+def test_a_search_that_was_taken_and_lost_is_repeated(robot_named, teams) -> None:
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
     expected = shaping.solve(q, 6, workers=1)
-    took: list[int] = []
+    took: list[int | None] = []
 
     def steal(done: int, total: int, cost: float | None) -> None:
         if done == 1:
-            number = parallel_module._next(teams[0]._counter, total, None)
-            took.append(number)
+            took.append(teams[-1].take())
 
-    teams: list[parallel_module._Team] = []
-
-    class Watched(parallel_module._Team):
-        def __init__(self, *args) -> None:
-            super().__init__(*args)
-            teams.append(self)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parallel_module, "_Team", Watched)
-        outcome = shaping.solve(q, 6, workers=1, progress=steal)
+    outcome = shaping.solve(q, 6, workers=1, progress=steal)
     assert took == [1]
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
 
 
-def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named) -> None:
+def test_nobody_waits_for_a_process_that_was_killed(robot_named, teams) -> None:
+    """It dies amid a search; what it was at is done here, and all that comes after."""
+    robot = robot_named("hoap2_like")
+    shaping, q = shaping_of(robot), robot.posture()
+    expected = shaping.solve(q, 40, workers=1)
+    held: list[set[int]] = []
+
+    def kill(done: int, total: int, cost: float | None) -> None:
+        (member,) = teams[-1]._members
+        board = teams[-1]._board
+        if done == 1:
+            while board.held([1]) == {NOTHING}:  # it is still loading
+                os.sched_yield()
+            with board._cells.get_lock():  # else it might die with the lock
+                os.kill(member._process.pid, signal.SIGSTOP)
+                os.kill(member._process.pid, signal.SIGKILL)
+            held.append(board.held([1]))
+
+    outcome = shaping.solve(q, 40, workers=2, progress=kill)
+    assert held[0] != {NOTHING}
+    assert outcome.statistics.stopped is None
+    assert outcome.statistics.searched == 40
+    assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
+
+
+def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, teams) -> None:
     """A terminal sends it to all; only this process answers, and theirs do not print a trace."""
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
@@ -125,24 +154,23 @@ def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named) -> None:
 
     def press(done: int, total: int, cost: float | None) -> None:
         if done == 1:
-            (member,) = teams[0]._members
-            os.kill(member.pid, signal.SIGINT)
-            member.join(0.3)  # s; time enough to die of it
-            alive.append(member.is_alive())
+            (member,) = teams[-1]._members
+            os.kill(member._process.pid, signal.SIGINT)
+            member._process.join(0.3)  # s; time enough to die of it
+            alive.append(member._process.is_alive())
 
-    teams: list[parallel_module._Team] = []
-
-    class Watched(parallel_module._Team):
-        def __init__(self, *args) -> None:
-            super().__init__(*args)
-            teams.append(self)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parallel_module, "_Team", Watched)
-        outcome = shaping.solve(q, 3, workers=2, progress=press)
+    outcome = shaping.solve(q, 3, workers=2, progress=press)
     assert alive == [True]
     assert outcome.statistics.stopped is None
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_the_others_end_with_the_search(robot_named, teams) -> None:
+    robot = robot_named("hoap2_like")
+    shaping_of(robot).solve(robot.posture(), 3, workers=3)
+    (team,) = teams
+    assert len(team._members) == 2
+    assert not any(member._process.is_alive() for member in team._members)
 
 
 def test_unusable_numbers_are_refused(robot_named) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.constraints import Contact, Limits, support
+from wbc.constraints import ComSupport, Contact, Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.shaping import GlobalShaping, Motion, MotionTick, ShapingOutcome
 from wbc.controllers.shaping.keeping import Tolerances
@@ -86,22 +86,29 @@ def test_the_next_best_is_taken_where_the_best_cannot_be_reached(robot_named) ->
 
 
 def test_a_broken_constraint_on_the_way_is_told(robot_named) -> None:
-    """The polygon is not among the controller's constraints: leaving it is noticed."""
+    """A controller that does not know of the polygon: leaving it is noticed."""
     robot = robot_named("hoap2_like")
     q = robot.posture()
     here = robot.snapshot(q)
     contacts = support(here, "left")  # the CoM is between the feet, outside this polygon
     task = ComTask(robot, [*contacts[0].position[:2], here.com[2]])
     away = GlobalShaping(robot, [ComTask(robot, here.com)], contacts)
-    shaping = GlobalShaping(robot, [task], contacts, support_margin=0.0)
+    shaping = GlobalShaping(
+        robot, [task], contacts, constraints=[ComSupport.over(here, "left", margin=0.0)]
+    )
     outcome = shaping.solve(q, 4, workers=1)
     motion = shaping.reach(q, outcome, dt=0.01)
     assert motion.arrived  # from outside to inside is allowed
     assert motion.kept.support < 0.0
     inside = motion.q[-1]
     back = away.solve(inside, 1, workers=1)
-    leaving = shaping.reach(inside, back, attempts=1, dt=0.01)
+
+    def unaware(tasks: list[Task]) -> KinematicController:
+        return KinematicController(robot, tasks, contacts=contacts, limits=Limits(robot), dt=0.01)
+
+    leaving = shaping.reach(inside, back, attempts=1, dt=0.01, make_controller=unaware)
     assert not leaving.arrived
+    assert "com vs support edge" in leaving.attempts[0].reason
 
 
 def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wbc.cli import app
-from wbc.constraints import Limits
+from wbc.constraints import ComSupport, Limits
 from wbc.controllers.shaping import Candidate, GlobalShaping, NoPostureError
 from wbc.controllers.shaping.keeping import Tolerances
 from wbc.problem import Problem, Result, RunStatus, load_problem
@@ -49,7 +49,7 @@ def test_the_result_is_that_of_the_search(one: Problem, result: Result) -> None:
         [task for task in parts.tasks if task.name != "idle"],
         parts.contacts,
         Limits(parts.robot, margin=MARGIN),
-        0.01,
+        [ComSupport.over(parts.robot.snapshot(parts.start), margin=0.01)],
     )
     outcome = shaping.solve(parts.start, 12, workers=1)
     report = result.shaping

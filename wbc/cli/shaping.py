@@ -14,6 +14,7 @@ from wbc.problem.shaping_report import ShapingReport
 SHOWN = 5
 _STOPPED = {
     "met": "; it stopped once the tasks were met",
+    "settled": "; it stopped when nothing better was found for long",
     "seconds": "; it ran out of time",
     "interrupted": "; it was interrupted",
 }

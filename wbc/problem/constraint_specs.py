@@ -21,7 +21,8 @@ class _Constraint(Section):
     """What all constraints have."""
 
     slack: Positive | None = None
-    """Weight of the squared slack [1/(m/s)^2] of a constraint that may give way; left out: hard."""
+    """Weight of the squared slack [1/(m/s)^2] of a constraint that may give way; left out: hard.
+    The search of method global knows those that are hard."""
 
 
 class SelfCollisionSpec(_Constraint):
@@ -56,7 +57,7 @@ class ObstacleSpec(Section):
     position: Point = (0.0, 0.0, 0.0)
     """Where it is [m]."""
     velocity: Point = (0.0, 0.0, 0.0)
-    """How it moves [m/s], world axes."""
+    """How it moves [m/s], world axes; with method global it must not."""
 
 
 class ObstaclesSpec(_Constraint):

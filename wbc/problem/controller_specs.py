@@ -54,7 +54,9 @@ class GlobalSpec(QpSettings):
 
     method: Literal["global"]
     starts: int = Field(default=64, ge=1, le=100_000)
-    """How many searches; the first begins at the start of the run."""
+    """How many searches at most; the first begins at the start of the run."""
+    patience: int | None = Field(default=None, ge=1)
+    """The search ends when so many in a row have found nothing better; null: all are made."""
     seconds: Positive | None = None
     """Wall time after which no search is begun [s]; null: all are made. With a time the answer
     depends on how fast the machine is."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from wbc.constraints import Limits
+from wbc.constraints import ComSupport, Contact, Limits, PointContact
 from wbc.errors import InvalidInputError
 from wbc.problem.controller_specs import GlobalSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.task_specs import MomentumSpec
+from wbc.robot import Snapshot
 
 if TYPE_CHECKING:
     from wbc.controllers.shaping import GlobalShaping
@@ -24,6 +26,14 @@ def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
                 "method global looks for one posture and moves there; leave the phases out, or "
                 "give another controller.method"
             )
+    for name, constraint in spec.constraints.items():
+        for thing, obstacle in getattr(constraint, "things", {}).items():
+            with mistakes.at("constraints", name, "things", thing, "velocity"):
+                if any(obstacle.velocity):
+                    raise InvalidInputError(
+                        "method global looks for a posture to rest in, and where this will be then "
+                        "is not known; leave the velocity out, or give another controller.method"
+                    )
     used = {name: task for name, task in spec.tasks.items() if task.active}
     level = next((task.priority for task in used.values()), 0)
     for name, task in used.items():
@@ -50,6 +60,8 @@ def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
 def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> GlobalShaping:
     """Return the search that a problem describes, over the tasks that are in use.
 
+    It knows all constraints but those that may give way: these are left to the motion.
+
     Raises
     ------
     Misplaced
@@ -61,16 +73,32 @@ def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> G
     limits = parts.limits
     if limits is None:
         limits = Limits(parts.robot, position=False, velocity=None)
-    try:
-        return GlobalShaping(
-            parts.robot,
-            [task for task in parts.tasks if spec.tasks[task.name].active],
-            parts.contacts,
-            limits,
-            controller.support_margin,
+    start = parts.robot.snapshot(parts.start)
+    around = parts.surroundings.around(start, parts.contacts)
+    soft = parts.surroundings.slack_of(around)
+    hard = [constraint for constraint in around if constraint.name not in soft]
+    if controller.support_margin is not None:
+        hard.append(_over_held_soles(start, parts.contacts, controller.support_margin))
+    return GlobalShaping(
+        parts.robot,
+        [task for task in parts.tasks if spec.tasks[task.name].active],
+        parts.contacts,
+        limits,
+        hard,
+    )
+
+
+def _over_held_soles(start: Snapshot, contacts: Sequence[Contact], margin: float) -> ComSupport:
+    held = {contact.frame for contact in contacts if not isinstance(contact, PointContact)}
+    feet = [name for name, foot in start.robot.feet.items() if held & {foot.frame, foot.link}]
+    if not feet:
+        raise Misplaced(
+            "no contact holds a foot's sole; without support there is no polygon to stay over",
+            "support_margin",
         )
+    try:
+        return ComSupport.over(start, feet, margin=margin)
     except InvalidInputError as error:
-        head = "global shaping, support_margin: "
-        if not str(error).startswith(head):
-            raise
-        raise Misplaced(str(error).removeprefix(head), "support_margin") from error
+        raise Misplaced(str(error).removeprefix("com support, margin: "), "support_margin") from (
+            error
+        )

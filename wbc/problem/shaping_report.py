@@ -58,8 +58,8 @@ class SearchEffort:
     workers:
         Processes that searched.
     stopped:
-        Why it ended before all starts were tried: ``met`` (the tasks are met), ``seconds`` or
-        ``interrupted``; or None.
+        Why it ended before all starts were tried: ``met`` (the tasks are met), ``settled`` (nothing
+        better was found for long), ``seconds`` or ``interrupted``; or None.
     """
 
     starts: int

@@ -51,7 +51,13 @@ def run_global(
 
     searched(0, spec.starts, None)  # drawing and closing many starts takes a while
     outcome = shaping.solve(
-        parts.start, spec.starts, spec.seconds, spec.workers, spec.seed, searched
+        parts.start,
+        spec.starts,
+        spec.seconds,
+        spec.workers,
+        spec.seed,
+        searched,
+        spec.patience,
     )
     start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
     began = perf_counter()

@@ -1,6 +1,5 @@
 """Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
 
-from wbc.controllers.shaping.capsules import CapsulePair
 from wbc.controllers.shaping.motion import Attempt, Motion, MotionTick
 from wbc.controllers.shaping.outcome import (
     Candidate,
@@ -15,7 +14,6 @@ from wbc.controllers.shaping.shaping import GlobalShaping
 __all__ = [
     "Attempt",
     "Candidate",
-    "CapsulePair",
     "GlobalShaping",
     "Motion",
     "MotionTick",

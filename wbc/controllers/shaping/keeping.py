@@ -6,9 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wbc.constraints import ComSupport
+from wbc.constraints.clearance import SKIN
 from wbc.controllers.shaping.outcome import Kept
 from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.robot import Snapshot
+
+TOLD = 3  # pairs that are named: the worst
 
 
 @dataclass(frozen=True)
@@ -22,9 +26,9 @@ class Tolerances:
     limit:
         Of a joint beyond its limit [rad or m].
     support:
-        Of the CoM outside the support polygon [m].
+        Of the CoM outside a support polygon, less its margin [m].
     clearance:
-        Of capsules nearer than asked for [m].
+        Of bodies nearer than their margin, and of frames outside their boxes [m].
     """
 
     contact: float
@@ -56,22 +60,20 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
         f"joint {problem.robot.joint_names[k]} is {-room[k]:.2g} beyond its limit"
         for k in np.flatnonzero(~(room >= -allowed.limit))
     ]
-    support = None
-    if problem.support is not None:
-        normals, reach = problem.support[:, :2], problem.support[:, 2]
-        support = float((reach - normals @ snapshot.com[:2]).min())
-        if not support >= -allowed.support:
-            broken.append(f"the CoM is {-support:.2g} m outside the support polygon")
-    apart = [pair.excess(snapshot) for pair in problem.capsules]
-    broken += [
-        f"{pair.name} is {-excess:.2g} m too near"
-        for pair, excess in zip(problem.capsules, apart, strict=True)
-        if not excess >= -allowed.clearance
-    ]
+    rooms: dict[bool, list[float]] = {True: [], False: []}
+    for one in problem.constraints:
+        balance = isinstance(one, ComSupport)
+        lost = allowed.support if balance else allowed.clearance
+        found = one.gaps(snapshot)
+        left = found.room + SKIN  # of the margin itself
+        rooms[balance].append(float(left.min(initial=np.inf)))
+        lacking = [k for k in np.argsort(left)[:TOLD] if not left[k] >= -lost]
+        labels = one.labels(found)
+        broken += [f"{labels[k]} lacks {-left[k]:.2g} m of {one.name!r}" for k in lacking]
     return Kept(
         max(off.values(), default=0.0),
         float(room.min(initial=np.inf)),
-        support,
-        min(apart, default=None),
+        min(rooms[True], default=None),
+        min(rooms[False], default=None),
         tuple(broken),
     )

@@ -53,7 +53,7 @@ class Lead:
             self._base = PoseTask(
                 robot, BASE, here.position(BASE), here.rotation(BASE), name="way: base"
             )
-        if problem.support is not None:
+        if problem.supports:
             self._com = ComTask(robot, here.com, axes=AXES, name="way: com", weight=COM_WEIGHT)
         tasks = (self._posture, self._base, self._com)
         self.tasks: tuple[Task, ...] = tuple(task for task in tasks if task is not None)

@@ -27,7 +27,8 @@ class Kept:
     support:
         How far the CoM is inside the support polygon, margin included [m]; None if not asked for.
     clearance:
-        How much further apart capsules are than asked for, the worst pair [m]; None without.
+        How much more room than asked for bodies, obstacles and boxes leave, the least [m]; None
+        without such constraints.
     broken:
         Constraints that are not kept, in words; empty if all are.
     """
@@ -93,9 +94,10 @@ class Rejected:
 
 
 class Stopped(StrEnum):
-    """Why a search ended early: every task met, the time was over, or Ctrl-C."""
+    """Why a search ended early: every task met, nothing better for long, out of time, or Ctrl-C."""
 
     MET = "met"
+    SETTLED = "settled"
     SECONDS = "seconds"
     INTERRUPTED = "interrupted"
 

@@ -1,27 +1,43 @@
 """Many searches at once, in this process and in others.
 
 Every process takes the next start when it is done with one, this process among them: it need not
-wait until others have loaded, and a process that dies loses one search, which is repeated here.
+wait until others have loaded (:mod:`.team`), and a process that dies loses one search, which is
+repeated here. New starts may be made of what was found; the others get them as they are made.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import queue
 import signal
 import threading
-import time
-from collections.abc import Callable, Container, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from wbc.controllers.shaping.nlp import Local, Nlp, Start
-from wbc.controllers.shaping.outcome import Stopped
+from wbc.controllers.shaping.outcome import ShapingStatistics, Stopped
+from wbc.controllers.shaping.team import Team
 
-# Called with the number of a start and what was found from it; True if no more are needed.
-Report = Callable[[int, Local], bool]
-PATIENCE = 0.05  # s between looks at whether a process is still alive
+
+class Errand(Protocol):
+    """What is searched for."""
+
+    @property
+    def total(self) -> int:
+        """How many searches there are to be, at most."""
+        ...
+
+    @property
+    def reason(self) -> Stopped | None:
+        """Why no more are needed; None if they are."""
+        ...
+
+    def more(self) -> Sequence[Start]:
+        """Return the starts, after those returned before, that can be made by now."""
+        ...
+
+    def note(self, number: int, local: Local) -> bool:
+        """Take what was found from the start of a number; return True if no more are needed."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,59 +47,56 @@ class Searches:
     found: dict[int, Local]
     stopped: Stopped | None
 
+    def statistics(
+        self, drawn: int, workers: int, build_seconds: float, search_seconds: float
+    ) -> ShapingStatistics:
+        """Return what the searches took."""
+        return ShapingStatistics(
+            drawn=drawn,
+            searched=len(self.found),
+            iterations=sum(local.iterations for local in self.found.values()),
+            build_seconds=build_seconds,
+            search_seconds=search_seconds,
+            workers=workers,
+            stopped=self.stopped,
+        )
 
-def search_all(
-    nlp: Nlp,
-    starts: Sequence[Start],
-    workers: int,
-    seconds: float | None,
-    report: Report,
-) -> Searches:
-    """Search from every start.
 
-    Parameters
-    ----------
-    workers:
-        Processes, this one included. Others are started fresh (``spawn``), so a script that asks
-        for more than one needs the usual ``if __name__ == "__main__"`` guard.
-    seconds:
-        Wall time after which no search is begun, and how long a single one may take (at least a
-        second), or None. The first start is always searched from.
-    report:
-        Called in this process after each search; returns True when no more need be begun.
+def search_all(nlp: Nlp, errand: Errand, team: Team) -> Searches:
+    """Search from every start of an errand, here and by a team; Ctrl-C ends it with what there is.
+
+    The first start is always searched from, others until the team's time is over.
     """
-    deadline = None if seconds is None else time.time() + seconds
-    if seconds is not None:
-        nlp = nlp.within(max(seconds, 1.0))
     found: dict[int, Local] = {}
 
     def note(number: int, local: Local) -> None:
+        if number in found:
+            return
         found[number] = local
-        if report(number, local):
+        if errand.note(number, local):
             team.begin_no_more()
 
-    team = _Team(nlp, starts, min(workers, len(starts)) - 1, deadline)
     with _Interruption() as interruption:
         try:
             searcher = nlp.searcher()
-            for number in iter(team.next_start, None):
-                note(number, searcher.search(starts[number]))
+            while True:
+                team.offer(errand.more())
+                number = team.take()
+                if number is None:
+                    lost = team.lost(found)  # taken by a process that died
+                    if not lost and len(found) == team.taken:
+                        break
+                    number = lost[0] if lost else None
+                if number is not None:
+                    note(number, searcher.search(team.start(number)))
                 interruption.check()
-                for result in team.results():
+                for result in team.results(wait_for_one=number is None):
                     note(*result)
-            while team.missing(found) and team.busy():
-                interruption.check()
-                for result in team.results(PATIENCE):
-                    note(*result)
-            for number in team.missing(found):  # taken by a process that died
-                note(number, searcher.search(starts[number]))
         except KeyboardInterrupt:
             return Searches(found, Stopped.INTERRUPTED)
-        finally:
-            team.dismiss()
-    if len(found) == len(starts):
+    if len(found) == errand.total:
         return Searches(found, None)
-    return Searches(found, Stopped.MET if team.enough else Stopped.SECONDS)
+    return Searches(found, errand.reason or Stopped.SECONDS)
 
 
 class _Interruption:
@@ -113,106 +126,3 @@ class _Interruption:
         """Raise KeyboardInterrupt if Ctrl-C was pressed."""
         if self._pressed:
             raise KeyboardInterrupt
-
-
-class _Team:
-    """The other processes, and the counter from which all take the next start."""
-
-    def __init__(
-        self, nlp: Nlp, starts: Sequence[Start], size: int, deadline: float | None
-    ) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._counter: Any = context.Value("i", 0)
-        self._answers: Any = context.Queue()
-        self._tasks: Any = context.Queue()
-        self._count, self._deadline = len(starts), deadline
-        self._taken: int | None = None  # how many starts had been begun when enough was found
-        shared = (self._tasks, self._counter, self._answers)
-        self._members = [
-            context.Process(target=_work, args=shared, daemon=True) for _ in range(max(size, 0))
-        ]
-        for member in self._members:
-            with _deaf_to_ctrl_c():
-                member.start()
-            # Through a queue, whose own thread sends it: as an argument it would have to be read
-            # by a process that is still loading before this one could go on.
-            self._tasks.put((nlp, list(starts), deadline))
-
-    def next_start(self) -> int | None:
-        """Return the number of the next start for this process."""
-        return _next(self._counter, self._count, self._deadline)
-
-    def missing(self, found: Container[int]) -> list[int]:
-        """Return the numbers that somebody has taken and nobody has answered."""
-        taken = self._counter.value if self._taken is None else self._taken
-        return [number for number in range(taken) if number not in found]
-
-    @property
-    def enough(self) -> bool:
-        """True once no more are begun because enough was found."""
-        return self._taken is not None
-
-    def begin_no_more(self) -> None:
-        """Let nobody take another start; what is under way is finished."""
-        with self._counter.get_lock():
-            if self._taken is None:
-                self._taken = int(self._counter.value)
-                self._counter.value = self._count
-
-    def busy(self) -> bool:
-        """Return True if an answer may still come: a process lives, or its answer is on the way."""
-        return any(member.is_alive() for member in self._members) or not self._answers.empty()
-
-    def results(self, patience: float = 0.0) -> list[tuple[int, Local]]:
-        """Return what the others have found meanwhile; wait ``patience`` [s] for the first."""
-        found = []
-        try:
-            found.append(self._answers.get(timeout=patience))
-            while True:
-                found.append(self._answers.get_nowait())
-        except queue.Empty:
-            return found
-
-    def dismiss(self) -> None:
-        """End the other processes; those that are still loading, or were interrupted, at once."""
-        for member in self._members:
-            member.terminate()
-            member.join()
-        for channel in (self._tasks, self._answers):
-            channel.close()
-            channel.cancel_join_thread()  # nobody is left to read what was not sent yet
-
-
-@contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach, also not while they load.
-
-    A blocked signal stays blocked in what is started; here it waits until it no longer is.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _next(counter: Any, count: int, deadline: float | None) -> int | None:
-    """Take the next number, or None when there is none or the time is over."""
-    with counter.get_lock():
-        number = int(counter.value)
-        late = deadline is not None and number > 0 and time.time() > deadline
-        if number >= count or late:
-            return None
-        counter.value = number + 1
-        return number
-
-
-def _work(tasks: Any, counter: Any, answers: Any) -> None:
-    """Search until there is no start left: what the other processes do.
-
-    Ctrl-C is answered by the first process; see :func:`_deaf_to_ctrl_c`.
-    """
-    nlp, starts, deadline = tasks.get()
-    searcher = nlp.searcher()
-    for number in iter(lambda: _next(counter, len(starts), deadline), None):
-        answers.put((number, searcher.search(starts[number])))

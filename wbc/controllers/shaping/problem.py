@@ -1,19 +1,26 @@
-"""What is to be solved: tasks, contacts, limits, support and capsules, checked once."""
+"""What is to be solved: tasks, contacts, limits and constraints, checked once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from wbc.constraints import Contact, Limits, PointContact
-from wbc.controllers.shaping.capsules import WORLD, CapsulePair
+from wbc.constraints import (
+    ComSupport,
+    Constraint,
+    Contact,
+    Limits,
+    Obstacles,
+    PointContact,
+    PositionBox,
+    SelfCollision,
+)
+from wbc.constraints.clearance import Clearance
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.sole import convex_hull
 from wbc.tasks import Task
-from wbc.validate import Array, finite_number
+
+KNOWN = (SelfCollision, Obstacles, ComSupport, PositionBox)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,23 +31,25 @@ class ShapingProblem:
     ----------
     robot, tasks, contacts, limits:
         As for :class:`~wbc.controllers.kinematic.KinematicController`.
-    support:
-        Half-planes (k, 3), rows (n_x, n_y, d), that the CoM must be in: n . com_xy <= d; or None.
-    capsules:
-        Pairs that must stay apart.
+    constraints:
+        What the answer must respect besides.
     """
 
     robot: Robot
     tasks: tuple[Task, ...]
     contacts: tuple[Contact, ...]
     limits: Limits
-    support: Array | None
-    capsules: tuple[CapsulePair, ...]
+    constraints: tuple[Clearance, ...]
 
     @property
     def anchor(self) -> Contact | None:
         """The first contact that holds a frame entirely: the base then follows from the joints."""
         return next((c for c in self.contacts if not isinstance(c, PointContact)), None)
+
+    @property
+    def supports(self) -> tuple[ComSupport, ...]:
+        """The constraints that keep the CoM over a polygon."""
+        return tuple(one for one in self.constraints if isinstance(one, ComSupport))
 
 
 def check_parts(
@@ -48,20 +57,22 @@ def check_parts(
     tasks: Sequence[Task],
     contacts: Sequence[Contact],
     limits: Limits,
-    capsules: Sequence[CapsulePair],
-) -> None:
+    constraints: Sequence[Constraint],
+) -> tuple[Clearance, ...]:
     """Refuse parts of another robot, names given twice, several levels, and no task at all.
+
+    Returns
+    -------
+    The constraints.
 
     Raises
     ------
     InvalidInputError
-        One of these; the message names the part.
-    UnknownNameError
-        A capsule's frame does not exist.
+        One of these, or a constraint of an unknown kind; the message names the part.
     """
     if not tasks:
         raise InvalidInputError("global shaping: no task given; there is nothing to optimise")
-    parts: list[Task | Contact | Limits] = [*tasks, *contacts, limits]
+    parts: list[Task | Contact | Limits | Constraint] = [*tasks, *contacts, limits, *constraints]
     for part in parts:
         if part.robot is not robot:
             raise InvalidInputError(f"global shaping: {part!r} was made for another robot object")
@@ -75,42 +86,32 @@ def check_parts(
             f"global shaping: tasks have priorities {levels}; it weighs tasks against each other"
             " within one level. Give all tasks the same priority"
         )
-    for pair in capsules:
-        for frame in (pair.frame_a, pair.frame_b):
-            if frame != WORLD:
-                robot.frame_id(frame)
+    return tuple(_known(constraint) for constraint in constraints)
 
 
-def support_half_planes(robot: Robot, contacts: Sequence[Contact], margin: float) -> Array:
-    """Return the half-planes (k, 3) of the polygon spanned by the held feet, moved inwards.
+def check_at_rest(constraints: Sequence[Constraint]) -> None:
+    """Refuse obstacles that move: where they will be at the end is not known.
 
     Raises
     ------
     InvalidInputError
-        No held frame is a foot's sole, or the margin leaves nothing of the polygon.
+        One does; the message names it.
     """
-    margin = finite_number("global shaping, support_margin", margin, least=0.0)
-    soles = {foot.frame: foot for foot in robot.feet.values()}
-    held = [c for c in contacts if c.frame in soles and not isinstance(c, PointContact)]
-    if not held:
+    for constraint in constraints:
+        for obstacle in constraint.obstacles if isinstance(constraint, Obstacles) else ():
+            if obstacle.velocity.any() or obstacle.spin.any():
+                raise InvalidInputError(
+                    f"global shaping: obstacle {obstacle.name!r} moves, and the search is for a"
+                    " posture to rest in; give it no velocity and no spin, or leave it to the"
+                    " controller that moves there"
+                )
+
+
+def _known(constraint: Constraint) -> Clearance:
+    if not isinstance(constraint, KNOWN):
+        kinds = ", ".join(kind.__name__ for kind in KNOWN)
         raise InvalidInputError(
-            "global shaping, support_margin: no contact holds a foot's sole; without support there"
-            " is no polygon to stay over"
+            f"global shaping: constraint {constraint.name!r} is a {type(constraint).__name__}; the"
+            f" search knows {kinds}. Leave it to the controller that moves there"
         )
-    corners = convex_hull(
-        np.concatenate(
-            [
-                soles[contact.frame].polygon @ contact.rotation[:2, :2].T + contact.position[:2]
-                for contact in held
-            ]
-        )
-    )
-    edges = np.roll(corners, -1, axis=0) - corners
-    lengths = np.linalg.norm(edges, axis=1)
-    normals = np.column_stack((edges[:, 1], -edges[:, 0])) / lengths[:, None]  # outwards
-    reach = np.einsum("ij,ij->i", normals, corners) - margin
-    if (normals @ corners.mean(axis=0) > reach).any():
-        raise InvalidInputError(
-            f"global shaping, support_margin: {margin:g} m leaves nothing of the support polygon"
-        )
-    return np.column_stack((normals, reach))
+    return constraint

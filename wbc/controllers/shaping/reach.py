@@ -88,7 +88,12 @@ def reach_best(
 def _default(problem: ShapingProblem, dt: float) -> MakeController:
     def make(tasks: Sequence[Task]) -> KinematicController:
         return KinematicController(
-            problem.robot, tasks, contacts=problem.contacts, limits=problem.limits, dt=dt
+            problem.robot,
+            tasks,
+            contacts=problem.contacts,
+            limits=problem.limits,
+            constraints=problem.constraints,
+            dt=dt,
         )
 
     return make

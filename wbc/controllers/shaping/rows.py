@@ -1,4 +1,7 @@
-"""The constraints of the NLP besides the box: contacts, support and capsules, by name."""
+"""The constraints of the NLP besides the unknowns' bounds: contacts, CoM supports and boxes.
+
+Bodies are kept apart by rows that are there only while they are needed: see :mod:`.apart`.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from wbc.constraints import PointContact
+from wbc.constraints import ComSupport, PointContact, PositionBox
+from wbc.constraints.clearance import SKIN
 from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.robot.symbolic import SymbolicPosture, rotation_log
 from wbc.validate import Array
@@ -48,19 +52,31 @@ def constraint_rows(problem: ShapingProblem, posture: SymbolicPosture) -> Constr
     values = [ca.SX(closure)]
     lower: list[Array] = [np.zeros(closures)]
     upper: list[Array] = [np.zeros(closures)]
-    if problem.support is not None:
-        normals, reach = problem.support[:, :2], problem.support[:, 2]
-        values.append(ca.mtimes(ca.DM(normals), posture.com[:2]))
-        lower.append(np.full(reach.size, -np.inf))
-        upper.append(reach)
-    if problem.capsules:
-        excess = [pair.symbolic_excess(posture) for pair in problem.capsules]
-        values.append(ca.vertcat(*excess))
-        lower.append(np.zeros(len(excess)))
-        upper.append(np.full(len(excess), np.inf))
+    for one in problem.constraints:
+        if isinstance(one, ComSupport):
+            planes = half_planes(one.corners)
+            values.append(ca.mtimes(ca.DM(planes[:, :2]), posture.com[:2]))
+            lower.append(np.full(len(planes), -np.inf))
+            upper.append(planes[:, 2] - one.margin - SKIN)
+        elif isinstance(one, PositionBox):
+            used = np.flatnonzero(np.isfinite(one.lower) | np.isfinite(one.upper))
+            values.append(posture.position(one.frame)[used.tolist()])
+            lower.append(one.lower[used] + SKIN)
+            upper.append(one.upper[used] - SKIN)
     return ConstraintRows(
         ca.vertcat(*values), np.concatenate(lower), np.concatenate(upper), closures
     )
+
+
+def half_planes(corners: Array) -> Array:
+    """Return the half-planes (k, 3) of a polygon (k, 2), counter-clockwise.
+
+    Rows (n_x, n_y, d), n outwards: inside, n . x <= d.
+    """
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack((edges[:, 1], -edges[:, 0]))
+    normals = normals / np.linalg.norm(edges, axis=1)[:, None]
+    return np.column_stack((normals, np.einsum("ij,ij->i", normals, corners)))
 
 
 def _closure(posture: SymbolicPosture, frame: str, position: Array, rotation: Array) -> ca.SX:

@@ -8,20 +8,20 @@ so that the answer is a motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from time import perf_counter
+from time import perf_counter, time
+from typing import overload
 
 from numpy.typing import ArrayLike
 
-from wbc.constraints import Contact, Limits
-from wbc.controllers.shaping.capsules import CapsulePair
+from wbc.constraints import Constraint, Contact, Limits
+from wbc.controllers.shaping.hunt import Hunt, Progress
 from wbc.controllers.shaping.motion import Motion, Watch
 from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.outcome import ShapingOutcome, ShapingStatistics, Stopped
+from wbc.controllers.shaping.outcome import ShapingOutcome, Stopped
 from wbc.controllers.shaping.parallel import search_all
-from wbc.controllers.shaping.problem import ShapingProblem, check_parts, support_half_planes
+from wbc.controllers.shaping.problem import ShapingProblem, check_parts
 from wbc.controllers.shaping.reach import AT_REST, MakeController, Terms, reach_best
-from wbc.controllers.shaping.starts import make_starts
-from wbc.controllers.shaping.verdicts import Progress, Verdicts
+from wbc.controllers.shaping.team import Team
 from wbc.robot import Robot
 from wbc.tasks import Task
 from wbc.validate import finite_number
@@ -37,18 +37,20 @@ class GlobalShaping:
         :meth:`solve` is called; momentum tasks and several priorities are refused.
     limits:
         Joint limits, by default ``Limits(robot)``.
-    support_margin:
-        Keep the CoM this far inside the polygon of the held soles [m], or None for no such
-        constraint.
-    capsules:
-        Pairs of capsules that must not touch.
+    constraints:
+        What the posture and the motion there must respect: any of
+        :class:`~wbc.constraints.SelfCollision`, :class:`~wbc.constraints.Obstacles`,
+        :class:`~wbc.constraints.ComSupport` and :class:`~wbc.constraints.PositionBox`, the very
+        objects that a :class:`~wbc.controllers.kinematic.KinematicController` takes. All are hard
+        here. Bodies are kept apart as their shapes are, capsules, boxes and hulls exactly; a pair
+        enters the program when a search comes too near with it (see :mod:`.apart`). Obstacles are
+        where they are when :meth:`solve` is called; moving ones are refused.
 
     Raises
     ------
     InvalidInputError
-        Parts that do not fit together, or a task that says nothing about postures.
-    UnknownNameError
-        A capsule's frame does not exist.
+        Parts that do not fit together, a task that says nothing about postures, or a constraint
+        that is not known here.
     """
 
     def __init__(
@@ -57,17 +59,11 @@ class GlobalShaping:
         tasks: Sequence[Task],
         contacts: Sequence[Contact] = (),
         limits: Limits | None = None,
-        support_margin: float | None = None,
-        capsules: Sequence[CapsulePair] = (),
+        constraints: Sequence[Constraint] = (),
     ) -> None:
         limits = Limits(robot) if limits is None else limits
-        check_parts(robot, tasks, contacts, limits, capsules)
-        support = None
-        if support_margin is not None:
-            support = support_half_planes(robot, contacts, support_margin)
-        self.problem = ShapingProblem(
-            robot, tuple(tasks), tuple(contacts), limits, support, tuple(capsules)
-        )
+        known = check_parts(robot, tasks, contacts, limits, constraints)
+        self.problem = ShapingProblem(robot, tuple(tasks), tuple(contacts), limits, known)
         build_nlp(self.problem)  # a task that cannot be used is an error now, not after an hour
 
     def solve(
@@ -78,29 +74,39 @@ class GlobalShaping:
         workers: int = 2,
         seed: int = 0,
         progress: Progress | None = None,
+        patience: int | None = None,
     ) -> ShapingOutcome:
-        """Search from the current posture and from others spread over all that is allowed.
+        """Search from the current posture, from others spread over all, and from hops between.
 
-        The answer depends on ``starts`` and ``seed``, and not on ``workers`` nor on which search
-        ends first, unless the time runs out. When four starts have met every task, no others are
-        tried. Ctrl-C ends the search and returns what was found.
+        The first two dozen starts are spread evenly over all that is allowed; later ones are made
+        of the best postures found by then, which is monotonic basin hopping with several postures
+        at once; see :mod:`~wbc.controllers.shaping.hopping` for how, and for whose idea it is.
+
+        The answer depends on ``starts``, ``patience`` and ``seed``, and not on ``workers`` nor on
+        which search ends first, unless the time runs out. When four starts have met every task, no
+        others are tried. Ctrl-C ends the search and returns what was found.
 
         Parameters
         ----------
         q_start:
             The current posture (nq,); where it matters, also where the base is.
         starts:
-            How many searches, the one from ``q_start`` included.
+            How many searches at most, the one from ``q_start`` included.
         seconds:
-            Wall time after which no search is begun [s]; no single one takes longer either. The
-            search from ``q_start`` is always made. Starts are drawn before, at some 1,000 to
-            10,000 a second, which counts but is not cut short.
+            Wall time after which no search is begun [s]; no single one takes longer either (at
+            least a second). The search from ``q_start`` is always made. Starts are drawn before, at
+            some 300 to 10,000 a second, which counts but is not cut short.
         workers:
-            Processes, this one included; see :func:`~wbc.controllers.shaping.parallel.search_all`.
+            Processes, this one included, of which those beyond 16 are seldom of use; others are
+            started fresh, see :class:`~wbc.controllers.shaping.team.Team`.
         seed:
-            Of the samples.
+            Of the samples and the hops.
         progress:
             Called after every search.
+        patience:
+            So many searches in a row without a posture that is better by 0.1 % end the search;
+            None: all are made. With many starts and some patience, hard problems get the time that
+            easy ones do not need.
 
         Raises
         ------
@@ -109,29 +115,24 @@ class GlobalShaping:
         KeyboardInterrupt
             Interrupted before anything was found.
         """
-        began = perf_counter()
+        began, now = perf_counter(), time()
         q = self.problem.robot.check_configuration(q_start)
-        count = int(finite_number("global shaping, starts", starts, least=1))
-        workers = int(finite_number("global shaping, workers", workers, least=1))
+        count = _count("global shaping, starts", starts)
+        workers = _count("global shaping, workers", workers)
         seconds = _positive("global shaping, seconds", seconds)
+        patience = _count("global shaping, patience", patience)
         built = build_nlp(self.problem)
-        drawn = make_starts(built, q, count, seed)
-        verdicts = Verdicts(built, drawn, progress)
-        ready = perf_counter()
-        left = None if seconds is None else max(seconds - (ready - began), 0.0)
-        searches = search_all(built.nlp, drawn.starts, workers, left, verdicts.note)
+        nlp = built.nlp if seconds is None else built.nlp.within(max(seconds, 1.0))
+        deadline = None if seconds is None else now + seconds
+        with Team(nlp, min(workers, count) - 1, deadline) as team:  # loads while starts are drawn
+            hunt = Hunt(built, q, count, patience, seed, progress)
+            ready = perf_counter()
+            searches = search_all(nlp, hunt, team)
         if searches.stopped is Stopped.INTERRUPTED and not searches.found:
             raise KeyboardInterrupt
-        statistics = ShapingStatistics(
-            drawn=drawn.drawn,
-            searched=verdicts.searched,
-            iterations=sum(local.iterations for local in searches.found.values()),
-            build_seconds=ready - began,
-            search_seconds=perf_counter() - ready,
-            workers=workers,
-            stopped=searches.stopped,
-        )
-        return ShapingOutcome(verdicts.candidates(), verdicts.rejected(), statistics)
+        seconds_taken = ready - began, perf_counter() - ready
+        statistics = searches.statistics(hunt.drawn, workers, *seconds_taken)
+        return ShapingOutcome(hunt.candidates(), hunt.rejected(), statistics)
 
     def reach(
         self,
@@ -159,8 +160,8 @@ class GlobalShaping:
             Time step [s].
         make_controller:
             Makes the controller from its tasks, for more constraints or another solver; by default
-            a :class:`~wbc.controllers.kinematic.KinematicController` with this problem's contacts
-            and limits.
+            a :class:`~wbc.controllers.kinematic.KinematicController` with this problem's
+            contacts, limits and constraints.
         longest:
             How long the motion may take [s]; None: 4 s longer than the way there.
         rest_speed:
@@ -181,7 +182,7 @@ class GlobalShaping:
         """
         terms = Terms(
             tolerance=finite_number("reach, tolerance", tolerance, least=0.0),
-            attempts=int(finite_number("reach, attempts", attempts, least=1)),
+            attempts=_count("reach, attempts", attempts),
             dt=finite_number("reach, dt", dt, above=0.0),
             longest=_positive("reach, longest", longest),
             rest_speed=_positive("reach, rest_speed", rest_speed),
@@ -192,3 +193,11 @@ class GlobalShaping:
 
 def _positive(what: str, value: float | None) -> float | None:
     return None if value is None else finite_number(what, value, above=0.0)
+
+
+@overload
+def _count(what: str, value: int) -> int: ...
+@overload
+def _count(what: str, value: int | None) -> int | None: ...
+def _count(what: str, value: int | None) -> int | None:
+    return None if value is None else int(finite_number(what, value, least=1))

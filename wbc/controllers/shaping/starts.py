@@ -1,4 +1,4 @@
-"""Where searches begin: the current posture, and postures spread evenly over all that is allowed.
+"""Where searches begin at first: the current posture, and others spread over all that is allowed.
 
 A Sobol sequence fills the box of the joints (and the turns of the base, where these matter) more
 evenly than random numbers do. With closed chains a sample is brought onto the contacts first.
@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
+from wbc.controllers.shaping.closing import CLOSED, Closing
 from wbc.controllers.shaping.nlp import BuiltNlp, Start
 from wbc.controllers.shaping.unknowns import with_joints
 from wbc.robot import Robot
@@ -21,9 +21,6 @@ from wbc.validate import Array
 
 DRAWN_PER_START = 8
 DRAWN_PER_CLOSED_START = 3  # a sample brought onto contacts costs a tenth of a search
-CLOSED = 1e-3  # m, rad: near enough to the contacts to begin from; IPOPT does the rest
-NEWTON_STEPS = 40
-LONGEST_STEP = 0.5  # rad
 SMALLEST_COST = 1e-12  # of a middling sample: below it there is nothing to optimise
 
 
@@ -49,24 +46,71 @@ class Starts:
     drawn: int
 
 
-def make_starts(built: BuiltNlp, q_start: Array, count: int, seed: int) -> Starts:
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """Which joint positions (nv-6,) may be drawn, and how a posture of them becomes a start.
+
+    Attributes
+    ----------
+    lower, upper:
+        The joints' ranges; a joint without limits is moved by pi either way of ``q_start``.
+    closing:
+        Brings starts onto the contacts; None if there are none.
+    """
+
+    built: BuiltNlp
+    q_start: Array
+    lower: Array
+    upper: Array
+    closing: Closing | None
+
+    @classmethod
+    def of(cls, built: BuiltNlp, q_start: Array) -> Sampling:
+        """Return the sampling of a problem from a current posture."""
+        limits = built.unknowns.problem.robot.limits
+        joints = limits.joint_positions(q_start)
+        return cls(
+            built,
+            q_start,
+            np.where(np.isfinite(limits.lower), limits.lower, joints - np.pi),
+            np.where(np.isfinite(limits.upper), limits.upper, joints + np.pi),
+            Closing(built) if built.nlp.closures else None,
+        )
+
+    def start(self, q: Array) -> tuple[Start, float]:
+        """Return the start at a posture and how far off the contacts it is [m or rad]."""
+        start = self.built.start(q)
+        return (start, 0.0) if self.closing is None else self.closing.closed(start)
+
+    def posture(self, joints: Array, base: Array) -> Array:
+        """Return the configuration of joint positions (nv-6,) and a base (7,)."""
+        q = with_joints(self.robot, joints)
+        q[:7] = base
+        return q
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that is posed."""
+        return self.built.unknowns.problem.robot
+
+
+def make_starts(sampling: Sampling, count: int, seed: int) -> Starts:
     """Return ``count`` starts, or fewer if too few samples reach the contacts."""
-    robot, evaluate = built.unknowns.problem.robot, built.nlp.functions
-    per_start = DRAWN_PER_CLOSED_START if built.nlp.closures else DRAWN_PER_START
-    drawn = per_start * (count - 1)
-    postures = sample_postures(robot, q_start, drawn, seed, built.turns_base)
-    first = built.start(q_start)
-    samples, unclosed = [built.start(q) for q in postures], tuple[float, ...]()
-    if built.nlp.closures:
-        closing = Closing(built)
-        first, _ = closing.closed(first)
-        brought = [closing.closed(start) for start in samples]
-        samples = [start for start, gap in brought if gap <= CLOSED]
-        unclosed = tuple(gap for _, gap in brought if gap > CLOSED)
+    built = sampling.built
+    evaluate = built.nlp.functions
+    drawn = (DRAWN_PER_START if sampling.closing is None else DRAWN_PER_CLOSED_START) * (count - 1)
+    first, _ = sampling.start(sampling.q_start)
+    reached = [sampling.start(q) for q in sample_postures(sampling, drawn, seed)]
+    samples = [start for start, gap in reached if gap <= CLOSED]
     costs = np.array([float(evaluate(start.x, start.p)[0]) for start in (first, *samples)])
     scale = 1.0 / max(float(np.median(costs)), SMALLEST_COST)
     chosen = [first, *(samples[k] for k in picked(costs[1:], count - 1))]
-    return Starts(tuple(built.scaled(start, scale) for start in chosen), scale, unclosed, drawn)
+    return Starts(
+        tuple(built.scaled(start, scale) for start in chosen),
+        scale,
+        tuple(gap for _, gap in reached if gap > CLOSED),
+        drawn,
+    )
 
 
 def picked(costs: Array, count: int) -> list[int]:
@@ -81,26 +125,22 @@ def picked(costs: Array, count: int) -> list[int]:
     return list(chosen)[:count]
 
 
-def sample_postures(
-    robot: Robot, q_start: Array, count: int, seed: int, turn_base: bool
-) -> list[Array]:
-    """Return configurations spread over the joints' ranges and, if asked, the base's turns.
+def sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:
+    """Return configurations spread over the joints' ranges and, if they matter, the base's turns.
 
-    A joint without limits is moved by pi either way. The base stays where it is in ``q_start``.
+    The base stays where it is in the current posture.
     """
     if count == 0:
         return []
-    joints, limits = robot.limits.joint_positions(q_start), robot.limits
-    lower = np.where(np.isfinite(limits.lower), limits.lower, joints - np.pi)
-    upper = np.where(np.isfinite(limits.upper), limits.upper, joints + np.pi)
-    sequence = qmc.Sobol(joints.size + 3, scramble=True, seed=np.random.default_rng(seed))
+    lower, upper = sampling.lower, sampling.upper
+    sequence = qmc.Sobol(lower.size + 3, scramble=True, seed=np.random.default_rng(seed))
     points = sequence.random_base2(int(np.ceil(np.log2(count))))[:count]
+    base = sampling.q_start[:7]
     found = []
     for point in points:
-        q = with_joints(robot, lower + point[3:] * (upper - lower))
-        q[:7] = q_start[:7]
-        if turn_base:
-            q[3:7] = (uniform_rotation(point[:3]) * Rotation.from_quat(q_start[3:7])).as_quat()
+        q = sampling.posture(lower + point[3:] * (upper - lower), base)
+        if sampling.built.turns_base:
+            q[3:7] = (uniform_rotation(point[:3]) * Rotation.from_quat(base[3:7])).as_quat()
         found.append(q)
     return found
 
@@ -112,37 +152,3 @@ def uniform_rotation(u: Array) -> Rotation:
     return Rotation.from_quat(
         (inner * np.sin(a), inner * np.cos(a), outer * np.sin(b), outer * np.cos(b))
     )
-
-
-class Closing:
-    """Brings unknowns onto the contacts by Gauss-Newton steps within the bounds."""
-
-    def __init__(self, built: BuiltNlp) -> None:
-        nlp = built.nlp
-        x, p = ca.SX.sym("x", nlp.lower.size), ca.SX.sym("p", nlp.functions.size1_in(1))
-        gap = nlp.functions(x, p)[1][: nlp.closures]
-        self._gap = ca.Function("gap", [x, p], [gap, ca.jacobian(gap, x)])
-        self._lower, self._upper = nlp.lower, nlp.upper
-
-    def closed(self, start: Start) -> tuple[Start, float]:
-        """Return the start on the contacts, and how far off them its worst row still is.
-
-        Unknowns that a step takes beyond a bound are put on it and left out of the next step.
-        """
-        x, free = start.x, np.ones(start.x.size, dtype=bool)
-        gap, slope = self._evaluate(x, start.p)
-        for _ in range(NEWTON_STEPS):
-            if np.abs(gap).max() < 0.01 * CLOSED:
-                break
-            step = np.zeros(x.size)
-            step[free] = -np.linalg.lstsq(slope[:, free], gap, rcond=1e-6)[0]
-            step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
-            moved = np.clip(x + step, self._lower, self._upper)
-            free = np.isclose(moved, x + step, rtol=0.0, atol=1e-12)
-            x = moved
-            gap, slope = self._evaluate(x, start.p)
-        return start._replace(x=x), float(np.abs(gap).max())
-
-    def _evaluate(self, x: Array, p: Array) -> tuple[Array, Array]:
-        gap, slope = self._gap(x, p)
-        return np.array(gap, dtype=float).ravel(), np.array(slope, dtype=float)

@@ -106,16 +106,41 @@ class Unknowns:
             references += [axes] * len(principal)
         return x, np.concatenate([R.ravel(order="F") for R in references])
 
+    def chart(self, kept: tuple[int, ...]) -> Chart:
+        """Return the way to configurations if only the unknowns ``kept`` are free."""
+        return Chart(self.problem.robot, self.problem.anchor, kept, self.x.numel())
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """The way from unknowns to configurations, without expressions.
+
+    Attributes
+    ----------
+    anchor:
+        The contact that the base follows from, or None.
+    kept:
+        Indices of the unknowns that are free.
+    size:
+        How many there are in all: the last entries of p are all their values at the start.
+    """
+
+    robot: Robot
+    anchor: Contact | None
+    kept: tuple[int, ...]
+    size: int
+
     def configuration(self, x: Array, p: Array) -> Array:
-        """Return the configuration q (nq) of unknowns x and parameters p."""
-        robot = self.problem.robot
-        n = robot.nv - 6
-        q = with_joints(robot, x[:n])
-        if self.problem.anchor is not None:
-            return anchored(robot, q, self.problem.anchor)
-        q[:3] = x[n : n + 3]
+        """Return the configuration q (nq,) of free unknowns x and parameters p."""
+        full = p[-self.size :].copy()
+        full[list(self.kept)] = x
+        n = self.robot.nv - 6
+        q = with_joints(self.robot, full[:n])
+        if self.anchor is not None:
+            return anchored(self.robot, q, self.anchor)
+        q[:3] = full[n : n + 3]
         # Rotation.as_quat is (x, y, z, w), as q is.
-        turn = Rotation.from_mrp(x[n + 3 : n + 6])
+        turn = Rotation.from_mrp(full[n + 3 : n + 6])
         q[3:7] = (Rotation.from_matrix(p[:9].reshape(3, 3, order="F")) * turn).as_quat()
         return q
 

@@ -12,7 +12,7 @@ from wbc.controllers.shaping.merit import posture_cost, posture_errors
 from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start
 from wbc.controllers.shaping.outcome import Candidate, Rejected
 from wbc.robot import Robot
-from wbc.validate import read_only
+from wbc.validate import Array, read_only
 
 # Of what IPOPT found: no more than rounding.
 FOUND = Tolerances(contact=1e-6, limit=1e-7, support=1e-7, clearance=1e-6)
@@ -50,7 +50,7 @@ def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ..
     distinct: list[Candidate] = []
     for candidate in sorted(candidates, key=lambda c: (c.cost, c.starts)):
         for k, known in enumerate(distinct):
-            if _same(robot, known, candidate):
+            if same_posture(robot, known.q, candidate.q):
                 starts = tuple(sorted(known.starts + candidate.starts))
                 distinct[k] = replace(known, starts=starts)
                 break
@@ -59,5 +59,8 @@ def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ..
     return tuple(distinct)
 
 
-def _same(robot: Robot, one: Candidate, other: Candidate) -> bool:
-    return float(np.abs(robot.difference(one.q, other.q)).max()) < SAME_POSTURE
+def same_posture(robot: Robot, one: Array, other: Array) -> bool:
+    """Return True if two configurations (nq,) differ by no more than a tolerance."""
+    if np.abs(one[7:] - other[7:]).max(initial=0.0) >= SAME_POSTURE:
+        return False  # an angle differs by no less than its sine and cosine do
+    return float(np.abs(robot.difference(one, other)).max()) < SAME_POSTURE

@@ -76,6 +76,10 @@ class LocalRobot:
         self._joints = _chained(robot.model, in_parent)
         self._frames: dict[str, Placement] = {}
 
+    def joint(self, index: int) -> Placement:
+        """Return where a joint is, by Pinocchio's index; the free-flyer's, 1, is the base."""
+        return self._joints[index]
+
     def frame(self, name: str) -> Placement:
         """Return where a frame of the robot is.
 

@@ -1,0 +1,325 @@
+"""Postures and motions that keep constraints, judged by coal on the robot's own shapes."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.constraints import (
+    ComSupport,
+    Constraint,
+    Limits,
+    Obstacles,
+    PositionBox,
+    SelfCollision,
+    support,
+)
+from wbc.controllers.shaping import GlobalShaping, NoPostureError, apart
+from wbc.controllers.shaping.joined import Pieces, joined
+from wbc.controllers.shaping.nearness import Corners, slot_of
+from wbc.controllers.shaping.nlp import build_nlp
+from wbc.controllers.shaping.planes import UNKNOWNS, plane_rows
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.robot.collision import Body, Capsule, CollisionModel, Obstacle
+from wbc.tasks import ComTask, InertiaTask, PositionTask, PostureTask, Task
+
+ARMS = ("*hand*", "*forearm*")
+SKIN = 1e-4  # m: what the search keeps beyond the margin, as the QP does
+
+
+def small(robot: Robot) -> InertiaTask:
+    """A third of the inertia: out of reach, and nearest to it the arms are in the chest."""
+    moments = np.diag(robot.snapshot(robot.posture()).inertia_in("world"))
+    return InertiaTask(robot, 0.3 * np.diag(moments), per_mass=True, weight=10.0)
+
+
+def true_distance(robot: Robot, q: np.ndarray, watched: SelfCollision) -> float:
+    """Least distance of the description's own shapes, over the pairs that are watched."""
+    geometry = robot.collision_model.copy()
+    numbers = [k for k, one in enumerate(geometry.geometryObjects) if one.parentJoint > 0]
+    for a, b in watched.model.pairs.tolist():
+        geometry.addCollisionPair(pin.CollisionPair(numbers[a], numbers[b]))
+    data, placed = robot.model.createData(), geometry.createData()
+    pin.computeDistances(robot.model, data, geometry, placed, q)
+    return min(found.min_distance for found in placed.distanceResults)
+
+
+def shaping_of(robot: Robot, tasks: Sequence[Task], *constraints: Constraint) -> GlobalShaping:
+    contacts = support(robot.snapshot(robot.posture()), "double")
+    return GlobalShaping(robot, tasks, contacts, constraints=constraints)
+
+
+def test_small_without_touching_itself(robot_named) -> None:
+    """The best of all postures has its arms in its body; the best of those allowed does not."""
+    robot = robot_named("hoap2_like")
+    q, task = robot.posture(), small(robot)
+    watched = SelfCollision(robot, margin=0.01)
+    free = shaping_of(robot, [task]).solve(q, 4, workers=1)
+    assert true_distance(robot, free.best.q, watched) < -0.01
+    shaping = shaping_of(robot, [task], watched)
+    kept = shaping.solve(q, 4, workers=1)
+    assert len(kept.candidates) >= 2
+    for candidate in kept.candidates:
+        # The shapes that the search knows hold those of the description: no nearer than these.
+        assert true_distance(robot, candidate.q, watched) >= 0.01 - 1e-6
+        assert candidate.kept.clearance >= 0.0
+    assert kept.best.kept.clearance == pytest.approx(SKIN, abs=1e-5)  # it leans on a margin
+    assert free.best.cost < kept.best.cost < 0.5 * kept_cost(task, robot, q)
+    motion = shaping.reach(q, kept, dt=0.01)
+    assert motion.arrived, motion.attempts
+    assert motion.kept.clearance >= -1e-6
+    for row in motion.q[::20]:
+        assert true_distance(robot, row, watched) >= 0.01 - 1e-6
+
+
+def kept_cost(task: InertiaTask, robot: Robot, q: np.ndarray) -> float:
+    error = task.weight * task.residual(robot.snapshot(q)).error
+    return 0.5 * task.gain * float(error @ error)
+
+
+def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    shaping = shaping_of(robot, [small(robot)], SelfCollision(robot))
+    q = robot.posture()
+    alone, shared = (shaping.solve(q, 4, workers=workers) for workers in (1, 2))
+    assert [c.starts for c in alone.candidates] == [c.starts for c in shared.candidates]
+    for one, other in zip(alone.candidates, shared.candidates, strict=True):
+        np.testing.assert_array_equal(one.q, other.q)
+        assert one.iterations == other.iterations
+
+
+def test_hulls_take_more_corners_as_they_need_them(robot_named) -> None:
+    """Prisms of 32 corners for cylinders: none of the pairs in the program needs them all."""
+    robot = robot_named("hoap2_like")
+    watched = SelfCollision(robot, margin=0.01, fit="hull")
+    best = shaping_of(robot, [small(robot)], watched).solve(robot.posture(), 1, workers=1).best
+    assert true_distance(robot, best.q, watched) >= 0.01 - 1e-6
+    assert best.kept.clearance == pytest.approx(SKIN, abs=0.5 * SKIN)
+
+
+def obstacles() -> dict[str, Obstacle]:
+    """In the way of a hand that is drawn 20 cm forwards, each 10 cm or less before it."""
+    turned = Obstacle.box("box", [0.1, 0.2, 0.2])
+    turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    turned.move(turn, [0.2, -0.15, 0.3])
+    return {
+        "wall": Obstacle.half_space("wall", [-1.0, 0.0, 0.0], -0.12),
+        "box": turned,
+        "post": Obstacle.capsule("post", [0.16, -0.16, 0.0], [0.16, -0.16, 0.6], 0.02),
+        "ball": Obstacle.sphere("ball", [0.18, -0.16, 0.3], 0.06),
+    }
+
+
+@pytest.mark.parametrize("name", sorted(obstacles()))
+def test_obstacles_are_kept_clear_of(robot_named, name: str) -> None:
+    robot = robot_named("hoap2_like")
+    q, thing = robot.posture(), obstacles()[name]
+    hand = robot.snapshot(q).position("right_hand")
+    place = np.array([hand[0] + 0.2, -0.16, 0.3])
+    tasks = [PositionTask(robot, "right_hand", place), PostureTask(robot, q, weight=0.05)]
+    around = Obstacles(robot, [thing], margin=0.02, links=ARMS)
+
+    def nearest(q: np.ndarray) -> float:
+        """By coal, of the description's shapes on the arms."""
+        geometry = robot.collision_model
+        data, placed = robot.model.createData(), geometry.createData()
+        pin.updateGeometryPlacements(robot.model, data, geometry, placed, q)
+        names = [robot.model.frames[one.parentFrame].name for one in geometry.geometryObjects]
+        there = pin.coal.Transform3s(thing.rotation, thing.origin)
+        return min(
+            pin.coal.distance(
+                one.geometry,
+                pin.coal.Transform3s(place.rotation, place.translation),
+                *coal_obstacle(thing, there),
+                pin.coal.DistanceRequest(),
+                pin.coal.DistanceResult(),
+            )
+            for one, place, link in zip(geometry.geometryObjects, placed.oMg, names, strict=True)
+            if any(part.strip("*") in link for part in ARMS)
+        )
+
+    free = shaping_of(robot, tasks).solve(q, 2, workers=1).best
+    assert nearest(free.q) < 0.0
+    shaping = shaping_of(robot, tasks, around)
+    outcome = shaping.solve(q, 2, workers=1)
+    assert nearest(outcome.best.q) >= 0.02 - 1e-6
+    assert outcome.best.kept.clearance == pytest.approx(SKIN, abs=1e-5)
+    motion = shaping.reach(q, outcome, dt=0.01)
+    assert motion.arrived, motion.attempts
+    assert min(nearest(row) for row in motion.q[::20]) >= 0.02 - 1e-6
+
+
+def coal_obstacle(thing: Obstacle, there: "pin.coal.Transform3s") -> tuple:
+    """The shape and place of an obstacle, made from numbers of this file."""
+    still = pin.coal.Transform3s.Identity()
+    match thing.name:
+        case "wall":
+            return pin.coal.Halfspace(np.array([-1.0, 0.0, 0.0]), -0.12), still
+        case "box":
+            return pin.coal.Box(0.1, 0.2, 0.2), there
+        case "post":
+            middle = pin.coal.Transform3s(np.eye(3), np.array([0.16, -0.16, 0.3]))
+            return pin.coal.Capsule(0.02, 0.6), middle
+    return pin.coal.Sphere(0.06), pin.coal.Transform3s(np.eye(3), np.array([0.18, -0.16, 0.3]))
+
+
+def test_the_com_and_the_base_stay_where_they_must(robot_named) -> None:
+    """Drawn out of the polygon and below the box: the best posture is at both edges."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    tasks = [
+        ComTask(robot, here.com + [0.2, 0.0, -0.1]),
+        PositionTask(robot, "base", here.position("base") - [0.0, 0.0, 0.1]),
+        PostureTask(robot, q, weight=0.01),
+    ]
+    floor = float(here.position("base")[2]) - 0.03
+    constraints = ComSupport.over(here, margin=0.01), PositionBox.height(robot, floor)
+    shaping = shaping_of(robot, tasks, *constraints)
+    outcome = shaping.solve(q, 4, workers=1)
+    best = robot.snapshot(outcome.best.q)
+    front = max(
+        here.position(foot.frame)[0] + foot.polygon[:, 0].max() for foot in robot.feet.values()
+    )
+    assert best.com[0] == pytest.approx(front - 0.01 - SKIN, abs=1e-5)
+    assert best.position("base")[2] == pytest.approx(floor + SKIN, abs=1e-5)
+    motion = shaping.reach(q, outcome, dt=0.01)
+    assert motion.arrived, motion.attempts
+    for row in motion.q[::10]:
+        there = robot.snapshot(row)
+        assert there.com[0] <= front - 0.01 + 1e-6
+        assert there.position("base")[2] >= floor - 1e-6
+
+
+def test_two_spheres_of_the_callers(robot_named) -> None:
+    """Two hands drawn to one place, with bodies that the description does not have."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    hands = ("left_hand", "right_hand")
+    frames = [robot.model.frames[robot.frame_id(hand)] for hand in hands]
+    bodies = [
+        Body(hand, hand, frame.parentJoint, Capsule.sphere(frame.placement.translation, radius))
+        for hand, frame, radius in zip(hands, frames, (0.02, 0.03), strict=True)
+    ]
+    place = robot.snapshot(q).com + [0.12, 0.0, 0.05]
+    tasks = [PositionTask(robot, hand, place) for hand in hands]
+    tasks.append(PostureTask(robot, q, weight=1e-3))
+    spheres = SelfCollision(robot, margin=0.0, model=CollisionModel(robot, bodies, [(0, 1)]))
+
+    def gap(shaping: GlobalShaping) -> float:
+        here = robot.snapshot(shaping.solve(q, 2, workers=1).best.q)
+        return float(np.linalg.norm(here.position(hands[0]) - here.position(hands[1])))
+
+    assert gap(shaping_of(robot, tasks)) < 0.04
+    assert gap(shaping_of(robot, tasks, spheres)) == pytest.approx(0.05 + SKIN, abs=1e-6)
+
+
+def test_joints_are_seen_from_the_base(robot_named, rng, random_snapshot) -> None:
+    """And so is the world, because an obstacle is in it."""
+    robot = robot_named("hoap2_like")
+    around = Obstacles(robot, [obstacles()["wall"]], links=ARMS)
+    shaping = GlobalShaping(robot, [small(robot)], constraints=[around])
+    built = build_nlp(shaping.problem)
+    here = random_snapshot(robot, rng)
+    start = built.start(here.q)
+    placed = np.array(built.nlp.watched.placements(start.x, start.p)).reshape(-1, 4, 3)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, here.q)
+    joints = built.nlp.watched.bodies.joints
+    assert joints[0] == 0
+    for joint, found in zip(joints, placed, strict=True):
+        expected = data.oMi[1].actInv(data.oMi[joint])
+        np.testing.assert_allclose(found[:3].T, expected.rotation, atol=1e-12)
+        np.testing.assert_allclose(found[3], expected.translation, atol=1e-12)
+
+
+def test_slopes_of_the_whole_program_are_differences(robot_named, rng) -> None:
+    """With an obstacle, so that the base's place matters too."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    around = Obstacles(robot, [obstacles()["wall"], obstacles()["box"]], links=ARMS)
+    shaping = GlobalShaping(robot, [small(robot)], constraints=[SelfCollision(robot), around])
+    built = build_nlp(shaping.problem)
+    watched, start = built.nlp.watched, built.start(q)
+    bodies = watched.bodies
+    blocks = {joint: k for k, joint in enumerate(bodies.joints)}
+    pairs = [0, 100, len(bodies.pairs) - 1, len(bodies.pairs) - 7]
+    everything = Corners(*[frozenset(range(1))] * 2)
+    slots = [slot_of(bodies, blocks, pair, everything) for pair in pairs]
+    assert sum(slot.normal is not None for slot in slots) == 1  # both kinds of obstacle
+    planes = plane_rows(slots, watched.placements.size1_out(0))
+    pieces = Pieces.of(built.nlp, watched.placements)
+    _, derivatives = joined(pieces, planes)
+    x = start.x + 0.1 * rng.normal(size=start.x.size)
+    z = np.concatenate((x, rng.normal(size=UNKNOWNS * len(slots))))
+    m = rng.normal(size=built.nlp.g_lower.size + planes.lower.size)
+    h = 1e-6
+
+    def lagrangian(z: np.ndarray) -> np.ndarray:
+        _, gradient = derivatives["grad_f"](z, start.p)
+        _, slope = derivatives["jac_g"](z, start.p)
+        return np.array(gradient).ravel() * 2.0 + np.array(ca.DM(slope)).T @ m
+
+    _, gradient = derivatives["grad_f"](z, start.p)
+    _, slope = derivatives["jac_g"](z, start.p)
+    upper = np.array(ca.DM(derivatives["hess_lag"](z, start.p, 2.0, m)))
+    whole = upper + np.triu(upper, 1).T
+    for _ in range(5):
+        way = rng.normal(size=z.size)
+        ends = [derivatives["jac_g"](z + s * h * way, start.p)[0] for s in (1, -1)]
+        costs = [derivatives["grad_f"](z + s * h * way, start.p)[0] for s in (1, -1)]
+        expected = np.array(ends[0] - ends[1]).ravel() / (2 * h)
+        np.testing.assert_allclose(np.array(ca.DM(slope)) @ way, expected, atol=1e-6)
+        moved = float(costs[0] - costs[1]) / (2 * h)
+        assert float(np.array(gradient).ravel() @ way) == pytest.approx(moved, abs=1e-6)
+        turned = (lagrangian(z + h * way) - lagrangian(z - h * way)) / (2 * h)
+        np.testing.assert_allclose(whole @ way, turned, atol=1e-5)
+
+
+def test_a_posture_that_stays_too_near_is_rejected_by_name(robot_named, monkeypatch) -> None:
+    robot = robot_named("hoap2_like")
+    monkeypatch.setattr(apart, "ROUNDS", 0)  # as if no round were enough
+    outcome = shaping_of(robot, [small(robot)], SelfCollision(robot)).solve(
+        robot.posture(), 2, workers=1
+    )
+    with pytest.raises(NoPostureError, match=r" vs .* lacks 0\.\d+ m of 'self-collision'"):
+        print(outcome.best)
+
+
+def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    ball = Obstacle.sphere("ball", [1.0, 0.0, 0.3], 0.1)
+    around = Obstacles(robot, [ball])
+    shaping = shaping_of(robot, [small(robot)], around)
+    ball.move(np.eye(3), [1.0, 0.0, 0.0], velocity=[0.1, 0.0, 0.0])
+    with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
+        shaping.solve(robot.posture(), 1, workers=1)
+    with pytest.raises(InvalidInputError, match="obstacle 'ball' moves"):
+        shaping_of(robot, [small(robot)], around)
+
+    class Unknown(Constraint):
+        name = "mine"
+
+        def rows(self, snapshot, dt):
+            raise AssertionError("not asked for")
+
+    mine = Unknown()
+    mine.robot = robot
+    with pytest.raises(InvalidInputError, match="'mine' is a Unknown; the search knows SelfColl"):
+        shaping_of(robot, [small(robot)], mine)
+    other = Robot.load("hoap2_like")
+    with pytest.raises(InvalidInputError, match="made for another robot"):
+        shaping_of(robot, [small(robot)], PositionBox.height(other, 0.1))
+
+
+def test_limits_come_before_standing(robot_named) -> None:
+    """On the way back to standing, joints stay in the limits asked for."""
+    robot = robot_named("hoap2_like")
+    limits = Limits(robot, margin=0.05)
+    shaping = GlobalShaping(robot, [small(robot)], (), limits, [SelfCollision(robot)])
+    best = shaping.solve(robot.posture(), 1, workers=1).best
+    assert best.kept.limit >= -1e-7
+    assert best.kept.clearance >= 0.0

@@ -1,0 +1,179 @@
+"""Hops from good postures: a minimum known in closed form, and the same answer in any order."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Contact, support
+from wbc.controllers.shaping import GlobalShaping, Stopped
+from wbc.controllers.shaping import hunt as hunt_module
+from wbc.controllers.shaping.hopping import PARENTS, Parents
+from wbc.controllers.shaping.hunt import LAG
+from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
+from wbc.controllers.shaping.verdicts import ENOUGH, MET, Verdicts
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.tasks import AxisTask, InertiaTask
+
+LIMBS, LIMIT = 12, 3.0  # rad
+LINK = """<link name="{name}"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="j{k}" type="revolute"><parent link="base"/><child link="limb{k}"/>
+<axis xyz="0 0 1"/><limit lower="-{limit}" upper="{limit}" velocity="5" effort="10"/></joint>"""
+
+
+@pytest.fixture(scope="module")
+def star(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """A body with twelve limbs of one wide joint each."""
+    parts = [LINK.format(name="base")]
+    parts += [LINK.format(name=f"limb{k}") for k in range(LIMBS)]
+    parts += [JOINT.format(k=k, limit=LIMIT) for k in range(LIMBS)]
+    file: Path = tmp_path_factory.mktemp("star") / "star.urdf"
+    file.write_text(f"<robot name='star'>{''.join(parts)}</robot>")
+    return Robot.load(file)
+
+
+def pointing(robot: Robot, angles: np.ndarray) -> GlobalShaping:
+    """Every limb is to point at an angle, the body being held."""
+    here = robot.snapshot(robot.postures["neutral"])
+    held = Contact(robot, "base", here.position("base"), here.rotation("base"))
+    tasks = [
+        AxisTask(robot, f"limb{k}", [np.cos(a), np.sin(a), 0.0], axis=[1, 0, 0], gain=1.0)
+        for k, a in enumerate(angles)
+    ]
+    return GlobalShaping(robot, tasks, [held])
+
+
+def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> None:
+    """A limb that begins more than half a turn from its angle ends at the wrong limit.
+
+    So there are 2^12 valleys; if every joint is drawn evenly, one begins in the best of them with
+    probability (3.05 / 6)^12 = 0.03 %. It lies at the upper limits: the angles are beyond.
+    """
+    angle = 3.1 - 0.03 * np.arange(LIMBS) / LIMBS
+    assert (angle > LIMIT).all()
+    least = float(np.sum(1.0 - np.cos(angle - LIMIT)))  # 1/2 |difference of two unit vectors|^2
+    shaping, q = pointing(star, angle), star.postures["neutral"].copy()
+    q[7:] = -2.0  # in the worst valley
+    outcome = shaping.solve(q, 160, workers=1)
+    # IPOPT's barrier leaves about 1e-8 of the cost of a middling posture, here some 12.
+    assert outcome.best.cost == pytest.approx(least, abs=1e-6)
+    np.testing.assert_allclose(outcome.best.q[7:], LIMIT, atol=1e-4)
+    assert min(outcome.best.starts) >= 24  # a hop led there
+    monkeypatch.setattr(hunt_module, "SPREAD", 160)  # no hops at all
+    spread = shaping.solve(q, 160, workers=1)
+    assert spread.best.cost > 1.2 * least  # at least one limb is at the wrong limit
+
+
+@pytest.mark.parametrize("mode", ["floating", "double"])
+def test_hops_do_not_depend_on_who_searches(robot_named, mode: str) -> None:
+    """More starts than are spread, and an end by patience: three processes find what one does."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    here = robot.snapshot(q)
+    wanted = np.diag(here.inertia_in("base")) * [0.6, 0.5, 0.6]
+    task = InertiaTask(robot, np.diag(wanted), per_mass=True)
+    shaping = GlobalShaping(robot, [task], support(here, mode))
+    told = []
+    for workers in (1, 3):
+        outcome = shaping.solve(q, 300, workers=workers, seed=2, patience=25)
+        assert outcome.statistics.stopped is Stopped.SETTLED
+        told.append([(c.cost, c.starts, tuple(c.q)) for c in outcome.candidates])
+    assert told[0] == told[1]
+    numbers = sorted(number for _, starts, _ in told[0] for number in starts)
+    assert 24 < numbers[-1] < 299
+
+
+def test_patience_counts_searches_without_a_better_posture(robot_named) -> None:
+    """The search ends ``patience`` after the last start that gained 0.1 %, and not before."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    wanted = np.diag(np.diag(robot.snapshot(q).inertia_in("base")) * [1.5, 1.5, 0.3])
+    shaping = GlobalShaping(robot, [InertiaTask(robot, wanted, frame="base", per_mass=True)])
+    news: list[tuple[int, float]] = []
+    outcome = shaping.solve(
+        q, 200, workers=1, patience=10, progress=lambda done, _, cost: news.append((done, cost))
+    )
+    record, at = news[0][1], news[0][0]
+    for done, cost in news:
+        assert done <= at + 10
+        if cost < 0.999 * record:
+            record, at = cost, done
+    assert outcome.statistics.searched == at + 10
+    assert outcome.best.cost == news[-1][1]
+    with pytest.raises(InvalidInputError, match="patience: must be at least 1"):
+        shaping.solve(q, patience=0)
+
+
+@dataclass(frozen=True)
+class Scripted:
+    """Costs by number, inf for a start that came to nothing."""
+
+    costs: np.ndarray
+
+    def verdict(self, number: int) -> Candidate | Rejected:
+        cost = float(self.costs[number])
+        if not np.isfinite(cost):
+            return Rejected(number, "none", "none")
+        kept = Kept(0.0, 1.0, None, None, ())
+        q = np.concatenate(([0, 0, 0, 0, 0, 0, 1.0], np.full(25, 0.1 * number)))
+        return Candidate(q, cost, {}, kept, "ok", True, 1, (number,))
+
+
+def run(script: Scripted, patience: int | None, rng: np.random.Generator, window: int) -> Any:
+    """Let searches end in any order within a window; stop when told to, finishing what is begun."""
+    verdicts, begun, enough = Verdicts(1.0, patience), 0, False
+    under_way: list[int] = []
+    while under_way or (begun < script.costs.size and not enough):
+        while len(under_way) < window and begun < script.costs.size and not enough:
+            under_way.append(begun)
+            begun += 1
+        number = under_way.pop(int(rng.integers(len(under_way))))
+        enough = verdicts.add(number, script.verdict(number))
+    return verdicts
+
+
+@pytest.mark.parametrize("met", [0.0, 0.05])
+def test_verdicts_do_not_depend_on_the_order_in_which_searches_end(robot_named, rng, met) -> None:
+    robot = robot_named("hoap2_like")
+    for _ in range(20):
+        costs = rng.uniform(0.5, 1.0, 80) * 0.97 ** rng.integers(0, 40, 80)
+        costs[rng.random(80) < 0.2] = np.inf
+        costs[rng.random(80) < met] = 0.1 * MET
+        script = Scripted(costs)
+        alone = run(script, 12, rng, 1)
+        # By hand: in the order of the starts, until enough are met or none was better for long.
+        record, at, ends, zeros = np.inf, 0, None, 0
+        for number, cost in enumerate(costs):
+            zeros += cost <= MET
+            if cost < 0.999 * record:
+                record, at = cost, number
+            if np.isfinite(record) and number >= at + 12:
+                ends = (number, Stopped.SETTLED)
+            if zeros == ENOUGH:
+                ends = (number, Stopped.MET)
+            if ends is not None:
+                break
+        expected = range(80 if ends is None else ends[0] + 1)
+        for verdicts in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
+            counted = sorted(k for c in verdicts.candidates(robot) for k in c.starts)
+            assert counted == [k for k in expected if np.isfinite(costs[k])]
+            assert verdicts.reason == (None if ends is None else ends[1])
+
+
+def test_parents_are_the_best_that_differ(robot_named, rng) -> None:
+    robot = robot_named("hoap2_like")
+    costs = rng.permutation(30) + 1.0
+    parents = Parents(robot)
+    for number in range(30):
+        one = Scripted(costs).verdict(number)
+        parents.add(one)
+        # The same but for two joints of 25, a little worse and a little better.
+        for change in (1e-3, -1e-3):
+            q = one.q.copy()
+            q[[8, 20]] += 1.0
+            parents.add(replace(one, q=q, cost=one.cost + change))
+    assert [one.cost for one in parents.best] == pytest.approx(np.arange(1, PARENTS + 1) - 1e-3)
