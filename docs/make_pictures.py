@@ -85,7 +85,13 @@ def pendulum_pictures() -> None:
 
 def main() -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
-    for name in ("astronaut_expand", "shape_standing_g1", "safe_reach_g1", "global_tall_hoap2"):
+    for name in (
+        "astronaut_expand",
+        "shape_standing_g1",
+        "safe_reach_g1",
+        "global_tall_hoap2",
+        "global_small_g1",
+    ):
         result = load_problem(ROOT / "problems" / f"{name}.yaml").run()
         title = f"{name}: {result.status.value}"
         plot_run(result.robot, result.history, PICTURES / f"{name}.png", title=title)

@@ -108,6 +108,7 @@ class KinematicController:
         self.dt = finite_number("controller, dt", dt, above=0.0)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
+        self._damping = read_only(self.damping * self.joint_weights)
         self._root = np.sqrt(self.joint_weights)
         self.backend = make_backend(solver) if isinstance(solver, str) else solver
         self.formulation = _one_of("formulation", formulation, FORMULATIONS)
@@ -177,12 +178,15 @@ class KinematicController:
         bounds: Bounds | None,
     ) -> tuple[QP, Solution, dict[str, Singularity]]:
         """Solve the QP of the first level, then those of the levels below, singular tasks held."""
-        solution, singular = self._solve(qp), dict[str, Singularity]()
+        singular: dict[str, Singularity] = {}
+        solution = self._solve(qp)
         if not solution.solved and self.limits is not None:
             gently = partial(self.backend.solve, workspace=(*self._workspace, "braking"))
             wider = opened(qp, self.limits, snapshot, self.dt, gently)
             if wider is not None:
                 qp, solution = wider, self._solve(wider)
+        if len(self._levels) == 1:
+            return qp, solution, singular
         box = qp.lower[: self.robot.nv], qp.upper[: self.robot.nv]
         for level in range(1, len(self._levels)):
             above = [rows[k] for k in self._levels[level - 1]]
@@ -222,8 +226,7 @@ class KinematicController:
         if self.limits is not None and level == 0:
             dominating.append(self.limits.recovery_rows(snapshot, self.dt))
         rows = [*rows, *(_outweighing(extra, rows) for extra in dominating if extra is not None)]
-        damping = self.damping * self.joint_weights
-        return assemble(rows, equalities, box, bounds, self._labels[level], damping)
+        return assemble(rows, equalities, box, bounds, self._labels[level], self._damping)
 
     def _filtered(
         self, rows: list[Rows], equalities: list[Rows], level: int
