@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wbc.constraints import PositionBox
 from wbc.constraints.clearance import SKIN, YIELD, Approach, Clearance, stopping_speed
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Gaps, giving_way, joined, picked
@@ -153,6 +154,19 @@ def test_where_a_command_leads_is_looked_at(robot) -> None:
     assert not wall.doubts(rows, v, DT)
     there = robot.snapshot(robot.integrate(here.q, v, DT))
     assert wall.cuts(there, v, DT, rows) is None
+
+
+def test_a_base_that_slides_and_turns_bends_its_way(robot) -> None:
+    """Five centimetres along while turning by 5 mrad end an eighth of a millimetre lower."""
+    box = PositionBox.height(robot, 0.0)
+    here = at(robot, 0.0)
+    before = box.gaps(here)
+    step = np.zeros(robot.nv)
+    step[0], step[4] = 0.05, 0.005  # nose down: ahead is below
+    after = box.gaps(robot.snapshot(robot.integrate(here.q, step, 1.0)))
+    lost = before.room + before.matrix @ step - after.room
+    assert lost[0] == pytest.approx(1.25e-4, rel=1e-3)
+    assert (lost <= box.bend(before, step)).all()
 
 
 def test_from_inside_a_cut_asks_only_not_to_go_deeper(robot) -> None:

@@ -122,6 +122,96 @@ def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
     assert left <= bound <= 0.01 * 0.2 * np.sqrt(2.0) + 1e-4
 
 
+@pytest.mark.parametrize("tilt", [0.002, 0.005, 0.008])
+def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, robot_named) -> None:
+    """Turned by more than it leans, its other end comes down: length times the difference."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    R, p = here.joint_placements
+    strip, floor = Hull.box([0.01, 0.2, 0.01]).vertices, Hull.box([1.0, 1.0, 0.01]).vertices
+    axis = R[1][:, 0]  # the base's own
+    leaning = strip @ pin.exp3(-tilt * axis).T
+    leaning += p[1] - [0.0, 0.0, leaning[:, 2].min()]
+    below = floor + p[1] - [0.0, 0.0, 0.005 + 0.01]  # its face is 1 cm lower
+    bodies = [
+        Body("strip", "strip", 1, Hull((leaning - p[1]) @ R[1])),
+        Body("floor", "floor", 0, Hull(below)),
+    ]
+    model = CollisionModel(robot, bodies, [(0, 1)])
+    found = model.nearest(here)
+    assert found.distance[0] == pytest.approx(0.01, abs=1e-6)
+    angle, step = 0.01, np.zeros(robot.nv)
+    step[3] = angle
+    there = robot.integrate(here.q, step, 1.0)
+    left = (found.distance + model.rows(here, found) @ step)[0]
+    left -= distances(robot, bodies, [(0, 1)], there)[0]
+    bound = model.sharp_bend(found, step, np.array([-1.0]))[0]
+    assert left == pytest.approx(0.2 * (angle - tilt), rel=0.1)
+    assert left <= bound <= left + 1e-4
+
+
+def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) -> None:
+    """Rounded plates, parallel or nearly, turned and slid any way: a loss of first order."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    R, p = here.joint_placements
+    supports = [set(above) for above in robot.model.supports]
+    used, beyond = [], 0
+    for _ in range(150):
+        one, other = (int(k) for k in rng.choice(np.arange(1, robot.model.njoints), 2, False))
+        thick, gap, size = 0.01, rng.choice([1e-3, 1e-2, 5e-2]), rng.choice([1e-3, 1e-2])
+        radius, tilt = rng.choice([0.0, 0.02]), rng.choice([0.0, size])
+        turn, middle = pin.exp3(rng.normal(size=3)), 0.5 * (p[one] + p[other])
+        bodies = []
+        for k, height in ((one, thick + gap + 2.0 * radius), (other, 0.0)):
+            spin = pin.exp3(np.array([0.0, 0.0, rng.normal()]))
+            spin = pin.exp3(np.array([*(tilt * rng.normal(size=2)), 0.0])) @ spin
+            place = np.array([*rng.uniform(-0.02, 0.02, 2), height])
+            box = Hull.box([*rng.uniform(0.05, 0.3, 2), thick]).vertices @ spin.T + place
+            world = box @ turn.T + middle
+            bodies.append(Body(f"plate{k}", f"plate{k}", k, Hull((world - p[k]) @ R[k], radius)))
+        model = CollisionModel(robot, bodies, [(0, 1)])
+        found = model.nearest(here)
+        step = size * rng.normal(size=robot.nv)
+        bound = model.sharp_bend(found, step, np.array([-1.0]))[0]
+        there = robot.integrate(here.q, step, 1.0)
+        left = (found.distance + model.rows(here, found) @ step)[0]
+        left -= distances(robot, bodies, [(0, 1)], there)[0]
+        assert left <= bound + 5e-6
+        used.append(left / bound)
+        between = supports[one] ^ supports[other]
+        angle = sum(abs(step[robot.model.idx_vs[k]]) for k in between)
+        beyond += left > 0.5 * angle * angle + 5e-6
+    # 77 of 150 lose what is not of second order, and up to 0.77 of the bound is used.
+    assert beyond > 60
+    assert max(used) > 0.6
+
+
+@pytest.mark.parametrize("shape", ["ball", "box"])
+def test_a_base_that_slides_and_turns_is_counted(shape, robot_named, rng) -> None:
+    """Sliding far while turning little bends the way by half of both, whatever the levers."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    R, p = here.joint_placements
+    solid_one = Capsule.sphere(np.zeros(3), 0.05) if shape == "ball" else Hull.box([0.1, 0.1, 0.1])
+    worst = -np.inf
+    for _ in range(40):
+        away, slide = np.linalg.qr(rng.normal(size=(3, 3)))[0].T[:2]
+        wall = HalfSpace.of(away, float(away @ p[1]) - 0.2)
+        bodies = [Body("base", "base", 1, solid_one), Body("wall", "wall", 0, wall)]
+        model = CollisionModel(robot, bodies, [(0, 1)])
+        found = model.nearest(here)
+        step = np.zeros(robot.nv)
+        # About the axis that turns the way into the wall.
+        step[:3], step[3:6] = R[1].T @ (0.05 * slide), R[1].T @ (0.005 * np.cross(away, slide))
+        there = robot.snapshot(robot.integrate(here.q, step, 1.0))
+        lost = (found.distance + model.rows(here, found) @ step - model.nearest(there).distance)[0]
+        worst = max(worst, lost)
+        assert lost <= model.bend(found.pairs, step)[0] + 1e-6
+        assert lost <= model.sharp_bend(found, step, np.array([-1.0]))[0] + 1e-6
+    assert worst > 1e-4  # half of 5 cm times 5 mrad is 0.125 mm
+
+
 def test_obstacles_count_where_they_were_put_and_planes_not_at_all(robot_named, rng) -> None:
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))

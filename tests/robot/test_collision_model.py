@@ -196,6 +196,21 @@ def test_pairs_asked_for_in_turn_are_measured_anew(robot_named, random_snapshot,
         assert found.normal.shape == found.point.shape == (size, 3)
 
 
+def test_distances_depend_on_the_posture_alone(robot_named, rng) -> None:
+    """Not on what was measured before, between parallel faces least of all: bit for bit."""
+    robot = robot_named("g1_27")
+    bodies = robot_bodies(robot, "hull")
+    model = CollisionModel(robot, bodies, select_pairs(robot, bodies).pairs)
+    standing = robot.snapshot(robot.posture("standing"))
+    before = model.nearest(standing, 25)
+    for _ in range(5):
+        step = np.concatenate((np.zeros(6), 0.5 * rng.normal(size=robot.nv - 6)))
+        model.nearest(robot.snapshot(robot.integrate(standing.q, step, 1.0)), 25)
+        again = model.nearest(standing, 25)
+        for one, other in zip(before[:4], again[:4], strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
 def test_results_that_do_not_lie_side_by_side(
     robot_named, random_snapshot, rng, monkeypatch
 ) -> None:
@@ -393,6 +408,10 @@ def test_pairs_that_make_no_sense(robot_named) -> None:
     model = CollisionModel(robot, [two[0], Body("floor", "floor", 0, floor)], [(0, 1)])
     with pytest.raises(InvalidInputError, match="moved by the robot"):
         model.place(0, np.eye(3), np.zeros(3))
+    here = robot.snapshot(robot.posture("standing"))
+    for count in (0, -1):
+        with pytest.raises(InvalidInputError, match="at least 1"):
+            model.nearest(here, count)
 
 
 @pytest.mark.parametrize(

@@ -189,8 +189,10 @@ def stopping_speed(room: Array, braking: Array | float, dt: float) -> Array:
 
 def point_bend(gaps: Gaps, step: Array) -> Array:
     """Return how far (m,) a point may end beside its linear prediction, on levers of a metre."""
-    angle = float(np.abs(step[3:]).sum())
-    return np.full(gaps.room.size, 0.5 * REACH * angle * angle)
+    size = np.abs(step)
+    slide, angle = float(size[:3].sum()), float(size[3:].sum())
+    # A base that turns while it slides bends its own way, on no lever.
+    return np.full(gaps.room.size, 0.5 * (REACH * angle + slide) * angle)
 
 
 def _asked(gaps: Gaps, least: Array) -> tuple[Array, Rows | None]:

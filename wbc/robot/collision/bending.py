@@ -33,12 +33,23 @@ class Bending:
     ----------
     pairs:
         (N, 2) indices of bodies.
+    moves:
+        (N, nv) 1 where a velocity moves one of a pair's bodies and not the other.
+
+    Attributes
+    ----------
     turns:
-        (N, nv) 1 where a velocity turns one of a pair's bodies and not the other.
+        (N, nv) ``moves`` without the base's translation, which turns nothing.
+    carries:
+        (N, 3) ``moves`` of the base's translation alone; None if it moves all bodies alike.
+    slides:
+        (N,) length of the shorter body [m].
     """
 
-    def __init__(self, bodies: Sequence[Body], pairs: Index, turns: Array) -> None:
-        self.turns = turns
+    def __init__(self, bodies: Sequence[Body], pairs: Index, moves: Array) -> None:
+        self.turns = moves.copy()
+        self.turns[:, :3] = 0.0
+        self.carries = moves[:, :3].copy() if moves[:, :3].any() else None
         self._pairs = pairs
         lengths = np.array([body.length for body in bodies])
         self.slides = lengths[pairs].min(axis=1)
@@ -57,7 +68,7 @@ class Bending:
     def from_corners(
         self, places: Places, pairs: Index, contact: tuple[Array, Array, Array], angle: Array
     ) -> Array:
-        """Return the bound (k,) from the corners of some pairs.
+        """Return what the corners of some pairs may come nearer by (k,) without the path's bend.
 
         Parameters
         ----------
@@ -82,7 +93,7 @@ class Bending:
         lost = phi * np.sqrt(np.einsum("kci,kci->kc", x, x))
         lost -= ahead
         jumps = np.maximum(lost.max(axis=1), self._least.take(bodies)).reshape(2, -1)
-        return np.minimum(*jumps) + 0.5 * REACH * angle * angle
+        return np.asarray(np.minimum(*jumps))
 
 
 def _filled(core: Array, most: int) -> Array:

@@ -96,9 +96,7 @@ class CollisionModel:
         moves = _moved_by(robot)
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[self._first]] - moves[joints[self._second]]  # (pairs, nv)
-        turns = np.abs(self._signs)
-        turns[:, :3] = 0.0  # the base's translation turns nothing
-        self._bending = Bending(self.bodies, self.pairs, turns)
+        self._bending = Bending(self.bodies, self.pairs, np.abs(self._signs))
         self._solids = self._split()
 
     def _split(self) -> SolidPairs | None:
@@ -136,6 +134,8 @@ class CollisionModel:
 
     def nearest(self, snapshot: Snapshot, count: int | None = None) -> Proximity:
         """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`."""
+        if count is not None and count < 1:
+            raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
         tried = CANDIDATES * count
@@ -183,9 +183,9 @@ class CollisionModel:
         of the angles between them. That bends the paths of their points, and where surfaces are
         parallel the nearest points may jump along the shorter one.
         """
-        bending = self._bending
-        angle = self._of(bending.turns, pairs) @ np.abs(step)
-        return angle * (self._of(bending.slides, pairs) + 0.5 * REACH * angle)
+        angle, curve = self._turned(pairs, step)
+        curve += self._of(self._bending.slides, pairs) * angle
+        return curve
 
     def sharp_bend(self, found: Proximity, step: Array, room: Array) -> Array:
         """Return :meth:`bend`, more closely where it is above ``room`` (k,): see ``bending``.
@@ -198,11 +198,20 @@ class CollisionModel:
             pairs = found.pairs.take(unsure)
             normal, point = found.normal.take(unsure, axis=0), found.point.take(unsure, axis=0)
             contact = normal, point, point - found.distance.take(unsure)[:, None] * normal
-            angle = self._bending.turns.take(pairs, axis=0) @ np.abs(step)
+            angle, curve = self._turned(pairs, step)
             places = found.snapshot.joint_placements
-            closer = self._bending.from_corners(places, pairs, contact, angle)
-            bend[unsure] = np.minimum(bend[unsure], closer)
+            curve += self._bending.from_corners(places, pairs, contact, angle)
+            bend[unsure] = np.minimum(bend[unsure], curve)
         return bend
+
+    def _turned(self, pairs: Index, step: Array) -> tuple[Array, Array]:
+        """Return the angles (k,) of some pairs and how far (k,) paths of points bend [m]."""
+        size = np.abs(step)
+        angle = self._of(self._bending.turns, pairs) @ size
+        lever = 0.5 * REACH * angle
+        if self._bending.carries is not None:  # while the base slides, its turn bends the way
+            lever += 0.5 * (self._of(self._bending.carries, pairs) @ size[:3])
+        return angle, lever * angle
 
     def _of(self, values: NDArray[Scalar], pairs: Index) -> NDArray[Scalar]:
         """Return what belongs to some pairs; without a copy if these are all."""
