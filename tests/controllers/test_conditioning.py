@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from wbc.constraints import support
+from wbc.constraints import PositionBox, support
 from wbc.controllers import KinematicController
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask
@@ -43,3 +43,22 @@ def test_redundant_tasks_have_less_rank_than_rows(robot: Robot) -> None:
     assert tick.ok
     assert controller.conditioning(tick).rank == 3
     assert controller.conditioning(tick).free == robot.nv
+
+
+def test_slacks_are_no_motions(robot: Robot) -> None:
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    room = PositionBox.height(robot, here.position("base")[2] - 0.1, frame="base")
+    found = []
+    for slack in ({}, {room.name: 10.0}):
+        controller = KinematicController(
+            robot,
+            [ComTask(robot, here.com, weight=3.0)],
+            contacts=support(here, "double"),
+            constraints=[room],
+            slack=slack,
+            damping=1e-9,
+        )
+        tick = controller.step(here)
+        found.append(controller.conditioning(tick))
+    assert tick.qp.g.size == robot.nv + 1
+    assert found[1] == found[0]

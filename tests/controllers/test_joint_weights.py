@@ -135,5 +135,7 @@ def test_mistakes(robot_named: Load) -> None:
         KinematicController(robot, [com], joint_weights={"*knee*": 0.0})
     with pytest.raises(InvalidInputError, match=r"joint_weights: expected shape \(33,\)"):
         KinematicController(robot, [com], joint_weights=np.ones(5))
+    with pytest.raises(InvalidInputError, match="expected names of joints, got 3"):
+        KinematicController(robot, [com], joint_weights={3: 2.0})
     with pytest.raises(InvalidInputError, match="each must be greater than 0, got -1"):
         KinematicController(robot, [com], joint_weights=-np.ones(robot.nv))

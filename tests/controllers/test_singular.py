@@ -65,12 +65,41 @@ def test_singular_values_are_those_of_the_motions_that_contacts_leave(
         root = np.sqrt(metric)
         free = null_space(held(here, *sides) / root)
         for task, J in (("com", here.com_jacobian), ("momentum", here.centroidal_map)):
-            values = np.linalg.svd(J / root @ free, compute_uv=False)
+            motions = free @ np.linalg.pinv(J / root @ free) / root[:, None]  # one for each rate
+            values = 1.0 / np.linalg.svd(motions, compute_uv=False)[::-1]
             # Squares are taken on the way: 1e-16 of the largest, relative to the least.
             assert found[task].least == pytest.approx(values[-1], rel=1e-9)
             assert found[task].condition == pytest.approx(values[0] / values[-1], rel=1e-9)
             least = 0.05 if task == "com" else 1.0
             assert found[task].rank == np.count_nonzero(values >= least)
+
+
+WEIGHTINGS = ({"*": 10.0, "base": 10.0}, {"*": 0.01, "base": 0.01}, {"base": 100.0}, {"*": 1e3})
+
+
+@pytest.mark.parametrize("weights", WEIGHTINGS, ids=str)
+@pytest.mark.parametrize("name", KNEES)
+def test_joint_weights_do_not_move_the_threshold(
+    name: str, weights: dict[str, float], robot_named: Load
+) -> None:
+    """Thresholds are in rad/s whatever the joints weigh, as long as the motion is much the same."""
+    robot, least = robot_named(name), 0.08
+
+    def fastest(knee: float) -> tuple[float, float]:
+        here = bent(robot, name, knee)
+        controller = KinematicController(
+            robot,
+            up(robot, here, singular_below=least),
+            contacts=support(here, "double"),
+            joint_weights=weights,
+            damping=1e-9,
+        )
+        tick = controller.step(here)
+        return speed(tick), float((here.com_jacobian @ tick.velocity)[2])
+
+    assert fastest(1.4)[1] == pytest.approx(1.0, abs=1e-3), "far away nothing is withheld"
+    for knee in (0.6, 0.3, 0.1, 0.03, 0.01, 0.001):
+        assert fastest(knee)[0] < 1.0 / least
 
 
 @pytest.mark.parametrize("knee", [0.5, 0.1, 0.01, 0.0])

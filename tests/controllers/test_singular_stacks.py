@@ -35,21 +35,24 @@ def random_rows(rng, sizes: Sequence[int], nv: int) -> list[Rows]:
 def test_what_is_asked_for_needs_no_more_than_the_wanted_rate_over_the_threshold(rng) -> None:
     """Stacks of tasks: the bound of wbc.controllers.singular, by the pseudo-inverses of numpy.
 
-    The held rows ask for motion too; the bound is on what the tasks add to the least such motion.
+    The held rows ask for motion too; the bound is on what the tasks add to the least such motion,
+    in joint rates of the motion that the joints' weights choose.
     """
     nv, changed = 12, 0
     for _ in range(200):
         rows = random_rows(rng, (2, 3, 1), nv)
         C, c = rng.normal(size=(4, nv)), rng.normal(size=4)
-        root = np.exp(0.5 * rng.normal(size=nv))
+        root = np.exp(rng.normal() + 0.5 * rng.normal(size=nv))
         out, found = filtered(rows, [Rows(C, c, np.ones(4))], root)
         metric = np.concatenate([row.matrix for row in rows]) / root
-        J = metric @ null_space(C / root)
+        free = null_space(C / root)
+        J = metric @ free
         brought = metric @ np.linalg.pinv(C / root) @ c
         asked, wanted = (np.concatenate([row.target for row in rs]) - brought for rs in (out, rows))
         motion = np.linalg.pinv(J, rcond=1e-9) @ asked
         least = np.concatenate([np.full(row.target.size, row.singular_below) for row in rows])
-        assert np.linalg.norm(motion) <= np.linalg.norm(wanted / least) * (1 + 1e-6)
+        joints = free @ motion / root
+        assert np.linalg.norm(joints) <= np.linalg.norm(wanted / least) * (1 + 1e-6)
         np.testing.assert_allclose(J @ motion, asked, atol=1e-5)  # all of it can be done
         lost = [found[k].withheld for k in range(3) if found[k].withheld is not None]
         if lost:
@@ -59,13 +62,15 @@ def test_what_is_asked_for_needs_no_more_than_the_wanted_rate_over_the_threshold
 
 
 def test_what_held_rows_bring_about_is_not_asked_for(rng) -> None:
-    """One task beside held rows that move; oracle: SVD in the joints' metric."""
+    """One task beside held rows that move; oracle: SVD of the motions that weights choose."""
     nv = 9
     C, c = rng.normal(size=(3, nv)), rng.normal(size=3)
     root = np.exp(rng.normal(size=nv))
     row = Rows(rng.normal(size=(3, nv)), rng.normal(size=3), np.ones(3))
     metric = row.matrix / root
-    U, s, _ = np.linalg.svd(metric @ null_space(C / root))
+    free = null_space(C / root)
+    V, inverse, _ = np.linalg.svd((free @ np.linalg.pinv(metric @ free) / root[:, None]).T)
+    U, s = V[:, ::-1], 1.0 / inverse[::-1]
     threshold = 0.5 * (s[0] + s[1])
     row = row._replace(singular_below=threshold)
     _, found = filtered([row], [Rows(C, c, np.ones(3))], root)
@@ -138,5 +143,9 @@ def test_a_threshold_is_not_negative(robot_named: Load) -> None:
     robot = robot_named("g1_27")
     with pytest.raises(InvalidInputError, match=r"'com', singular_below: must be at least 0"):
         ComTask(robot, np.zeros(3), singular_below=-0.1)
+    com = ComTask(robot, np.zeros(3), singular_below=0.1)
+    with pytest.raises(InvalidInputError, match=r"'com', singular_below: must be finite"):
+        com.singular_below = np.nan
+    assert com.singular_below == 0.1
     with pytest.raises(InvalidInputError, match=r"'posture', singular_below"):
         PostureTask(robot, robot.posture("standing"), singular_below=np.nan)

@@ -22,10 +22,13 @@ class Conditioning(NamedTuple):
     Attributes
     ----------
     free:
-        Directions of motion that the contacts leave.
+        Directions of motion that the contacts leave; with several priorities the tick has the QP
+        of the last level, and of the motions that contacts and the levels above leave.
     rank:
         Of these, how many the tasks determine; the others are left to the damping. Fewer than
-        the tasks have rows means that tasks are singular or repeat each other.
+        the tasks have rows means that tasks are singular or repeat each other. What tasks damp of
+        themselves (``lm_damping``, and points that are not yet at their targets) counts as
+        determined.
     condition:
         Largest over least curvature of the cost along the directions determined; 1 if none is.
         Directions are measured by the joints' weights, like the damping.
@@ -44,11 +47,10 @@ def conditioning(qp: QP, damping: float, weights: Array) -> Conditioning:
     damping, weights:
         The controller's, and its weights (nv,) of the joints, which are part of the cost.
     """
-    n = qp.g.size
-    free = null_space(qp.A) if qp.b.size else np.eye(n)
-    metric = np.concatenate((weights, np.ones(n - weights.size)))  # behind v there may be slacks
-    size = (free.T * metric) @ free
-    curvatures = eigh(free.T @ qp.P @ free, size, eigvals_only=True) - damping
+    nv = weights.size  # behind v there may be slacks, which are no motions
+    free = null_space(qp.A[:, :nv]) if qp.b.size else np.eye(nv)
+    size = (free.T * weights) @ free
+    curvatures = eigh(free.T @ qp.P[:nv, :nv] @ free, size, eigvals_only=True) - damping
     determined = curvatures[curvatures > DETERMINED * damping]
     condition = float(determined[-1] / determined[0]) if determined.size else 1.0
     return Conditioning(free.shape[1], determined.size, condition)

@@ -34,11 +34,14 @@ def weights_of(robot: Robot, given: JointWeights | None) -> Array:
     UnknownNameError
         A name or pattern that no joint matches.
     InvalidInputError
-        A weight that is not a positive number, or not as many as v has entries.
+        A weight that is not a positive number, not as many as v has entries, or a key that is no
+        name.
     """
     weights: Array = np.ones(robot.nv)
     if isinstance(given, Mapping):
         for pattern, weight in given.items():
+            if not isinstance(pattern, str):
+                raise InvalidInputError(f"{WHAT}: expected names of joints, got {pattern!r}")
             value = finite_number(f"{WHAT} of {pattern!r}", weight, above=0.0)
             weights[moved_by(robot, pattern)] = value
     elif given is not None:

@@ -2,13 +2,18 @@
 
 Over straight knees, at a straight arm, or where tasks nearly repeat each other, a small rate of the
 error takes huge rates of the joints. Tasks that have opted in (``singular_below``) are looked at
-together, in the motions that are left to them. With N (nv, free) an orthonormal basis of what the
-held rows leave, M the joints' weights, W the rows' weights, c the weighted rates that the tasks
-want beyond what the held rows bring about, and E = W * singular_below,
+together, in the motions that are left to them. Let X (nv, k) be the motions that bring about one
+unit of each row: those that the held rows leave and, among these, the least by the joints' weights.
+With W the rows' weights, c the weighted rates that the tasks want beyond what the held rows bring
+about, and E = W * singular_below,
 
-    A = W J M^-1/2 N,    L = positive part of (E^2 - A A'),    c' = A A' (A A' + L)^-1 c
+    A A' = W (X' X)^-1 W,    L = positive part of (E^2 - A A'),    c' = A A' (A A' + L)^-1 c
 
-is what they ask for instead of c. For one task this is least squares damped by numerical filtering
+is what they ask for instead of c. If the joints' weights are equal A is W J N, with N (nv, free) an
+orthonormal basis of what the held rows leave; however they are, weights choose the motion, and what
+is singular is told by the joint rates of that motion, in plain rad/s.
+
+For one task this is least squares damped by numerical filtering
 (Maciejewski and Klein 1988) with the variable damping of Nakamura and Hanafusa (1986) and
 Chiaverini (1997): in a direction of singular value s the joint rate is the wanted rate times
 s / max(s, singular_below)^2. For any number of tasks:
@@ -16,7 +21,7 @@ s / max(s, singular_below)^2. For any number of tasks:
 - Where A A' - E^2 is positive definite, nothing is changed; where a singular value passes the
   threshold, or two cross, nothing jumps: c' is a continuous function of A, as singular vectors are
   not.
-- Joint rates |M^1/2 v| no greater than |wanted rates / singular_below| achieve what is asked for.
+- Joint rates |v| no greater than |wanted rates / singular_below| achieve what is asked for.
 - Tasks that contradict each other outright still settle by their weights.
 
 The demand is filtered rather than the motion damped: a direction in which a task can do nothing is
@@ -38,6 +43,8 @@ from wbc.validate import Array
 
 # Rows this many times lighter than the heaviest count as so heavy: squares keep their digits.
 LIGHTEST = 1e-4
+# Gram matrices are known to this part of their diagonals.
+ROUNDING = 1e-13
 
 
 class Singularity(NamedTuple):
@@ -47,7 +54,8 @@ class Singularity(NamedTuple):
     ----------
     rank:
         Of its rows that have weight, how many independent ones are not singular: singular values
-        of the Jacobian at or above ``singular_below``.
+        at or above ``singular_below``. They are the Jacobian's in the motions that are left, for
+        joints of different weights those of A above without W.
     least:
         Least singular value [the error's unit/s per rad/s].
     condition:
@@ -61,6 +69,25 @@ class Singularity(NamedTuple):
     least: float
     condition: float
     withheld: Array | None
+
+
+class Grams(NamedTuple):
+    """What the least motions Y (nv, k) in the joints' metric, one along each row, bring about.
+
+    Attributes
+    ----------
+    rate:
+        (k, k) J Y, the rates of the rows.
+    speed:
+        (k, k) Y' Y; None if all joints weigh 1, as it is then the same.
+    """
+
+    rate: Array
+    speed: Array | None
+
+    def of(self, rows: slice) -> Grams:
+        """Return those of some rows."""
+        return Grams(self.rate[rows, rows], None if self.speed is None else self.speed[rows, rows])
 
 
 class Left(NamedTuple):
@@ -100,8 +127,8 @@ def filtered(
         return list(rows), {}
     stack = [_weighty(rows[k]) for k in chosen]
     left = _left(held, root)
-    gram = _gram(np.concatenate([row.matrix for row in stack]), left)
-    withheld = _withheld(stack, gram, left)
+    grams = _grams(np.concatenate([row.matrix for row in stack]), left)
+    withheld = _withheld(stack, _per_speed(grams), left)
     out, found, begin = list(rows), dict[int, Singularity](), 0
     for k, row in zip(chosen, stack, strict=True):
         here = slice(begin, begin + row.weight.size)
@@ -111,7 +138,7 @@ def filtered(
             lost = np.zeros(rows[k].weight.size)
             lost[rows[k].weight > 0.0] = withheld[here]
             out[k] = rows[k]._replace(target=rows[k].target - lost)
-        found[k] = _singularity(gram[here, here], row.singular_below, lost)
+        found[k] = _singularity(_per_speed(grams.of(here)), row.singular_below, lost)
     return out, found
 
 
@@ -141,11 +168,26 @@ def _left(held: Sequence[Rows], root: Array) -> Left:
     return Left(taken, (taken @ along) / root, root)
 
 
-def _gram(matrix: Array, left: Left) -> Array:
-    """Return J M^-1/2 N N' M^-1/2 J' (k, k) for J = ``matrix`` (k, nv)."""
+def _grams(matrix: Array, left: Left) -> Grams:
+    """Return the grams of J = ``matrix`` (k, nv) in the motions that are left."""
     metric = matrix / left.root
     metric -= (metric @ left.taken) @ left.taken.T
-    gram: Array = metric @ metric.T
+    rate: Array = metric @ metric.T
+    if (left.root == 1.0).all():
+        return Grams(rate, None)
+    metric /= left.root  # now Y'
+    return Grams(rate, metric @ metric.T)
+
+
+def _per_speed(grams: Grams) -> Array:
+    """Return (X' X)^-1 (k, k): what the error does for the joint rates, both squared."""
+    if grams.speed is None:
+        return grams.rate
+    speed = grams.speed.copy()  # not of full rank where tasks are singular or repeat each other
+    speed.flat[:: len(speed) + 1] *= 1.0 + ROUNDING
+    speed.flat[:: len(speed) + 1] += np.finfo(float).tiny
+    _, motions, _ = lapack.dposv(speed, grams.rate)
+    gram: Array = grams.rate @ motions
     return gram
 
 

@@ -83,7 +83,9 @@ class Task(ABC):
         Singular values of the Jacobian below this are singular: along their directions the task
         asks for less, by (value / this)^2, so that no joint rate above |wanted rate / this| is
         needed. In the error's unit/s per rad/s; counted are the motions that contacts and more
-        important tasks leave. 0 for never. See :mod:`wbc.controllers.singular`.
+        important tasks leave, and that the joints' weights choose. 0 for never. An error that grows
+        meanwhile is asked for when its direction comes back; out of an exactly singular posture
+        only other tasks lead. See :mod:`wbc.controllers.singular`.
     priority:
         Level, 0 the most important: tasks of a level never give way to those of a later one.
         Within a level tasks are weighed against each other.
@@ -111,9 +113,7 @@ class Task(ABC):
         self.weight = weight
         self.gain = gain
         self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
-        self.singular_below = finite_number(
-            f"task {name!r}, singular_below", singular_below, least=0.0
-        )
+        self.singular_below = singular_below
         self.priority = int(finite_number(f"task {name!r}, priority", priority, least=0))
 
     def __repr__(self) -> str:
@@ -151,6 +151,16 @@ class Task(ABC):
                 f"task {self.name!r}, gain: {gain:g} is above 1 (the whole error in one tick)"
             )
         self._gain = gain
+
+    @property
+    def singular_below(self) -> float:
+        """Singular values below this are singular; 0 for never."""
+        return self._singular_below
+
+    @singular_below.setter
+    def singular_below(self, value: float) -> None:
+        what = f"task {self.name!r}, singular_below"
+        self._singular_below = finite_number(what, value, least=0.0)
 
     @abstractmethod
     def residual(self, snapshot: Snapshot) -> Residual:
