@@ -26,6 +26,9 @@ class Rows(NamedTuple):
         (n, n) added to the quadratic cost, possibly indefinite; None for none.
     singular_below:
         Singular values of ``matrix`` below which the target is held back; 0 for never.
+    rate, bias:
+        The target is ``-rate * error - bias``, in [1/s] and (k,); 0 and None for rows that are not
+        of this form.
     """
 
     matrix: Array
@@ -34,6 +37,8 @@ class Rows(NamedTuple):
     damping: float = 0.0
     curvature: Array | None = None
     singular_below: float = 0.0
+    rate: float = 0.0
+    bias: Array | None = None
 
 
 def velocity_law(
@@ -56,7 +61,16 @@ def velocity_law(
     if lm_damping > 0.0:
         weighted = weight * residual.error
         damping += lm_damping * math.sqrt(float(weighted @ weighted))
-    return Rows(residual.jacobian, wanted, weight, damping, residual.curvature, singular_below)
+    return Rows(
+        residual.jacobian,
+        wanted,
+        weight,
+        damping,
+        residual.curvature,
+        singular_below,
+        gain / dt,
+        residual.bias,
+    )
 
 
 def acceleration_law(

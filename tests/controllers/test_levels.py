@@ -5,6 +5,7 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.robot.lie import exp_rotation
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005
@@ -92,3 +93,43 @@ def test_a_level_that_takes_everything_leaves_the_next_nothing(robot_named) -> N
     tick = KinematicController(robot, [*everything, last], limits=Limits(robot)).step(here)
     assert tick.ok
     np.testing.assert_allclose(tick.velocity, alone.velocity, atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_bounds_that_hold_a_level_leave_the_next_one_room(robot_named, rng, solver) -> None:
+    """Far targets: most joints are at their bounds at level 0, and no tick may fail for that.
+
+    Between the rows that are kept and the bounds that limit them there was no room: ProxQP failed
+    in every one of these ticks. Level 0 achieves what it does alone.
+    """
+    robot = robot_named("g1_27")
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    here = robot.snapshot(q)
+    turn = exp_rotation(np.array([0.3, 0.4, -0.3]))
+    hand = "left_wrist_yaw_link"
+    first = [OrientationTask(robot, hand, here.rotation(hand) @ turn), ComTask(robot, here.com)]
+    far = robot.integrate(q, np.concatenate((np.zeros(6), 0.8 * rng.normal(size=27))), 1.0)
+    second = PostureTask(robot, far, weight=0.05, priority=1)
+
+    def controller(tasks) -> KinematicController:
+        return KinematicController(
+            robot,
+            tasks,
+            contacts=support(here, "double"),
+            limits=Limits(robot),
+            dt=DT,
+            solver=solver,
+        )
+
+    alone, both, acted = controller(first), controller([*first, second]), 0.0
+    for _ in range(60):
+        now = robot.snapshot(q, v)
+        expected, tick = alone.step(now), both.step(now)
+        assert tick.ok, tick.report()
+        for task in first:
+            J = task.residual(now).jacobian
+            np.testing.assert_allclose(J @ tick.velocity, J @ expected.velocity, atol=1e-7)
+        acted = max(acted, float(np.abs(tick.velocity - expected.velocity).max()))
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+    assert acted > 0.1, "the lower level does act"

@@ -67,9 +67,7 @@ def contact_rows(contact: Contact, snapshot: Snapshot, dt: float) -> Rows:
 def _some(rows: Rows, kept: Index | None) -> Rows:
     if kept is None:
         return rows
-    return rows._replace(
-        matrix=rows.matrix[kept], target=rows.target[kept], weight=rows.weight[kept]
-    )
+    return Rows(rows.matrix[kept], rows.target[kept], rows.weight[kept])
 
 
 def _independent_rows(contacts: Sequence[Contact]) -> tuple[Index | None, ...]:

@@ -17,6 +17,8 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -51,8 +53,9 @@ class Limits:
     braking:
         ``"free"``: a joint may stop in one tick if tasks ask for it. ``"bounded"``: it slows down
         by no more than the acceleration, except where limits, contacts or margins leave nothing
-        else. Tasks must then ask for no more than joints can brake, or they overshoot: a gain up
-        to ``acceleration dt / speed`` does not (0.05 for 5 ms and the default acceleration).
+        else. Far from their targets the tasks of a level then pull with lower gains, all by the
+        same factor, so that no joint comes to its end faster than it can brake. A target that moves
+        without telling its rate is followed at a distance from which joints could stop.
     base_twist:
         (6,) largest base velocity in base axes, linear [m/s] then angular [rad/s]; None: no limit.
     recovery:
@@ -199,13 +202,18 @@ def _speeds(robot: Robot, velocity: float | None) -> Array:
 def _accelerations(acceleration: ArrayLike | None, speed: Array, joints: int) -> Array:
     if acceleration is None:
         return speed / DEFAULT_RISE_TIME
-    full = np.full(joints, acceleration) if np.ndim(acceleration) == 0 else acceleration
-    return _positive("limits, acceleration", full, joints)
+    what = "limits, acceleration"
+    if np.ndim(acceleration) == 0:
+        return np.full(joints, _positive(what, [acceleration], 1))
+    return _positive(what, acceleration, joints)
 
 
-def _positive(what: str, value: ArrayLike, size: int) -> Array:
+def _positive(what: str, value: Any, size: int) -> Array:
     """Return (size,) positive numbers, infinity allowed (no limit)."""
-    given = np.asarray(value, dtype=float)
+    try:
+        given = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
     checked = finite_vector(what, np.where(np.isposinf(given), 1.0, given), size)
     if (checked <= 0.0).any():
         raise InvalidInputError(f"{what}: every entry must be positive, got {given.tolist()}")

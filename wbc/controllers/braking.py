@@ -1,8 +1,19 @@
-"""Slowing down as gently as contacts and margins allow, where they ask for more than the bound.
+"""What becomes of a QP where joints cannot stop at once: :class:`~wbc.constraints.Limits` says so.
 
-With :class:`~wbc.constraints.Limits` of bounded braking a velocity in the box need not exist: a
-foot is put down while its leg moves, or the nearest points of two bodies jump. Then the QP has no
-solution, and joints must brake harder. Which ones, and how much harder, is what
+**No hurry** (:func:`unhurried`). Tasks ask for a part of the way in one tick, which may be far more
+than joints can brake from. Hence all gains of a level are multiplied by one factor, the largest up
+to 1 with which every joint can still stop where the level leads it. With way d_j to go there, by
+Newton's method, and a rate of r_j d_j asked for, it is
+
+    s = min(1, min over joints u_j / (r_j d_j)),    u_j dt + u_j^2 / (2 SHARE a_max_j) = d_j
+
+One factor: joints arrive together, on a straight line, the slowest as fast as it can be; tasks keep
+the balance between them, and where they balance d is 0: targets out of reach are missed as before.
+What moving targets ask for beforehand is not multiplied.
+
+**Harder braking** (:func:`opened`). Contacts and margins may ask for more than the bound: a foot is
+put down while its leg moves, or the nearest points of two bodies jump. Then the QP has no solution,
+and joints must brake harder. Which ones, and how much harder, is what
 
     minimise  sum over joints ((v_j - v_now_j) / (a_max_j dt))^2
 
@@ -13,12 +24,15 @@ that this velocity is inside, with a little room, and the QP is solved again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from wbc.constraints.limits import Limits
+from wbc.laws import Rows
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution
 from wbc.robot import Snapshot
@@ -28,8 +42,92 @@ from wbc.validate import Array
 ROOM = 0.1
 # Least weight of an unknown, next to the slowest joint's: of the base and of slacks, too.
 LIGHT = 1e-4
+# Part of the acceleration that tasks count on. The rest is for what straight lines leave out, and
+# for the end, where the gain takes over: it first slows down twice as hard as this profile.
+SHARE = 0.7
+# Weight of the equalities where the way to go is looked for, next to the heaviest unknown's.
+HEAVY = 1e4
+# What keeps rounding from making that indefinite, by the same measure.
+ROUNDING = 1e-9
+# Added to ways [rad or m], so that none is 0.
+NO_WAY = 1e-300
 
 Box = tuple[Array, Array]
+
+
+def unhurried(qp: QP, rows: Sequence[Rows], limits: Limits, snapshot: Snapshot, dt: float) -> QP:
+    """Return the QP of one level with all gains lowered by one factor, as far as joints need it.
+
+    Parameters
+    ----------
+    qp:
+        The QP that was assembled of ``rows``.
+    rows:
+        Costs of the level, one task's at least; those that are not of the velocity law, which
+        move joints back into range or bodies out of margins, are left as they are.
+    """
+    nv = snapshot.v.size
+    fastest = max(row.rate for row in rows)
+    pull, later = -qp.g[:nv], np.zeros(nv)
+    for row in rows:
+        if row.bias is None or row.rate == 0.0:
+            pull -= _slope(row, row.target)
+            continue
+        if row.bias.any():
+            pull += _slope(row, row.bias)
+        if row.rate < fastest:  # what is asked for in a second is a smaller part of the way
+            later += (1.0 / row.rate - 1.0 / fastest) * _slope(row, row.target + row.bias)
+    later += pull / fastest
+    newton = _newton(qp.P[:nv, :nv], qp.A[:, :nv], np.array((pull, later)))
+    factor = _factor(newton[:, 6:], fastest, limits, snapshot, dt)
+    if factor >= 1.0:
+        return qp
+    g = qp.g.copy()
+    g[:nv] += (1.0 - factor) * pull
+    return replace(qp, g=g)
+
+
+def _slope(row: Rows, wanted: Array) -> Array:
+    """Return what ``wanted`` (k,) adds to minus the cost's gradient (nv,) at rest."""
+    slope: Array = (np.square(row.weight) * wanted) @ row.matrix
+    return slope
+
+
+def _newton(P: Array, A: Array, slopes: Array) -> Array:
+    """Return x (k, n) with P x = slopes and A x = 0 very nearly; rows of A may be dependent."""
+    most = float(P.diagonal().max())
+    P = P.copy()
+    if A.size:
+        lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + NO_WAY)
+        stiff = (math.sqrt(HEAVY * most) / lengths)[:, None] * A
+        P += stiff.T @ stiff
+    P.flat[:: len(P) + 1] += ROUNDING * most
+    _, x, _ = lapack.dposv(P.T, slopes.T, overwrite_a=True)
+    solved: Array = x.T
+    return solved
+
+
+def _factor(newton: Array, fastest: float, limits: Limits, snapshot: Snapshot, dt: float) -> float:
+    """Return what gains are multiplied by, from joint rates asked for and ways to go (2, joints).
+
+    With the way w to go and r w asked for it is the least of 2 / (r (dt + sqrt(dt^2 + 2 w / a))).
+    """
+    asked = newton[0]
+    speed, to_go = np.abs(newton)
+    # Tasks of low gain pull the other way: what they take off the way comes later.
+    np.maximum(to_go, speed / fastest, out=to_go)
+    to_go += NO_WAY
+    rate = speed / to_go
+    q = limits.robot.limits.joint_positions(snapshot.q)
+    room = np.where(asked > 0.0, limits.upper - q, q - limits.lower)
+    np.minimum(to_go, np.maximum(room, 0.0, out=room), out=to_go)  # there a joint stops anyway
+    to_go /= limits.acceleration
+    to_go *= 2.0 / SHARE
+    to_go += dt * dt
+    np.sqrt(to_go, out=to_go)
+    to_go += dt
+    rate *= to_go
+    return float(2.0 / max(rate.max(initial=0.0), NO_WAY))
 
 
 def opened(

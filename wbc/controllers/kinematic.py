@@ -21,11 +21,11 @@ from wbc.constraints.held import Held, contact_rows
 from wbc.constraints.limits import BASE_ROWS, Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.assembly import assemble, slacks
-from wbc.controllers.braking import opened
+from wbc.controllers.braking import opened, unhurried
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.landing import Landing
-from wbc.controllers.levels import grouped, kept, level_labels
+from wbc.controllers.levels import Holding, grouped, kept, level_labels
 from wbc.controllers.singular import Singularity, filtered
 from wbc.controllers.softness import Softness
 from wbc.controllers.tick import POLICIES, Tick, Times
@@ -187,15 +187,19 @@ class KinematicController:
                 qp, solution = wider, self._solve(wider)
         if len(self._levels) == 1:
             return qp, solution, singular
-        box = qp.lower[: self.robot.nv], qp.upper[: self.robot.nv]
+        nv, holding = self.robot.nv, None
+        box = qp.lower[:nv], qp.upper[:nv]
         for level in range(1, len(self._levels)):
             above = [rows[k] for k in self._levels[level - 1]]
             if solution.status is not Status.SOLVED:
                 break
+            most = float(self._damping.max())
+            holding = Holding.at(qp, solution, nv, most).and_of(holding)
             equalities = [*equalities, *kept(above, solution.x)]
             rows, found = self._filtered(rows, equalities, level)
             singular |= found
-            elimination = eliminate(self._qp(snapshot, rows, equalities, bounds, box, level))
+            below = self._qp(snapshot, rows, equalities, bounds, box, level)
+            elimination = eliminate(holding.fasten(below))
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 break
             qp = elimination.full
@@ -226,7 +230,10 @@ class KinematicController:
         if self.limits is not None and level == 0:
             dominating.append(self.limits.recovery_rows(snapshot, self.dt))
         rows = [*rows, *(_outweighing(extra, rows) for extra in dominating if extra is not None)]
-        return assemble(rows, equalities, box, bounds, self._labels[level], self._damping)
+        qp = assemble(rows, equalities, box, bounds, self._labels[level], self._damping)
+        if self.limits is None or self.limits.braking == "free":
+            return qp
+        return unhurried(qp, rows, self.limits, snapshot, self.dt)
 
     def _filtered(
         self, rows: list[Rows], equalities: list[Rows], level: int

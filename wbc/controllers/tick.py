@@ -81,12 +81,16 @@ class Tick:
 
         Such as ``"left_hand vs pelvis"``; where two cuts of one margin hold, it is named once.
         """
-        pull = abs(self.solution.z)
-        if not self.ok or not pull.size:
+        names = self.qp.labels
+        if not self.ok or not names.inequality:
             return ()
-        strongest = (int(k) for k in (-pull).argsort() if pull[k] > HOLDING * pull.max())
-        labels = self.qp.labels.inequality
-        return tuple(dict.fromkeys(labels[k] for k in strongest if pull[k] > NOTHING))
+        pull = list(zip(names.inequality, abs(self.solution.z).tolist(), strict=True))
+        rows = set(names.inequality)  # those that hold a level above are equalities below
+        above = zip(names.equality, abs(self.solution.y).tolist(), strict=True)
+        pull += [(name, size) for name, size in above if name in rows]
+        least = max(NOTHING, HOLDING * max(size for _, size in pull))
+        strongest = sorted(pull, key=lambda one: -one[1])
+        return tuple(dict.fromkeys(name for name, size in strongest if size > least))
 
     def report(self) -> str:
         """Return what went wrong in one or two sentences, or ``"solved"``."""

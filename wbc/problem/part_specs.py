@@ -117,7 +117,8 @@ class LimitsSpec(Section):
     is given, the velocity limit divided by 0.1 s."""
     braking: Annotated[Literal["free", "bounded"], WORD] = "free"
     """free: a joint may stop in one tick; bounded: it slows down by no more than the acceleration,
-    except where limits, contacts or margins leave nothing else (tasks of high gain overshoot)."""
+    except where limits, contacts or margins leave nothing else, and far from their targets tasks
+    pull with lower gains, so that they do not overshoot."""
     base_twist: (
         Annotated[tuple[PositiveOrInfinite, ...], Strict(False), Field(min_length=6, max_length=6)]
         | None
