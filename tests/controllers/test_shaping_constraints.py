@@ -1,6 +1,7 @@
 """Postures and motions that keep constraints, judged by coal on the robot's own shapes."""
 
 from collections.abc import Sequence
+from itertools import count
 
 import casadi as ca
 import numpy as np
@@ -287,6 +288,17 @@ def test_a_posture_that_stays_too_near_is_rejected_by_name(robot_named, monkeypa
     )
     with pytest.raises(NoPostureError, match=r" vs .* lacks 0\.\d+ m of 'self-collision'"):
         print(outcome.best)
+
+
+def test_a_search_that_ran_out_of_time_says_so(robot_named, monkeypatch) -> None:
+    """IPOPT's "succeeded" of the rounds before was about another problem, without all pairs."""
+    robot = robot_named("hoap2_like")
+    hours = count(step=3600.0)
+    monkeypatch.setattr(apart, "perf_counter", lambda: next(hours))
+    shaping = shaping_of(robot, [small(robot)], SelfCollision(robot))
+    outcome = shaping.solve(robot.posture(), 1, seconds=100.0, workers=1)
+    (rejected,) = outcome.rejected
+    assert rejected.reason.startswith("IPOPT: Maximum_WallTime_Exceeded; ")
 
 
 def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:

@@ -14,6 +14,7 @@ from wbc.controllers.shaping.hopping import PARENTS, Parents
 from wbc.controllers.shaping.hunt import LAG
 from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
 from wbc.controllers.shaping.verdicts import ENOUGH, MET, Verdicts
+from wbc.controllers.shaping.verify import SAME_POSTURE, merged
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import AxisTask, InertiaTask
@@ -161,6 +162,8 @@ def test_verdicts_do_not_depend_on_the_order_in_which_searches_end(robot_named, 
         for verdicts in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
             counted = sorted(k for c in verdicts.candidates(robot) for k in c.starts)
             assert counted == [k for k in expected if np.isfinite(costs[k])]
+            lost = [one.start for one in verdicts.rejected(())]
+            assert lost == [k for k in expected if not np.isfinite(costs[k])]
             assert verdicts.reason == (None if ends is None else ends[1])
 
 
@@ -177,3 +180,43 @@ def test_parents_are_the_best_that_differ(robot_named, rng) -> None:
             q[[8, 20]] += 1.0
             parents.add(replace(one, q=q, cost=one.cost + change))
     assert [one.cost for one in parents.best] == pytest.approx(np.arange(1, PARENTS + 1) - 1e-3)
+
+
+def test_postures_are_told_apart_one_by_one(robot_named, rng) -> None:
+    """Against every pair in turn: some alike, some turned at the base alone."""
+    robot = robot_named("hoap2_like")
+    costs = rng.permutation(120) + 1.0
+    ones = [Scripted(costs).verdict(number) for number in range(30)]
+    for number in range(30, 120):
+        like = ones[int(rng.integers(30))]
+        v = rng.uniform(-0.5, 0.5, robot.nv) * rng.choice([0.008, 0.03])
+        v[6:] *= rng.random() < 0.7
+        q = robot.integrate(like.q, v, 1.0)
+        ones.append(replace(like, q=q, cost=float(costs[number]), starts=(number,)))
+    expected: list[Candidate] = []
+    for one in sorted(ones, key=lambda c: c.cost):
+        far = [np.abs(robot.difference(known.q, one.q)).max() >= SAME_POSTURE for known in expected]
+        if all(far):
+            expected.append(one)
+    found = merged(robot, ones)
+    assert 30 < len(found) < 120
+    assert [one.cost for one in found] == [one.cost for one in expected]
+    assert sorted(k for one in found for k in one.starts) == list(range(120))
+
+
+def test_a_limit_that_stands_for_none_is_not_drawn_from(tmp_path: Path) -> None:
+    """A slide "of 1e9 m": drawn evenly, every sample's cost would drown that of the start."""
+    slide = JOINT.format(k=0, limit=1e9).replace("revolute", "prismatic")
+    file = tmp_path / "slide.urdf"
+    file.write_text(
+        f"<robot name='slide'>{LINK.format(name='base')}{LINK.format(name='limb0')}{slide}</robot>"
+    )
+    robot = Robot.load(file)
+    q = robot.postures["neutral"]
+    here = robot.snapshot(q)
+    held = Contact(robot, "base", here.position("base"), here.rotation("base"))
+    there = q.copy()
+    there[7] = 0.7
+    task = InertiaTask(robot, robot.snapshot(there).inertia_in("base"), frame="base")
+    best = GlobalShaping(robot, [task], [held]).solve(q, 4, workers=1).best
+    np.testing.assert_allclose(np.abs(best.q[7:]), 0.7, atol=1e-4)  # up or down, it is the same

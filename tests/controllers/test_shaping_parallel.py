@@ -9,6 +9,7 @@ import pytest
 
 from wbc.controllers.shaping import GlobalShaping
 from wbc.controllers.shaping import shaping as shaping_module
+from wbc.controllers.shaping.nlp import Start, build_nlp
 from wbc.controllers.shaping.team import NOTHING, Team
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
@@ -121,6 +122,25 @@ def test_a_search_that_was_taken_and_lost_is_repeated(robot_named, teams) -> Non
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
 
 
+def test_who_is_woken_by_starts_may_take_one(robot_named) -> None:
+    """A process that asks as soon as they come finds them ready; else it waited for the next."""
+    robot = robot_named("hoap2_like")
+    built = build_nlp(shaping_of(robot).problem)
+    took: list[int | None] = []
+
+    class Woken:
+        def post(self, starts: list[Start]) -> None:
+            took.append(team.take())
+
+        def dismiss(self) -> None:
+            took.append(NOTHING)
+
+    with Team(built.nlp, 0, None) as team:
+        team._members.append(Woken())  # type: ignore[arg-type]
+        team.offer([built.start(robot.posture())])
+    assert took == [0, NOTHING]
+
+
 def test_nobody_waits_for_a_process_that_was_killed(robot_named, teams) -> None:
     """It dies amid a search; what it was at is done here, and all that comes after."""
     robot = robot_named("hoap2_like")
@@ -182,5 +202,9 @@ def test_unusable_numbers_are_refused(robot_named) -> None:
         shaping.solve(q, workers=0)
     with pytest.raises(InvalidInputError, match="seconds: must be greater than 0"):
         shaping.solve(q, seconds=0.0)
+    with pytest.raises(InvalidInputError, match="seed: must be at least 0"):
+        shaping.solve(q, seed=-1)
+    with pytest.raises(InvalidInputError, match=r"starts: expected a whole number, got 2\.5"):
+        shaping.solve(q, 2.5)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="shape"):
         shaping.solve(q[:-1])

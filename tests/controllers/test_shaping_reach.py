@@ -6,12 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.constraints import ComSupport, Contact, Limits, support
+from wbc.constraints import ComSupport, Contact, Limits, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.controllers.shaping import GlobalShaping, Motion, MotionTick, ShapingOutcome
-from wbc.controllers.shaping.keeping import Tolerances
 from wbc.controllers.shaping.merit import posture_cost
-from wbc.controllers.shaping.outcome import Kept
+from wbc.controllers.shaping.reach import worst_kept
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
@@ -134,14 +133,33 @@ def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:
             shaping.reach(q, outcome, **{name: 0.0})
 
 
-def test_what_the_start_breaks_is_excused(robot_named) -> None:
-    """Outside the polygon at the start: on the way in, a hair further out is allowed."""
-    allowed = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
-    outside = Kept(contact=0.0, limit=-0.1, support=-0.02, clearance=None, broken=("all",))
-    excused = allowed.excusing(outside)
-    assert excused == Tolerances(1e-3, 0.1 + 1e-6, 0.021, 1e-4)
-    inside = Kept(contact=0.0, limit=0.3, support=0.02, clearance=0.1, broken=())
-    assert allowed.excusing(inside) == allowed
+def test_what_the_start_breaks_is_excused_and_nothing_else(robot_named) -> None:
+    """0.15 m above its box, the robot may come down from there; its arm may not enter the chest."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    height = float(robot.snapshot(q).position("base")[2])
+    box = PositionBox(robot, "base", [-np.inf] * 3, [np.inf, np.inf, height - 0.15])
+    bodies = SelfCollision(robot, margin=0.01)
+    shaping = GlobalShaping(robot, [tall(robot, q, "base")], constraints=[box, bodies])
+    touching = q.copy()
+    touching[7:] = robot.limits.lower
+    down = [q.copy() for _ in range(3)]
+    for k, height_lost in enumerate((0.0, 0.1, 0.16)):
+        down[k][2] -= height_lost
+    touching[2] = down[1][2]
+    assert float(bodies.gaps(robot.snapshot(touching)).room.min()) > -0.15
+
+    def first_broken(*configurations: np.ndarray) -> str:
+        states = [robot.snapshot(one) for one in configurations]
+        return worst_kept(shaping.problem, states, 0.01)[1]
+
+    assert first_broken(*down) == ""
+    assert first_broken(down[1], down[0], down[2]).startswith("at 0.01 s: base z upper lacks 0.15")
+    told = first_broken(down[0], touching, down[2])
+    assert told.startswith("at 0.01 s: ")
+    assert told.endswith("of 'self-collision'")
+    assert first_broken(touching, touching, down[2]) == ""
+    assert "lacks 0.05 m of" in first_broken(down[0], down[1])  # still outside at the end
 
 
 def test_the_callers_controller_is_used(robot_named) -> None:

@@ -40,6 +40,7 @@ from wbc.validate import Array
 
 ROUNDS = 25
 STEPS = 21  # on the way back to standing
+LATE = "Maximum_WallTime_Exceeded"  # IPOPT's own word
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +83,11 @@ class ApartSearcher:
         iterations, apart = local.iterations, False
         used: dict[int, Corners] = {}
         for _ in range(ROUNDS):
-            if not np.isfinite(local.x).all() or perf_counter() - began > longest:
+            if not np.isfinite(local.x).all() or not self._near.grow(used, local.x, start.p):
                 break
-            if not self._near.grow(used, local.x, start.p):
+            left = longest - (perf_counter() - began)
+            if left <= 0.0:
+                local = local._replace(status=LATE, optimal=False)  # not of the whole problem
                 break
             x = local.x
             if not apart:
@@ -92,7 +95,7 @@ class ApartSearcher:
             elif not local.optimal:
                 x, _ = self._retreat(x, start.p)
             apart = True
-            local = self._round(used, start._replace(x=x))
+            local = self._round(used, start._replace(x=x), left)
             iterations += local.iterations
         return local._replace(iterations=iterations)
 
@@ -120,8 +123,8 @@ class ApartSearcher:
             found.append((excess, moved))
         return max(found, key=lambda one: one[0])[1], 1.0
 
-    def _round(self, used: Mapping[int, Corners], start: Start) -> Local:
-        """Return where IPOPT ends with planes between the pairs in use."""
+    def _round(self, used: Mapping[int, Corners], start: Start, left: float) -> Local:
+        """Return where IPOPT ends with planes between the pairs in use, in what time is left."""
         if self._pieces is None:
             self._pieces = Pieces.of(self._program, self._watched.placements)
         program, bodies = self._program, self._watched.bodies
@@ -130,7 +133,8 @@ class ApartSearcher:
         slots = [slot_of(bodies, blocks, pair, used[pair]) for pair in pairs]
         planes = plane_rows(slots, self._watched.placements.size1_out(0))
         expressions, derivatives = joined(self._pieces, planes)
-        options = solver_options(program.options) | derivatives
+        limited = {} if np.isinf(left) else {"max_wall_time": left}
+        options = solver_options({**program.options, **limited}) | derivatives
         solver = ca.nlpsol("apart", "ipopt", expressions, options)
         y = self._near.planes(pairs, start.x, start.p)
         free = np.full(y.size, np.inf)

@@ -157,9 +157,11 @@ class ShapingOutcome:
             There is none.
         """
         if not self.candidates:
+            # Starts first; of samples that were not searched from only if there is room.
             reasons = dict.fromkeys(rejected.reason for rejected in self.rejected)
             raise NoPostureError(
-                f"global shaping: none of {len(self.rejected)} starts led to a posture that keeps"
-                f" every constraint; {'; '.join(list(reasons)[:3])}"
+                f"global shaping: none of {self.statistics.searched} starts led to a posture that"
+                f" keeps every constraint; give more starts or seconds, or ask for less:"
+                f" {'; '.join(list(reasons)[:3])}"
             )
         return self.candidates[0]

@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from wbc.controllers.kinematic import KinematicController
-from wbc.controllers.shaping.keeping import Tolerances, kept_constraints
+from wbc.controllers.shaping.keeping import Tolerances, kept_constraints, shortfalls
 from wbc.controllers.shaping.lead import Lead
 from wbc.controllers.shaping.merit import posture_cost
 from wbc.controllers.shaping.motion import Attempt, Motion, MotionTick, Watch
@@ -198,7 +198,7 @@ def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -
     end.
     """
     beginning = kept_constraints(problem, states[0], MOVING)
-    excused = MOVING.excusing(beginning)
+    excused = MOVING.excusing(shortfalls(problem, states[0]))
     every = [beginning, *(kept_constraints(problem, state, excused) for state in states[1:])]
     faults = [(k, kept.broken[0]) for k, kept in enumerate(every[1:], 1) if kept.broken]
     faults += [(len(states) - 1, b) for b in kept_constraints(problem, states[-1], MOVING).broken]

@@ -22,6 +22,7 @@ from wbc.controllers.shaping.parallel import search_all
 from wbc.controllers.shaping.problem import ShapingProblem, check_parts
 from wbc.controllers.shaping.reach import AT_REST, MakeController, Terms, reach_best
 from wbc.controllers.shaping.team import Team
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import Task
 from wbc.validate import finite_number
@@ -121,6 +122,7 @@ class GlobalShaping:
         workers = _count("global shaping, workers", workers)
         seconds = _positive("global shaping, seconds", seconds)
         patience = _count("global shaping, patience", patience)
+        seed = _count("global shaping, seed", seed, least=0)
         built = build_nlp(self.problem)
         nlp = built.nlp if seconds is None else built.nlp.within(max(seconds, 1.0))
         deadline = None if seconds is None else now + seconds
@@ -196,8 +198,13 @@ def _positive(what: str, value: float | None) -> float | None:
 
 
 @overload
-def _count(what: str, value: int) -> int: ...
+def _count(what: str, value: int, least: int = 1) -> int: ...
 @overload
-def _count(what: str, value: int | None) -> int | None: ...
-def _count(what: str, value: int | None) -> int | None:
-    return None if value is None else int(finite_number(what, value, least=1))
+def _count(what: str, value: int | None, least: int = 1) -> int | None: ...
+def _count(what: str, value: int | None, least: int = 1) -> int | None:
+    if value is None:
+        return None
+    number = finite_number(what, value, least=least)
+    if not number.is_integer():
+        raise InvalidInputError(f"{what}: expected a whole number, got {value!r}")
+    return int(value)

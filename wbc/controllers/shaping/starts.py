@@ -21,6 +21,7 @@ from wbc.validate import Array
 
 DRAWN_PER_START = 8
 DRAWN_PER_CLOSED_START = 3  # a sample brought onto contacts costs a tenth of a search
+FAR = 10.0  # rad or m, from the current position: limits beyond it stand for none in many files
 SMALLEST_COST = 1e-12  # of a middling sample: below it there is nothing to optimise
 
 
@@ -53,7 +54,8 @@ class Sampling:
     Attributes
     ----------
     lower, upper:
-        The joints' ranges; a joint without limits is moved by pi either way of ``q_start``.
+        The joints' ranges; a joint without limits, or with one that is farther off than
+        any that are meant as limits, is moved by pi that way from ``q_start``.
     closing:
         Brings starts onto the contacts; None if there are none.
     """
@@ -68,12 +70,12 @@ class Sampling:
     def of(cls, built: BuiltNlp, q_start: Array) -> Sampling:
         """Return the sampling of a problem from a current posture."""
         limits = built.unknowns.problem.robot.limits
-        joints = limits.joint_positions(q_start)
+        joints = np.clip(limits.joint_positions(q_start), limits.lower, limits.upper)
         return cls(
             built,
             q_start,
-            np.where(np.isfinite(limits.lower), limits.lower, joints - np.pi),
-            np.where(np.isfinite(limits.upper), limits.upper, joints + np.pi),
+            np.where(joints - limits.lower <= FAR, limits.lower, joints - np.pi),
+            np.where(limits.upper - joints <= FAR, limits.upper, joints + np.pi),
             Closing(built) if built.nlp.closures else None,
         )
 

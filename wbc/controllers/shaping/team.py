@@ -53,9 +53,10 @@ class Team:
         if not starts or self._taken is not None:
             return
         self._starts.extend(starts)
+        # Before they are sent: who is woken by them, and finds none ready, would wait for the next.
+        self._board.make_ready(len(self._starts))
         for member in self._members:
             member.post(list(starts))
-        self._board.make_ready(len(self._starts))
 
     def start(self, number: int) -> Start:
         """Return the start of a number."""

@@ -95,24 +95,26 @@ class Verdicts:
         Once there have been enough, later starts do not count: which of them had been begun by
         then is chance, and the answer is not to depend on it.
         """
-        last = self._last()
-        counted = (
-            verdict
-            for number, verdict in self._found.items()
-            if isinstance(verdict, Candidate) and (last is None or number <= last)
-        )
-        return merged(robot, counted)
+        return merged(robot, (one for one in self._counted() if isinstance(one, Candidate)))
 
     def rejected(self, unclosed: Iterable[float]) -> tuple[Rejected, ...]:
-        """Return the starts that came to nothing, and the samples that were not searched from."""
-        found = [self._found[number] for number in sorted(self._found)]
+        """Return the starts that came to nothing, and the samples that were not searched from.
+
+        As with :meth:`candidates`, only starts that count.
+        """
         return (
-            *(verdict for verdict in found if isinstance(verdict, Rejected)),
+            *(verdict for verdict in self._counted() if isinstance(verdict, Rejected)),
             *(
                 Rejected(None, f"{UNCLOSED}: {gap:.2g} away (allowed {CLOSED:g})", UNCLOSED)
                 for gap in unclosed
             ),
         )
+
+    def _counted(self) -> list[Candidate | Rejected]:
+        """Return the verdicts until there had been enough, in the order of the starts."""
+        last = self._last()
+        numbers = sorted(self._found) if last is None else range(last + 1)
+        return [self._found[number] for number in numbers if number in self._found]
 
     def _last_met(self) -> int | None:
         return self._met[ENOUGH - 1] if len(self._met) >= ENOUGH else None

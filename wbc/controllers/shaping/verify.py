@@ -47,20 +47,24 @@ def judged(built: BuiltNlp, number: int, start: Start, local: Local) -> Candidat
 
 def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
     """Return the candidates best first, each posture once; who led to the same one is noted."""
+    ordered = sorted(candidates, key=lambda c: (c.cost, c.starts))
     distinct: list[Candidate] = []
-    for candidate in sorted(candidates, key=lambda c: (c.cost, c.starts)):
-        for k, known in enumerate(distinct):
-            if same_posture(robot, known.q, candidate.q):
-                starts = tuple(sorted(known.starts + candidate.starts))
-                distinct[k] = replace(known, starts=starts)
+    # All known joints in one array: of thousands of postures, one by one takes minutes.
+    joints = np.empty((len(ordered), robot.nq - 7))
+    for candidate in ordered:
+        apart = np.abs(joints[: len(distinct)] - candidate.q[7:]).max(axis=1, initial=0.0)
+        # An angle differs by no less than its sine and cosine do.
+        for k in np.flatnonzero(apart < SAME_POSTURE):
+            if same_posture(robot, distinct[k].q, candidate.q):
+                starts = tuple(sorted(distinct[k].starts + candidate.starts))
+                distinct[k] = replace(distinct[k], starts=starts)
                 break
         else:
+            joints[len(distinct)] = candidate.q[7:]
             distinct.append(candidate)
     return tuple(distinct)
 
 
 def same_posture(robot: Robot, one: Array, other: Array) -> bool:
     """Return True if two configurations (nq,) differ by no more than a tolerance."""
-    if np.abs(one[7:] - other[7:]).max(initial=0.0) >= SAME_POSTURE:
-        return False  # an angle differs by no less than its sine and cosine do
     return float(np.abs(robot.difference(one, other)).max()) < SAME_POSTURE
