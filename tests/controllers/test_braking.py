@@ -68,7 +68,7 @@ def gentlest(here: Snapshot, limits: Limits) -> np.ndarray:
     feet = np.concatenate([here.jacobian(f"{side}_sole") for side in ("left", "right")])
     x = qpsolvers.solve_qp(
         np.diag(weight), -weight * here.v, A=feet, b=np.zeros(12),
-        lb=np.maximum(lower, -1e3), ub=np.minimum(upper, 1e3), solver="quadprog",
+        lb=np.maximum(lower, -1e3), ub=np.minimum(upper, 1e3), solver="daqp",
     )  # fmt: skip
     return np.abs(x - here.v)[6:] / scale[6:]
 
