@@ -13,17 +13,16 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from wbc.constraints.contact import Contact, PointContact
+from wbc.constraints.rows import Index
 from wbc.laws import Rows, velocity_law
 from wbc.robot import Snapshot
 from wbc.robot.lie import log_rotation
 from wbc.spatial import skew
 from wbc.validate import Array
 
-Index = NDArray[np.int64]
 # Rows count as dependent below this part of the largest, positions measured in the link's size.
 DEPENDENT = 1e-6
 # Anchors of one link may disagree by what held feet drift [m, rad]; beyond, they are in earnest.
@@ -91,7 +90,7 @@ def _agree(a: Contact, b: Contact) -> bool:
     """Whether one link can be where both contacts want it, but for drift."""
     if len(a.rows) < len(b.rows):
         a, b = b, a
-    here, there = _placement(a), _placement(b)
+    here, there = _frame(a).placement, _frame(b).placement
     way, apart = there.translation - here.translation, b.position - a.position
     if isinstance(a, PointContact):
         return abs(float(np.linalg.norm(way) - np.linalg.norm(apart))) <= DRIFT
@@ -102,18 +101,17 @@ def _agree(a: Contact, b: Contact) -> bool:
     return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= TURN
 
 
-def _placement(contact: Contact) -> Any:
-    """Return where the frame is on its joint."""
+def _frame(contact: Contact) -> Any:
+    """Return Pinocchio's frame that is held."""
     robot = contact.robot
-    return robot.model.frames[robot.frame_id(contact.frame)].placement
+    return robot.model.frames[robot.frame_id(contact.frame)]
 
 
 def _links(contacts: Sequence[Contact]) -> list[list[int]]:
     """Return the numbers of the contacts on each link that moves on its own."""
     found: dict[int, list[int]] = {}
     for k, contact in enumerate(contacts):
-        frame = contact.robot.model.frames[contact.robot.frame_id(contact.frame)]
-        found.setdefault(int(frame.parentJoint), []).append(k)
+        found.setdefault(int(_frame(contact).parentJoint), []).append(k)
     return list(found.values())
 
 

@@ -189,12 +189,12 @@ class KinematicController:
             return qp, solution, singular
         nv, holding = self.robot.nv, None
         box = qp.lower[:nv], qp.upper[:nv]
+        damping = float(self._damping.max())
         for level in range(1, len(self._levels)):
             above = [rows[k] for k in self._levels[level - 1]]
             if solution.status is not Status.SOLVED:
                 break
-            most = float(self._damping.max())
-            holding = Holding.at(qp, solution, nv, most).and_of(holding)
+            holding = Holding.at(qp, solution, nv, damping).and_of(holding)
             equalities = [*equalities, *kept(above, solution.x)]
             rows, found = self._filtered(rows, equalities, level)
             singular |= found

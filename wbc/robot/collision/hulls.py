@@ -116,9 +116,7 @@ class SolidPairs:
             normal[:, k] = apart / size if size > TOLERANCE else (0.0, 0.0, 1.0)
 
     def _middle(self, body: int) -> Array:
-        box = self._shapes.geometryObjects[body].geometry
-        box.computeLocalAABB()
-        return np.array(box.aabb_center)
+        return np.array(self._shapes.geometryObjects[body].geometry.aabb_center)
 
 
 def _geometry(body: Body) -> tuple[coal.ShapeBase, pin.SE3]:
