@@ -49,8 +49,10 @@ class QpSpec(QpSettings):
 
 
 class GlobalSpec(QpSettings):
-    """A search from many starts for the posture that serves the tasks best; then the quadratic
-    program is run towards the best posture that it can really reach."""
+    """A search from many starts for the posture that serves the tasks best.
+
+    The quadratic program is then run towards the best posture that it can really reach.
+    """
 
     method: Literal["global"]
     starts: int = Field(default=64, ge=1, le=100_000)

@@ -117,14 +117,14 @@ class Snapshot:
 
     @cached_property
     def base_inertia_jacobian(self) -> Array:
-        """d strung(I_base)/dv (6, nv) of the inertia in base axes; its base columns are zero."""
+        """Derivative d strung(I_base)/dv (6, nv), base axes; its base columns are zero."""
         return read_only(
             crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, np.eye(3))
         )
 
     @cached_property
     def inertia_jacobian(self) -> Array:
-        """d strung(I)/dv (6, nv), world axes; rows xx, xy, xz, yy, yz, zz [kg m^2] (eqs. 24-27)."""
+        """Derivative d strung(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
         R = self.rotation(BASE)
         J = crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, R)
         J[:, 3:6] = turning(self.inertia) @ R  # translation does not matter, rotation turns it
@@ -189,7 +189,7 @@ class Snapshot:
         return read_only(strung(R @ total @ R.T))
 
     def _base_spin_seen_from(self, frame: str) -> tuple[Array, Array]:
-        """Base angular velocity and acceleration relative to ``frame``, in base axes (3,), (3,)."""
+        """Return the base's angular velocity and acceleration relative to ``frame``, base axes."""
         w_base = self.v[3:6]
         if frame == WORLD:
             return w_base, np.zeros(3)

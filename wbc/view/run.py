@@ -30,24 +30,19 @@ LEFT, PLOT_WIDTH = 0.75, 2.6  # inches, of each plot; the labels of its curves t
 
 
 class History(Protocol):
-    """What a run leaves behind; more is drawn if there is more, see :func:`plot_run`.
-
-    Attributes
-    ----------
-    time:
-        (n,) [s].
-    q:
-        Configurations (n, nq).
-    errors:
-        Error of each task, (n, k) or (n,).
-    """
+    """What a run leaves behind; more is drawn if there is more, see :func:`plot_run`."""
 
     @property
-    def time(self) -> ArrayLike: ...
+    def time(self) -> ArrayLike:
+        """Times (n,) [s]."""
+
     @property
-    def q(self) -> ArrayLike: ...
+    def q(self) -> ArrayLike:
+        """Configurations (n, nq)."""
+
     @property
-    def errors(self) -> Mapping[str, ArrayLike]: ...
+    def errors(self) -> Mapping[str, ArrayLike]:
+        """Error of each task, (n, k) or (n,)."""
 
 
 def plot_run(robot: Robot, history: History, path: str | Path, *, title: str) -> Path:

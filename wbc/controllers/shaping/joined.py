@@ -30,6 +30,7 @@ class Pieces(NamedTuple):
 
     @classmethod
     def of(cls, program: Program, placements: ca.Function) -> Pieces:
+        """Return the pieces of a program whose bodies' placements are given."""
         x = ca.SX.sym("x", program.lower.size)
         p = ca.SX.sym("p", program.functions.size1_in(1))
         f, g = program.functions(x, p)

@@ -84,6 +84,7 @@ class Nearness:
 
 
 def slot_of(bodies: Bodies, blocks: Mapping[int, int], pair: int, used: Corners) -> Slot:
+    """Return the slot of a pair of bodies, with the corners ``used`` of each."""
     a, b = bodies.pairs[pair].tolist()
     half = 0.5 * float(bodies.least[pair])
     sides = [

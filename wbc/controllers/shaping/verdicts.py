@@ -64,7 +64,7 @@ class Verdicts:
             self._settled_at = number
 
     def __getitem__(self, number: int) -> Candidate | Rejected:
-        """The verdict on a start that was searched from."""
+        """Return the verdict on a start that was searched from."""
         return self._found[number]
 
     @property

@@ -166,8 +166,10 @@ class AcceptSpec(Section):
 
 
 class PendulumStopSpec(Section):
-    """How long a simulation runs, and what counts as success: to stand until then, within bounds,
-    and accept."""
+    """How long a simulation runs, and what counts as success.
+
+    Success is to stand until then, within bounds, and accept.
+    """
 
     duration: Positive = 5.0
     """Time to simulate [s]."""

@@ -50,8 +50,10 @@ class Foot:
         self._pressure = Evaluator(_pressure(model))
 
     def room(self, q: Array, v: Array, force: Array) -> float:
-        """Return how far inside its polygon the true CoP is [m] under forces f; ``-inf`` if the
-        ground does not push."""
+        """Return how far inside its polygon the true CoP is [m] under forces f.
+
+        ``-inf`` if the ground does not push.
+        """
         return _room(*self._loads(q, v, force))
 
     def share(self, q: Array, v: Array, force: Array, torque: Array) -> tuple[float, float]:

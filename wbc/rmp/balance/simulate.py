@@ -1,4 +1,4 @@
-"""A law and a pendulum in closed loop, judged: did it fall, lose the ground, leave its foot?"""
+"""A law and a pendulum in closed loop, and whether it fell, lost contact or left its foot."""
 
 from __future__ import annotations
 

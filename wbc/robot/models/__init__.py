@@ -1,0 +1,1 @@
+"""Robot models that come with the package."""
