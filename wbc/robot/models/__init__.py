@@ -1,1 +1,0 @@
-"""Robot models that come with the package."""
