@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from wbc.robot import Robot
-from wbc.robot.lie import log_rotation
-from wbc.spatial import FROBENIUS_WEIGHTS, strung
+from wbc.rotations import log_rotation
+from wbc.spatial import FROBENIUS_WEIGHTS, vech
 
 SHAPES = {  # factors on (xx, yy) and zz of the standing robot
     "tall": ((1.1, 1.6), (0.3, 0.7)),
@@ -42,7 +42,7 @@ def targets(name: str, count: int, seed: int) -> list[Target]:
         wanted = moments * (*rng.uniform(*across, 2), rng.uniform(*upright))
         wanted[2] = min(wanted[2], 0.95 * (wanted[0] + wanted[1]))  # no body has more
         mode = ("floating", "double")[(k // len(SHAPES)) % 2]
-        found.append(Target(name, shape, mode, tuple(strung(np.diag(wanted)).tolist())))
+        found.append(Target(name, shape, mode, tuple(vech(np.diag(wanted)).tolist())))
     return found
 
 
@@ -66,7 +66,7 @@ class Search:
         self.upper = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
 
     def squared(self, here) -> float:
-        error = strung(here.inertia_in(axes(self.mode))) - self.wanted
+        error = vech(here.inertia_in(axes(self.mode))) - self.wanted
         return float(FROBENIUS_WEIGHTS @ error**2)
 
     def snapshot(self, joints):
@@ -88,7 +88,7 @@ class Search:
     def value(self, joints, multipliers, stiffness):
         """Return cost and gradient, with the other foot's closure as an augmented Lagrangian."""
         here = self.snapshot(joints)
-        error = strung(here.inertia_in(axes(self.mode))) - self.wanted
+        error = vech(here.inertia_in(axes(self.mode))) - self.wanted
         jacobian = here.inertia_jacobian_in(axes(self.mode))
         cost, slope = 0.5 * FROBENIUS_WEIGHTS @ error**2, FROBENIUS_WEIGHTS * error @ jacobian
         cost, slope = cost / self.scale, slope / self.scale

@@ -27,7 +27,7 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.qp.backend import installed_solvers
 from wbc.robot import Robot
-from wbc.robot.lie import exp_rotation
+from wbc.rotations import exp_rotation
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PostureTask
 
 DT = 0.005

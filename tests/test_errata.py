@@ -131,15 +131,15 @@ def second_moments(robot: Robot, T: list[Complex]) -> Complex:
     return sum(A @ pin.PseudoInertia.FromInertia(Y).toMatrix() @ A.T for Y, A in links)
 
 
-def strung(S: Array) -> Array:
+def vech(S: Array) -> Array:
     return S[np.triu_indices(3)]
 
 
-def strung_crb(robot: Robot, T: list[Complex]) -> Complex:
+def vech_crb(robot: Robot, T: list[Complex]) -> Complex:
     """(9,) of eq. 24: centroidal inertia, then mass times CoM."""
     P = second_moments(robot, T)
     S = P[:3, :3] - np.outer(P[:3, 3], P[:3, 3]) / P[3, 3]
-    return np.concatenate((strung(np.trace(S) * np.eye(3) - S), P[:3, 3]))
+    return np.concatenate((vech(np.trace(S) * np.eye(3) - S), P[:3, 3]))
 
 
 def link_jacobians(here: Snapshot) -> Array:
@@ -437,7 +437,7 @@ def test_eq_26_both_inertias_are_in_the_spatial_frame(name, robot_named, rng, ra
     at_base = dual(np.linalg.inv(T_0), inertia)
     assert_same(here.inertia_about("base")[FIRST][:, FIRST], at_base)
     assert_differs(-turn.T @ inertia - at_base @ turn, oracle)
-    centroidal = rate(partial(strung_crb, robot), here, v)
+    centroidal = rate(partial(vech_crb, robot), here, v)
     assert_same(here.inertia_jacobian @ v, centroidal[:6])
     assert_same(robot.mass * here.com_jacobian @ v, centroidal[6:])
 
@@ -476,7 +476,7 @@ def test_eq_27_carried_links_in_the_spatial_frame(name: str, robot_named, rng, r
             summed(space, seen[2:]),
         ):
             assert_differs(printed, oracle)
-        centroidal = rate(partial(strung_crb, robot), here, e)
+        centroidal = rate(partial(vech_crb, robot), here, e)
         assert_same(here.inertia_jacobian @ e, centroidal[:6])
         assert_same(robot.mass * here.com_jacobian @ e, centroidal[6:])
 
@@ -519,10 +519,10 @@ def test_eq_33_the_held_foots_own_adjoint(name: str, robot_named, rng, random_sn
 
 
 def measured(here: Snapshot) -> Array:
-    """Pinocchio's centroidal inertia and mass times CoM, strung out (9,)."""
+    """Pinocchio's centroidal inertia and mass times CoM, vech (9,)."""
     data = here.robot.model.createData()
     pin.ccrba(here.robot.model, data, here.q, here.v)
-    return np.concatenate((strung(np.array(data.Ig.inertia)), here.robot.mass * data.com[0]))
+    return np.concatenate((vech(np.array(data.Ig.inertia)), here.robot.mass * data.com[0]))
 
 
 def nine_rows(here: Snapshot) -> Array:
@@ -547,7 +547,7 @@ def test_eq_38_steps_by_the_error_not_by_its_change(name: str, robot_named, rng)
     goal = measured(a_goal(robot, rng))
     J = nine_rows(here)
     inverse = J.T @ np.linalg.inv(J @ J.T)
-    changes = partial(rate, partial(strung_crb, robot), here)
+    changes = partial(rate, partial(vech_crb, robot), here)
     error = goal - measured(here)
     assert_same(changes(inverse @ error), error)
     motion = inverse @ rng.normal(size=9)

@@ -13,6 +13,9 @@ FLOORS = {
     "minimum_jerk": 0,
     "validate": 0,
     "spatial": 0,
+    "rotations": 0,
+    "polygon": 0,
+    "braking": 0,
     "robot": 1,
     "rmp": 1,
     "qp": 1,
@@ -21,11 +24,12 @@ FLOORS = {
     "laws": 2,
     "reduction": 2,
     "controllers": 3,
-    "motion": 3,
-    "problem": 4,
-    "view": 5,
-    "cli": 5,
-    "__main__": 5,
+    "motion": 4,
+    "run": 4,
+    "problem": 5,
+    "view": 6,
+    "cli": 6,
+    "__main__": 6,
 }
 # Rooms inside a room that stand on a floor of their own: a balance law may solve a QP.
 INNER = {"rmp/balance": 2}
@@ -34,7 +38,7 @@ STRANGERS = [{"robot", "rmp", "qp"}]
 # Third-party packages and the only rooms, or files of a room, that may import them.
 ONLY_IN = {
     "casadi": {"rmp", "robot/symbolic", "controllers/shaping"},
-    "pinocchio": {"robot"},
+    "pinocchio": {"robot", "rotations"},
     "coal": {"robot"},
     "proxsuite": {"qp"},
     "qpsolvers": {"qp"},
@@ -64,7 +68,8 @@ def floor(name: str) -> int:
     return (FLOORS | INNER)[name]
 
 
-def imported(path: Path) -> set[str]:
+def imported(path: Path, members: bool = False) -> set[str]:
+    """Return the modules that a file imports; with ``members`` also what it takes out of them."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -72,6 +77,8 @@ def imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
             names.add(node.module or "")
+            if members:
+                names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
 
 
@@ -93,4 +100,45 @@ def test_imports_go_down(path: Path) -> None:
 
 def test_every_room_has_a_floor() -> None:
     rooms = {room_of(path) for path in FILES} - {"__init__"}
-    assert rooms == set(FLOORS) | set(INNER)
+    assert rooms <= set(FLOORS) | set(INNER)
+
+
+def test_no_two_files_import_each_other_in_a_circle() -> None:
+    """Imports for types and inside functions count too."""
+    modules = {".".join(("wbc", *parts_of(path))).removesuffix(".__init__") for path in FILES}
+    graph = {
+        ".".join(("wbc", *parts_of(path))): {
+            name for name in imported(path, members=True) if name in modules
+        }
+        for path in FILES
+        if path.stem != "__init__"
+    }
+
+    def reached(start: str) -> set[str]:
+        seen: set[str] = set()
+        ahead = set(graph.get(start, ()))
+        while ahead:
+            name = ahead.pop()
+            if name not in seen:
+                seen.add(name)
+                ahead |= graph.get(name, set())
+        return seen
+
+    circles = sorted(name for name in graph if name in reached(name))
+    assert not [name for name in circles if name not in KNOWN_CIRCLES]
+
+
+# To be mended: nothing may be added.
+KNOWN_CIRCLES = {
+    "wbc.problem.build",
+    "wbc.problem.conclusion",
+    "wbc.problem.pendulum.problem",
+    "wbc.problem.pendulum.run",
+    "wbc.problem.problem",
+    "wbc.problem.run",
+    "wbc.problem.shaping_checks",
+    "wbc.problem.shaping_run",
+    "wbc.problem.stage",
+    "wbc.robot.model",
+    "wbc.robot.snapshot",
+}

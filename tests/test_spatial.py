@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError
-from wbc.spatial import FROBENIUS_WEIGHTS, congruence, matrix, skew, strung, turning
+from wbc.spatial import FROBENIUS_WEIGHTS, commutator_matrix, congruence, skew, vech, vech_inverse
 from wbc.validate import finite_array, finite_number
 
 # Products of a few numbers of order one: rounding is a few 1e-16.
@@ -17,13 +17,13 @@ def symmetric(rng: np.random.Generator) -> np.ndarray:
     return A + A.T
 
 
-def test_strung_and_matrix_are_inverse(symmetric: np.ndarray) -> None:
-    assert (matrix(strung(symmetric)) == symmetric).all()
-    assert strung(symmetric).tolist() == symmetric[np.triu_indices(3)].tolist()
+def test_vech_and_its_inverse(symmetric: np.ndarray) -> None:
+    assert (vech_inverse(vech(symmetric)) == symmetric).all()
+    assert vech(symmetric).tolist() == symmetric[np.triu_indices(3)].tolist()
 
 
 def test_frobenius_norm(symmetric: np.ndarray) -> None:
-    squared = FROBENIUS_WEIGHTS @ strung(symmetric) ** 2
+    squared = FROBENIUS_WEIGHTS @ vech(symmetric) ** 2
     assert squared == pytest.approx(np.linalg.norm(symmetric, "fro") ** 2, rel=TOLERANCE)
 
 
@@ -34,14 +34,14 @@ def test_skew_is_the_cross_product(rng: np.random.Generator) -> None:
 
 def test_congruence(symmetric: np.ndarray, rng: np.random.Generator) -> None:
     R = rng.normal(size=(3, 3))  # any matrix, not only rotations
-    expected = strung(R @ symmetric @ R.T)
-    np.testing.assert_allclose(congruence(R) @ strung(symmetric), expected, atol=10 * TOLERANCE)
+    expected = vech(R @ symmetric @ R.T)
+    np.testing.assert_allclose(congruence(R) @ vech(symmetric), expected, atol=10 * TOLERANCE)
 
 
-def test_turning(symmetric: np.ndarray, rng: np.random.Generator) -> None:
+def test_commutator_matrix(symmetric: np.ndarray, rng: np.random.Generator) -> None:
     w = rng.normal(size=3)
-    expected = strung(skew(w) @ symmetric - symmetric @ skew(w))
-    np.testing.assert_allclose(turning(symmetric) @ w, expected, atol=10 * TOLERANCE)
+    expected = vech(skew(w) @ symmetric - symmetric @ skew(w))
+    np.testing.assert_allclose(commutator_matrix(symmetric) @ w, expected, atol=10 * TOLERANCE)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.support_polygon import support_polygon
 from wbc.errors import InvalidInputError
+from wbc.polygon import polygon_margin
 from wbc.rmp.axes import GAP, SAME_AXIS, Bools, follow, told_apart, turning_rate
 from wbc.rmp.ellipsoid import Ellipsoid, equimomental, equimomental_at_density
 from wbc.rmp.ground import (
@@ -20,12 +21,11 @@ from wbc.rmp.ground import (
     centre_of_pressure,
     centroidal_moment_pivot,
     normal_moment,
-    polygon_margin,
     pressed,
     total_wrench,
 )
 from wbc.robot import Snapshot
-from wbc.spatial import matrix
+from wbc.spatial import vech_inverse
 from wbc.validate import Array, finite_number, finite_vector
 
 # The leg angle theta is undefined where the leg lies along y: within this, as a cosine.
@@ -303,5 +303,5 @@ def _reaction_masses(
 def _axes_rate(snapshot: Snapshot, axes: Array) -> Array:
     if not snapshot.moving:
         return np.zeros(3)
-    inertia_rate = matrix(snapshot.inertia_jacobian @ snapshot.v)
+    inertia_rate = vech_inverse(snapshot.inertia_jacobian @ snapshot.v)
     return turning_rate(snapshot.inertia, inertia_rate, axes)

@@ -1,7 +1,7 @@
 """Small linear algebra of rotations and symmetric 3x3 matrices. Linear part first, everywhere.
 
-A symmetric matrix S is strung out as the vector (xx, xy, xz, yy, yz, zz), the order of the paper's
-eq. 24. The plain 2-norm of that vector is not the Frobenius norm of S: off-diagonal entries count
+The half-vectorisation of a symmetric matrix S is vech(S) = (xx, xy, xz, yy, yz, zz), the order of
+the paper's eq. 24. Its plain 2-norm is not the Frobenius norm of S: off-diagonal entries count
 twice in the latter, hence :data:`FROBENIUS_WEIGHTS`.
 """
 
@@ -25,18 +25,18 @@ def skew(w: Array) -> Array:
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
-def strung(S: Array) -> Array:
+def vech(S: Array) -> Array:
     """Return the (6,) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
     return S[ROWS, COLUMNS]
 
 
-def matrix(s: Array) -> Array:
-    """Return the symmetric (3, 3) matrix of a (6,) vector; inverse of :func:`strung`."""
+def vech_inverse(s: Array) -> Array:
+    """Return the symmetric (3, 3) matrix of a (6,) vector; inverse of :func:`vech`."""
     return s[_MATRIX_INDEX]
 
 
 def congruence(R: Array) -> Array:
-    """Return the (6, 6) matrix D with ``strung(R @ S @ R.T) == D @ strung(S)``, any (3, 3) R.
+    """Return the (6, 6) matrix D with ``vech(R @ S @ R.T) == D @ vech(S)``, any (3, 3) R.
 
     Entry (ab, cd) is R_ac R_bd + R_ad R_bc, halved where c = d.
     """
@@ -47,8 +47,8 @@ def congruence(R: Array) -> Array:
     return D
 
 
-def turning(S: Array) -> Array:
-    """Return the (6, 3) matrix K(S) with ``K @ w == strung(skew(w) @ S - S @ skew(w))``.
+def commutator_matrix(S: Array) -> Array:
+    """Return the (6, 3) matrix K(S) with ``K @ w == vech(skew(w) @ S - S @ skew(w))``.
 
     It is the rate of a symmetric tensor that is carried round at angular velocity w.
     """

@@ -5,7 +5,7 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.robot.lie import exp_rotation
+from wbc.rotations import exp_rotation
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005

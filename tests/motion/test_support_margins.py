@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from wbc.motion.support import _hulls, sole_corners, support_margins, touching
-from wbc.rmp.ground import polygon_margin
+from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.robot.series import sole_series
-from wbc.robot.sole import convex_hull
 
 
 @pytest.mark.parametrize("size", [3, 5, 8, 16])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wbc.errors import ProblemFileError
+from wbc.polygon import polygon_margin
 from wbc.problem import load_problem
 from wbc.reduction import support_polygon
-from wbc.rmp.ground import polygon_margin
 
 BOX = "type: box, frame: base, lower: [-9, -9, -9]"
 # The base asked to sink.

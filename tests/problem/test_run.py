@@ -12,7 +12,7 @@ from wbc.problem.ending import REST_TICKS, RestWatch, ending
 from wbc.problem.part_specs import StopSpec
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
-from wbc.spatial import strung
+from wbc.spatial import vech
 
 FLOATING = """\
 robot: hoap2_like
@@ -71,9 +71,9 @@ def test_history_is_the_run(tmp_path: Path) -> None:
         )
     np.testing.assert_allclose(robot.integrate(history.q[-1], history.v[-1], 0.005), result.q)
     here = robot.snapshot(history.q[50])
-    np.testing.assert_allclose(history.inertia[50], strung(here.inertia), atol=1e-14)
+    np.testing.assert_allclose(history.inertia[50], vech(here.inertia), atol=1e-14)
     np.testing.assert_allclose(
-        history.task_inertia["shape"][50], strung(here.inertia_in("base")), atol=1e-14
+        history.task_inertia["shape"][50], vech(here.inertia_in("base")), atol=1e-14
     )
     np.testing.assert_allclose(history.com[50], here.com, atol=1e-14)
     wanted = result.inertia["shape"].wanted

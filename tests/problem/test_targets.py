@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.problem import Problem, load_problem
 from wbc.robot import Snapshot
-from wbc.spatial import strung
+from wbc.spatial import vech
 from wbc.tasks import Task
 
 
@@ -64,7 +64,7 @@ def test_poses_and_axes(tmp_path: Path) -> None:
 def test_inertias(tmp_path: Path) -> None:
     def target(entries: str) -> tuple[np.ndarray, np.ndarray]:
         task, start = built(tmp_path, f"{{type: inertia, frame: base, {entries}}}")
-        return task.target, strung(start.inertia_in("base"))
+        return task.target, vech(start.inertia_in("base"))
 
     wanted, start = target("target: start")
     np.testing.assert_array_equal(wanted, start)

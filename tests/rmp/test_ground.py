@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError
+from wbc.polygon import polygon_margin
 from wbc.rmp.ground import (
     FLIGHT,
     centre_of_pressure,
     centroidal_moment_pivot,
     normal_moment,
-    polygon_margin,
     pressed,
     total_wrench,
 )

@@ -10,9 +10,10 @@ import pinocchio as pin
 import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
 from wbc.robot.foot_names import words_of
-from wbc.robot.sole import centroid, convex_hull, extreme_points, thinned
+from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]
 Array = np.ndarray

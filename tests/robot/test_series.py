@@ -6,7 +6,7 @@ import pytest
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.series import centroidal_series, rotations, sole_series, turning_joints
-from wbc.spatial import matrix
+from wbc.spatial import vech_inverse
 
 COUNT = 4
 
@@ -26,7 +26,7 @@ def test_series_are_snapshots_in_a_row(robot: Robot, rng: np.random.Generator) -
     for k in range(COUNT):
         here = robot.snapshot(q[k], v[k])
         rate = here.centroidal_map @ acceleration[k] + here.momentum_drift
-        turned = matrix(here.inertia_jacobian @ v[k])
+        turned = vech_inverse(here.inertia_jacobian @ v[k])
         np.testing.assert_allclose(series.com[k], here.com, **close)
         np.testing.assert_allclose(series.momentum[k], here.momentum, **close)
         np.testing.assert_allclose(series.momentum_rate[k], rate, **close)

@@ -8,7 +8,7 @@ import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
-from wbc.spatial import strung
+from wbc.spatial import vech
 
 MakeSnapshot = Callable[[Robot, np.random.Generator], Snapshot]
 
@@ -72,11 +72,11 @@ def test_inertia_and_its_rates_are_the_sums_over_links(robot: Robot, rng, random
         ddS = second[:3, :3] - cross / mass
         scale = np.abs(centroidal(P)).max()
         for actual, moment in (
-            (strung(here.inertia), S),
+            (vech(here.inertia), S),
             (here.inertia_jacobian @ here.v, dS),
             (here.inertia_drift, ddS),
         ):
-            expected = strung(np.trace(moment) * np.eye(3) - moment)
+            expected = vech(np.trace(moment) * np.eye(3) - moment)
             # Differences of large sums (the robot stands away from the origin): 1e-10 of the size.
             size = max(scale, np.abs(expected).max())
             np.testing.assert_allclose(actual, expected, atol=1e-10 * size)

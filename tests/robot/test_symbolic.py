@@ -17,7 +17,7 @@ from wbc.robot.symbolic import (
     rotation_log,
 )
 from wbc.robot.symbolic.placement import NEAR
-from wbc.robot.symbolic.posture import strung_symbolic
+from wbc.robot.symbolic.posture import vech_symbolic
 from wbc.spatial import COLUMNS, ROWS
 
 STATES = 4
@@ -81,7 +81,7 @@ def test_first_and_second_derivatives_are_those_of_the_snapshot(
     inertia = LocalRobot(robot, angle_turns(robot, joints)).inertia
     weights = np.array([[1.0, 0.3, -0.2], [0.3, -0.5, 0.7], [-0.2, 0.7, 2.0]])
     hessian, _ = ca.hessian(ca.dot(ca.DM(weights), inertia), joints)
-    jacobian = ca.jacobian(strung_symbolic(inertia), joints)
+    jacobian = ca.jacobian(vech_symbolic(inertia), joints)
     function = ca.Function("derivatives", [joints], [jacobian, hessian])
     here = random_snapshot(robot, rng)
     first, second = function(robot.limits.joint_positions(here.q))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc.robot import Robot, Snapshot
-from wbc.robot.lie import exp_rotation
+from wbc.rotations import exp_rotation
 from wbc.tasks import (
     AxisTask,
     ComTask,

@@ -24,6 +24,7 @@ from functools import cache
 
 import numpy as np
 
+from wbc.braking import stopping_speed
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint, Gaps, Index
 from wbc.errors import InvalidInputError
@@ -179,12 +180,6 @@ class Clearance(Constraint):
             # Where joints hardly change the room, their limits do not matter to it either.
             braking = np.minimum(np.where(able > 1e-6, able, braking), braking)
         return np.minimum(stopping_speed(room, braking, dt), law.gain / dt * room)
-
-
-def stopping_speed(room: Array, braking: Array | float, dt: float) -> Array:
-    """Return the largest u with ``u dt + u^2 / (2 braking) <= room``, without cancellation."""
-    twice = 2.0 * room
-    return twice / (dt + np.sqrt(dt * dt + twice / braking))
 
 
 def point_bend(gaps: Gaps, step: Array) -> Array:

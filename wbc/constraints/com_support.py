@@ -12,8 +12,8 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Gaps, Index, picked
 from wbc.constraints.support_polygon import support_polygon
 from wbc.errors import InvalidInputError
+from wbc.polygon import convex_hull
 from wbc.robot import Robot, Snapshot
-from wbc.robot.sole import convex_hull
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 COM_BRAKING = 1.0  # m/s^2: what the ground lets a humanoid's CoM do

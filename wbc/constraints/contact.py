@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
-from wbc.robot.lie import log_rotation
-from wbc.tasks.frame import TURNS, check_rotation
+from wbc.rotations import check_rotation, log_rotation
+from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Residual
 from wbc.validate import Array, finite_array, finite_number, read_only

@@ -19,7 +19,7 @@ from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.rows import Index
 from wbc.laws import Rows, velocity_law
 from wbc.robot import Snapshot
-from wbc.robot.lie import log_rotation
+from wbc.rotations import log_rotation
 from wbc.spatial import skew
 from wbc.validate import Array
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.braking import stopping_speed
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
@@ -162,18 +163,10 @@ class Limits:
         return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
 
     def _reach(self, distance: Array, dt: float) -> Array:
-        """Return the largest speed (2, joints) from which one can still stop within ``distance``.
-
-        The positive root of u dt + u^2 / (2 a) = distance, in the form without cancellation.
-        """
-        twice = np.maximum(distance, 0.0)
-        np.minimum(twice, FAR, out=twice)
-        twice *= 2.0
-        slowing = twice / self.acceleration
-        slowing += dt * dt
-        np.sqrt(slowing, out=slowing)
-        slowing += dt
-        speed = np.divide(twice, slowing, out=slowing)
+        """Return the largest speed (2, joints) that still stops within ``distance``."""
+        room = np.maximum(distance, 0.0)
+        np.minimum(room, FAR, out=room)
+        speed = stopping_speed(room, self.acceleration, dt)
         if self._has_free_joints:
             speed[distance > FAR] = np.inf
         return speed

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.polygon import convex_hull
 from wbc.robot import Snapshot
-from wbc.robot.sole import convex_hull
 from wbc.validate import Array, read_only
 
 

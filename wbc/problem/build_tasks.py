@@ -34,7 +34,7 @@ from wbc.problem.task_specs import (
     TaskSpec,
 )
 from wbc.robot import Snapshot
-from wbc.spatial import strung
+from wbc.spatial import vech
 from wbc.tasks import (
     AxisTask,
     ComTask,
@@ -166,7 +166,7 @@ def _inertia(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
     components: Sequence[str] = INERTIA_COMPONENTS[given] if isinstance(given, str) else given
 
     def actual(now: Snapshot) -> Array:
-        return strung(now.inertia_in(spec.frame))
+        return vech(now.inertia_in(spec.frame))
 
     if spec.frame != "world":
         start.robot.frame_id(spec.frame)
@@ -196,7 +196,7 @@ def _principal(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
         raise Misplaced("there is no second order for principal moments", "second_order")
     if not isinstance(spec.weight, float | int):
         raise Misplaced("principal moments take one weight, not a list", "weight")
-    goal = targets.principal_moments(spec.target, strung(start.inertia))
+    goal = targets.principal_moments(spec.target, vech(start.inertia))
     task = PrincipalInertiaTask(
         start.robot, goal, per_mass=spec.per_mass, name=name, weight=spec.weight, **_law(spec)
     )

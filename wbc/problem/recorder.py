@@ -12,7 +12,7 @@ from wbc.controllers import Tick
 from wbc.problem.history import History
 from wbc.problem.standing import Standing
 from wbc.robot import Robot, Snapshot
-from wbc.spatial import strung
+from wbc.spatial import vech
 from wbc.tasks import Task
 from wbc.tasks.inertia import InertiaTask
 from wbc.tasks.principal_inertia import PrincipalInertiaTask
@@ -100,9 +100,9 @@ class Recorder:
         margin, joint = self._limits.worst_margin(snapshot.q)
         return Measured(
             com=snapshot.com,
-            inertia=strung(snapshot.inertia),
+            inertia=vech(snapshot.inertia),
             task_inertia={
-                name: strung(snapshot.inertia_in(frame)) for name, frame in self._frames.items()
+                name: vech(snapshot.inertia_in(frame)) for name, frame in self._frames.items()
             },
             slip={frame: float(np.linalg.norm(drift[:3])) for frame, drift in drifts.items()},
             turn={frame: float(np.linalg.norm(drift[3:])) for frame, drift in drifts.items()},

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from wbc.robot import Robot
-from wbc.robot.lie import exp_rotation, log_rotation
+from wbc.rotations import exp_rotation, log_rotation
 from wbc.validate import Array
 
 

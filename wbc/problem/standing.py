@@ -9,9 +9,9 @@ import numpy as np
 
 from wbc.constraints import Contact, PointContact, support
 from wbc.constraints.support_polygon import support_polygon
+from wbc.polygon import polygon_margin
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.part_specs import ContactSpec, Support
-from wbc.rmp.ground import polygon_margin
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array
 

@@ -10,9 +10,9 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.target_specs import Offset, Over, QuaternionTarget, Rpy, Scale
 from wbc.robot import Robot, Snapshot
-from wbc.robot.lie import rotation_from
-from wbc.spatial import DIAGONAL, matrix
-from wbc.tasks.inertia import DIAGONAL_COMPONENTS, TRACE, strung_target
+from wbc.rotations import rotation_from
+from wbc.spatial import DIAGONAL, vech_inverse
+from wbc.tasks.inertia import DIAGONAL_COMPONENTS, TRACE, vech_target
 from wbc.validate import Array, finite_vector
 
 START = "start"
@@ -116,7 +116,7 @@ def inertia(
     if isinstance(target, Scale):
         return _scaled(target, components, start)
     try:
-        entries = strung_target("inertia", np.array(target), components)
+        entries = vech_target("inertia", np.array(target), components)
     except InvalidInputError as error:
         raise Misplaced(str(error).removeprefix("inertia: "), "target") from None
     _check_moments(entries[DIAGONAL])
@@ -140,14 +140,14 @@ def _scaled(target: Scale, components: Sequence[str], start: Array) -> Array:
 def principal_moments(
     target: float | Sequence[float] | Sequence[Sequence[float]] | Scale | str, start: Array
 ) -> Array:
-    """Return wanted principal moments (3,) [kg m^2], smallest first; ``start`` is strung (6,).
+    """Return wanted principal moments (3,) [kg m^2], smallest first; ``start`` is vech (6,).
 
     Raises
     ------
     Misplaced
         Not three numbers, or a negative one.
     """
-    moments = np.linalg.eigvalsh(matrix(start))
+    moments = np.linalg.eigvalsh(vech_inverse(start))
     if isinstance(target, str):
         return moments
     if isinstance(target, Scale):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.robot import Robot
-from wbc.spatial import COMPONENTS, DIAGONAL, matrix
+from wbc.spatial import COMPONENTS, DIAGONAL, vech_inverse
 from wbc.tasks import (
     AxisTask,
     ComTask,
@@ -86,7 +86,7 @@ def inertia_reading(
 ) -> InertiaReading:
     """Return the reading of a task; ``start`` and ``reached`` (6,) are in the task's axes."""
     if isinstance(task, PrincipalInertiaTask):
-        moments = [np.linalg.eigvalsh(matrix(s)) for s in (start, reached)]
+        moments = [np.linalg.eigvalsh(vech_inverse(s)) for s in (start, reached)]
         return InertiaReading("principal", MOMENTS, moments[0], task.target, moments[1])
     values = (_entries(task.rows, s) for s in (start, task.target, reached))
     return InertiaReading(task.frame, task.rows, *values)

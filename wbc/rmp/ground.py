@@ -19,8 +19,6 @@ from wbc.validate import Array, finite_array
 # divides by the push, and would be made of rounding and measuring errors.
 FLIGHT = 0.01
 STANDARD_GRAVITY = 9.81  # m/s^2
-# How far a corner may lie inside the hull of the others, as a fraction of the polygon's size^2.
-CONVEX = 1e-9
 
 Wrench = tuple[ArrayLike, ArrayLike]
 
@@ -122,49 +120,3 @@ def total_wrench(wrenches: Iterable[Wrench], about: Array) -> tuple[Array, Array
         force += w[:3]
         moment += w[3:] + np.cross(p - about, w[:3])
     return force, moment
-
-
-def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
-    """Return how far inside a convex polygon points lie (...,) [m]; negative outside.
-
-    The distance to the nearest point of the polygon's edge, in both cases.
-
-    Parameters
-    ----------
-    polygon:
-        Corners (k, 2) [m] of a convex polygon, counter-clockwise. One or two corners are a point
-        or segment, which has no inside: the margin is then at most zero.
-    points:
-        Points (..., 2) [m].
-
-    Raises
-    ------
-    InvalidInputError
-        No corners, not finite, or not convex and counter-clockwise.
-    """
-    corners = checked_polygon(polygon)
-    tested = finite_array("points", points, (*np.shape(points)[:-1], 2))
-    edges = np.roll(corners, -1, axis=0) - corners  # (k, 2)
-    arms = tested[..., None, :] - corners  # (..., k, 2)
-    squares = (edges * edges).sum(axis=-1)
-    along = (arms * edges).sum(axis=-1) / np.where(squares > 0.0, squares, 1.0)
-    away = arms - np.clip(along, 0.0, 1.0)[..., None] * edges
-    distance = np.sqrt((away * away).sum(axis=-1).min(axis=-1))
-    if len(corners) < 3:
-        return np.asarray(0.0 - distance)
-    left = edges[:, 0] * arms[..., 1] - edges[:, 1] * arms[..., 0]  # (..., k)
-    return np.where((left >= 0.0).all(axis=-1), distance, -distance)
-
-
-def checked_polygon(polygon: ArrayLike) -> Array:
-    """Return the corners (k, 2) as a fresh array; for the errors see :func:`polygon_margin`."""
-    rows = len(polygon) if isinstance(polygon, (list, tuple, np.ndarray)) else 0
-    if rows == 0:
-        raise InvalidInputError("polygon: needs corners [[x, y], ...]")
-    corners = finite_array("polygon", polygon, (rows, 2))
-    edges = np.roll(corners, -1, axis=0) - corners
-    arms = corners - corners[:, None]  # (edge, corner, 2)
-    left = edges[:, :1] * arms[..., 1] - edges[:, 1:] * arms[..., 0]
-    if left.min() < -CONVEX * float(np.square(edges).sum()):
-        raise InvalidInputError("polygon: corners must be those of a convex polygon, anticlockwise")
-    return corners

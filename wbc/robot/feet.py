@@ -11,10 +11,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot.description import GeometrySource
 from wbc.robot.foot_names import guess_links
 from wbc.robot.frames import frame_table
-from wbc.robot.sole import FLAT, body_points, centroid, convex_hull, thinned
+from wbc.robot.sole import FLAT, body_points
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame

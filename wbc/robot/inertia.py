@@ -24,14 +24,14 @@ from wbc.robot.workspace import Workspace
 from wbc.spatial import COLUMNS, ROWS, skew
 from wbc.validate import Array
 
-# Spin axes e_a for the diagonal entries and e_a + e_b for the off-diagonal ones, in strung order.
+# Spin axes e_a for the diagonal entries and e_a + e_b for the off-diagonal ones, in vech order.
 _SPINS = np.zeros((6, 3))
 _SPINS[np.arange(6), ROWS] = 1.0
 _SPINS[np.arange(6), COLUMNS] = 1.0
 
 
 def _polarisation() -> Array:
-    """Return the (6, 6) matrix taking the six quadratic forms w' S w to the strung S."""
+    """Return the (6, 6) matrix taking the six quadratic forms w' S w to vech(S)."""
     forms = _SPINS[:, ROWS] * _SPINS[:, COLUMNS]
     forms[:, [1, 2, 4]] *= 2.0
     return np.linalg.inv(forms)

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot import inertia as crb
-from wbc.spatial import congruence, matrix, skew, strung, turning
+from wbc.spatial import commutator_matrix, congruence, skew, vech, vech_inverse
 from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:
@@ -117,17 +117,17 @@ class Snapshot:
 
     @cached_property
     def base_inertia_jacobian(self) -> Array:
-        """Derivative d strung(I_base)/dv (6, nv), base axes; its base columns are zero."""
+        """Derivative d vech(I_base)/dv (6, nv), base axes; its base columns are zero."""
         return read_only(
             crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, np.eye(3))
         )
 
     @cached_property
     def inertia_jacobian(self) -> Array:
-        """Derivative d strung(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
+        """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
         R = self.rotation(BASE)
         J = crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, R)
-        J[:, 3:6] = turning(self.inertia) @ R  # translation does not matter, rotation turns it
+        J[:, 3:6] = commutator_matrix(self.inertia) @ R  # a rotation turns it, translations do not
         return read_only(J)
 
     def inertia_jacobian_in(self, frame: str = WORLD) -> Array:
@@ -137,12 +137,12 @@ class Snapshot:
         if frame == BASE:
             return self.base_inertia_jacobian
         R = self.rotation(frame)
-        spin = turning(self.inertia) @ self.jacobian(frame)[3:]
+        spin = commutator_matrix(self.inertia) @ self.jacobian(frame)[3:]
         return read_only(congruence(R.T) @ (self.inertia_jacobian - spin))
 
     @cached_property
     def inertia_drift(self) -> Array:
-        """d^2 strung(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
+        """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
         return self._inertia_drift_in_axes(WORLD)
 
     def inertia_drift_in(self, frame: str = WORLD) -> Array:
@@ -179,14 +179,14 @@ class Snapshot:
         """
         base = self.rotation(BASE)
         R = base if frame == WORLD else self.rotation(frame).T @ base
-        I_base = matrix(strung(base.T @ self.inertia @ base))
-        rate = matrix(self.base_inertia_jacobian @ self.v)
+        I_base = vech_inverse(vech(base.T @ self.inertia @ base))
+        rate = vech_inverse(self.base_inertia_jacobian @ self.v)
         w, a = self._base_spin_seen_from(frame)
         W, A = skew(w), skew(a)
         turned = W @ I_base - I_base @ W
         total = 2.0 * (W @ rate - rate @ W) + (A @ I_base - I_base @ A) + (W @ turned - turned @ W)
-        total += matrix(self._base_inertia_drift)
-        return read_only(strung(R @ total @ R.T))
+        total += vech_inverse(self._base_inertia_drift)
+        return read_only(vech(R @ total @ R.T))
 
     def _base_spin_seen_from(self, frame: str) -> tuple[Array, Array]:
         """Return the base's angular velocity and acceleration relative to ``frame``, base axes."""

@@ -9,7 +9,6 @@ import pinocchio as pin
 from wbc.validate import Array
 
 FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
-STRAIGHT = 2e-3  # m: a corner that sticks out less than this is not worth a vertex
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _RIM = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
 _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (16, 3)
@@ -75,61 +74,3 @@ def body_points(shapes: pin.GeometryModel, joint: int, up: Array) -> Array:
             points = extreme_points(shape.geometry, R.T @ up)
             found.append(points @ R.T + p)
     return np.concatenate(found)
-
-
-def convex_hull(points: Array) -> Array:
-    """Return the corners (k, 2) of the convex hull of points (n, 2), counter-clockwise.
-
-    Andrew's monotone chain; collinear and repeated points are dropped.
-    """
-    rows = sorted({(float(x), float(y)) for x, y in points})
-    if len(rows) < 3:
-        return np.array(rows).reshape(-1, 2)  # a point or a segment is its own hull
-    lower, upper = _chain(rows), _chain(rows[::-1])
-    return np.array(lower[:-1] + upper[:-1])
-
-
-def _chain(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    chain: list[tuple[float, float]] = []
-    for point in rows:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0.0:
-            chain.pop()
-        chain.append(point)
-    return chain
-
-
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Return twice the signed area of a triangle, positive when a, b, c turn left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def thinned(polygon: Array, tolerance: float = STRAIGHT) -> Array:
-    """Return a convex polygon (k, 2) without its flattest corners.
-
-    A corner goes if it sticks out less than ``tolerance`` [m] from the edge that replaces it. What
-    is left lies inside the polygon given, so a contact claimed on it is one the foot can give.
-    """
-    corners = [(float(x), float(y)) for x, y in polygon]
-    while len(corners) > 4:  # a quadrilateral is as simple as a sole needs to be
-        heights = [
-            _turn(a, b, c) / max(np.hypot(c[0] - a[0], c[1] - a[1]), 1e-12)
-            for a, b, c in zip(
-                corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True
-            )
-        ]
-        flattest = int(np.argmin(heights))
-        if heights[flattest] > tolerance:
-            break
-        del corners[flattest]
-    return np.array(corners)
-
-
-def centroid(polygon: Array) -> Array:
-    """Return the centre of area (2,) of a polygon (k, 2), or of a segment or point."""
-    x, y = polygon.T
-    x1, y1 = np.roll(polygon, -1, axis=0).T
-    cross = x * y1 - x1 * y
-    area = cross.sum() / 2
-    if abs(area) < 1e-9:  # m^2: a thousandth of a square millimetre
-        return np.asarray(polygon.mean(axis=0))
-    return np.array([(x + x1) @ cross, (y + y1) @ cross]) / (6 * area)

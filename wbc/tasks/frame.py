@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
-from wbc.robot.lie import log_jacobian, log_jacobian_rate, log_rotation
+from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
 from wbc.spatial import skew
 from wbc.tasks.point import AXES, PointTask
 from wbc.tasks.task import Law, Residual, Task
@@ -192,9 +192,3 @@ def orientation_drift(snapshot: Snapshot, frame: str, target: Array) -> Array:
     w = R.T @ (snapshot.jacobian(frame)[3:] @ snapshot.v)
     alpha = R.T @ snapshot.drift(frame)[3:]
     return J @ alpha + log_jacobian_rate(log_rotation(relative), J @ w) @ w
-
-
-def check_rotation(what: str, R: Array) -> None:
-    """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
-    if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
-        raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
-from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, matrix, strung
+from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
 
@@ -26,12 +26,12 @@ DIAGONAL_COMPONENTS = ("xx", "yy", "zz")
 TRACE = ("trace",)
 WORLD, BASE = "world", "base"
 
-# Rows of the task as rows of the strung inertia. Off-diagonal entries stand twice in the matrix:
+# Rows of the task as rows of vech of the inertia. Off-diagonal entries stand twice in the matrix:
 # sqrt(2) makes the norm of the error the Frobenius norm of the difference of the two matrices.
 FROBENIUS_ROWS = np.diag(np.sqrt(FROBENIUS_WEIGHTS))
 _TRACE_ROW = np.zeros((1, 6))
 _TRACE_ROW[0, DIAGONAL] = 1.0
-# An off-diagonal entry of the strung vector stands for two entries of the matrix.
+# An off-diagonal entry of the vech vector stands for two entries of the matrix.
 _HALF_OFF_DIAGONAL = 1.0 / FROBENIUS_WEIGHTS
 
 
@@ -86,22 +86,22 @@ class InertiaTask(Task):
 
     @property
     def selection(self) -> Array:
-        """Matrix (k, 6), read-only: the error is selection @ (actual - target), both strung."""
+        """Matrix (k, 6), read-only: the error is selection @ (actual - target), both as vech."""
         return self._selection
 
     def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
         """Set the wanted inertia [kg m^2] and, for a moving target, its rate, in the same form."""
-        goal = strung_target(f"task {self.name!r}, target", target, self.rows)
+        goal = vech_target(f"task {self.name!r}, target", target, self.rows)
         bias = self._none
         if rate is not None:
             what = f"task {self.name!r}, target rate"
-            bias = -self._selection @ strung_target(what, rate, self.rows)
+            bias = -self._selection @ vech_target(what, rate, self.rows)
         self._goal, self._bias = read_only(goal), bias
         self._wanted = self._selection @ goal
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
-        actual = self._selection @ strung(snapshot.inertia_in(self.frame))
+        actual = self._selection @ vech(snapshot.inertia_in(self.frame))
         jacobian = self._selection @ snapshot.inertia_jacobian_in(self.frame)
         error = actual - self._wanted
         pull = self._pull(error) @ self._selection  # the cost's slope by entry
@@ -116,7 +116,7 @@ class InertiaTask(Task):
 
     def _curvature(self, snapshot: Snapshot, pull: Array) -> Array:
         """Return the Hessian of <G, I> with G the cost's derivative by the inertia, held fixed."""
-        G = matrix(pull * _HALF_OFF_DIAGONAL)
+        G = vech_inverse(pull * _HALF_OFF_DIAGONAL)
         S = snapshot.rotation(BASE)
         if self.frame != WORLD:
             S = snapshot.rotation(self.frame).T @ S
@@ -124,7 +124,7 @@ class InertiaTask(Task):
 
 
 def curvature_bound(pull: Array, inertia: Array) -> float:
-    """Return an estimate of the norm of the Hessian of ``pull @ strung(I)`` by the joints.
+    """Return an estimate of the norm of the Hessian of ``pull @ vech(I)`` by the joints.
 
     Second derivatives of the inertia are second moments of subtrees, at most tr(I) or so.
     """
@@ -132,7 +132,7 @@ def curvature_bound(pull: Array, inertia: Array) -> float:
 
 
 def _selection(components: Sequence[str]) -> Array:
-    """Return the (k, 6) matrix from the strung inertia to the rows of the task."""
+    """Return the (k, 6) matrix from vech of the inertia to the rows of the task."""
     if tuple(components) == TRACE:
         return _TRACE_ROW
     for component in components:
@@ -141,14 +141,14 @@ def _selection(components: Sequence[str]) -> Array:
     return FROBENIUS_ROWS[[COMPONENTS.index(component) for component in components]]
 
 
-def strung_target(what: str, value: ArrayLike, components: Sequence[str]) -> Array:
+def vech_target(what: str, value: ArrayLike, components: Sequence[str]) -> Array:
     """Return a wanted inertia, given in any accepted form, as (6,) entries [kg m^2]."""
     shape = np.shape(value)
     if shape == (3, 3):
         full = finite_array(what, value, (3, 3))
         if np.abs(full - full.T).max() > 1e-9 * np.abs(full).max():
             raise InvalidInputError(f"{what}: an inertia matrix is symmetric, this one is not")
-        return strung(full)
+        return vech(full)
     if shape == (6,):
         return finite_array(what, value, (6,))
     entries = np.zeros(6)

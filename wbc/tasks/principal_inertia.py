@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.robot import Robot, Snapshot
-from wbc.spatial import congruence, matrix, strung
+from wbc.spatial import congruence, vech, vech_inverse
 from wbc.tasks.inertia import ALL, FROBENIUS_ROWS, curvature_bound
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
@@ -44,7 +44,7 @@ class PrincipalInertiaTask(Task):
 
     @property
     def selection(self) -> Array:
-        """Matrix (6, 6), read-only: the error is selection @ strung(I - N)."""
+        """Matrix (6, 6), read-only: the error is selection @ vech(I - N)."""
         return self._selection
 
     def set_target(self, target: ArrayLike) -> None:
@@ -53,14 +53,14 @@ class PrincipalInertiaTask(Task):
         self._goal = read_only(np.sort(moments))
 
     def residual(self, snapshot: Snapshot) -> Residual:
-        """Return strung(I - N) with off-diagonal entries times sqrt(2), and its Jacobian."""
+        """Return vech(I - N) with off-diagonal entries times sqrt(2), and its Jacobian."""
         moments, V = np.linalg.eigh(snapshot.inertia_in(BASE))
         error = (V * (moments - self.target)) @ V.T
         # dN = V (c o (V' dI V)) V' off the diagonal, 0 on it: the eigenvectors turn.
         kept = 1.0 - turning_ratios(moments, self.target)
-        reshaped = (congruence(V) * strung(kept)) @ congruence(V.T)  # (6, 6)
+        reshaped = (congruence(V) * vech(kept)) @ congruence(V.T)  # (6, 6)
         jacobian = reshaped @ snapshot.base_inertia_jacobian
-        error_rows = self._selection @ strung(error)
+        error_rows = self._selection @ vech(error)
         pull = self._selection.T @ self._pull(error_rows)
         bound = curvature_bound(pull, snapshot.inertia)
         return Residual(error_rows, self._selection @ jacobian, self._none, curvature_bound=bound)
@@ -68,13 +68,13 @@ class PrincipalInertiaTask(Task):
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the error at zero acceleration of v."""
         moments, V = np.linalg.eigh(snapshot.inertia_in(BASE))
-        rate = V.T @ matrix(snapshot.base_inertia_jacobian @ snapshot.v) @ V
-        curvature = V.T @ matrix(snapshot.inertia_drift_in(BASE)) @ V
+        rate = V.T @ vech_inverse(snapshot.base_inertia_jacobian @ snapshot.v) @ V
+        curvature = V.T @ vech_inverse(snapshot.inertia_drift_in(BASE)) @ V
         spin, spin_rate = eigenvector_spin(moments, rate, curvature)
         S = np.diag(self.target)
         turned = spin @ S - S @ spin
         nearest = spin @ turned - turned @ spin + spin_rate @ S - S @ spin_rate
-        return self._selection @ strung(V @ (curvature - nearest) @ V.T)
+        return self._selection @ vech(V @ (curvature - nearest) @ V.T)
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return actual minus target principal moments (3,), in increasing order."""

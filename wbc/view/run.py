@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.spatial import strung
+from wbc.spatial import vech
 from wbc.validate import Array, finite_array
 from wbc.view import style
 from wbc.view.files import picture_file, save
@@ -118,5 +118,5 @@ def _times_and_configurations(robot: Robot, history: History) -> tuple[Array, Ar
 def _inertias(robot: Robot, history: History, q: Array) -> Array:
     given = getattr(history, "inertia", None)
     if given is None:
-        return np.array([strung(robot.snapshot(one).inertia) for one in q])
+        return np.array([vech(robot.snapshot(one).inertia) for one in q])
     return finite_array("history: inertia", given, (len(q), 6))

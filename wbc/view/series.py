@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.spatial import matrix
+from wbc.spatial import vech_inverse
 from wbc.validate import Array
 from wbc.view import style
 
@@ -55,8 +55,10 @@ def _norms(what: str, values: ArrayLike, count: int) -> Array:
 
 
 def moment_series(inertias: Array) -> list[Series]:
-    """Return the principal moments of strung inertias (n, 6) [kg m^2]."""
-    moments = np.linalg.eigvalsh([matrix(inertia) for inertia in inertias])  # (n, 3) ascending
+    """Return the principal moments of inertias as vech (n, 6) [kg m^2]."""
+    moments = np.linalg.eigvalsh(
+        [vech_inverse(inertia) for inertia in inertias]
+    )  # (n, 3) ascending
     return [
         Series(f"about a{style.INDEX[k]}", style.PRINCIPAL[k], "-", moments[:, k]) for k in range(3)
     ]

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.push_limits import Wheel, compass, half_planes, push_limits
-from wbc.rmp.ground import polygon_margin
+from wbc.polygon import half_planes, polygon_margin
+from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
 
 Array = NDArray[np.float64]
 M, Z, G = 35.0, 0.7, 9.81

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
+from wbc.polygon import polygon_margin
 from wbc.qp import QP, ProxQP, Solution
 from wbc.rmp.balance.attitude import quaternion_rate, rotation, rotation_vector
 from wbc.rmp.balance.bounds import Bounds
@@ -20,7 +21,7 @@ from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.recovery import largest_impulses, recover, standing
 from wbc.rmp.balance.simulate import Push, simulate
 from wbc.rmp.balance.standing_program import Weights
-from wbc.rmp.ground import centre_of_pressure, polygon_margin
+from wbc.rmp.ground import centre_of_pressure
 from wbc.rmp.solid import SolidRmp
 
 Array = NDArray[np.float64]

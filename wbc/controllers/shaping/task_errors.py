@@ -16,7 +16,7 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.robot.snapshot import BASE
 from wbc.robot.symbolic import SymbolicPosture, rotation_log
-from wbc.robot.symbolic.posture import strung_symbolic
+from wbc.robot.symbolic.posture import vech_symbolic
 from wbc.tasks import (
     AxisTask,
     ComTask,
@@ -80,7 +80,7 @@ def _(task: MomentumTask, scene: Scene) -> ca.SX:
 def _(task: InertiaTask, scene: Scene) -> ca.SX:
     # The trace is the same in all axes; in the base's it is an expression of the joints alone.
     frame = BASE if task.rows == TRACE else task.frame
-    actual = strung_symbolic(scene.posture.inertia_in(frame))
+    actual = vech_symbolic(scene.posture.inertia_in(frame))
     return ca.mtimes(ca.DM(task.selection), actual - ca.DM(task.target))
 
 
@@ -98,7 +98,7 @@ def _(task: PrincipalInertiaTask, scene: Scene) -> ca.SX:
     R = scene.axes[task.name]
     nearest = ca.mtimes(ca.mtimes(R, ca.DM(np.diag(task.target))), R.T)
     actual = scene.posture.inertia_in(BASE)
-    return ca.mtimes(ca.DM(task.selection), strung_symbolic(actual - nearest))
+    return ca.mtimes(ca.DM(task.selection), vech_symbolic(actual - nearest))
 
 
 @symbolic_error.register

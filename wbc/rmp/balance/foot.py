@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 
 from wbc.errors import InvalidInputError
+from wbc.polygon import half_planes
 from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.function import Evaluator
 from wbc.rmp.balance.law import Pendulum
-from wbc.rmp.balance.push_limits import half_planes
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.polygon import half_planes
 from wbc.qp import QP, Backend, make_backend
 from wbc.rmp.balance.bounds import FREE, Bounds
 from wbc.rmp.balance.capture import CaptureGains
 from wbc.rmp.balance.flat_foot import FlatFoot
 from wbc.rmp.balance.function import Evaluator
 from wbc.rmp.balance.law import Command
-from wbc.rmp.balance.push_limits import half_planes
 from wbc.rmp.balance.standing_program import UNKNOWNS, Rest, StandingProgram, Weights
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only

@@ -27,12 +27,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.polygon import half_planes
 from wbc.rmp.balance.bounds import FREE
-from wbc.rmp.ground import STANDARD_GRAVITY, checked_polygon
+from wbc.rmp.ground import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
-
-# Width of a polygon, as a part of its longest edge, below which it counts as a line.
-FLAT = 1e-9
 
 _AXES = np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
 
@@ -194,27 +192,6 @@ def unit_directions(directions: ArrayLike) -> Array:
     if lengths.min(initial=1.0) == 0.0:
         raise InvalidInputError(f"directions[{int(lengths.argmin())}]: has no length")
     return np.asarray(along / lengths[:, None])
-
-
-def half_planes(polygon: ArrayLike) -> tuple[Array, Array]:
-    """Return outward unit normals (k, 2) and offsets (k,) [m]: inside is normals @ p <= offsets.
-
-    Raises
-    ------
-    InvalidInputError
-        No polygon with an inside: fewer than three corners, or not convex and anticlockwise.
-    """
-    corners = checked_polygon(polygon)
-    edges = np.roll(corners, -1, axis=0) - corners
-    lengths = np.linalg.norm(edges, axis=1)
-    corners, edges, lengths = (part[lengths > 0.0] for part in (corners, edges, lengths))
-    if len(corners) < 3:
-        raise InvalidInputError("polygon: needs three corners at least that are not on one spot")
-    normals = np.column_stack((edges[:, 1], -edges[:, 0])) / lengths[:, None]
-    # The polygon's reach across each edge; corners on one line have none.
-    if float(np.ptp(corners @ normals.T, axis=0).min()) < FLAT * float(lengths.max()):
-        raise InvalidInputError("polygon: its corners are on one line, so it has no inside")
-    return normals, np.einsum("ij,ij->i", normals, corners)
 
 
 def _exit(normals: Array, room: Array, along: Array) -> Array:

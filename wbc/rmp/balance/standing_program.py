@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from wbc.polygon import half_planes
 from wbc.qp import QP, Labels
 from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
 from wbc.rmp.balance.flat_foot import FlatFoot, box, elastic_rows, physical_rows
 from wbc.rmp.balance.function import Evaluator
-from wbc.rmp.balance.push_limits import half_planes
 from wbc.validate import Array, finite_number
 
 UNKNOWNS = (

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from wbc.polygon import polygon_margin
 from wbc.rmp.frames import rotation_rows
-from wbc.rmp.ground import FLIGHT, polygon_margin
+from wbc.rmp.ground import FLIGHT
 from wbc.rmp.plan.linear import carried_on
 from wbc.rmp.plan.plan import Plan
 from wbc.rmp.plan.state import State

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.ground import checked_polygon
+from wbc.polygon import checked_polygon
 from wbc.rmp.plan.limits import Limits
 from wbc.rmp.plan.state import State
 from wbc.validate import Array, finite_array, finite_number

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.robot.collision.shapes import Capsule, HalfSpace, Hull, Shape
-from wbc.robot.lie import exp_rotation
+from wbc.rotations import exp_rotation
 from wbc.validate import finite_array, read_only
 
 _ZERO = (0.0, 0.0, 0.0)

@@ -55,7 +55,7 @@ class SymbolicPosture:
         return ca.mtimes(self.base.rotation, self.local.frame(frame).rotation)
 
 
-def strung_symbolic(S: ca.SX) -> ca.SX:
+def vech_symbolic(S: ca.SX) -> ca.SX:
     """Return the (6, 1) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
     return ca.vertcat(*(S[int(i), int(j)] for i, j in zip(ROWS, COLUMNS, strict=True)))
 
@@ -88,7 +88,7 @@ def posture_functions(
     functions = {
         "com": ca.Function("com", [q], [here.com], ["q"], ["com"]),
         "inertia": ca.Function(
-            "inertia", [q], [strung_symbolic(here.inertia_in(axes))], ["q"], ["inertia"]
+            "inertia", [q], [vech_symbolic(here.inertia_in(axes))], ["q"], ["inertia"]
         ),
     }
     for k, frame in enumerate(frames):

@@ -1,4 +1,4 @@
-"""Rotations as vectors: logarithm, its Jacobian, and that Jacobian's rate."""
+"""Rotations: as vectors (logarithm, its Jacobian and that Jacobian's rate), and checked."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
+from wbc.errors import InvalidInputError
 from wbc.spatial import skew
 from wbc.validate import Array
 
@@ -53,3 +54,9 @@ def _second_order_coefficient(t: float) -> tuple[float, float]:
 def rotation_from(quaternion_xyzw: Array) -> Array:
     """Return the rotation matrix of a unit quaternion in (x, y, z, w) order."""
     return np.array(pin.Quaternion(quaternion_xyzw).toRotationMatrix())
+
+
+def check_rotation(what: str, R: Array) -> None:
+    """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
+    if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
+        raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")
