@@ -102,7 +102,7 @@ def test_a_soft_box_gives_way(tmp_path: Path) -> None:
 
 # What is written, what replaces it, and what the message says.
 MISTAKES = {
-    "unknown type": ("type: box", "type: bix", "p.yaml:9: constraints.one: expected a constraint"),
+    "unknown type": ("type: box", "type: bix", "type: 'bix' does not exist; did you mean 'box'"),
     "unknown frame": ("frame: base", "frame: bsae", "p.yaml:9: constraints.one.frame: unknown"),
     "no bound": ("frame: base, lower: [-9, -9, -9]", "frame: left_hand", "no bound is finite"),
     "crossed": ("frame: base, lower: [-9, -9, -9]", "lower: [1, 1, 1], upper: [0, 0, 0]",

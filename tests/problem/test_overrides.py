@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from wbc.errors import ProblemFileError
-from wbc.problem.keys import parse_path, written
 from wbc.problem.overrides import apply_overrides, parse_override
 from wbc.problem.reading import parse
+from wbc.problem.source import parse_path, written
 
 FILE = "robot: g1\ntasks:\n  com: {type: com, target: [1, 2, 3]}\nlimits: none\n"
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.problem.ending import ending
+from wbc.problem.provenance import versions
 from wbc.problem.recorder import Measured, Record, Recorder
 from wbc.problem.result import Failure, PhaseResult, Result, TaskResult, Worst
 from wbc.problem.standing import Standing
 from wbc.problem.task_rows import InertiaReading, inertia_reading, reported_rows, units
-from wbc.problem.versions import versions
 from wbc.robot import Snapshot
 from wbc.tasks import InertiaTask, PrincipalInertiaTask
 

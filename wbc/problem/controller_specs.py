@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field
 
-from wbc.problem.section import Name, NonNegative, Positive, Section
-
-METHODS = ("qp", "global", "pseudo_inverse")
-
+from wbc.problem.section import Name, NonNegative, OneOf, Positive, Section
 
 TimeStep = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1.0)]
 
@@ -82,22 +78,6 @@ class PseudoInverseSpec(ControllerSettings):
     """Weight of 1/2 |v|^2; the tasks' rows nearly lose rank, so it must not be tiny."""
 
 
-def _method_form(value: Any) -> str | None:
-    if isinstance(value, Section):
-        return f"({getattr(value, 'method', None)})"
-    if not isinstance(value, Mapping):
-        return None
-    method = value.get("method", "qp")
-    return f"({method})" if method in METHODS else None
-
-
 ControllerChoice = Annotated[
-    Annotated[QpSpec, Tag("(qp)")]
-    | Annotated[GlobalSpec, Tag("(global)")]
-    | Annotated[PseudoInverseSpec, Tag("(pseudo_inverse)")],
-    Discriminator(
-        _method_form,
-        custom_error_type="controller",
-        custom_error_message="expected a controller",
-    ),
+    QpSpec | GlobalSpec | PseudoInverseSpec, OneOf("method", "{solver: proxqp}")
 ]

@@ -1,19 +1,25 @@
-"""Mistakes that show only when objects are made: unknown names, numbers that do not fit the robot.
+"""What is wrong with a problem file, in plain words, each with its place and the nearest choice.
 
-They are collected, so that a file is corrected in one go.
+Pydantic finds what no file may say. What shows only when objects are made, unknown names and
+numbers that do not fit the robot, is noted here too, so that a file is corrected in one go.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import TracebackType
-from typing import TypeVar
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
-from wbc.errors import ProblemFileError, UnknownNameError, WbcError
-from wbc.problem.keys import KeyPath
-from wbc.problem.source import Source
+from pydantic import BaseModel, ValidationError
+
+from wbc.errors import ProblemFileError, UnknownNameError, WbcError, suggest
+from wbc.problem.source import KeyPath, Source
 
 T = TypeVar("T")
+SectionT = TypeVar("SectionT", bound=BaseModel)
+Detail = Mapping[str, Any]
 
 
 class Misplaced(ProblemFileError):
@@ -31,9 +37,13 @@ class Mistakes:
         self._source = source
         self._found: list[tuple[KeyPath, str]] = []
 
-    def at(self, *path: str | int) -> Noting:
-        """Return a context in which a :class:`WbcError` is noted as a mistake at ``path``."""
-        return Noting(self, path)
+    @contextmanager
+    def at(self, *path: str | int) -> Iterator[None]:
+        """Note a :class:`WbcError` of the block as a mistake at ``path``, and go on after it."""
+        try:
+            yield
+        except WbcError as error:
+            self.note(path, error)
 
     def require(self, path: KeyPath, make: Callable[[], T]) -> T:
         """Return what ``make`` makes of the value at ``path``.
@@ -68,22 +78,181 @@ class Mistakes:
         self._found.append((path, str(error)))
 
 
-class Noting:
-    """See :meth:`Mistakes.at`."""
+def read_section(section: type[SectionT], source: Source) -> SectionT:
+    """Return the data of a source as a section.
 
-    def __init__(self, mistakes: Mistakes, path: KeyPath) -> None:
-        self._mistakes, self._path = mistakes, path
+    Raises
+    ------
+    ProblemFileError
+        With every complaint, one per line, in the order of the file.
+    """
+    keys: dict[int, tuple[str, ...]] = {}
+    try:
+        return section.model_validate(source.data, context=keys)
+    except ValidationError as error:
+        raise ProblemFileError(source.messages(complaints(error, source, keys))) from error
 
-    def __enter__(self) -> None:
-        return None
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        _: TracebackType | None,
-    ) -> bool:
-        if not isinstance(error, WbcError):
-            return False
-        self._mistakes.note(self._path, error)
-        return True
+def complaints(
+    error: ValidationError,
+    source: Source,
+    keys: Mapping[int, tuple[str, ...]],
+    below: KeyPath = (),
+) -> list[tuple[KeyPath, str]]:
+    """Return every complaint: where it belongs, and its text.
+
+    Parameters
+    ----------
+    keys:
+        The keys that a mapping of ``source`` may have, by the mapping's identity.
+    below:
+        Where what was validated stands in ``source``.
+    """
+    details: list[Detail] = [
+        {**detail, "loc": (*below, *detail["loc"])} for detail in error.errors(include_url=False)
+    ]
+    misspelt = {
+        (*_path(detail)[:-1], _nearest(_path(detail), source, keys))
+        for detail in details
+        if detail["type"] == "extra_forbidden"
+    }
+    found: list[tuple[KeyPath, str]] = []
+    for detail in details:
+        path = _path(detail)
+        if detail["type"] == "missing" and path in misspelt:
+            continue  # "taget" is unknown, hence "target" is missing: one mistake, said once
+        if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
+            continue  # pydantic does not count the entries that it has complained about
+        if detail["type"] == "extra_forbidden":
+            text = f"unknown key{suggest(str(path[-1]), _known(path, source, keys))}"
+        else:
+            path, text = _said(detail, path)
+        found.append((path, text))
+    return found
+
+
+def shown(value: Any) -> str:
+    """Return a value as it might be written in a file, shortened."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else f"{'-' if value < 0 else ''}.inf"
+    text = repr(value) if isinstance(value, str) else str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _path(detail: Detail) -> KeyPath:
+    """Return where a complaint is about, without the names of forms and of dictionary keys."""
+    return tuple(
+        step
+        for step in detail["loc"]
+        if isinstance(step, int) or not (step == "[key]" or re.fullmatch(r"\(.*\)", step))
+    )
+
+
+def _known(path: KeyPath, source: Source, keys: Mapping[int, tuple[str, ...]]) -> tuple[str, ...]:
+    return keys.get(id(source.at(path[:-1])), ())
+
+
+def _nearest(path: KeyPath, source: Source, keys: Mapping[int, tuple[str, ...]]) -> str:
+    hint = re.search(r"did you mean '([^']+)'", suggest(str(path[-1]), _known(path, source, keys)))
+    return hint[1] if hint else ""
+
+
+def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
+    """Return path and text of a complaint."""
+    kind, value = detail["type"], detail["input"]
+    if kind == "missing":
+        return path[:-1], f"{str(path[-1])!r} is missing"
+    if kind == "one_of":
+        return _choice(value, detail["ctx"], path)
+    speak = _TEXTS.get(kind)
+    if speak is None:
+        return path, f"{_lowered(detail['msg'])}, got {shown(value)}"
+    return path, speak(value, detail.get("ctx", {}))
+
+
+def _choice(value: Any, context: Detail, path: KeyPath) -> tuple[KeyPath, str]:
+    """Explain a section whose ``type``, ``control`` or ``method`` does not exist."""
+    key, words = context["key"], context["words"].split(", ")
+    if not isinstance(value, dict):
+        example = context["example"]
+        return path, f"expected keys and values such as {example}, got {shown(value)}"
+    if key not in value:
+        return path, f"{key!r} is missing (choose from: {', '.join(words)})"
+    return (*path, key), f"{shown(value[key])} does not exist{suggest(str(value[key]), words)}"
+
+
+def _lowered(text: str) -> str:
+    return text[:1].lower() + text[1:]
+
+
+def _number(value: Any, _: Detail) -> str:
+    if isinstance(value, str):
+        return f"expected a number, got the text {shown(value)}{_unquote(value)}"
+    return f"expected a number, got {shown(value)}"
+
+
+def _unquote(value: str) -> str:
+    try:
+        float(value)
+    except ValueError:
+        return ""
+    return " (leave out the quotes)"
+
+
+def _word(value: Any, _: Detail) -> str:
+    return f"expected text, got {shown(value)}" + (
+        " (put it in quotes)" if isinstance(value, int | float) else ""
+    )
+
+
+def _list(value: Any, _: Detail) -> str:
+    mask = isinstance(value, int | str) and re.fullmatch(r"[01]+|[xyz]+", str(value))
+    hint = "; a mask is not understood, name the rows as in [x, y]" if mask else ""
+    return f"expected a list such as [x, y], got {shown(value)}{hint}"
+
+
+def _literal(value: Any, context: Detail) -> str:
+    choices = re.findall(r"'([^']*)'", context["expected"]) or [context["expected"]]
+    return f"{shown(value)} does not exist{suggest(str(value), choices)}"
+
+
+def _bound(phrase: str, key: str) -> Callable[[Any, Detail], str]:
+    return lambda value, context: f"must be {phrase} {context[key]:g}, got {shown(value)}"
+
+
+def _entries(value: Any, context: Detail) -> str:
+    least, most = context.get("min_length"), context.get("max_length")
+    size = context["actual_length"]
+    if not size:
+        return "empty; it needs at least one entry"
+    bound = f"at least {least}" if most is None else f"at most {most}"
+    return f"needs {bound} entries, got {size}: {shown(value)}"
+
+
+_TEXTS: Mapping[str, Callable[[Any, Detail], str]] = {
+    "twice": lambda _, context: f"{context['entry']} is named twice",
+    "float_type": _number,
+    "int_type": _number,
+    "finite_number": lambda value, _: f"must be a finite number, got {shown(value)}",
+    "bool_type": lambda value, _: f"expected true or false, got {shown(value)}",
+    "string_type": _word,
+    "tuple_type": _list,
+    "dict_type": lambda value, _: f"expected keys and values, got {shown(value)}",
+    "model_type": lambda value, _: f"expected keys and values, got {shown(value)}",
+    "literal_error": _literal,
+    "greater_than": _bound("greater than", "gt"),
+    "greater_than_equal": _bound("at least", "ge"),
+    "less_than": _bound("less than", "lt"),
+    "less_than_equal": _bound("at most", "le"),
+    "too_short": _entries,
+    "too_long": _entries,
+    "string_too_short": lambda *_: "empty; some text is needed",
+    "string_pattern_mismatch": lambda value, _: (
+        f"{shown(value)} cannot be a name; use letters, digits, spaces, _ and -, and begin with a "
+        "letter or digit"
+    ),
+}

@@ -6,15 +6,12 @@ import copy
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from wbc.errors import ProblemFileError, suggest
-from wbc.problem.keys import KeyPath, parse_path, written
+from wbc.problem.provenance import plain
 from wbc.problem.reading import parse
-from wbc.problem.source import Source
+from wbc.problem.source import KeyPath, Source, parse_path, written
 
 _ASSIGNMENT = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 
@@ -62,24 +59,6 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
         _put(data, path, plain(value), label)
         overridden[path] = label
     return replace(source, data=data, overridden=overridden)
-
-
-def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem's file, text and overrides: what is needed to run it again."""
-    return {"file": source.name, "text": source.text, "overrides": plain(overrides)}
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    return value
 
 
 def _put(data: dict[str, Any], path: KeyPath, value: Any, label: str) -> None:

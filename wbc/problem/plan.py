@@ -15,8 +15,7 @@ from pydantic import ValidationError
 from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.build_tasks import BuiltTask, Goal, build_task
-from wbc.problem.messages import complaints
-from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.mistakes import Misplaced, Mistakes, complaints
 from wbc.problem.part_specs import Support
 from wbc.problem.phase_specs import PhaseSpec, PhaseTaskSpec
 from wbc.problem.source import Source

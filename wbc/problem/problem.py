@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
 from wbc.problem.build import Parts, build
 from wbc.problem.controller_specs import GlobalSpec
-from wbc.problem.messages import explained
-from wbc.problem.overrides import apply_overrides, provenance
+from wbc.problem.mistakes import read_section
+from wbc.problem.overrides import apply_overrides
+from wbc.problem.provenance import provenance
 from wbc.problem.reading import read_source
 from wbc.problem.result import Result
 from wbc.problem.run import Observe, Progress, run
@@ -109,20 +108,5 @@ def load_problem(
         from wbc.problem.pendulum.problem import load_pendulum
 
         return load_pendulum(source, overrides)
-    spec = validated(source)
+    spec = read_section(ProblemSpec, source)
     return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
-
-
-def validated(source: Source) -> ProblemSpec:
-    """Return the description that ``source`` holds.
-
-    Raises
-    ------
-    ProblemFileError
-        It is not a valid one; robots, joints and other names are not looked up yet.
-    """
-    keys: dict[int, tuple[str, ...]] = {}
-    try:
-        return ProblemSpec.model_validate(source.data, context=keys)
-    except ValidationError as error:
-        raise explained(error, source, keys) from error

@@ -24,8 +24,7 @@ from ruamel.yaml.events import (
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from wbc.errors import ProblemFileError
-from wbc.problem.keys import KeyPath, written
-from wbc.problem.source import Source
+from wbc.problem.source import KeyPath, Source, written
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 32

@@ -7,8 +7,9 @@ They are in parentheses, so that they cannot be taken for keys of the file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args
 
 from pydantic import (
     AfterValidator,
@@ -16,12 +17,13 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
     Strict,
     Tag,
     ValidationInfo,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 START_WORD = "start"
 START, WORD, NUMBER, LIST, MATRIX, MAPPING = (
@@ -46,6 +48,63 @@ class Section(BaseModel):
         if isinstance(info.context, dict):
             info.context[id(data)] = tuple(cls.model_fields)
         return data
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Annotates a union of sections that are told apart by the word under a key of theirs.
+
+    The words are those of the sections' own ``Literal``; a section in which the key has a default
+    is meant where the key is left out. Members may be such unions themselves.
+
+    Parameters
+    ----------
+    key:
+        Such as ``type``.
+    example:
+        A mapping, as messages show it.
+    """
+
+    key: str
+    example: str
+
+    def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        choices, words, default = dict[Any, CoreSchema](), dict[str, str](), None
+        for member in get_args(union):
+            schema = handler.generate_schema(member)
+            for section in _sections(member):
+                field = section.model_fields[self.key]
+                default = default if field.is_required() else field.default
+                for word in get_args(field.annotation):
+                    words[word] = f"({word})"
+                    choices[words[word]] = schema
+
+        def tag(value: Any) -> str | None:
+            if isinstance(value, BaseModel):
+                return words.get(getattr(value, self.key, ""))
+            word = value.get(self.key, default) if isinstance(value, Mapping) else None
+            return words.get(word) if isinstance(word, str) else None
+
+        return core_schema.tagged_union_schema(
+            choices,
+            tag,
+            custom_error_type="one_of",
+            custom_error_message=f"expected keys and values such as {self.example}",
+            custom_error_context={
+                "key": self.key,
+                "words": ", ".join(words),
+                "example": self.example,
+            },
+        )
+
+
+def _sections(member: Any) -> Iterator[type[BaseModel]]:
+    """Yield the sections of a union's member: itself, or those of an annotated union."""
+    parts = get_args(member)
+    if parts:
+        yield from (section for part in parts for section in _sections(part))
+    elif isinstance(member, type):
+        yield member
 
 
 def form_of(value: Any) -> str | None:

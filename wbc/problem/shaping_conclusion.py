@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from wbc.controllers.shaping import Motion, ShapingOutcome, ShapingStatistics, Stopped
 from wbc.problem.ending import RunStatus
+from wbc.problem.provenance import version_of
 from wbc.problem.result import Result
 from wbc.problem.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
-from wbc.problem.versions import version_of
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Strict, Tag
+from pydantic import Field, Strict
 
 from wbc.problem.section import (
     LIST,
@@ -15,6 +14,7 @@ from wbc.problem.section import (
     Name,
     NonNegative,
     Number,
+    OneOf,
     Point,
     Positive,
     Section,
@@ -186,31 +186,11 @@ class MomentumSpec(_Ranked):
     """Weight of the task, one number or one per row [1/(kg m/s)] or [1/(kg m^2/s)]."""
 
 
-FrameSpec = PositionSpec | OrientationSpec | PoseSpec | AxisSpec
-FRAME_CONTROLS = ("position", "orientation", "pose", "axis")
-TASK_TYPES = ("inertia", "com", "frame", "posture", "momentum")
-
-
-def _task_form(value: Any) -> str | None:
-    """Return the tag of a task's section; None if its type or control is not one of ours."""
-    entries = value if isinstance(value, Mapping) else {}
-    if isinstance(value, BaseModel):
-        entries = dict(value)
-    kind = entries.get("type")
-    if kind != "frame":
-        return f"({kind})" if kind in TASK_TYPES else None
-    control = entries.get("control")
-    return f"(frame {control})" if control in FRAME_CONTROLS else None
-
-
+FrameSpec = Annotated[
+    PositionSpec | OrientationSpec | PoseSpec | AxisSpec,
+    OneOf("control", "{type: frame, frame: left_hand, control: position, target: start}"),
+]
 TaskSpec = Annotated[
-    Annotated[InertiaSpec, Tag("(inertia)")]
-    | Annotated[ComSpec, Tag("(com)")]
-    | Annotated[PositionSpec, Tag("(frame position)")]
-    | Annotated[OrientationSpec, Tag("(frame orientation)")]
-    | Annotated[PoseSpec, Tag("(frame pose)")]
-    | Annotated[AxisSpec, Tag("(frame axis)")]
-    | Annotated[PostureSpec, Tag("(posture)")]
-    | Annotated[MomentumSpec, Tag("(momentum)")],
-    Discriminator(_task_form, custom_error_type="task", custom_error_message="expected a task"),
+    InertiaSpec | ComSpec | FrameSpec | PostureSpec | MomentumSpec,
+    OneOf("type", "{type: com, target: [0, 0, 0.3]}"),
 ]

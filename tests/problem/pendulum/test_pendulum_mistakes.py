@@ -33,7 +33,8 @@ plan:
 # What is written, what replaces it, and what the message says.
 MISTAKES = {
     "unknown model": (LAW, "rmp_planar", "rmp_flat", "p.yaml:2: model"),
-    "unknown law": (LAW, "static_lean", "static_learn", "p.yaml:6: law: expected a law"),
+    "unknown law": (LAW, "static_lean", "static_learn",
+                    "p.yaml:6: law.type: 'static_learn' does not exist; did you mean"),
     "unknown key": (LAW, "wheel_torque", "wheel_torqe", "did you mean 'wheel_torque'"),
     "negative mass": (LAW, "mass: 35.0", "mass: -1.0", "p.yaml:3: mass"),
     "no leg": (LAW, "leg_length: 0.7", "leg_length: 0.0", "p.yaml:4: start.leg_length"),

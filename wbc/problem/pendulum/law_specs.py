@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import Field, Strict
 
 from wbc.problem.section import (
     LIST,
     MATRIX,
     NonNegative,
     Number,
+    OneOf,
     Pair,
     Positive,
     PositiveOrInfinite,
@@ -109,28 +109,9 @@ class StabiliserSpec(Section):
     type: Literal["stabiliser"]
 
 
-LAWS: tuple[str, ...] = (
-    "static_lean", "lqr", "swing_up", "spin", "momentum_qp", "stabiliser",
-)  # fmt: skip
-
-
-def _law_form(value: Any) -> str | None:
-    kind = value.get("type") if isinstance(value, Mapping) else getattr(value, "type", None)
-    return f"({kind})" if kind in LAWS else None
-
-
 LawChoice = Annotated[
-    Annotated[StaticLeanSpec, Tag("(static_lean)")]
-    | Annotated[LqrSpec, Tag("(lqr)")]
-    | Annotated[SwingUpSpec, Tag("(swing_up)")]
-    | Annotated[SpinSpec, Tag("(spin)")]
-    | Annotated[MomentumQpSpec, Tag("(momentum_qp)")]
-    | Annotated[StabiliserSpec, Tag("(stabiliser)")],
-    Discriminator(
-        _law_form,
-        custom_error_type="law",
-        custom_error_message=f"expected a law, {{type: ...}} with one of: {', '.join(LAWS)}",
-    ),
+    StaticLeanSpec | LqrSpec | SwingUpSpec | SpinSpec | MomentumQpSpec | StabiliserSpec,
+    OneOf("type", "{type: lqr}"),
 ]
 
 

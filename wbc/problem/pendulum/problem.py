@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import ValidationError
-
-from wbc.problem.messages import explained
-from wbc.problem.overrides import provenance
+from wbc.problem.mistakes import read_section
 from wbc.problem.pendulum.build import Balance, Planning, build
 from wbc.problem.pendulum.result import PendulumResult
 from wbc.problem.pendulum.run import run_balance, run_plan
 from wbc.problem.pendulum.spec import PendulumSpec
+from wbc.problem.provenance import provenance, versions
 from wbc.problem.run import Progress
 from wbc.problem.source import Source
-from wbc.problem.versions import versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +69,5 @@ def load_pendulum(source: Source, overrides: Mapping[str, Any]) -> PendulumProbl
     ProblemFileError
         With every mistake found: file, line, key path, what is wrong and what is valid.
     """
-    keys: dict[int, tuple[str, ...]] = {}
-    try:
-        spec = PendulumSpec.model_validate(source.data, context=keys)
-    except ValidationError as error:
-        raise explained(error, source, keys) from error
+    spec = read_section(PendulumSpec, source)
     return PendulumProblem(source, overrides, spec, build(spec, source))

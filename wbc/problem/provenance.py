@@ -1,0 +1,51 @@
+"""What a result was made with and from: versions, the problem's text and its overrides."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc import __version__
+from wbc.problem.source import Source
+
+PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of this package, of Python and of what a result depends on."""
+    return {
+        "wbc": __version__,
+        "python": platform.python_version(),
+        **{name: version_of(name) for name in PACKAGES},
+    }
+
+
+def version_of(package: str) -> str:
+    """Return the version of an installed package, or ``not installed``."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def provenance(source: Source, overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a problem's file, text and overrides: what is needed to run it again."""
+    return {"file": source.name, "text": source.text, "overrides": plain(overrides)}
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as a YAML file would give it: arrays and tuples as lists, paths as text."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return value
