@@ -11,7 +11,6 @@ from wbc.controllers.shaping import GlobalShaping
 from wbc.controllers.shaping.merit import posture_cost
 from wbc.controllers.shaping.nlp import build_nlp
 from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.controllers.shaping.task_errors import symbolic_error
 from wbc.controllers.shaping.unknowns import Unknowns
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
@@ -67,7 +66,7 @@ def test_errors_are_those_of_the_tasks(robot: Robot, rng, random_snapshot) -> No
         back = unknowns.chart(tuple(range(x.size))).configuration(x, np.concatenate((p, x)))
         np.testing.assert_allclose(robot.difference(here.q, back), 0.0, atol=1e-10)
         for task in tasks:
-            error = symbolic_error(task, unknowns.scene)
+            error = task.symbolic_error(unknowns.posture)
             function = ca.Function("error", [unknowns.x, unknowns.p], [error])
             expected = task.residual(here).error
             # Rotations within a degree of half a turn lose digits; else the same sums reordered.

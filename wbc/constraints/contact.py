@@ -7,6 +7,7 @@ it has drifted from its anchor is taken back. The anchor is given once, by the c
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,9 @@ from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Residual
 from wbc.validate import Array, finite_array, finite_number, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 SUPPORTS = ("floating", "left", "right", "double")
 
@@ -89,6 +93,10 @@ class Contact:
         """Return the frame's acceleration (k,) at zero acceleration of v, world axes."""
         return snapshot.drift(self.frame)[: len(self.rows)]
 
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the drift from the anchor, [m] above [rad], as an expression of the posture."""
+        return posture.pose_error(self.frame, self.position, self.rotation)
+
     def slip(self, snapshot: Snapshot) -> float:
         """Return how far the frame's origin is from its anchor [m]."""
         return float(np.linalg.norm(snapshot.position(self.frame) - self.position))
@@ -103,6 +111,10 @@ class PointContact(Contact):
         """Return the drift from the anchor [m]."""
         error = snapshot.position(self.frame) - self.position
         return Residual(error, snapshot.jacobian(self.frame)[:3], _NOTHING[:3])
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the drift from the anchor [m]."""
+        return posture.position(self.frame) - self.position
 
 
 _NOTHING = read_only(np.zeros(6))

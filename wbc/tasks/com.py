@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from numpy.typing import ArrayLike
 
@@ -11,6 +11,9 @@ from wbc.robot import Robot, Snapshot
 from wbc.tasks.point import AXES, PointTask
 from wbc.tasks.task import Law
 from wbc.validate import Array
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
 class ComTask(PointTask):
@@ -45,3 +48,7 @@ class ComTask(PointTask):
 
     def _acceleration(self, snapshot: Snapshot) -> Array:
         return snapshot.com_drift
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return CoM minus target [m]."""
+        return (posture.com - self.target)[self._selected]

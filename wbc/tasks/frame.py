@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,9 @@ from wbc.spatial import skew
 from wbc.tasks.point import AXES, PointTask
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 TURNS = ("rx", "ry", "rz")
 
@@ -48,6 +51,10 @@ class PositionTask(PointTask):
 
     def _acceleration(self, snapshot: Snapshot) -> Array:
         return snapshot.drift(self.frame)[:3]
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return position minus target [m]."""
+        return (posture.position(self.frame) - self.target)[self._selected]
 
 
 class OrientationTask(Task):
@@ -87,6 +94,10 @@ class OrientationTask(Task):
         """Return the rate of the error's Jacobian times v [rad/s^2]."""
         return orientation_drift(snapshot, self.frame, self.target)
 
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return log(target' R) [rad]."""
+        return posture.orientation_error(self.frame, self.target)
+
 
 class PoseTask(Task):
     """Bring ``frame`` to a position and a rotation at once (rows x y z rx ry rz)."""
@@ -125,6 +136,10 @@ class PoseTask(Task):
         """Return the drift of both parts."""
         turn = orientation_drift(snapshot, self.frame, self.rotation)
         return np.concatenate((snapshot.drift(self.frame)[:3], turn))
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return position minus target [m] above log(target' R) [rad]."""
+        return posture.pose_error(self.frame, self.position, self.rotation)
 
 
 class AxisTask(Task):
@@ -167,6 +182,10 @@ class AxisTask(Task):
         w = snapshot.jacobian(self.frame)[3:] @ snapshot.v
         alpha = snapshot.drift(self.frame)[3:]
         return np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the axis minus the target, both unit vectors in world axes."""
+        return posture.rotation(self.frame) @ self.axis - self.target
 
     def _unit(self, value: ArrayLike, what: str) -> Array:
         vector = self._target(value, (3,), what)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,9 @@ from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 ALL = COMPONENTS
 DIAGONAL_COMPONENTS = ("xx", "yy", "zz")
@@ -113,6 +116,12 @@ class InertiaTask(Task):
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at zero acceleration of v."""
         return self._selection @ snapshot.inertia_drift_in(self.frame)
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the selected entries of actual minus target inertia."""
+        # The trace is the same in all axes; in the base's it is an expression of the joints alone.
+        frame = BASE if self.rows == TRACE else self.frame
+        return posture.inertia_error(self._selection, vech_inverse(self.target), frame)
 
     def _curvature(self, snapshot: Snapshot, pull: Array) -> Array:
         """Return the Hessian of <G, I> with G the cost's derivative by the inertia, held fixed."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import TYPE_CHECKING, NoReturn, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
 
 LINEAR, ANGULAR = ("lx", "ly", "lz"), ("kx", "ky", "kz")
 
@@ -65,3 +68,10 @@ class MomentumTask(Task):
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return measured momentum minus target."""
         return (snapshot.momentum - self.target)[self._selected]
+
+    def symbolic_error(self, posture: SymbolicPosture) -> NoReturn:
+        """Raise InvalidInputError: a posture has no momentum."""
+        raise InvalidInputError(
+            f"global shaping: task {self.name!r} is about momentum, that is about velocities; a"
+            " posture has none. Leave it to the controller that moves there"
+        )

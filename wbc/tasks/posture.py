@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,9 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Residual, Task
 from wbc.validate import Array, finite_number, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
 class PostureTask(Task):
@@ -81,6 +85,10 @@ class PostureTask(Task):
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: joint rates are coordinates of v."""
         return self._none
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return joint positions minus target [rad or m], the shorter way round if continuous."""
+        return posture.joint_errors(self._positions)[self._joints]
 
 
 def _factors(robot: Robot, joints: Mapping[str, float], name: str) -> Array:

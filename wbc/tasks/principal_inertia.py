@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import congruence, vech, vech_inverse
 from wbc.tasks.inertia import ALL, FROBENIUS_ROWS, curvature_bound
 from wbc.tasks.task import Law, Residual, Task
 from wbc.validate import Array, finite_array, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 BASE = "base"
 # Moments closer than this fraction of the largest are taken as equal: their axes are arbitrary.
@@ -80,6 +84,32 @@ class PrincipalInertiaTask(Task):
         """Return actual minus target principal moments (3,), in increasing order."""
         moments = np.linalg.eigvalsh(snapshot.inertia)
         return (moments - self.target) * self._selection[0, 0]
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return I - N with N any matrix of the wanted moments, its axes being a free rotation.
+
+        The nearest such N is what the error is measured from (Hoffman and Wielandt): minimising
+        over the axes too gives the same cost, with no eigenvalues that cross.
+
+        Raises
+        ------
+        InvalidInputError
+            Rows of different weights, whose cost would depend on the axes.
+        """
+        if np.ptp(self.weight) > 0.0:
+            raise InvalidInputError(
+                f"global shaping: task {self.name!r} weighs its six rows differently; give one"
+                " weight"
+            )
+        R = posture.free_rotations[self.name]
+        nearest = R @ np.diag(self.target) @ R.T
+        return posture.inertia_error(self._selection, nearest, BASE)
+
+    def free_rotation(self, snapshot: Snapshot) -> Array:
+        """Return the principal axes (3, 3) in base axes."""
+        axes = np.linalg.eigh(snapshot.inertia_in(BASE))[1]
+        axes[:, 0] *= np.linalg.det(axes)  # a rotation; a mirrored axis is the same axis
+        return axes
 
 
 def turning_ratios(moments: Array, wanted: Array) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
 class Residual(NamedTuple):
@@ -173,6 +176,26 @@ class Task(ABC):
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return what diagnostics report as the error (k,), in the task's own units."""
         return residual.error
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the error (k, 1) as an expression of the posture, for searches over postures.
+
+        Raises
+        ------
+        InvalidInputError
+            A kind of task that does not say what its error is in terms of the posture.
+        """
+        raise InvalidInputError(
+            f"global shaping: task {self.name!r} is a {type(self).__name__}, of which no error in"
+            " terms of the posture is known; leave it to the controller"
+        )
+
+    def free_rotation(self, snapshot: Snapshot) -> Array | None:
+        """Return a rotation (3, 3) that minimises the symbolic error at ``snapshot``.
+
+        It is an unknown of the search, ``posture.free_rotations[self.name]``; None for none.
+        """
+        return None
 
     def _checked_weight(self, weight: ArrayLike) -> Array:
         what = f"task {self.name!r}, weight"

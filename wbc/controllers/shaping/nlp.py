@@ -18,7 +18,6 @@ from wbc.controllers.shaping.bodies import Bodies
 from wbc.controllers.shaping.problem import ShapingProblem, check_at_rest
 from wbc.controllers.shaping.program import IPOPT, Local, Program, Searcher, Start
 from wbc.controllers.shaping.rows import constraint_rows
-from wbc.controllers.shaping.task_errors import symbolic_error
 from wbc.controllers.shaping.unknowns import Unknowns
 from wbc.validate import Array
 
@@ -105,11 +104,11 @@ def build_nlp(problem: ShapingProblem) -> BuiltNlp:
     unknowns = Unknowns.of(problem)
     cost = ca.SX(0.0)
     for task in problem.tasks:
-        weighted = ca.DM(task.weight) * symbolic_error(task, unknowns.scene)
+        weighted = ca.DM(task.weight) * task.symbolic_error(unknowns.posture)
         cost += 0.5 * task.gain * ca.sumsqr(weighted)
-    rows = constraint_rows(problem, unknowns.scene.posture)
+    rows = constraint_rows(problem, unknowns.posture)
     bodies = Bodies.of(problem.robot, problem.constraints)
-    placed = ca.SX(0, 1) if bodies is None else bodies.placements(unknowns.scene.posture)
+    placed = ca.SX(0, 1) if bodies is None else bodies.placements(unknowns.posture)
     matters = ca.which_depends(ca.vertcat(cost, rows.value, placed), unknowns.x, 1, False)
     kept = tuple(k for k, used in enumerate(matters) if used)
     x, scale = ca.SX.sym("x", len(kept)), ca.SX.sym("scale")

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from wbc.constraints import ComSupport, PointContact, PositionBox
+from wbc.constraints import ComSupport, PositionBox
 from wbc.constraints.clearance import SKIN
 from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.robot.symbolic import SymbolicPosture, rotation_log
+from wbc.robot.symbolic import SymbolicPosture
 from wbc.validate import Array
 
 
@@ -41,9 +41,7 @@ def constraint_rows(problem: ShapingProblem, posture: SymbolicPosture) -> Constr
     """Return the rows of a problem; the anchor is kept by construction and has none."""
     closure = ca.vertcat(
         *(
-            _closure(posture, contact.frame, contact.position, contact.rotation)
-            if not isinstance(contact, PointContact)
-            else posture.position(contact.frame) - ca.DM(contact.position)
+            contact.symbolic_error(posture)
             for contact in problem.contacts
             if contact is not problem.anchor
         )
@@ -77,9 +75,3 @@ def half_planes(corners: Array) -> Array:
     normals = np.column_stack((edges[:, 1], -edges[:, 0]))
     normals = normals / np.linalg.norm(edges, axis=1)[:, None]
     return np.column_stack((normals, np.einsum("ij,ij->i", normals, corners)))
-
-
-def _closure(posture: SymbolicPosture, frame: str, position: Array, rotation: Array) -> ca.SX:
-    """Return how far a frame is from its anchor (6, 1), [m] above [rad]."""
-    relative = ca.mtimes(ca.DM(rotation).T, posture.rotation(frame))
-    return ca.vertcat(posture.position(frame) - ca.DM(position), rotation_log(relative))

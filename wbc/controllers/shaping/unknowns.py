@@ -5,7 +5,7 @@ All of them are plain numbers without constraints of their own:
 * joint positions, continuous joints as angles;
 * where the base is, unless a contact holds a frame entirely: the base then follows from the joints,
   which saves twelve rows and columns and keeps that contact exactly;
-* for each task of principal moments, the axes its target is about.
+* for each task that leaves a rotation free, that rotation.
 
 Rotations are modified Rodrigues parameters from a reference that belongs to the start: every search
 begins in the middle of its chart, far from where that has a singularity (a full turn).
@@ -13,7 +13,6 @@ begins in the middle of its chart, far from where that has a singularity (a full
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -22,7 +21,6 @@ from scipy.spatial.transform import Rotation
 
 from wbc.constraints import Contact
 from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.controllers.shaping.task_errors import Scene
 from wbc.robot import Robot
 from wbc.robot.snapshot import BASE
 from wbc.robot.symbolic import (
@@ -32,7 +30,6 @@ from wbc.robot.symbolic import (
     angle_turns,
     from_mrp,
 )
-from wbc.tasks import PrincipalInertiaTask
 from wbc.validate import Array
 
 
@@ -40,14 +37,14 @@ from wbc.validate import Array
 class Unknowns:
     """Unknowns x and parameters p of a shaping problem.
 
-    ``x`` is joints (nv-6), base position (3) and turn (3), then a turn (3) for each task of
-    principal moments. ``p`` is the reference rotation (9, by columns) of each turn.
+    ``x`` is joints (nv-6), base position (3) and turn (3), then a turn (3) for each task that
+    leaves one free. ``p`` is the reference rotation (9, by columns) of each turn.
 
     Attributes
     ----------
     x, p:
         SX symbols.
-    scene:
+    posture:
         The robot in terms of them.
     lower, upper:
         Bounds on x.
@@ -56,7 +53,7 @@ class Unknowns:
     problem: ShapingProblem
     x: ca.SX
     p: ca.SX
-    scene: Scene
+    posture: SymbolicPosture
     lower: Array
     upper: Array
 
@@ -64,8 +61,9 @@ class Unknowns:
     def of(cls, problem: ShapingProblem) -> Unknowns:
         """Return the unknowns of a problem."""
         robot, n = problem.robot, problem.robot.nv - 6
-        principal = _principal(problem)
-        turns = 1 + len(principal)
+        neutral = robot.snapshot(robot.postures["neutral"])
+        turned = [task.name for task in problem.tasks if task.free_rotation(neutral) is not None]
+        turns = 1 + len(turned)
         x = ca.SX.sym("x", n + 3 + 3 * turns)
         p = ca.SX.sym("p", 9 * turns)
         rotations = [
@@ -79,13 +77,13 @@ class Unknowns:
         if problem.anchor is not None:
             held = Placement.constant(problem.anchor.rotation, problem.anchor.position)
             base = held @ local.frame(problem.anchor.frame).inverse()
-        axes = {task.name: R for task, R in zip(principal, rotations[1:], strict=True)}
+        axes = dict(zip(turned, rotations[1:], strict=True))
         free = np.full(3 + 3 * turns, np.inf)
         return cls(
             problem,
             x,
             p,
-            Scene(SymbolicPosture(local, base), x[:n], axes),
+            SymbolicPosture(local, base, x[:n], axes),
             np.concatenate((problem.limits.lower, -free)),
             np.concatenate((problem.limits.upper, free)),
         )
@@ -98,12 +96,8 @@ class Unknowns:
         x = np.zeros(self.x.numel())
         x[:n] = np.clip(joints, self.lower[:n], self.upper[:n])
         x[n : n + 3] = snapshot.q[:3]
-        references = [snapshot.rotation(BASE)]
-        principal = _principal(problem)
-        if principal:
-            axes = np.linalg.eigh(snapshot.inertia_in(BASE))[1]
-            axes[:, 0] *= np.linalg.det(axes)  # a rotation; a mirrored axis is the same axis
-            references += [axes] * len(principal)
+        turned = [task.free_rotation(snapshot) for task in problem.tasks]
+        references = [snapshot.rotation(BASE), *(R for R in turned if R is not None)]
         return x, np.concatenate([R.ravel(order="F") for R in references])
 
     def chart(self, kept: tuple[int, ...]) -> Chart:
@@ -164,7 +158,3 @@ def anchored(robot: Robot, q: Array, contact: Contact) -> Array:
     q[3:7] = Rotation.from_matrix(turn @ here.rotation(BASE)).as_quat()
     q[:3] = contact.position + turn @ (here.position(BASE) - here.position(contact.frame))
     return q
-
-
-def _principal(problem: ShapingProblem) -> Sequence[PrincipalInertiaTask]:
-    return [task for task in problem.tasks if isinstance(task, PrincipalInertiaTask)]

@@ -6,9 +6,10 @@ placements, axes and inertias; Pinocchio itself is the tests' oracle.
 
 from wbc.robot.symbolic.chain import LocalRobot, angle_turns, configuration_turns
 from wbc.robot.symbolic.placement import Placement, from_mrp, from_quaternion, rotation_log
-from wbc.robot.symbolic.posture import SymbolicPosture, posture_functions
+from wbc.robot.symbolic.posture import Expression, SymbolicPosture, posture_functions
 
 __all__ = [
+    "Expression",
     "LocalRobot",
     "Placement",
     "SymbolicPosture",

@@ -105,6 +105,15 @@ def angle_turns(robot: Robot, joints: ca.SX) -> tuple[Coordinate, ...]:
     )
 
 
+def configuration_angles(robot: Robot, q: ca.SX) -> ca.SX:
+    """Return the joint positions (nv-6, 1) [rad or m] of a configuration (nq, 1)."""
+    limits = robot.limits
+    found = [q[start] for start in limits.starts]
+    for k in limits.unbounded:
+        found[k] = ca.atan2(q[limits.starts[k] + 1], q[limits.starts[k]])
+    return ca.vertcat(*found)
+
+
 def configuration_turns(robot: Robot, q: ca.SX) -> tuple[Coordinate, ...]:
     """Return the coordinates at a configuration (nq, 1), continuous joints as (cos, sin)."""
     limits = robot.limits

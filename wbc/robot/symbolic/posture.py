@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import casadi as ca
 
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
 from wbc.robot.snapshot import BASE, WORLD
-from wbc.robot.symbolic.chain import LocalRobot, configuration_turns
-from wbc.robot.symbolic.placement import Placement, from_quaternion
+from wbc.robot.symbolic.chain import LocalRobot, configuration_angles, configuration_turns
+from wbc.robot.symbolic.placement import Placement, from_quaternion, rotation_log
 from wbc.spatial import COLUMNS, ROWS
+from wbc.validate import Array
+
+Expression: TypeAlias = ca.SX
 
 
 @dataclass(frozen=True, eq=False)
 class SymbolicPosture:
     """What a :class:`~wbc.robot.snapshot.Snapshot` at rest tells, as expressions.
+
+    Expressions take NumPy arrays and operators, ``@`` included; a vector is a column (k, 1).
 
     Attributes
     ----------
@@ -25,10 +31,17 @@ class SymbolicPosture:
         The robot as seen from its base.
     base:
         Where the base is in the world.
+    joints:
+        Joint positions (nv-6, 1) [rad or m].
+    free_rotations:
+        Rotations (3, 3) that are unknowns of tasks, by the tasks' names; see
+        :meth:`wbc.tasks.Task.free_rotation`.
     """
 
     local: LocalRobot
     base: Placement
+    joints: ca.SX
+    free_rotations: Mapping[str, ca.SX] = field(default_factory=dict)
 
     @property
     def com(self) -> ca.SX:
@@ -53,6 +66,26 @@ class SymbolicPosture:
     def rotation(self, frame: str) -> ca.SX:
         """Rotation (3, 3) taking the frame's axes to the world's."""
         return ca.mtimes(self.base.rotation, self.local.frame(frame).rotation)
+
+    def orientation_error(self, frame: str, target: Array) -> ca.SX:
+        """Return the rotation vector log(target' R) (3, 1) [rad]."""
+        return rotation_log(ca.mtimes(ca.DM(target).T, self.rotation(frame)))
+
+    def pose_error(self, frame: str, position: Array, rotation: Array) -> ca.SX:
+        """Return position minus target [m] above log(target' R) [rad] (6, 1)."""
+        place = self.position(frame) - position
+        return ca.vertcat(place, self.orientation_error(frame, rotation))
+
+    def joint_errors(self, positions: Array) -> ca.SX:
+        """Return joints minus ``positions`` (nv-6, 1), the shorter way round if continuous."""
+        error = self.joints - positions
+        for k in self.local.robot.limits.unbounded:
+            error[k] = ca.atan2(ca.sin(error[k]), ca.cos(error[k]))
+        return error
+
+    def inertia_error(self, selection: Array, target: Array | ca.SX, frame: str = WORLD) -> ca.SX:
+        """Return selection (k, 6) times vech of the centroidal inertia minus ``target`` (3, 3)."""
+        return ca.mtimes(ca.DM(selection), vech_symbolic(self.inertia_in(frame) - target))
 
 
 def vech_symbolic(S: ca.SX) -> ca.SX:
@@ -84,7 +117,8 @@ def posture_functions(
     """
     q = ca.SX.sym("q", robot.nq)
     local = LocalRobot(robot, configuration_turns(robot, q))
-    here = SymbolicPosture(local, Placement(from_quaternion(q[3:BASE_NQ]), q[:3]))
+    base = Placement(from_quaternion(q[3:BASE_NQ]), q[:3])
+    here = SymbolicPosture(local, base, configuration_angles(robot, q))
     functions = {
         "com": ca.Function("com", [q], [here.com], ["q"], ["com"]),
         "inertia": ca.Function(
