@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wbc.qp import QP, KktResiduals, duality_gap, kkt_residuals
+from wbc.qp import QP, KktResiduals, kkt_residuals
 from wbc.qp.kkt import acceptable, reference_magnitudes
 
 NONE = np.zeros(0)
@@ -48,7 +48,6 @@ def test_zero_at_the_optimum(qp, x, y, z, z_box):
     point = [np.array(part, dtype=float) for part in (x, y, z, z_box)]
     # The numbers are small and exact in binary: nothing is rounded.
     assert kkt_residuals(qp, *point) == KktResiduals(0.0, 0.0, 0.0)
-    assert duality_gap(qp, *point) == 0.0
 
 
 def test_each_residual_alone():
@@ -66,7 +65,6 @@ def test_wrong_sign_towards_an_infinite_bound_is_the_multiplier_itself():
     # A negative multiplier claims that the lower bound, -inf, is active.
     residuals = kkt_residuals(CAPPED, np.array([1.0]), NONE, NONE, np.array([-0.25]))
     assert residuals.complementarity == 0.25
-    assert math.isfinite(duality_gap(CAPPED, np.array([1.0]), NONE, NONE, np.array([-0.25])))
 
 
 def test_rounding_at_an_infinite_bound_does_not_count():
@@ -99,12 +97,6 @@ def test_against_the_loop(solvable, seed, me, mi):
         loop_residuals(qp, *point),
         rtol=1e-10,
     )
-
-
-def test_duality_gap_is_slack_times_multiplier():
-    # At x = 2 with the row's multiplier -2 the slope vanishes; slack to the lower end is 4 - 3 = 1.
-    gap = duality_gap(PUSHED, np.array([2.0, 2.0]), NONE, np.array([-2.0]), np.zeros(2))
-    assert gap == pytest.approx(2.0, abs=1e-14)
 
 
 def test_reference_magnitudes_are_the_largest_terms():

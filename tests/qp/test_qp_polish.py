@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wbc.qp.answer import Answer
 from wbc.qp.backend import make_backend
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.polish import polish
 from wbc.qp.problem import QP
-from wbc.qp.solution import Status
+from wbc.qp.solution import RawSolution, Status
 
 
 def random_qp(rng: np.random.Generator, damping: float) -> QP:
@@ -42,7 +41,7 @@ def test_a_rough_answer_becomes_exact(damping: float, rng: np.random.Generator) 
         noise = [1e-4 * rng.normal(size=size) for size in (20, 4, 3, 20)]
         parts = (exact.x, exact.y, exact.z, exact.z_box)
         x, y, z, z_box = (part + error for part, error in zip(parts, noise, strict=True))
-        rough = Answer(x, y, z, z_box, claim=Status.SOLVED, iterations=1, message="")
+        rough = RawSolution(x, y, z, z_box, claim=Status.SOLVED, iterations=1, message="")
         polished = polish(qp, rough)
         r = kkt_residuals(qp, polished.x, polished.y, polished.z, polished.z_box)
         # One dense solve of entries up to 1e2 over curvatures down to the damping.
@@ -52,7 +51,7 @@ def test_a_rough_answer_becomes_exact(damping: float, rng: np.random.Generator) 
 
 def test_what_is_not_finite_is_left_alone(rng: np.random.Generator) -> None:
     qp = random_qp(rng, 1.0)
-    broken = Answer(
+    broken = RawSolution(
         np.full(20, np.nan), np.zeros(4), np.zeros(3), np.zeros(20), Status.FAILED, 0, ""
     )
     assert polish(qp, broken) is broken
@@ -61,7 +60,7 @@ def test_what_is_not_finite_is_left_alone(rng: np.random.Generator) -> None:
 def test_an_infeasible_qp_is_not_made_to_look_solved(rng: np.random.Generator) -> None:
     qp = random_qp(rng, 1.0)
     far = replace(qp, b=qp.b + 1e3)
-    rough = Answer(np.zeros(20), np.zeros(4), np.zeros(3), np.zeros(20), Status.SOLVED, 1, "")
+    rough = RawSolution(np.zeros(20), np.zeros(4), np.zeros(3), np.zeros(20), Status.SOLVED, 1, "")
     polished = polish(far, rough)
     r = kkt_residuals(far, polished.x, polished.y, polished.z, polished.z_box)
     assert r.primal > 1.0
@@ -81,7 +80,7 @@ def test_bounds_that_nearly_contradict_each_other() -> None:
         lower=[-1.0, -1.0],
         upper=[0.25, 0.25],
     )
-    rough = Answer(
+    rough = RawSolution(
         np.array([0.25 + 1e-7, 0.25 - 1e-7]),
         np.zeros(1),
         np.zeros(0),

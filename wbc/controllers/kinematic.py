@@ -32,8 +32,8 @@ from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError, UnknownNameError
 from wbc.laws import Rows, velocity_law
 from wbc.qp.backend import Backend, make_backend
-from wbc.qp.closest import closest
 from wbc.qp.elimination import Elimination, eliminate
+from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot, Snapshot
@@ -79,8 +79,8 @@ class KinematicController:
     on_failure:
         What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
         (half the measured velocity, within limits), ``"closest"`` (within limits, missing the other
-        rows by as little as can be; :func:`wbc.qp.closest.closest`, some milliseconds) or
-        ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
+        rows by as little as can be; :func:`wbc.qp.least_infeasible.least_infeasible`, some
+        milliseconds) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
     """
 
     def __init__(
@@ -306,7 +306,7 @@ class KinematicController:
         """Return the command of the declared policy, within the limits' box, and what it misses."""
         nv = self.robot.nv
         if self.on_failure == "closest":
-            found = closest(qp)
+            found = least_infeasible(qp)
             return found.x[:nv], {**slacks(qp, found.x), **found.slack}
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, qp.lower[:nv], qp.upper[:nv]), {}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from wbc.controllers.singular import Singularity
-from wbc.qp.irreducible import irreducible
+from wbc.qp.conflict import irreducible
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
 from wbc.validate import Array
@@ -108,7 +108,7 @@ class Tick:
     def conflict(self) -> Conflict | None:
         """Rows that contradict each other, each of them to blame, or None; takes milliseconds.
 
-        See :func:`wbc.qp.irreducible.irreducible`; ``solution.conflict`` holds them all.
+        See :func:`wbc.qp.conflict.irreducible`; ``solution.conflict`` holds them all.
         """
         found = self.solution.conflict
         return None if found is None else irreducible(self.qp, found)

@@ -23,14 +23,11 @@ _NATIVE: dict[str, Callable[..., Backend]] = {
     "proxqp": ProxQP,
     "proxqp_cold": functools.partial(ProxQP, warm=False),
 }
-
-
-# An accuracy looser than this would let answers pass that are none.
-LOOSEST = 1e-2
+LOOSEST = 1e-2  # the least accuracy that checks anything
 
 
 class Backend(Protocol):
-    """Solves QPs and tells the truth about it: ``Solution.status`` rests on recomputed residuals.
+    """Solves QPs; ``Solution.status`` rests on recomputed residuals.
 
     ``workspace`` names the contact set, so that a backend may keep a warm start for each.
     """

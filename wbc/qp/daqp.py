@@ -16,10 +16,9 @@ from time import perf_counter
 import numpy as np
 
 from wbc.errors import SolverError
-from wbc.qp.answer import Answer
 from wbc.qp.problem import QP, check_qp
-from wbc.qp.solution import Solution, Status
-from wbc.qp.verdict import Trial
+from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.solve_check import SolveCheck
 from wbc.validate import finite_number
 
 _EQUALITY = 5  # DAQP's code for a row that always holds
@@ -71,11 +70,11 @@ class Daqp:
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
-        trial = Trial(self.name, self.eps, perf_counter())
+        check = SolveCheck(self.name, self.eps, perf_counter())
         check_qp(qp)
-        return trial.judge(qp, self._answer(qp))
+        return check.judge(qp, self._answer(qp))
 
-    def _answer(self, qp: QP) -> Answer:
+    def _answer(self, qp: QP) -> RawSolution:
         n, mi = qp.g.size, qp.u.size
         equalities = n + mi
         sense = np.zeros(equalities + qp.b.size, dtype=ctypes.c_int)
@@ -93,8 +92,8 @@ class Daqp:
         multipliers = info["lam"]
         claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
         if not np.isfinite(multipliers).all():  # it grows them without end on infeasible QPs
-            return Answer.nothing(qp, claim, message)
-        return Answer(
+            return RawSolution.none(qp, claim, message)
+        return RawSolution(
             x=x,
             y=multipliers[equalities:],
             z=multipliers[n:equalities],

@@ -4,11 +4,10 @@ With ``A x = b`` and a choice of dependent unknowns x_d for which A_d is regular
 
     x_d = A_d^-1 (b - A_f x_f),        x = N x_f + x_0.
 
-For a foot that is held this is the paper's elimination: the base velocity follows from the leg's
-joint rates (eqs. 33-35, with the leg's own adjoint in 33), and with two feet six joint rates of the
-legs follow as well (eqs. 36-37). The paper always solves for the right leg, whose Jacobian loses
-rank at a straight knee; here a QR factorisation with column pivoting picks the dependent unknowns
-that are best conditioned at each tick, and shows rows that repeat others.
+For a held foot this is the paper's elimination of the base velocity (eqs. 33-35, with the leg's own
+adjoint in 33), with two feet also of six joint rates of the legs (eqs. 36-37). The paper always
+solves for the right leg, whose Jacobian loses rank at a straight knee; here a QR factorisation with
+column pivoting picks the best conditioned unknowns at each tick, and detects dependent rows.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ class Elimination:
     basis, offset:
         N (n, free) and x_0 (n,).
     mismatch:
-        Largest entry of b outside the range of A: above rounding, the equalities contradict.
+        Largest entry of b outside the range of A: above rounding, the equalities are inconsistent.
     """
 
     full: QP
@@ -67,7 +66,7 @@ class Elimination:
     mismatch: float
 
     def admits(self, solution: Solution) -> bool:
-        """Whether a lifted solution solves the full QP: contradictions show only there."""
+        """Whether a lifted solution solves the full QP: inconsistent equalities show only there."""
         s = solution
         return acceptable(s.residuals, ADMITTED, self.full, s.x, s.y, s.z, s.z_box)
 
@@ -110,9 +109,8 @@ def factorise(A: Array, preference: Array) -> Factors:
     """Return the pivoted QR factors of A (me, n), columns weighted by ``preference`` (n,)."""
     rows, n = A.shape
     if rows == 0:
-        none = np.zeros(0, dtype=int)
         empty = np.zeros((0, 0))
-        return Factors(empty, empty, none, np.arange(n), np.zeros((0, n)))
+        return Factors(empty, empty, np.zeros(0, dtype=int), np.arange(n), np.zeros((0, n)))
     packed, pivots, tau, _, _ = lapack.dgeqp3(A * preference)
     pivots = pivots - 1
     size = min(rows, n)
@@ -125,9 +123,9 @@ def factorise(A: Array, preference: Array) -> Factors:
 
 def _reduced(qp: QP, basis: Array, offset: Array, free: np.ndarray, bounded: np.ndarray) -> QP:
     """Return the QP in the free unknowns: objective and rows pulled back through ``basis``."""
-    through = qp.P @ basis
-    tied = basis[bounded]
-    C = np.concatenate((qp.C @ basis, tied)) if qp.l.size else tied
+    P_basis = qp.P @ basis
+    dependent = basis[bounded]
+    C = np.concatenate((qp.C @ basis, dependent)) if qp.l.size else dependent
     shift = np.concatenate((qp.C @ offset, offset[bounded]))
     names = qp.labels.variables
     labels = Labels(
@@ -136,8 +134,8 @@ def _reduced(qp: QP, basis: Array, offset: Array, free: np.ndarray, bounded: np.
         variables=tuple(names[k] for k in free),
     )
     return QP(
-        P=basis.T @ through,
-        g=basis.T @ qp.g + through.T @ offset,
+        P=basis.T @ P_basis,
+        g=basis.T @ qp.g + P_basis.T @ offset,
         A=np.zeros((0, free.size)),
         b=np.zeros(0),
         C=C,

@@ -50,10 +50,10 @@ def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResi
         upper, lower = np.concatenate((qp.upper, qp.u)), np.concatenate((qp.lower, qp.l))
     else:
         values, multipliers, upper, lower = x, z_box, qp.upper, qp.lower
-    above, below = upper - values, values - lower  # room towards each bound, negative outside
+    above, below = upper - values, values - lower  # negative outside
     outside = -float(np.minimum.reduce(np.minimum(above, below)))
-    room = np.where(multipliers > 0.0, above, below)
-    clash = np.minimum(np.abs(room), np.abs(multipliers))
+    slack = np.where(multipliers > 0.0, above, below)
+    clash = np.minimum(np.abs(slack), np.abs(multipliers))
     return KktResiduals(
         # `outside` first: max(nan, a) is nan, but max(a, nan) is a.
         primal=max(outside, missed, 0.0),
@@ -67,8 +67,8 @@ def acceptable(
 ) -> bool:
     """Whether the residuals are below eps, or below eps relative to the terms they are made of.
 
-    Each row is measured by its own terms: one row with large numbers does not excuse the others.
-    Worked out only when the plain test fails, so that a good tick pays nothing.
+    Each row is measured by its own terms: a row of large numbers does not excuse the others. The
+    relative test is only made when the plain one fails.
     """
     r = residuals
     if r.primal <= eps and r.dual <= eps and r.complementarity <= eps:
@@ -95,24 +95,8 @@ def _within(rows: Array, x: Array, lower: Array, upper: Array, eps: float) -> bo
     """Whether each row lies between its ends, to eps relative to its own largest term."""
     terms = rows * x  # (m, n)
     values = terms.sum(axis=1)
-    room = eps * (1.0 + np.abs(terms).max(axis=1, initial=0.0))
-    return bool(np.all((values >= lower - room) & (values <= upper + room)))
-
-
-def duality_gap(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> float:
-    """Return the primal minus the dual objective, zero at an optimum, in units of the objective.
-
-    A multiplier that points at an infinite bound is left out of the sum (it would make the gap
-    infinite however small it is); :func:`kkt_residuals` reports it as complementarity.
-    """
-    gap = x.dot(qp.P.dot(x)) + qp.g.dot(x) + qp.b.dot(y)
-    gap += _support(z, qp.l, qp.u) + _support(z_box, qp.lower, qp.upper)
-    return float(gap)
-
-
-def _support(multipliers: Array, lower: Array, upper: Array) -> float:
-    bound = np.where(multipliers > 0.0, upper, lower)
-    return float(multipliers.dot(np.where(np.isfinite(bound), bound, 0.0)))
+    slack = eps * (1.0 + np.abs(terms).max(axis=1, initial=0.0))
+    return bool(np.all((values >= lower - slack) & (values <= upper + slack)))
 
 
 def _largest(vector: Array) -> float:

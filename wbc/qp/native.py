@@ -5,18 +5,15 @@ rows; 0-30 inequality rows; 2-6 active bounds; damping 1e-6 to 1e-2), smooth or 
 of their data every tick, on torque-level QPs (n = 59, 18 + 69 rows), and cold on 1500 small random
 QPs. "Wrong" means status "solved" and KKT residuals that disagree; x was then off by up to 0.8.
 
-- The culprit is complementarity: ProxQP tests rows and slopes only. A multiplier of the wrong sign
-  is invisible once its penalty mu has shrunk to 1e-8 (mu times the multiplier is below eps); one
-  at a bound that is not reached is seen by the duality gap alone, which is off by default.
+- ProxQP does not test complementarity. A multiplier of the wrong sign is invisible once its penalty
+  mu has shrunk to 1e-8; one at a bound that is not reached shows only in the duality gap.
 - Gap test on, eps_abs 1e-9: cold 0 of 2870 wrong (33 without the gap test, 20 without bcl_update).
   Warm 0 of 2240 wrong when smooth, 15 when jumping. Without the gap test and with eps_abs 1e-8 or
-  1e-6: 1.7 and 7 % when jumping; a relative eps does the same. Hence a tenth of the accuracy
-  promised, and our own check. Asking for less than 1e-9 stalls.
+  1e-6: 1.7 and 7 % when jumping; a relative eps does the same. Less than 1e-9 stalls.
 - rho 1e-7: the default 1e-6 stalls for a millisecond and more where P has eigenvalues of 1e-6;
   1e-8 is 5 us faster and doubles the wrong answers.
 - Median us of update and solve: smooth 50 (p99 200), jumping 165, torque 180; cold 120 to 190.
-  Refreshing the preconditioner every tick costs 25 and gains nothing, not even when the scaling of
-  the columns drifts by a factor of 1000. PrimalLDLT stalls for up to seconds.
+  Refreshing the preconditioner every tick costs 25 and gains nothing. PrimalLDLT stalls.
 - The infeasibility tests at their default of 1e-4 are often wrong; at 1e-14 hardly ever.
 """
 
@@ -29,9 +26,8 @@ from typing import Any
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.qp.answer import Answer
 from wbc.qp.problem import QP
-from wbc.qp.solution import Status
+from wbc.qp.solution import RawSolution, Status
 from wbc.validate import Array
 
 _RHO = 1e-7
@@ -83,14 +79,14 @@ class Workspace:
         native.init(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
         return cls(native, mi, scale)
 
-    def solve_cold(self) -> Answer:
+    def solve_cold(self) -> RawSolution:
         """Solve the QP given to :meth:`create`; the workspace is warm afterwards."""
         self.native.solve()
         warm = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self.native.settings.initial_guess = warm
         return self._answer()
 
-    def solve_warm(self, qp: QP) -> Answer:
+    def solve_warm(self, qp: QP) -> RawSolution:
         """Solve ``qp``, of the same sizes, starting from the last solution."""
         native = self.native
         P, g = (qp.P, qp.g) if self.scale == 1.0 else (self.scale * qp.P, self.scale * qp.g)
@@ -99,12 +95,12 @@ class Workspace:
         native.solve()
         return self._answer()
 
-    def _answer(self) -> Answer:
+    def _answer(self) -> RawSolution:
         results, mi = self.native.results, self.inequalities
         status = results.info.status
         claim = _CLAIMS.get(status, Status.FAILED)
         z = results.z / self.scale  # copies: the next solve overwrites the native arrays
-        return Answer(
+        return RawSolution(
             x=results.x.copy(),
             y=results.y / self.scale,
             z=z[:mi],

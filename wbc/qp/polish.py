@@ -1,9 +1,9 @@
-"""Finish an answer that is nearly right: settle which bounds are active, then solve exactly.
+"""Finish a solution that is nearly right: settle which bounds are active, then solve exactly.
 
 ProxQP can stop with a tiny multiplier of the wrong sign at a bound that is not active; to its own
-tests that looks solved. Given such a start, a few primal-dual active set steps (Hintermueller, Ito
-and Kunisch 2002; a semismooth Newton method) find the active set, and with it the optimum to
-rounding. Each step solves one linear system, so this runs only when an answer was rejected.
+tests that looks solved. From such a start a few steps of the primal-dual active set method
+(Hintermueller, Ito and Kunisch 2002; a semismooth Newton method) find the active set, and with it
+the optimum to rounding. Each step solves one linear system: only for rejected solutions.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.qp.answer import Answer
 from wbc.qp.problem import QP
+from wbc.qp.solution import RawSolution
 from wbc.validate import Array
 
 STEPS = 15
-ROOM = 1e-11  # more than rounding leaves at a bound that is met exactly
+SLACK = 1e-11  # more than rounding leaves at a bound that is met exactly
 
 
-def polish(qp: QP, answer: Answer) -> Answer:
-    """Return ``answer`` with its active set settled, or unchanged if the steps do not settle."""
-    rows, lower, upper = _all_rows(qp)
-    x, y, multipliers = answer.x, answer.y, np.concatenate((answer.z_box, answer.z))
+def polish(qp: QP, raw: RawSolution) -> RawSolution:
+    """Return ``raw`` with its active set settled, or unchanged if the steps do not settle."""
+    n = qp.g.size
+    rows = np.concatenate((np.eye(n), qp.C))  # (n + mi, n): bounds, then inequality rows
+    lower, upper = np.concatenate((qp.lower, qp.l)), np.concatenate((qp.upper, qp.u))
+    x, y, multipliers = raw.x, raw.y, np.concatenate((raw.z_box, raw.z))
     if not (np.isfinite(x).all() and np.isfinite(multipliers).all()):
-        return answer
+        return raw
     before = np.full(lower.size, np.nan)
     for _ in range(STEPS):
         value = rows @ x
@@ -33,25 +35,18 @@ def polish(qp: QP, answer: Answer) -> Answer:
         active = np.where(multipliers > upper - value, 1.0, 0.0)
         active -= np.where(multipliers < lower - value, 1.0, 0.0)
         if np.array_equal(active, before):
-            n = qp.g.size
-            return replace(answer, x=x, y=y, z=multipliers[n:], z_box=multipliers[:n])
+            return replace(raw, x=x, y=y, z=multipliers[n:], z_box=multipliers[:n])
         before = active
         held = np.flatnonzero(active)
         bound = np.where(active[held] > 0, upper[held], lower[held])
         x, y, at_bounds = _solve_equalities(qp, rows[held], bound)
-        # Bounds that depend on each other and do not quite agree are shared out by least squares:
-        # one is exceeded a little, another not reached. The one not reached is not active.
-        room = active[held] * (bound - rows[held] @ x)
-        at_bounds[room > ROOM] = 0.0
+        # Bounds that depend on each other and do not quite agree are met by least squares: one is
+        # exceeded a little, another not reached. The one not reached is not active.
+        slack = active[held] * (bound - rows[held] @ x)
+        at_bounds[slack > SLACK] = 0.0
         multipliers = np.zeros(lower.size)
         multipliers[held] = at_bounds
-    return answer
-
-
-def _all_rows(qp: QP) -> tuple[Array, Array, Array]:
-    """Return bounds and inequalities as one set of rows (n + mi, n) with two sides."""
-    rows = np.concatenate((np.eye(qp.g.size), qp.C))
-    return rows, np.concatenate((qp.lower, qp.l)), np.concatenate((qp.upper, qp.u))
+    return raw
 
 
 def _solve_equalities(qp: QP, held: Array, bound: Array) -> tuple[Array, Array, Array]:
@@ -60,11 +55,11 @@ def _solve_equalities(qp: QP, held: Array, bound: Array) -> tuple[Array, Array, 
     Least squares, because held rows may repeat each other.
     """
     n, me = qp.g.size, qp.b.size
-    tied = np.concatenate((qp.A, held))
-    system = np.zeros((n + len(tied), n + len(tied)))
+    equal = np.concatenate((qp.A, held))
+    system = np.zeros((n + len(equal), n + len(equal)))
     system[:n, :n] = qp.P
-    system[:n, n:] = tied.T
-    system[n:, :n] = tied
+    system[:n, n:] = equal.T
+    system[n:, :n] = equal
     right = np.concatenate((-qp.g, qp.b, bound))
     solved = np.linalg.lstsq(system, right, rcond=1e-15)[0]
     return solved[:n], solved[n : n + me], solved[n + me :]

@@ -85,20 +85,19 @@ class QP:
         InvalidInputError
             See :func:`check_qp`; or P is not symmetric.
         """
-        linear = np.asarray(g, dtype=np.float64)
-        n = linear.size
-        rows = _matrix(A, n), _matrix(C, n)
-        me, mi = len(rows[0]), len(rows[1])
+        n = np.size(g)
+        A, C = _array(A, (0, n)), _array(C, (0, n))
+        me, mi = len(A), len(C)
         qp = cls(
-            P=np.asarray(P, dtype=np.float64),
-            g=linear,
-            A=rows[0],
-            b=_vector(b, me, 0.0),
-            C=rows[1],
-            l=_vector(l, mi, -np.inf),
-            u=_vector(u, mi, np.inf),
-            lower=_vector(lower, n, -np.inf),
-            upper=_vector(upper, n, np.inf),
+            P=_array(P),
+            g=_array(g),
+            A=A,
+            b=_array(b, me),
+            C=C,
+            l=_array(l, mi, -np.inf),
+            u=_array(u, mi, np.inf),
+            lower=_array(lower, n, -np.inf),
+            upper=_array(upper, n, np.inf),
             labels=labels or Labels.numbered(n, me, mi),
         )
         check_qp(qp)
@@ -107,12 +106,10 @@ class QP:
         return qp
 
 
-def _matrix(value: ArrayLike | None, n: int) -> Array:
-    return np.zeros((0, n)) if value is None else np.asarray(value, dtype=np.float64)
-
-
-def _vector(value: ArrayLike | None, size: int, default: float) -> Array:
-    return np.full(size, default) if value is None else np.asarray(value, dtype=np.float64)
+def _array(
+    value: ArrayLike | None, shape: int | tuple[int, int] = 0, default: float = 0.0
+) -> Array:
+    return np.full(shape, default) if value is None else np.asarray(value, dtype=np.float64)
 
 
 def check_qp(qp: QP) -> None:
@@ -124,7 +121,12 @@ def check_qp(qp: QP) -> None:
         A field has another shape than the rest, holds NaN (or infinity, where that is no bound),
         or a lower bound lies above its upper bound; the message names the field or the row.
     """
-    if not (_shapes_agree(qp) and _is_finite(qp) and _bounds_agree(qp)):
+    if not (
+        _shapes_agree(qp)
+        and _is_finite(qp)
+        and _is_interval(qp.lower, qp.upper)
+        and (not qp.u.size or _is_interval(qp.l, qp.u))
+    ):
         raise InvalidInputError(next(_faults(qp), "QP: entries too large to be squared"))
 
 
@@ -154,10 +156,6 @@ def _is_finite(qp: QP) -> bool:
     )
 
 
-def _bounds_agree(qp: QP) -> bool:
-    return _is_interval(qp.lower, qp.upper) and (not qp.u.size or _is_interval(qp.l, qp.u))
-
-
 def _is_interval(lower: Array, upper: Array) -> bool:
     # NaN fails the comparison; the extremes refuse +inf as lower and -inf as upper bound.
     return bool(
@@ -173,44 +171,34 @@ def _faults(qp: QP) -> Iterator[str]:
     shapes = {"P": (n, n), "g": (n,), "A": (me, n), "b": (me,), "C": (mi, n)}
     shapes |= {"l": (mi,), "u": (mi,), "lower": (n,), "upper": (n,)}
     for field, shape in shapes.items():
-        found = getattr(qp, field).shape
-        if found != shape:
+        got = getattr(qp, field).shape
+        if got != shape:
             yield (
                 f"QP.{field}: expected shape {shape} (g has {n}, b {me} and u {mi} entries), "
-                f"got {found}"
+                f"got {got}"
             )
-    for field, size in (("variables", n), ("equality", me), ("inequality", mi)):
-        names = getattr(qp.labels, field)
-        if len(names) != size:
+    sizes = {"variables": n, "equality": me, "inequality": mi}
+    for field, size in sizes.items():
+        found = len(getattr(qp.labels, field))
+        if found != size:
             yield (
-                f"QP.labels.{field}: expected {size} names, got {len(names)}; "
+                f"QP.labels.{field}: expected {size} names, got {found}; "
                 "make the labels for this contact set"
             )
-    for field in ("P", "A", "C", "g", "b"):
+    variables, equality, inequality = (getattr(qp.labels, field) for field in sizes)
+    names = {"P": variables, "A": equality, "C": inequality, "g": variables, "b": equality}
+    for field in names:
         bad = np.argwhere(~(np.abs(getattr(qp, field)) < LARGEST)).tolist()
         if bad:
-            name = _names(qp.labels, field)[bad[0][0]]
+            name = names[field][bad[0][0]]
             yield (
                 f"QP.{field}: NaN, infinite or beyond {LARGEST:g} at index {bad[:5]} ({name!r}); "
                 "check the task or constraint that wrote it"
             )
-    yield from _bound_faults("l", "u", qp.l, qp.u, qp.labels.inequality)
-    yield from _bound_faults("lower", "upper", qp.lower, qp.upper, qp.labels.variables)
-
-
-def _names(labels: Labels, field: str) -> tuple[str, ...]:
-    """Return the names of the rows of a field."""
-    if field in ("A", "b"):
-        return labels.equality
-    return labels.inequality if field == "C" else labels.variables
-
-
-def _bound_faults(
-    low: str, high: str, lower: Array, upper: Array, names: tuple[str, ...]
-) -> Iterator[str]:
-    good = (lower <= upper) & (lower < np.inf) & (upper > -np.inf)
-    for i in np.flatnonzero(~good):
-        yield (
-            f"QP.{low}, QP.{high}: {names[i]!r} must lie between {lower[i]:g} and {upper[i]:g}, "
-            "which no number does; check the limits that wrote it"
-        )
+    for low, high, rows in (("l", "u", inequality), ("lower", "upper", variables)):
+        lower, upper = getattr(qp, low), getattr(qp, high)
+        for i in np.flatnonzero(~((lower <= upper) & (lower < np.inf) & (upper > -np.inf))):
+            yield (
+                f"QP.{low}, QP.{high}: {rows[i]!r} must lie between {lower[i]:g} and {upper[i]:g}, "
+                "which no number does; check the limits that wrote it"
+            )

@@ -6,32 +6,29 @@ from collections.abc import Hashable
 from dataclasses import replace
 from time import perf_counter
 
-from wbc.errors import InvalidInputError
-from wbc.qp.answer import Answer
 from wbc.qp.native import Workspace
 from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp
-from wbc.qp.solution import Solution
-from wbc.qp.verdict import Trial
+from wbc.qp.solution import RawSolution, Solution
+from wbc.qp.solve_check import SolveCheck
 from wbc.validate import finite_number
 
 # How far above eps the residuals of a last resort may be.
 NEARLY = 100.0
-# How many times longer the last search of all may take: a QP in 60,000 needed 200 to 800 rounds.
+# How many times longer the last attempt may take: a QP in 60,000 needed 200 to 800 rounds.
 PATIENCE = 20
 
 
 class ProxQP:
-    """ProxQP's dense solver, its answers checked, its failures retried.
+    """ProxQP's dense solver, its solutions checked, its failures retried.
 
     Policy: (1) solve warm from the last tick; (2) if our KKT residuals reject that, look for rows
     in conflict, and if there are none solve cold in a new workspace; (3) if they reject that too,
-    settle the active set by a few exact steps (:mod:`wbc.qp.polish`); (4) if that fails, take an
-    answer that is within 100 eps: a robot that stands still for want of 1e-7 rad/s is worse off,
-    and the residuals in the solution tell; (5) search for twenty times as long (some milliseconds);
-    (6) return a status that says what was found. The
-    workspace of a failed tick is dropped, so a failure cannot poison the next tick. The warm start
-    is the only memory between calls.
+    settle the active set by a few exact steps (:mod:`wbc.qp.polish`); (4) accept a solution within
+    100 eps: a robot that stands still for want of 1e-7 rad/s is worse off, and the residuals tell;
+    (5) solve for up to twenty times as long (some milliseconds); (6) return a status that says what
+    was found. The workspace of a failed tick is dropped, so a failure cannot affect the next tick.
+    The warm start is the only memory between calls.
 
     Parameters
     ----------
@@ -39,9 +36,8 @@ class ProxQP:
         Accuracy: a solution is accepted when every KKT residual is below eps (1 + the largest term
         it is made of); about one tick in a thousand with active limits everywhere needs step (4).
     max_iterations:
-        Cap on ProxQP's outer iterations, per attempt but the last, longer one. Ticks take 2-10. Of
-        2870 cold solves none needed more than 30 for an acceptable answer; a higher cap only
-        prolongs infeasible ticks.
+        Cap on ProxQP's outer iterations, per attempt but the last. Ticks take 2-10; of 2870 cold
+        solves none needed more than 30. A higher cap only prolongs infeasible ticks.
     warm:
         False: every solve is cold, as a stateless solver would be.
 
@@ -54,11 +50,9 @@ class ProxQP:
     def __init__(self, eps: float = 1e-8, max_iterations: int = 50, warm: bool = True) -> None:
         self.name = "proxqp" if warm else "proxqp_cold"
         self.eps = finite_number("eps of ProxQP", eps, least=1e-12)
-        if max_iterations < 1:
-            raise InvalidInputError(
-                f"max_iterations of ProxQP: must be at least 1, got {max_iterations}"
-            )
-        self.max_iterations = int(max_iterations)
+        self.max_iterations = int(
+            finite_number("max_iterations of ProxQP", max_iterations, least=1)
+        )
         self.warm = warm
         self._workspaces: dict[Hashable, Workspace] = {}
 
@@ -76,39 +70,39 @@ class ProxQP:
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
-        trial = Trial(self.name, self.eps, perf_counter())
+        check = SolveCheck(self.name, self.eps, perf_counter())
         check_qp(qp)
         key = (workspace, qp.g.size, qp.b.size, qp.u.size)
         attempts = 1
         last = self._workspaces.pop(key, None)
         if last is not None:
-            answer = last.solve_warm(qp)
-            accepted = trial.accept(qp, answer)
+            raw = last.solve_warm(qp)
+            accepted = check.accept(qp, raw)
             if accepted is not None:
                 self._workspaces[key] = last
                 return accepted
             # On an infeasible QP the search takes a fifth of the time of a cold attempt.
-            refuted = trial.refute(qp, answer)
+            refuted = check.refute(qp, raw)
             if refuted is not None:
                 return refuted
             attempts = 2
         fresh = Workspace.create(qp, self.eps, self.max_iterations)
-        answer = fresh.solve_cold()
-        solution = trial.accept(qp, answer, attempts) or trial.refute(qp, answer, attempts)
+        raw = fresh.solve_cold()
+        solution = check.accept(qp, raw, attempts) or check.refute(qp, raw, attempts)
         if solution is None:
-            solution = self._insist(qp, trial, answer, attempts)
+            solution = self._retry(qp, check, raw, attempts)
         if self.warm and solution.solved:
             self._workspaces[key] = fresh
         return solution
 
-    def _insist(self, qp: QP, trial: Trial, answer: Answer, attempts: int) -> Solution:
-        """Polish an answer, take it if it is nearly good enough, or search for much longer."""
-        polished = polish(qp, answer)
-        nearly = replace(trial, eps=NEARLY * self.eps)
-        solution = trial.accept(qp, polished, attempts + 1)
-        solution = solution or nearly.accept(qp, answer, attempts + 1)
+    def _retry(self, qp: QP, check: SolveCheck, raw: RawSolution, attempts: int) -> Solution:
+        """Polish a solution, accept it if it is nearly good enough, or solve for much longer."""
+        polished = polish(qp, raw)
+        nearly = replace(check, eps=NEARLY * self.eps)
+        solution = check.accept(qp, polished, attempts + 1)
+        solution = solution or nearly.accept(qp, raw, attempts + 1)
         if solution is not None:
             return solution
         longer = Workspace.create(qp, self.eps, PATIENCE * self.max_iterations).solve_cold()
-        solution = trial.accept(qp, longer, attempts + 2)
-        return solution or trial.judge(qp, polished, attempts + 2)
+        solution = check.accept(qp, longer, attempts + 2)
+        return solution or check.judge(qp, polished, attempts + 2)

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 import qpsolvers
+from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from wbc.errors import SolverError
-from wbc.qp.answer import Answer
-from wbc.qp.one_sided import OneSided
 from wbc.qp.problem import QP, check_qp
-from wbc.qp.solution import Solution, Status
-from wbc.qp.verdict import Trial
+from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.solve_check import SolveCheck
 from wbc.validate import Array, finite_number
+
+Index = NDArray[np.intp]
 
 # At a duality gap of d an interior point may still be sqrt(d) away from a weakly active bound;
 # asked for less than 1e-13, Clarabel runs past the optimum and diverges now and then.
@@ -71,11 +73,11 @@ class QpsolversBackend:
         SolverError
             The solver does not take the settings it was given.
         """
-        trial = Trial(self.name, self.eps, perf_counter())
+        check = SolveCheck(self.name, self.eps, perf_counter())
         check_qp(qp)
-        return trial.judge(qp, self._answer(qp))
+        return check.judge(qp, self._answer(qp))
 
-    def _answer(self, qp: QP) -> Answer:
+    def _answer(self, qp: QP) -> RawSolution:
         keep_box = self.name in _BOX
         rows = OneSided.of(qp, keep_box)
         matrix = self._matrix
@@ -95,7 +97,7 @@ class QpsolversBackend:
                 warnings.simplefilter("ignore")
                 found = qpsolvers.solve_problem(problem, self.name, **self._settings)
         except (qpsolvers.exceptions.QPError, ValueError, RuntimeError) as error:
-            return Answer.nothing(qp, Status.FAILED, str(error))
+            return RawSolution.none(qp, Status.FAILED, str(error))
         except (TypeError, AttributeError) as error:
             raise SolverError(
                 f"QP solver {self.name!r} refused its settings {self._settings}: {error}"
@@ -103,14 +105,54 @@ class QpsolversBackend:
         return _answer(qp, rows, found)
 
 
-def _answer(qp: QP, rows: OneSided, found: Any) -> Answer:
+@dataclass(frozen=True, slots=True, eq=False)
+class OneSided:
+    """Finite ends only: upper ends of C, lower ends of C, then the same of the box.
+
+    ``box_upper`` and ``box_lower`` are empty when the solver takes the box as it is.
+    """
+
+    G: Array  # (m, n)
+    h: Array  # (m,)
+    upper: Index
+    lower: Index
+    box_upper: Index
+    box_lower: Index
+
+    @classmethod
+    def of(cls, qp: QP, keep_box: bool) -> OneSided:
+        """Return the one-sided rows of ``qp``, with rows for its box unless ``keep_box``."""
+        upper, lower = np.flatnonzero(np.isfinite(qp.u)), np.flatnonzero(np.isfinite(qp.l))
+        G, h = [qp.C[upper], -qp.C[lower]], [qp.u[upper], -qp.l[lower]]
+        box_upper = box_lower = np.zeros(0, dtype=np.intp)
+        if not keep_box:
+            box_upper = np.flatnonzero(np.isfinite(qp.upper))
+            box_lower = np.flatnonzero(np.isfinite(qp.lower))
+            unit = np.eye(qp.g.size)
+            G += [unit[box_upper], -unit[box_lower]]
+            h += [qp.upper[box_upper], -qp.lower[box_lower]]
+        return cls(np.concatenate(G), np.concatenate(h), upper, lower, box_upper, box_lower)
+
+    def two_sided(self, qp: QP, multipliers: Array) -> tuple[Array, Array]:
+        """Return z (mi,) and z_box (n,) for multipliers (m,) >= 0 of ``G x <= h``."""
+        z, z_box = np.zeros(qp.u.size), np.zeros(qp.g.size)
+        parts = (self.upper, self.lower, self.box_upper, self.box_lower)
+        up, low, box_up, box_low = np.split(multipliers, np.cumsum([p.size for p in parts[:3]]))
+        z[self.upper] += up
+        z[self.lower] -= low
+        z_box[self.box_upper] += box_up
+        z_box[self.box_lower] -= box_low
+        return z, z_box
+
+
+def _answer(qp: QP, rows: OneSided, found: Any) -> RawSolution:
     """Return what qpsolvers found with multipliers of our rows; their signs agree with ours."""
     if found.x is None:
-        return Answer.nothing(qp, Status.FAILED, "no solution found")
+        return RawSolution.none(qp, Status.FAILED, "no solution found")
     z, z_box = rows.two_sided(qp, _sized(found.z, rows.h.size))
     if found.z_box is not None and np.size(found.z_box):
         z_box += found.z_box
-    return Answer(
+    return RawSolution(
         x=np.asarray(found.x, dtype=np.float64),
         y=_sized(found.y, qp.b.size),
         z=z,

@@ -1,11 +1,14 @@
-"""What a QP backend returns: the point, its multipliers, and the evidence for its status."""
+"""What solvers answer, and what a QP backend returns: a point, its multipliers, the evidence."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from wbc.qp.kkt import KktResiduals
+from wbc.qp.problem import QP
 from wbc.validate import Array
 
 
@@ -60,6 +63,25 @@ class Conflict:
         names = "; ".join(row.describe() for row in self.rows[:shown])
         more = len(self.rows) - shown
         return f"these cannot all hold: {names}" + (f"; and {more} more" if more > 0 else "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawSolution:
+    """A solver's unchecked answer, in the sign convention of :class:`Solution`."""
+
+    x: Array  # (n,)
+    y: Array  # (me,)
+    z: Array  # (mi,)
+    z_box: Array  # (n,)
+    claim: Status
+    iterations: int = 0
+    message: str = ""
+
+    @classmethod
+    def none(cls, qp: QP, claim: Status, message: str) -> RawSolution:
+        """Return the answer of a solver that gave no point: NaN everywhere."""
+        x, y, z = (np.full(size, np.nan) for size in (qp.g.size, qp.b.size, qp.u.size))
+        return cls(x, y, z, x.copy(), claim, 0, message)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

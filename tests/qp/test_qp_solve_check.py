@@ -8,17 +8,19 @@ import numpy as np
 import pytest
 
 from wbc.qp import QP, ProxQP, Status, make_backend
-from wbc.qp.answer import Answer
-from wbc.qp.verdict import Trial
+from wbc.qp.solution import RawSolution
+from wbc.qp.solve_check import SolveCheck
 
 # min 1/2 |x|^2 - 2 x0 with x0 <= 1: x = (1, 0), z_box = (1, 0).
 FEASIBLE = QP.build(np.eye(2), [-2.0, 0.0], upper=[1.0, 9.0])
 INFEASIBLE = QP.build(np.eye(2), [-2.0, 0.0], A=[[1.0, 0.0]], b=[3.0], upper=[1.0, 9.0])
-EXACT = Answer(np.array([1.0, 0.0]), np.zeros(0), np.zeros(0), np.array([1.0, 0.0]), Status.SOLVED)
+EXACT = RawSolution(
+    np.array([1.0, 0.0]), np.zeros(0), np.zeros(0), np.array([1.0, 0.0]), Status.SOLVED
+)
 
 
-def judge(qp: QP, answer: Answer):
-    return Trial("fake", 1e-8, perf_counter()).judge(qp, answer)
+def judge(qp: QP, answer: RawSolution):
+    return SolveCheck("fake", 1e-8, perf_counter()).judge(qp, answer)
 
 
 @pytest.mark.parametrize("claim", list(Status))
@@ -35,7 +37,7 @@ WRONG = {
     "wrong multiplier": replace(EXACT, z_box=np.array([1.0, 1e-3])),
     "wrong side": replace(EXACT, x=np.array([0.0, 0.0]), z_box=np.array([2.0, 0.0])),
     "nan": replace(EXACT, x=np.array([np.nan, 0.0])),
-    "nothing": Answer.nothing(FEASIBLE, Status.SOLVED, ""),
+    "nothing": RawSolution.none(FEASIBLE, Status.SOLVED, ""),
 }
 
 

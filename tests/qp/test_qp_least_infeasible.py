@@ -8,9 +8,8 @@ import qpsolvers
 from scipy.optimize import linprog
 
 from wbc.qp import QP, Labels, find_conflict
-from wbc.qp.closest import closest
-from wbc.qp.conflict import REACH
-from wbc.qp.irreducible import irreducible
+from wbc.qp.conflict import REACH, irreducible
+from wbc.qp.least_infeasible import least_infeasible
 
 
 def contradicted(solvable, seed: int) -> QP:
@@ -74,7 +73,7 @@ def least_violation(qp: QP) -> float:
 def test_violates_as_little_as_can_be_and_stays_within_the_bounds(solvable, seed: int) -> None:
     qp = contradicted(solvable, seed)
     assert not feasible(qp)
-    found = closest(qp)
+    found = least_infeasible(qp)
     assert (found.x >= qp.lower).all() and (found.x <= qp.upper).all()
     rows = np.concatenate((qp.A, qp.C))
     length = np.linalg.norm(rows, axis=1)
@@ -89,7 +88,7 @@ def test_violates_as_little_as_can_be_and_stays_within_the_bounds(solvable, seed
 @pytest.mark.parametrize("seed", range(20))
 def test_among_the_closest_the_cost_is_least(solvable, seed: int) -> None:
     qp = contradicted(solvable, seed)
-    found = closest(qp)
+    found = least_infeasible(qp)
     assert found.optimal
     # Every row opened by what was missed, solved anew by another solver.
     values = qp.C @ found.x
@@ -115,7 +114,7 @@ def test_among_the_closest_the_cost_is_least(solvable, seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_of_a_feasible_qp_it_is_the_solution(solvable, seed: int) -> None:
     qp = solvable(np.random.default_rng(seed))
-    found = closest(qp)
+    found = least_infeasible(qp)
     assert found.optimal and not found.slack
     kept_u, kept_l = np.isfinite(qp.u), np.isfinite(qp.l)
     reference = qpsolvers.solve_qp(

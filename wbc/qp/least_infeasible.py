@@ -1,0 +1,87 @@
+"""The command when no command meets every row: as little violation as possible, then the task.
+
+First the elastic problem of :mod:`wbc.qp.conflict`: within the bounds, the rows, scaled to unit
+length, are violated by as little as possible. Then the QP's own cost, over all points that violate
+no row by more than that. (ProxQP's ``primal_infeasibility_solving`` has the same meaning, but
+shifts bounds as well as rows; a joint limit is not ours to shift.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from wbc.qp.conflict import least_violation
+from wbc.qp.problem import QP
+from wbc.qp.proxqp import ProxQP
+from wbc.validate import Array
+
+# Relative to 1 + max |x|: rows are relaxed by this much more than needed, against rounding.
+_RELAXED = 1e-9
+# A row violated by less than this, scaled to unit length, counts as met.
+_MET = 1e-7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeastInfeasible:
+    """A point within the bounds that violates the rows by as little as any can.
+
+    Attributes
+    ----------
+    x:
+        (n,), within the bounds exactly.
+    slack:
+        The violation of each violated row, by label, in its own units; positive above.
+    optimal:
+        Whether x also minimises the QP's cost among such points; False if that second problem was
+        not solved and x is the first one's solution.
+    seconds:
+        Time taken.
+    """
+
+    x: Array
+    slack: Mapping[str, float]
+    optimal: bool
+    seconds: float
+
+
+def least_infeasible(qp: QP, eps: float = 1e-8) -> LeastInfeasible:
+    """Return the least infeasible point; for a feasible QP its solution.
+
+    Takes milliseconds: for failed ticks only.
+
+    Parameters
+    ----------
+    eps:
+        Accuracy promised by the second problem's solver.
+    """
+    began = perf_counter()
+    point, violation = least_violation(qp)
+    margin = _RELAXED * (1.0 + float(np.abs(point).max(initial=0.0)))
+    solution = ProxQP(eps=eps, warm=False).solve(_relaxed(qp, violation, margin))
+    x = np.clip(solution.x if solution.solved else point, qp.lower, qp.upper)
+    return LeastInfeasible(x, _violated(qp, x), solution.solved, perf_counter() - began)
+
+
+def _relaxed(qp: QP, violation: Array, margin: float) -> QP:
+    """Return ``qp`` with its rows shifted so that a point with this ``violation`` meets them."""
+    me = qp.b.size
+    above, below = np.maximum(violation[me:], 0.0), np.minimum(violation[me:], 0.0)
+    return replace(
+        qp,
+        b=qp.b + violation[:me],  # an equality is met exactly at its violated value
+        l=qp.l + np.where(below < 0.0, below - margin, 0.0),
+        u=qp.u + np.where(above > 0.0, above + margin, 0.0),
+    )
+
+
+def _violated(qp: QP, x: Array) -> dict[str, float]:
+    values = qp.C @ x
+    violation = np.concatenate((qp.A @ x - qp.b, values - np.clip(values, qp.l, qp.u)))
+    length = np.linalg.norm(np.concatenate((qp.A, qp.C)), axis=1)
+    names = (*qp.labels.equality, *qp.labels.inequality)
+    least = _MET * np.where(length > 0.0, length, 1.0) * (1.0 + float(np.abs(x).max(initial=0.0)))
+    return {names[k]: float(violation[k]) for k in np.flatnonzero(np.abs(violation) > least)}
