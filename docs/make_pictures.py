@@ -1,4 +1,4 @@
-"""Make the pictures of the README from the problems that ship: python docs/make_pictures.py"""
+"""Make the pictures of the README from the problems that ship: python -m docs.make_pictures"""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -6,13 +6,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from PIL import Image  # matplotlib brings it
 
+from benchmarks.push_recovery import largest_impulses
+from benchmarks.region_of_attraction import lean_grid, region_of_attraction
 from wbc.motion import analyse, read_motion
 from wbc.problem import load_problem
-from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.law import Bounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
-from wbc.rmp.balance.recovery import largest_impulses
-from wbc.rmp.balance.region import lean_grid, region_of_attraction
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.rmp_drift import compare_steps, measure_drift
 from wbc.errors import InvalidInputError
-from wbc.rmp.drift import compare_steps, measure_drift
-from wbc.rmp.integrators import energy_momentum, rollout, runge_kutta
+from wbc.rmp.integrators import Springs, energy_momentum, rollout, runge_kutta
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
-from wbc.rmp.springs import Springs
 
 Array = NDArray[np.float64]
 M, G = 20.0, 9.81

@@ -44,7 +44,7 @@ def codegen(
 ) -> None:
     """Write a pendulum's equations of motion as C, with a header; compile and compare them."""
     with errors_in_one_line():
-        from wbc.rmp.codegen import compile_c, export_c, largest_difference
+        from wbc.rmp.functions import compile_c, export_c, largest_difference
         from wbc.rmp.planar import PlanarRmp
         from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 

@@ -10,8 +10,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.law import Command
+from wbc.rmp.balance.law import Bounds, Command
 from wbc.rmp.balance.lqr import Lqr, riccati_gain
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Push, simulate

@@ -8,19 +8,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from benchmarks.push_recovery import largest_impulses, recover, standing
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
 from wbc.qp import QP, ProxQP, Solution
-from wbc.rmp.balance.attitude import quaternion_rate, rotation, rotation_vector
-from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.braking import acceleration_range
 from wbc.rmp.balance.capture import CaptureGains, braking_debt, nearest
-from wbc.rmp.balance.momentum_qp import MomentumQp
+from wbc.rmp.balance.foot import acceleration_range
+from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.momentum_qp import MomentumQp, Weights
 from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits
 from wbc.rmp.balance.record import Ending
-from wbc.rmp.balance.recovery import largest_impulses, recover, standing
 from wbc.rmp.balance.simulate import Push, simulate
-from wbc.rmp.balance.standing_program import Weights
+from wbc.rmp.frames import quaternion_rate, rotation, rotation_vector
 from wbc.rmp.ground import centre_of_pressure
 from wbc.rmp.solid import SolidRmp
 

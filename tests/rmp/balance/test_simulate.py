@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from wbc.errors import InvalidInputError, SolverError
-from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.law import Command, Pendulum
+from wbc.rmp.balance.law import Bounds, Command, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import Push, simulate, velocity_jump
 from wbc.rmp.planar import PlanarRmp

@@ -5,11 +5,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from benchmarks.region_of_attraction import lean_grid, rest_error
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import Bounds
+from wbc.rmp.balance.law import Bounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.record import Ending, Simulation
-from wbc.rmp.balance.region import lean_grid, rest_error
 from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.stabiliser import PointStabiliser, StabiliserGains
 from wbc.rmp.ground import centre_of_pressure

@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.law import Command
+from wbc.rmp.balance.law import Bounds, Command
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Push, Simulation, simulate
 from wbc.rmp.balance.static_lean import StaticLean

@@ -22,16 +22,15 @@ from wbc.problem.pendulum.law_specs import (
 from wbc.problem.pendulum.spec import PendulumSpec
 from wbc.problem.pendulum.start import planar_start, solid_start
 from wbc.problem.source import Source
-from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.foot import require_support
-from wbc.rmp.balance.law import BalanceLaw, Pendulum
+from wbc.rmp.balance.law import BalanceLaw, Bounds, Pendulum
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.simulate import Push, impulses_by_step, whole_steps
+from wbc.rmp.balance.spin_change import SpinChange
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.balance.static_lean import StaticLean
 from wbc.rmp.balance.swing_up import SwingUp
-from wbc.rmp.balance.variable_inertia import SpinChange
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp

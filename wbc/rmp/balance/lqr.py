@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.foot import Foot
-from wbc.rmp.balance.law import Command, Pendulum
+from wbc.rmp.balance.law import Bounds, Command, Pendulum
 from wbc.rmp.frames import rotation_rows
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp

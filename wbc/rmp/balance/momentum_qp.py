@@ -11,21 +11,51 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes
-from wbc.qp import QP, Backend, make_backend
-from wbc.rmp.balance.bounds import FREE, Bounds
-from wbc.rmp.balance.capture import CaptureGains
-from wbc.rmp.balance.flat_foot import FlatFoot
-from wbc.rmp.balance.function import Evaluator
-from wbc.rmp.balance.law import Command
-from wbc.rmp.balance.standing_program import UNKNOWNS, Rest, StandingProgram, Weights
+from wbc.qp import QP, Backend, Labels, make_backend
+from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
+from wbc.rmp.balance.foot import SKIN, FlatFoot, box, elastic_rows, physical_rows
+from wbc.rmp.balance.law import FREE, Bounds, Command
+from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
+UNKNOWNS = (
+    *("c''_x", "c''_y", "c''_z", "tau_1", "tau_2", "tau_3", "r_1''", "r_2''", "r_3''"),
+    *("slack leg", "slack angle 1", "slack angle 2", "slack angle 3"),
+)
+# Part of the rest height below which the capture point law reckons with no lower CoM.
+LOWEST = 0.1
 # Angle [rad] and rate [rad/s] of the masses below which they count as returned.
 RETURNED = 0.02
 # A slack beyond this part of its scale is a limit not kept. At a limit that is kept, the weights
 # leave some 1e-5.
 GIVEN_WAY = 0.01
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the squares of what each unknown is off, in parts of its scale.
+
+    The scale of accelerations is g, that of torques their limit, that of the slacks g and what the
+    motors can do. Weights are far apart, so that each decides only what those before it leave
+    open: the CoP costs nothing, so it does what it can; the wheel's return yields to the capture
+    point; the height is kept as well as the CoM's place.
+
+    Raises
+    ------
+    InvalidInputError
+        A weight that is not positive.
+    """
+
+    horizontal: float = 1.0
+    vertical: float = 1.0
+    wheel: float = 1e-4
+    radii: float = 1e-2
+    slack: float = 1e3
+
+    def __post_init__(self) -> None:
+        for name in ("horizontal", "vertical", "wheel", "radii", "slack"):
+            finite_number(f"weights: {name}", getattr(self, name), above=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +112,7 @@ class MomentumQp:
     gains: CaptureGains = field(default_factory=CaptureGains)
     weights: Weights = field(default_factory=Weights)
     backend: Backend = field(default_factory=lambda: make_backend("proxqp"))
-    _program: StandingProgram = field(init=False, repr=False)
-    _force: Evaluator = field(init=False, repr=False)
+    _program: _Program = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         finite_number("gravity of the model", self.model.gravity, above=0.0)
@@ -91,13 +120,9 @@ class MomentumQp:
         com, radii = finite_vector("com", self.com, 3), finite_vector("radii", self.radii, 3)
         _require_foot(self.bounds)
         _require_rest(self.bounds, com, radii)
-        foot = FlatFoot.of(self.model)
-        program = StandingProgram(foot, self.bounds, Rest(com, radii), dt, self.gains, self.weights)
-        force = ca.Function("force", [foot.q, foot.v, foot.x], [ca.densify(foot.force)])
         object.__setattr__(self, "com", read_only(com))
         object.__setattr__(self, "radii", read_only(radii))
-        object.__setattr__(self, "_program", program)
-        object.__setattr__(self, "_force", Evaluator(force))
+        object.__setattr__(self, "_program", _Program(self, com, radii, dt))
 
     def program(self, q: ArrayLike, v: ArrayLike) -> QP:
         """Return the QP at q (12,), v (11,); its unknowns are in ``labels.variables``.
@@ -124,10 +149,10 @@ class MomentumQp:
         solution = self.backend.solve(tick.qp, "flat foot")
         still = np.zeros(2)
         if not solution.solved:
-            force = self._force(q, v, tick.fallback)[0][:, 0]
+            force = self._program.force(q, v, tick.fallback)
             note = f"the QP failed; {solution.describe()}"
             return Command(force, still, "fallback", ok=False, note=note)
-        force = self._force(q, v, self._program.scale * solution.x)[0][:, 0]
+        force = self._program.force(q, v, self._program.scale * solution.x)
         note = self._complaint(solution.x, tick.outside)
         return Command(force, still, _phase(tick.outside, tick.turned), ok=not note, note=note)
 
@@ -181,3 +206,101 @@ def _require_rest(bounds: Bounds, com: Array, radii: Array) -> None:
         raise InvalidInputError(
             f"com: its height {com[2]:g} m is no length of the leg, which is in [{low:g}, {high:g}]"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Tick:
+    """The QP of one state, and what else is told of it.
+
+    ``fallback`` (13,) are unknowns, not scaled, for the case that the QP fails, ``outside`` is how
+    far the capture point is beyond what the CoP can hold [m], ``turned`` the largest angle or rate
+    of the masses [rad, rad/s].
+    """
+
+    qp: QP
+    fallback: Array
+    outside: float
+    turned: float
+
+
+class _Program:
+    """Fills in the QP of a state; everything that does not depend on it is worked out once.
+
+    The QP's unknowns are those of :mod:`wbc.rmp.balance.foot` divided by ``scale`` (13,): a torque
+    in N m would have a curvature of 1e-8, less than solvers look at, and drift.
+    """
+
+    def __init__(self, law: MomentumQp, com: Array, radii: Array, dt: float) -> None:
+        foot, bounds = FlatFoot.of(law.model), law.bounds
+        normals, offsets = half_planes(np.asarray(bounds.polygon))
+        rows = physical_rows(foot, bounds, normals, offsets - SKIN)
+        elastic_rows(rows, foot, bounds, dt)
+        g, most = law.model.gravity, bounds.wheel_torque
+        inertia = law.model.mass / 3.0 * (np.sum(radii**2) - radii**2)
+        self.scale = np.concatenate((np.repeat((g, most, g), (3, 3, 4)), most / inertia))
+        w = law.weights
+        share = np.repeat((w.horizontal, w.vertical, w.wheel, w.radii, w.slack), (2, 1, 3, 3, 4))
+        self._P = np.diag(share)
+        self._A, self._b = np.zeros((0, len(UNKNOWNS))), np.zeros(0)
+        self._labels = Labels((), tuple(rows.labels), UNKNOWNS)
+        expression = ca.vertcat(*rows.expressions)
+        constant = ca.substitute(expression, foot.x, ca.DM.zeros(len(UNKNOWNS)))
+        wanted, fallback, outside = _aims(foot, law, com, radii)
+        outputs = (
+            -ca.DM(share / self.scale) * wanted,
+            ca.jacobian(expression, foot.x) @ ca.DM(np.diag(self.scale)),
+            ca.vertcat(*rows.lower) - constant,
+            ca.vertcat(*rows.upper) - constant,
+            *(limit / ca.DM(self.scale) for limit in box(foot, bounds, dt)),
+            fallback,
+            outside,
+            ca.fmax(ca.norm_inf(foot.angle), ca.norm_inf(foot.v[5:8])),
+        )
+        state = [foot.q, foot.v]
+        self._tick = Evaluator(ca.Function("tick", state, [ca.densify(each) for each in outputs]))
+        force = ca.Function("force", [*state, foot.x], [ca.densify(foot.force)])
+        self._force = Evaluator(force)
+
+    def force(self, q: Array, v: Array, x: Array) -> Array:
+        """Return f (9,) for unknowns x (13,), not scaled."""
+        return self._force(q, v, x)[0][:, 0]
+
+    def __call__(self, q: Array, v: Array) -> _Tick:
+        """Return the QP at q (12,), v (11,), which are not checked."""
+        g, C, l, u, lower, upper, fallback, outside, turned = self._tick(q, v)  # noqa: E741
+        qp = QP(
+            P=self._P,
+            g=g[:, 0],
+            A=self._A,
+            b=self._b,
+            C=C,
+            l=l[:, 0],
+            u=u[:, 0],
+            lower=lower[:, 0],
+            upper=upper[:, 0],
+            labels=self._labels,
+        )
+        return _Tick(qp, fallback[:, 0], float(outside[0, 0]), float(turned[0, 0]))
+
+
+def _aims(foot: FlatFoot, law: MomentumQp, com: Array, radii: Array) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return the unknowns wanted (13,), those to fall back to (13,), and ``outside``."""
+    model, gains, most = law.model, law.gains, law.bounds.wheel_torque
+    support, place, rate = np.asarray(law.bounds.polygon), foot.com, foot.com_rate
+    omega = ca.sqrt(model.gravity / ca.fmax(place[2], LOWEST * com[2]))
+    xi = place[:2] + rate[:2] / omega
+    k_G, _ = model.functions["momenta"](foot.q, foot.v)
+    debt = braking_debt(k_G, most, model.mass * model.gravity, omega)
+    level = omega**2 * (place[:2] - wanted_cmp(xi, debt, com[:2], support, gains))
+    lift = gains.height**2 * (com[2] - place[2]) - 2 * gains.height * rate[2]
+    turn = gains.wheel**2 * foot.angle + 2 * gains.wheel * foot.v[5:8]
+    back = foot.gyroscopic - foot.inertia * turn
+    slide = gains.radii**2 * (ca.DM(radii) - foot.q[9:]) - 2 * gains.radii * foot.v[8:]
+    hold = omega**2 * (place[:2] - nearest(support, place[:2]))
+    calm = ca.fmax(-most, ca.fmin(most, back))
+    none = ca.SX.zeros(4)
+    return (
+        ca.vertcat(level, lift, back, slide, none),
+        ca.vertcat(hold, 0.0, calm, slide, none),
+        ca.norm_2(beyond_reserve(xi + debt, com[:2], support, gains)),
+    )

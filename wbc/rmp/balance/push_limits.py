@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes
-from wbc.rmp.balance.bounds import FREE
+from wbc.rmp.balance.law import FREE
 from wbc.rmp.ground import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.polygon import polygon_margin
-from wbc.rmp.balance.bounds import FREE, Bounds
-from wbc.rmp.balance.law import Pendulum
+from wbc.rmp.balance.law import FREE, Bounds, Pendulum
 from wbc.rmp.ground import centre_of_pressure, pressed
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, read_only

@@ -11,17 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.foot import require_support
-from wbc.rmp.balance.function import Evaluator
-from wbc.rmp.balance.law import BalanceLaw, Command, Pendulum
+from wbc.rmp.balance.law import BalanceLaw, Bounds, Command, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation, record
+from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT, STANDARD_GRAVITY
 from wbc.rmp.integrators import runge_kutta
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only
-
-__all__ = ["Ending", "Push", "Simulation", "simulate", "velocity_jump"]
 
 # Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
 FALLEN = math.radians(10.0)

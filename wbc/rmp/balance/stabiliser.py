@@ -25,11 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.attitude import rotation
-from wbc.rmp.balance.bounds import FREE, Bounds
-from wbc.rmp.balance.flat_foot import LIGHTEST, FlatFoot
-from wbc.rmp.balance.function import Evaluator
-from wbc.rmp.balance.law import Command
+from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
+from wbc.rmp.balance.law import FREE, Bounds, Command
+from wbc.rmp.frames import rotation
+from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
@@ -97,7 +96,7 @@ class PointStabiliser:
     Attributes
     ----------
     function:
-        (q, v) -> f (9,) as a CasADi Function, for :mod:`wbc.rmp.balance.region` and planners.
+        (q, v) -> f (9,) as a CasADi Function, for many runs at once and for planners.
 
     Raises
     ------

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import FREE, Bounds
-from wbc.rmp.balance.hold import Held
-from wbc.rmp.balance.law import Command
-from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.balance.law import FREE, Bounds, Command
+from wbc.rmp.planar import Held, PlanarRmp
 from wbc.validate import Array, finite_number, finite_vector
 
 # How near to its limit, as a fraction of it, the wheel counts as there: a step's rounding.

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import FREE, Bounds
-from wbc.rmp.balance.hold import Held
-from wbc.rmp.balance.law import Command
+from wbc.rmp.balance.law import FREE, Bounds, Command
 from wbc.rmp.balance.lqr import riccati_gain
-from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.planar import Held, PlanarRmp
 from wbc.validate import Array, finite_vector
 
 # Part of the torque that is kept back, while pumping, from what could hold the leg level; and the

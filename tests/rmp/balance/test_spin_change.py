@@ -5,11 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.law import Pendulum
+from wbc.rmp.balance.law import Bounds, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
-from wbc.rmp.balance.variable_inertia import SpinChange, reachable_spins
+from wbc.rmp.balance.spin_change import SpinChange, reachable_spins
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from wbc.cli import app
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.rmp.codegen import CompilerError, compile_c, export_c, largest_difference
+from wbc.rmp.functions import CompilerError, compile_c, export_c, largest_difference
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError
-from wbc.rmp.balance.bounds import Bounds
-from wbc.rmp.balance.lqr import Lqr
-from wbc.rmp.balance.region import (
+from benchmarks.region_of_attraction import (
     Region,
     lean_grid,
     lean_rate_grid,
@@ -15,6 +12,9 @@ from wbc.rmp.balance.region import (
     region_of_attraction,
     rest_error,
 )
+from wbc.errors import InvalidInputError
+from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 

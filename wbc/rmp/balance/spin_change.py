@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
-from wbc.rmp.balance.bounds import Bounds
 from wbc.rmp.balance.foot import Foot
-from wbc.rmp.balance.law import Command, Pendulum
+from wbc.rmp.balance.law import Bounds, Command, Pendulum
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
