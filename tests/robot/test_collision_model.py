@@ -24,7 +24,7 @@ from wbc.robot.collision import (
     select_pairs,
 )
 from wbc.robot.collision.cache import VARIABLE
-from wbc.robot.placements import JointPlacements
+from wbc.robot.workspace import JointPlacements
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ import pytest
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
-from wbc.robot.foot_names import words_of
+from wbc.robot.feet import words_of
 from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]

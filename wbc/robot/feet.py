@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sized
 from dataclasses import dataclass, fields
 from typing import Any
@@ -11,15 +12,16 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.polygon import centroid, convex_hull, thinned
-from wbc.robot.description import GeometrySource
-from wbc.robot.foot_names import guess_links
-from wbc.robot.frames import frame_table
-from wbc.robot.sole import FLAT, body_points
+from wbc.polygon import convex_hull
+from wbc.robot.formats.description import GeometrySource
+from wbc.robot.names import frame_table
+from wbc.robot.sole import body_points, centred, found_sole
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
-SNAP = np.cos(np.deg2rad(5.0))  # an axis this near to the vertical is meant to be vertical
+SIDES = {"left": {"left", "l"}, "right": {"right", "r"}}
+FOOT_WORDS = {"foot", "ankle", "sole"}
+_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,7 @@ def find_feet(
     geometry:
         Collision shapes, of which only those of the feet are loaded.
     specs:
-        The feet; None guesses them (see :mod:`wbc.robot.foot_names`), empty means none.
+        The feet; None guesses them (see :func:`guess_links`), empty means none.
     q:
         A configuration (nq,) with the base upright and, if possible, the soles level.
 
@@ -156,53 +158,14 @@ def _sole(
                 " a polygon; name a frame at the sole, or leave the polygon out"
             )
         polygon = convex_hull(np.asarray(spec.polygon, dtype=float))
-        return _centred(frame.placement, polygon, -float(spec.height))
-    joint = frame.parentJoint
-    links = _links_on(model, joint)
-    axes = frame.placement.rotation @ _level_axes(pose.rotation)  # in the joint's frame
-    points = body_points(geometry.load(model, pin.GeometryType.COLLISION, links), joint, axes[:, 2])
-    if not len(points):
+        return centred(frame.placement, polygon, -float(spec.height))
+    found = found_sole(model, geometry, frame, pose.rotation)
+    if found is None:
         raise InvalidInputError(
             f"foot {name!r}: link {spec.link!r} has no collision shape to find the sole from;"
             " give its polygon"
         )
-    local = points @ axes  # (k, 3)
-    lowest = float(local[:, 2].min())
-    polygon = thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
-    return _centred(pin.SE3(axes, np.zeros(3)), polygon, lowest)
-
-
-def _links_on(model: pin.Model, joint: int) -> list[str]:
-    frames = (f for f in model.frames if f.type == pin.FrameType.BODY)
-    return [frame.name for frame in frames if frame.parentJoint == joint]
-
-
-def _level_axes(R: Array) -> Array:
-    """Return the sole's axes (3, 3) as columns in a link whose rotation to the world is R.
-
-    They are up and forwards in the world, or the link's own axes where those are meant to be so:
-    a reference posture is level to a degree or so only, a drawn foot exactly.
-    """
-    up = _snapped(R[2])
-    forward = _snapped(R[0] - up * (up @ R[0]))
-    forward = forward - up * (up @ forward)
-    forward = forward / np.linalg.norm(forward)
-    return np.stack([forward, np.cross(up, forward), up], axis=1)
-
-
-def _snapped(direction: Array) -> Array:
-    direction = direction / float(np.linalg.norm(direction))
-    k = int(np.argmax(np.abs(direction)))
-    if abs(direction[k]) < SNAP:
-        return direction
-    axis = np.zeros(3)
-    axis[k] = np.sign(direction[k])
-    return axis
-
-
-def _centred(plane: pin.SE3, polygon: Array, height: float) -> tuple[pin.SE3, Array]:
-    middle = centroid(polygon)
-    return plane * pin.SE3(np.eye(3), np.append(middle, height)), polygon - middle
+    return found
 
 
 def _sole_frame(
@@ -226,3 +189,39 @@ def _sole_frame(
     frame = pin.Frame(wanted, parent.parentJoint, 0, placement, pin.FrameType.OP_FRAME)
     model.addFrame(frame, False)
     return wanted, polygon, notes
+
+
+def words_of(name: str) -> set[str]:
+    """Return the lower-case words of ``left_foot``, ``LAnkleRoll``, ``l_sole`` or ``leftFoot``."""
+    return {word.lower() for word in _WORDS.findall(name)}
+
+
+def side_of(name: str) -> str | None:
+    """Return ``left`` or ``right`` if the name says that the link belongs to that foot."""
+    words = words_of(name)
+    sides = [side for side, marks in SIDES.items() if words & marks]
+    return sides[0] if len(sides) == 1 and words & FOOT_WORDS else None
+
+
+def guess_links(model: pin.Model, data: pin.Data, geometry: GeometrySource) -> dict[str, str]:
+    """Return the feet as name to link; empty when there is no good guess.
+
+    A foot is a link whose name holds a side (left, l, right, r) and one of the words foot, ankle
+    and sole, and whose rigid body has collision shapes; of several on a side, the one that reaches
+    lowest. ``data`` holds the frame placements of a posture with the base upright.
+    """
+    bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 1]
+    named = {frame.name: frame.parentJoint for frame in bodies if side_of(frame.name)}
+    if not named:
+        return {}
+    links = [frame.name for frame in bodies if frame.parentJoint in named.values()]
+    shapes = geometry.load(model, pin.GeometryType.COLLISION, links)
+    lowest: dict[str, tuple[float, str]] = {}
+    for link, joint in named.items():
+        pose = data.oMi[joint]
+        points = body_points(shapes, joint, pose.rotation[2])
+        if len(points):
+            height = float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
+            side = str(side_of(link))
+            lowest[side] = min(lowest.get(side, (np.inf, "")), (height, link))
+    return {side: lowest[side][1] for side in SIDES if side in lowest}

@@ -12,7 +12,7 @@ Pinocchio's recursive Newton-Euler pass: exact for every joint type, O(n), and n
 links in Python. The derivative of the same torque along the motion gives the second derivative.
 
 Everything here is seen from the base, where the inertia depends on the joints alone (paper 5.2.1);
-:mod:`wbc.robot.snapshot` adds how the base and other frames turn.
+:mod:`wbc.robot.state` adds how the base and other frames turn.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pinocchio as pin
 
-from wbc.validate import Array, read_only
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_number, read_only
 
 UNLIMITED = 1e300  # anything this large means that there is no limit
 BASE_NQ, BASE_NV = 7, 6  # coordinates and velocities of the free-flyer, always first
@@ -56,7 +57,7 @@ class Limits:
     def of(cls, model: pin.Model) -> Limits:
         """Return the limits of a model of which every joint but the root has one velocity.
 
-        Joints that have more (not supported, see :mod:`wbc.robot.supported`) are left out.
+        Joints that have more (not supported, see :mod:`wbc.robot.model_checks`) are left out.
         """
         joints = [j for j in range(2, model.njoints) if model.nvs[j] == 1]
         starts = [int(model.idx_qs[j]) for j in joints]
@@ -94,6 +95,35 @@ class Limits:
             start = self.starts[k]
             positions[k] = np.arctan2(q[start + 1], q[start])
         return positions
+
+    def set_joint(self, q: Array, name: str, value: float) -> None:
+        """Write the value of one joint [rad or m] into ``q`` (nq,).
+
+        Raises
+        ------
+        InvalidInputError
+            Not finite, or outside the joint's limits by more than rounding.
+        """
+        value = finite_number(f"joint {name!r}", value)
+        k = self.names.index(name)
+        lower, upper = float(self.lower[k]), float(self.upper[k])
+        if not lower - 1e-6 <= value <= upper + 1e-6:  # files round limits and postures to 6 digits
+            raise InvalidInputError(
+                f"joint {name!r}: {value:g} is outside its limits [{lower:g}, {upper:g}]"
+            )
+        start = self.starts[k]
+        if k in self.unbounded:
+            q[start : start + 2] = np.cos(value), np.sin(value)
+        else:
+            q[start] = min(max(value, lower), upper)
+
+    def clamped(self, q: Array) -> Array:
+        """Return a copy of ``q`` (nq,) with every bounded joint at the nearest value in range."""
+        q = q.copy()
+        for k, start in enumerate(self.starts):
+            if k not in self.unbounded:
+                q[start] = min(max(q[start], self.lower[k]), self.upper[k])
+        return q
 
 
 def _infinite_from(values: Array) -> Array:

@@ -1,9 +1,9 @@
-"""A robot: one floating-base kinematic tree with its limits, feet and named postures."""
+"""A robot, loaded from a file or by name, and its snapshots."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -14,41 +14,28 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
-from wbc.robot.description import GeometrySource
-from wbc.robot.feet import Foot, FootSpec, find_feet
-from wbc.robot.frames import add_base_frame, frame_table
+from wbc.robot.feet import FootSpec, find_feet
+from wbc.robot.formats import read_description
+from wbc.robot.formats.description import GeometrySource, lock_joints
+from wbc.robot.formats.srdf import read_states
 from wbc.robot.library import find_robot
-from wbc.robot.limits import BASE_NV, Limits
-from wbc.robot.locking import lock_joints
-from wbc.robot.measured import checked_configuration
-from wbc.robot.names import matching
-from wbc.robot.postures import STANDING, grounded, named_postures, read_states, set_joints
-from wbc.robot.reading import read_description
-from wbc.robot.snapshot import Snapshot
-from wbc.robot.supported import check_supported
-from wbc.robot.workspace import Workspace
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.robot.limits import Limits
+from wbc.robot.model_checks import check_supported
+from wbc.robot.names import add_base_frame
+from wbc.robot.postures import STANDING, grounded, named_postures, set_joints
+from wbc.robot.state import KinematicState
+from wbc.robot.tree import KinematicTree
+from wbc.validate import Array, read_only
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robot:
+class Robot(KinematicTree):
     """A loaded robot; does not change afterwards. Make one with :meth:`load`.
 
-    ``q`` (nq,) is base position, base quaternion (x, y, z, w), joints; ``v`` (nv,) is the base's
-    linear and angular velocity in base axes, then the joints' rates (Pinocchio's free-flyer).
+    Besides what a :class:`~wbc.robot.tree.KinematicTree` has:
 
     Attributes
     ----------
-    name:
-        The robot's name.
-    path:
-        The file it was read from.
-    model:
-        Pinocchio model, locked joints removed, with sole frames; shared: do not change it.
-    limits:
-        Joint limits in velocity order.
-    feet:
-        Feet by name, such as ``left``; empty if none were found.
     postures:
         Configurations by name, read-only: ``neutral`` (all zero), those of the files, and
         ``standing``, which is on the ground.
@@ -60,20 +47,15 @@ class Robot:
         Loads the shapes; see :attr:`collision_model`.
     """
 
-    name: str
-    path: Path
-    model: pin.Model
-    limits: Limits
-    feet: Mapping[str, Foot]
     postures: Mapping[str, Array]
     notes: tuple[str, ...]
     srdf: Path | None
     geometry: GeometrySource
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for q in self.postures.values():
             read_only(q)
-        object.__setattr__(self, "feet", MappingProxyType(dict(self.feet)))
         object.__setattr__(self, "postures", MappingProxyType(dict(self.postures)))
 
     @classmethod
@@ -139,91 +121,7 @@ class Robot:
             geometry=description.geometry,
         )
 
-    def __repr__(self) -> str:
-        return f"Robot({self.name!r}, nv={self.nv}, mass={self.mass:.2f} kg)"
-
-    def __reduce__(self) -> tuple[object, ...]:
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        values.update(feet=dict(self.feet), postures=dict(self.postures))
-        return type(self), tuple(values.values())
-
-    # ------------------------------------------------------------------ sizes and names
-
-    @cached_property
-    def nq(self) -> int:
-        """Size of a configuration q."""
-        return int(self.model.nq)
-
-    @cached_property
-    def nv(self) -> int:
-        """Size of a velocity v."""
-        return int(self.model.nv)
-
-    @cached_property
-    def mass(self) -> float:
-        """Total mass [kg]."""
-        return float(pin.computeTotalMass(self.model))
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Actuated joints: entry k belongs to ``v[6 + k]``."""
-        return self.limits.names
-
-    @property
-    def frame_names(self) -> tuple[str, ...]:
-        """Every frame: links, joints, soles, and ``base``."""
-        return tuple(self._frames)
-
-    @cached_property
-    def _frames(self) -> dict[str, int]:
-        return frame_table(self.model)
-
-    @cached_property
-    def _joints(self) -> dict[str, int]:
-        return {name: BASE_NV + k for k, name in enumerate(self.joint_names)}
-
-    def joint_index(self, name: str) -> int:
-        """Return the entry of v that is the rate of a joint.
-
-        Raises
-        ------
-        UnknownNameError
-            No such actuated joint.
-        """
-        index = self._joints.get(name)
-        if index is None:
-            raise UnknownNameError("joint", name, self.joint_names)
-        return index
-
-    def joint_indices(self, pattern: str) -> tuple[int, ...]:
-        """Return the entries of v of the joints that match a pattern such as ``left_*``.
-
-        Raises
-        ------
-        UnknownNameError
-            No joint matches.
-        """
-        return tuple(BASE_NV + k for k in matching(pattern, self.joint_names))
-
-    def frame_id(self, name: str) -> int:
-        """Return Pinocchio's index of a frame.
-
-        Raises
-        ------
-        UnknownNameError
-            No such frame.
-        """
-        index = self._frames.get(name)
-        if index is None:
-            raise UnknownNameError("frame", name, self._frames)
-        return index
-
-    # ------------------------------------------------------------------ memory and shapes
-
-    @cached_property
-    def workspace(self) -> Workspace:
-        """Scratch memory of this robot's snapshots; a copied or pickled robot gets its own."""
-        return Workspace(self.model)
+    # ------------------------------------------------------------------ shapes
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
@@ -266,37 +164,6 @@ class Robot:
         set_joints(self.limits, q, joints or {})
         return grounded(self.model, q, self.feet) if on_ground else q
 
-    def integrate(self, q: ArrayLike, v: ArrayLike, dt: float) -> Array:
-        """Return the configuration (nq,) reached from ``q`` by the constant velocity ``v``."""
-        step = self.check_velocity(v) * finite_number("dt", dt)
-        q = pin.integrate(self.model, self.check_configuration(q), step)
-        return self.check_configuration(q)
-
-    def difference(self, q0: ArrayLike, q1: ArrayLike) -> Array:
-        """Return the displacement (nv,) with ``integrate(q0, displacement, 1) == q1``."""
-        start, end = self.check_configuration(q0), self.check_configuration(q1)
-        return pin.difference(self.model, start, end)
-
-    def check_configuration(self, q: ArrayLike) -> Array:
-        """Return ``q`` as a fresh (nq,) array with quaternion (and cos, sin) normalised.
-
-        Raises
-        ------
-        InvalidInputError
-            Wrong size, not finite, or a quaternion whose norm is off by more than 1e-3.
-        """
-        return checked_configuration(q, self.nq, self.limits)
-
-    def check_velocity(self, v: ArrayLike) -> Array:
-        """Return ``v`` as a fresh (nv,) array.
-
-        Raises
-        ------
-        InvalidInputError
-            Wrong size or not finite.
-        """
-        return finite_vector("v", v, self.nv)
-
     def snapshot(self, q: ArrayLike, v: ArrayLike | None = None) -> Snapshot:
         """Return everything known at configuration ``q`` moving at ``v`` (at rest if None).
 
@@ -309,6 +176,16 @@ class Robot:
         if v is None:
             return Snapshot(self, q, np.zeros(self.nv), moving=False)
         return Snapshot(self, q, self.check_velocity(v), moving=True)
+
+
+class Snapshot(KinematicState):
+    """Everything known about a robot at one measured state, read-only.
+
+    Made by :meth:`Robot.snapshot`, which checks the measurement; all but the type of ``robot`` is
+    that of :class:`~wbc.robot.state.KinematicState`.
+    """
+
+    robot: Robot
 
 
 def _foot_specs(

@@ -1,11 +1,23 @@
-"""Joints by name or by shell-style pattern such as ``left_*``."""
+"""Joints by name or shell-style pattern such as ``left_*``; frames by name."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
+import pinocchio as pin
+
 from wbc.errors import UnknownNameError
+
+WORLD, BASE = "world", "base"  # the free-flyer's own frame
+# A link and a joint may share a name; links are what people mean, then frames added on purpose.
+_PRECEDENCE = (
+    pin.FrameType.JOINT,
+    pin.FrameType.FIXED_JOINT,
+    pin.FrameType.SENSOR,
+    pin.FrameType.OP_FRAME,
+    pin.FrameType.BODY,
+)
 
 
 def matches(pattern: str, names: Sequence[str]) -> tuple[int, ...]:
@@ -25,3 +37,30 @@ def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[i
     if not found:
         raise UnknownNameError(kind, pattern, names)
     return found
+
+
+def add_base_frame(model: pin.Model) -> tuple[str, ...]:
+    """Make ``base`` mean the frame of the free-flyer, and return a note if it meant another."""
+    identity = pin.SE3.Identity()
+    note: tuple[str, ...] = ()
+    for frame in model.frames:
+        if frame.name == BASE and frame.type != pin.FrameType.JOINT:
+            if frame.parentJoint == 1 and frame.placement.isApprox(identity, 1e-12):
+                return ()
+            note = (f"frame {BASE!r} means the floating base, not the file's {BASE!r}",)
+    model.addFrame(pin.Frame(BASE, 1, 0, identity, pin.FrameType.OP_FRAME), False)
+    return note
+
+
+def frame_table(model: pin.Model) -> dict[str, int]:
+    """Return frame name to index in ``model.frames``, without what is fixed to the world."""
+    ranked = sorted(
+        (_PRECEDENCE.index(frame.type), index, frame.name)
+        for index, frame in enumerate(model.frames)
+        if frame.parentJoint > 0
+    )
+    table = {name: index for _, index, name in ranked}
+    ours = [i for i, f in enumerate(model.frames) if f.name == BASE and f.parentJoint == 1]
+    if ours:
+        table[BASE] = ours[-1]  # added last, see above
+    return table

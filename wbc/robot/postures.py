@@ -2,62 +2,19 @@
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError
-from wbc.robot.description import State
 from wbc.robot.feet import Foot
-from wbc.robot.frames import frame_table
+from wbc.robot.formats.description import State
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, Limits
-from wbc.robot.locking import place_joint
-from wbc.robot.names import matches, matching
-from wbc.robot.reading import read_xml
+from wbc.robot.names import frame_table, matches, matching
 from wbc.validate import Array
 
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
-
-
-def read_states(srdf: Path) -> dict[str, State]:
-    """Return the ``group_state`` entries of an SRDF: state name to joint to its coordinates.
-
-    Raises
-    ------
-    ModelError
-        Not a readable SRDF, or a value that is not made of numbers.
-    """
-    root = read_xml(srdf)
-    if root.tag != "robot":
-        raise ModelError(f"{srdf}: the root element is <{root.tag}>; an SRDF begins with <robot>")
-    return {
-        group.get("name", "?"): dict(_joint_values(group, srdf))
-        for group in root.findall("group_state")
-    }
-
-
-def _joint_values(group: ET.Element, srdf: Path) -> Iterable[tuple[str, tuple[float, ...]]]:
-    for joint in group.findall("joint"):
-        text = joint.get("value", "")
-        try:
-            values = tuple(float(word) for word in text.split())
-        except ValueError as error:
-            raise ModelError(
-                f"{srdf}: state {group.get('name')!r}, joint {joint.get('name')!r}: {text!r} is"
-                " not made of numbers"
-            ) from error
-        norm = math.fsum(value * value for value in values)
-        if not math.isfinite(norm) or (len(values) == BASE_NQ and not any(values[3:])):
-            raise ModelError(
-                f"{srdf}: state {group.get('name')!r}, joint {joint.get('name')!r}: {text!r} is"
-                " not a configuration (x, y, z, quaternion x, y, z, w for the base)"
-            )
-        yield joint.get("name", "?"), values
 
 
 def named_postures(
@@ -84,7 +41,7 @@ def named_postures(
         set_joints(limits, q, free)
         postures[STANDING] = q
     elif STANDING not in postures:
-        postures[STANDING] = postures.get(HALF_SITTING, within_limits(limits, neutral))
+        postures[STANDING] = postures.get(HALF_SITTING, limits.clamped(neutral))
     return postures, tuple(notes)
 
 
@@ -103,19 +60,10 @@ def _posture_of(limits: Limits, neutral: Array, name: str, state: State) -> tupl
         inside = min(max(value, float(limits.lower[k])), float(limits.upper[k]))
         if abs(inside - value) > 1e-6:  # more than the file's rounding
             outside.append(joint)
-        place_joint(limits, q, joint, inside)
+        limits.set_joint(q, joint, inside)
     if outside:
         return q, [f"posture {name!r}: brought within the limits: {', '.join(outside)}"]
     return q, []
-
-
-def within_limits(limits: Limits, q: Array) -> Array:
-    """Return ``q`` with every joint that has a range moved to the nearest value in it."""
-    q = q.copy()
-    for k, start in enumerate(limits.starts):
-        if k not in limits.unbounded:
-            q[start] = min(max(q[start], limits.lower[k]), limits.upper[k])
-    return q
 
 
 def set_joints(limits: Limits, q: Array, joints: Mapping[str, float]) -> None:
@@ -130,7 +78,7 @@ def set_joints(limits: Limits, q: Array, joints: Mapping[str, float]) -> None:
     """
     for pattern, value in joints.items():
         for k in matching(pattern, limits.names):
-            place_joint(limits, q, limits.names[k], value)
+            limits.set_joint(q, limits.names[k], value)
 
 
 def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:

@@ -6,9 +6,12 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from wbc.polygon import centroid, convex_hull, thinned
+from wbc.robot.formats.description import GeometrySource
 from wbc.validate import Array
 
 FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
+SNAP = np.cos(np.deg2rad(5.0))  # an axis this near to the vertical is meant to be vertical
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _RIM = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
 _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (16, 3)
@@ -74,3 +77,64 @@ def body_points(shapes: pin.GeometryModel, joint: int, up: Array) -> Array:
             points = extreme_points(shape.geometry, R.T @ up)
             found.append(points @ R.T + p)
     return np.concatenate(found)
+
+
+def found_sole(
+    model: pin.Model, geometry: GeometrySource, frame: pin.Frame, R: Array
+) -> tuple[pin.SE3, Array] | None:
+    """Return the placement and polygon (k, 2) of the sole below the body of ``frame``, or None.
+
+    The sole is the convex hull of the body's lowest points; its placement is in the body's joint.
+
+    Parameters
+    ----------
+    R:
+        Rotation (3, 3) of the frame's axes to the world's, in a posture with the sole about level.
+    """
+    joint = frame.parentJoint
+    axes = frame.placement.rotation @ _level_axes(R)  # in the joint's frame
+    shapes = geometry.load(model, pin.GeometryType.COLLISION, _links_on(model, joint))
+    points = body_points(shapes, joint, axes[:, 2])
+    if not len(points):
+        return None
+    local = points @ axes  # (k, 3)
+    lowest = float(local[:, 2].min())
+    polygon = thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
+    return centred(pin.SE3(axes, np.zeros(3)), polygon, lowest)
+
+
+def _links_on(model: pin.Model, joint: int) -> list[str]:
+    frames = (f for f in model.frames if f.type == pin.FrameType.BODY)
+    return [frame.name for frame in frames if frame.parentJoint == joint]
+
+
+def _level_axes(R: Array) -> Array:
+    """Return the sole's axes (3, 3) as columns in a link whose rotation to the world is R.
+
+    They are up and forwards in the world, or the link's own axes where those are meant to be so:
+    a reference posture is level to a degree or so only, a drawn foot exactly.
+    """
+    up = _snapped(R[2])
+    forward = _snapped(R[0] - up * (up @ R[0]))
+    forward = forward - up * (up @ forward)
+    forward = forward / np.linalg.norm(forward)
+    return np.stack([forward, np.cross(up, forward), up], axis=1)
+
+
+def _snapped(direction: Array) -> Array:
+    direction = direction / float(np.linalg.norm(direction))
+    k = int(np.argmax(np.abs(direction)))
+    if abs(direction[k]) < SNAP:
+        return direction
+    axis = np.zeros(3)
+    axis[k] = np.sign(direction[k])
+    return axis
+
+
+def centred(plane: pin.SE3, polygon: Array, height: float) -> tuple[pin.SE3, Array]:
+    """Return a plane's placement moved to the centroid of a polygon on it, and the polygon there.
+
+    ``height`` is that of the polygon over the plane [m].
+    """
+    middle = centroid(polygon)
+    return plane * pin.SE3(np.eye(3), np.append(middle, height)), polygon - middle

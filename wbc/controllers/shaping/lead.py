@@ -10,7 +10,7 @@ from wbc.controllers.shaping.outcome import Candidate
 from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.minimum_jerk import PEAK, minimum_jerk
 from wbc.robot import Snapshot
-from wbc.robot.snapshot import BASE
+from wbc.robot.names import BASE
 from wbc.tasks import ComTask, PoseTask, PostureTask, Task
 from wbc.validate import Array
 

@@ -12,7 +12,7 @@ from wbc.controllers.shaping.bodies import Bodies
 from wbc.controllers.shaping.planes import Side, Slot
 from wbc.controllers.shaping.unknowns import Chart
 from wbc.robot import Snapshot
-from wbc.robot.snapshot import BASE
+from wbc.robot.names import BASE
 from wbc.validate import Array
 
 USED = 0.5 * SKIN  # m: of the distance to keep, what may be missing before a pair counts as near

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from wbc.constraints import Contact
 from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.robot import Robot
-from wbc.robot.snapshot import BASE
+from wbc.robot.names import BASE
 from wbc.robot.symbolic import (
     LocalRobot,
     Placement,

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from wbc.robot.collision.fitting import convex
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
-from wbc.robot.model import Robot
-from wbc.robot.placements import side_by_side
-from wbc.robot.snapshot import Snapshot
+from wbc.robot.model import Robot, Snapshot
+from wbc.robot.workspace import side_by_side
 from wbc.validate import Array
 
 TOLERANCE = 1e-7  # m, of the distance

@@ -14,8 +14,7 @@ from wbc.robot.collision.fitting import quick_capsule
 from wbc.robot.collision.hulls import SolidPairs
 from wbc.robot.collision.segments import nearest_points
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
-from wbc.robot.model import Robot
-from wbc.robot.snapshot import Snapshot
+from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]

@@ -10,10 +10,10 @@ import numpy as np
 from wbc.errors import ModelError
 from wbc.robot.collision.model import CollisionModel
 from wbc.robot.collision.shapes import Body
+from wbc.robot.formats.xml import read_xml
 from wbc.robot.model import Robot
 from wbc.robot.names import matching
 from wbc.robot.postures import STANDING
-from wbc.robot.reading import read_xml
 from wbc.validate import Array, finite_number
 
 SAMPLES = 200  # random postures

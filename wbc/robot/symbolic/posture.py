@@ -10,7 +10,7 @@ import casadi as ca
 
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
-from wbc.robot.snapshot import BASE, WORLD
+from wbc.robot.names import BASE, WORLD
 from wbc.robot.symbolic.chain import LocalRobot, configuration_angles, configuration_turns
 from wbc.robot.symbolic.placement import Placement, from_quaternion, rotation_log
 from wbc.spatial import COLUMNS, ROWS
@@ -21,7 +21,7 @@ Expression: TypeAlias = ca.SX
 
 @dataclass(frozen=True, eq=False)
 class SymbolicPosture:
-    """What a :class:`~wbc.robot.snapshot.Snapshot` at rest tells, as expressions.
+    """What a :class:`~wbc.robot.model.Snapshot` at rest tells, as expressions.
 
     Expressions take NumPy arrays and operators, ``@`` included; a vector is a column (k, 1).
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.description import Description
+from wbc.robot.formats.description import Description
+from wbc.robot.formats.xml import numbers
 from wbc.robot.limits import UNLIMITED
 from wbc.robot.meshes import resolve_meshes
-from wbc.robot.xml_numbers import numbers
 
 MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
@@ -36,7 +36,7 @@ class UrdfGeometry:
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.description.GeometrySource`."""
+        """See :class:`wbc.robot.formats.description.GeometrySource`."""
         text = self.text if links is None else self._only(links, _SHAPES[kind])
         try:
             return pin.buildGeomFromUrdfString(model, text, kind)

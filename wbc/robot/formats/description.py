@@ -1,17 +1,68 @@
-"""Lock joints at a value: they leave the model, and what they carry joins the parent body."""
+"""A robot description as read from a file, and joints locked in it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
 
-import numpy as np
 import pinocchio as pin
 
-from wbc.errors import InvalidInputError, ModelError
-from wbc.robot.description import Description
+from wbc.errors import ModelError
 from wbc.robot.limits import Limits
 from wbc.robot.names import matching
-from wbc.validate import Array, finite_number
+
+State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
+
+
+class GeometrySource(Protocol):
+    """Where the shapes of a robot come from; meshes are slow to load, hence on demand."""
+
+    def load(
+        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
+    ) -> pin.GeometryModel:
+        """Return the shapes of ``kind``, placed on ``model``, of all links or only of ``links``.
+
+        ``model`` may have joints locked since it was read: links keep their frames.
+
+        Raises
+        ------
+        ModelError
+            A mesh exists but cannot be read.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Description:
+    """What one URDF or MJCF file says.
+
+    Attributes
+    ----------
+    name:
+        The robot's name in the file.
+    path:
+        The file.
+    model:
+        Kinematics and inertias, all joints free; joint 1 is the free-flyer.
+    geometry:
+        Loads the collision or visual shapes when asked.
+    coupled:
+        Joints that the file ties to another one, and to which; they must be locked.
+    states:
+        Named configurations the file holds (MJCF key frames).
+    notes:
+        What was tolerated, in words.
+    """
+
+    name: str
+    path: Path
+    model: pin.Model
+    geometry: GeometrySource
+    coupled: Mapping[str, str] = field(default_factory=dict)
+    states: Mapping[str, State] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def lock_joints(description: Description, locked: Mapping[str, float]) -> pin.Model:
@@ -44,7 +95,7 @@ def lock_joints(description: Description, locked: Mapping[str, float]) -> pin.Mo
     reference = pin.neutral(model)
     limits = Limits.of(model)
     for name, value in locked.items():
-        place_joint(limits, reference, name, value)
+        limits.set_joint(reference, name, value)
     ids = [model.getJointId(name) for name in locked]
     return pin.buildReducedModel(model, ids, reference)
 
@@ -59,25 +110,3 @@ def _refuse_coupled(description: Description, locked: Mapping[str, float]) -> No
         f"{description.path}: joint {name!r} is coupled to {by!r} (mimic or equality), which is not"
         f" supported; lock every such joint: locked={{{remedy}}}"
     )
-
-
-def place_joint(limits: Limits, q: Array, name: str, value: float) -> None:
-    """Write the value of one joint into ``q``.
-
-    Raises
-    ------
-    InvalidInputError
-        Not finite, or outside the joint's limits by more than rounding.
-    """
-    value = finite_number(f"joint {name!r}", value)
-    k = limits.names.index(name)
-    lower, upper = float(limits.lower[k]), float(limits.upper[k])
-    if not lower - 1e-6 <= value <= upper + 1e-6:  # files round limits and postures to 6 digits
-        raise InvalidInputError(
-            f"joint {name!r}: {value:g} is outside its limits [{lower:g}, {upper:g}]"
-        )
-    start = limits.starts[k]
-    if k in limits.unbounded:
-        q[start : start + 2] = np.cos(value), np.sin(value)
-    else:
-        q[start] = min(max(value, lower), upper)

@@ -1,15 +1,15 @@
-"""Read a robot description file, whichever of the two formats it is in."""
+"""Robot descriptions in files: URDF and MJCF, SRDF states, and what is wrong with them."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
 
 from wbc.errors import ModelError
-from wbc.robot.description import Description
-from wbc.robot.mjcf import read_mjcf
-from wbc.robot.urdf import read_urdf
+from wbc.robot.formats.description import Description
+from wbc.robot.formats.mjcf import read_mjcf
+from wbc.robot.formats.urdf import read_urdf
+from wbc.robot.formats.xml import read_xml
 
 
 def read_description(path: Path, package_dirs: Iterable[Path] = ()) -> Description:
@@ -36,24 +36,3 @@ def read_description(path: Path, package_dirs: Iterable[Path] = ()) -> Descripti
     raise ModelError(
         f"{path}: the root element is <{root.tag}>; expected <robot> (URDF) or <mujoco> (MJCF)"
     )
-
-
-def read_xml(path: Path) -> ET.Element:
-    """Return the root element of an XML file.
-
-    Raises
-    ------
-    ModelError
-        File missing or unreadable, still a xacro file, or broken XML.
-    """
-    if path.suffix == ".xacro":
-        raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {path.stem}")
-    if not path.is_file():
-        where = "the folder exists" if path.parent.is_dir() else f"no folder {path.parent}"
-        raise ModelError(f"{path}: no such file ({where}); check the path")
-    try:
-        return ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise ModelError(f"{path}: not valid XML: {error}; mend the file there") from error
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise ModelError(f"{path}: cannot be read: {error}") from error

@@ -1,4 +1,7 @@
-"""Numbers in XML attributes. The parsers below us drop a whole element when one is not a number."""
+"""XML files and the numbers in them.
+
+Pinocchio's parsers drop a whole element when one attribute is not a number, hence the checks.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,27 @@ from wbc.errors import ModelError
 
 _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", "filename", "mesh"}
 _NOT_FINITE = {"nan", "inf", "infinity"}
+
+
+def read_xml(path: Path) -> ET.Element:
+    """Return the root element of an XML file.
+
+    Raises
+    ------
+    ModelError
+        File missing or unreadable, still a xacro file, or broken XML.
+    """
+    if path.suffix == ".xacro":
+        raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {path.stem}")
+    if not path.is_file():
+        where = "the folder exists" if path.parent.is_dir() else f"no folder {path.parent}"
+        raise ModelError(f"{path}: no such file ({where}); check the path")
+    try:
+        return ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise ModelError(f"{path}: not valid XML: {error}; mend the file there") from error
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise ModelError(f"{path}: cannot be read: {error}") from error
 
 
 def numbers(element: ET.Element, key: str, count: int, where: str) -> list[float]:

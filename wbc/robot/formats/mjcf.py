@@ -10,8 +10,8 @@ from pathlib import Path
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.description import Description, State
-from wbc.robot.xml_numbers import refuse_non_finite
+from wbc.robot.formats.description import Description, State
+from wbc.robot.formats.xml import refuse_non_finite
 
 UNREAD = {"include", "frame", "attach", "replicate", "composite", "flexcomp"}
 MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
@@ -37,7 +37,7 @@ class MjcfGeometry:
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.description.GeometrySource`."""
+        """See :class:`wbc.robot.formats.description.GeometrySource`."""
         if not self.complete:
             return pin.GeometryModel()
         try:

@@ -7,31 +7,28 @@ computed when first asked for and kept; none changes when another snapshot is ma
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.robot import inertia as crb
+from wbc.robot.names import BASE, WORLD
+from wbc.robot.tree import KinematicTree
 from wbc.spatial import commutator_matrix, congruence, skew, vech, vech_inverse
 from wbc.validate import Array, read_only
 
-if TYPE_CHECKING:
-    from wbc.robot.model import Robot
-
-WORLD, BASE = "world", "base"
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-class Snapshot:
-    """The robot at configuration ``q`` moving at velocity ``v``.
+class KinematicState:
+    """A kinematic tree at configuration ``q`` moving at velocity ``v``.
 
-    Made by :meth:`wbc.robot.model.Robot.snapshot`, which checks the measurement.
+    The public name is :class:`wbc.robot.model.Snapshot`; see there.
 
     Attributes
     ----------
     robot:
-        The robot it is a snapshot of.
+        Whose state it is.
     q:
         Configuration (nq,): base position [m], base quaternion xyzw, joints [rad or m].
     v:
@@ -40,7 +37,7 @@ class Snapshot:
         False if no velocity was measured (``v`` is then zero).
     """
 
-    def __init__(self, robot: Robot, q: Array, v: Array, moving: bool = True) -> None:
+    def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
         self.robot = robot
         self.q = read_only(q)
         self.v = read_only(v)
@@ -52,7 +49,7 @@ class Snapshot:
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
-        return f"Snapshot({self.robot.name}, com={com}, moving={self.moving})"
+        return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
 
     # ------------------------------------------------------------------ momentum and CoM
 

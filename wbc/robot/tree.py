@@ -1,0 +1,184 @@
+"""A floating-base kinematic tree: its sizes, names, limits and feet, and arithmetic on (q, v)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot.feet import Foot
+from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
+from wbc.robot.names import frame_table, matching
+from wbc.robot.workspace import Workspace
+from wbc.validate import Array, finite_number, finite_vector
+
+UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KinematicTree:
+    """What a :class:`~wbc.robot.state.KinematicState` knows of its robot; does not change.
+
+    ``q`` (nq,) is base position, base quaternion (x, y, z, w), joints; ``v`` (nv,) is the base's
+    linear and angular velocity in base axes, then the joints' rates (Pinocchio's free-flyer).
+
+    Attributes
+    ----------
+    name:
+        The robot's name.
+    path:
+        The file it was read from.
+    model:
+        Pinocchio model, locked joints removed, with sole frames; shared: do not change it.
+    limits:
+        Joint limits in velocity order.
+    feet:
+        Feet by name, such as ``left``; empty if none were found.
+    """
+
+    name: str
+    path: Path
+    model: pin.Model
+    limits: Limits
+    feet: Mapping[str, Foot]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "feet", MappingProxyType(dict(self.feet)))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, nv={self.nv}, mass={self.mass:.2f} kg)"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        values = (getattr(self, field.name) for field in fields(self))
+        plain = (dict(v) if isinstance(v, MappingProxyType) else v for v in values)
+        return type(self), tuple(plain)
+
+    # ------------------------------------------------------------------ sizes and names
+
+    @cached_property
+    def nq(self) -> int:
+        """Size of a configuration q."""
+        return int(self.model.nq)
+
+    @cached_property
+    def nv(self) -> int:
+        """Size of a velocity v."""
+        return int(self.model.nv)
+
+    @cached_property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        return float(pin.computeTotalMass(self.model))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Actuated joints: entry k belongs to ``v[6 + k]``."""
+        return self.limits.names
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Every frame: links, joints, soles, and ``base``."""
+        return tuple(self._frames)
+
+    @cached_property
+    def _frames(self) -> dict[str, int]:
+        return frame_table(self.model)
+
+    @cached_property
+    def _joints(self) -> dict[str, int]:
+        return {name: BASE_NV + k for k, name in enumerate(self.joint_names)}
+
+    def joint_index(self, name: str) -> int:
+        """Return the entry of v that is the rate of a joint.
+
+        Raises
+        ------
+        UnknownNameError
+            No such actuated joint.
+        """
+        index = self._joints.get(name)
+        if index is None:
+            raise UnknownNameError("joint", name, self.joint_names)
+        return index
+
+    def joint_indices(self, pattern: str) -> tuple[int, ...]:
+        """Return the entries of v of the joints that match a pattern such as ``left_*``.
+
+        Raises
+        ------
+        UnknownNameError
+            No joint matches.
+        """
+        return tuple(BASE_NV + k for k in matching(pattern, self.joint_names))
+
+    def frame_id(self, name: str) -> int:
+        """Return Pinocchio's index of a frame.
+
+        Raises
+        ------
+        UnknownNameError
+            No such frame.
+        """
+        index = self._frames.get(name)
+        if index is None:
+            raise UnknownNameError("frame", name, self._frames)
+        return index
+
+    @cached_property
+    def workspace(self) -> Workspace:
+        """Scratch memory of this robot's snapshots; a copied or pickled robot gets its own."""
+        return Workspace(self.model)
+
+    # ------------------------------------------------------------------ configurations
+
+    def integrate(self, q: ArrayLike, v: ArrayLike, dt: float) -> Array:
+        """Return the configuration (nq,) reached from ``q`` by the constant velocity ``v``."""
+        step = self.check_velocity(v) * finite_number("dt", dt)
+        q = pin.integrate(self.model, self.check_configuration(q), step)
+        return self.check_configuration(q)
+
+    def difference(self, q0: ArrayLike, q1: ArrayLike) -> Array:
+        """Return the displacement (nv,) with ``integrate(q0, displacement, 1) == q1``."""
+        start, end = self.check_configuration(q0), self.check_configuration(q1)
+        return pin.difference(self.model, start, end)
+
+    def check_configuration(self, q: ArrayLike) -> Array:
+        """Return ``q`` as a fresh (nq,) array with quaternion (and cos, sin) normalised.
+
+        Raises
+        ------
+        InvalidInputError
+            Wrong size, not finite, or a norm further than 1e-3 from 1: not rounding, but another
+            order or a wrong slice.
+        """
+        array = finite_vector("q", q, self.nq)
+        _normalise(array[3:BASE_NQ], "quaternion q[3:7] (order x, y, z, w)")
+        for k in self.limits.unbounded:
+            start = self.limits.starts[k]
+            _normalise(array[start : start + 2], f"(cos, sin) of joint {self.limits.names[k]!r}")
+        return array
+
+    def check_velocity(self, v: ArrayLike) -> Array:
+        """Return ``v`` as a fresh (nv,) array.
+
+        Raises
+        ------
+        InvalidInputError
+            Wrong size or not finite.
+        """
+        return finite_vector("v", v, self.nv)
+
+
+def _normalise(part: Array, what: str) -> None:
+    norm = math.sqrt(part.dot(part))
+    if abs(norm - 1.0) > UNIT:
+        raise InvalidInputError(f"{what} has norm {norm:.6g}, expected 1; normalise it")
+    if norm != 1.0:
+        part /= norm
