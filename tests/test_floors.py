@@ -139,6 +139,4 @@ KNOWN_CIRCLES = {
     "wbc.problem.shaping_checks",
     "wbc.problem.shaping_run",
     "wbc.problem.stage",
-    "wbc.robot.model",
-    "wbc.robot.snapshot",
 }

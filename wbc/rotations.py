@@ -56,6 +56,18 @@ def rotation_from(quaternion_xyzw: Array) -> Array:
     return np.array(pin.Quaternion(quaternion_xyzw).toRotationMatrix())
 
 
+def rotations_from(quaternion: Array) -> Array:
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), x y z w."""
+    x, y, z, w = quaternion.T
+    return np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        )
+    ).transpose(2, 0, 1)
+
+
 def check_rotation(what: str, R: Array) -> None:
     """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
     if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:

@@ -5,7 +5,8 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.series import centroidal_series, rotations, sole_series, turning_joints
+from wbc.robot.series import centroidal_series, sole_series, turning_joints
+from wbc.rotations import rotations_from
 from wbc.spatial import vech_inverse
 
 COUNT = 4
@@ -80,7 +81,7 @@ def test_which_joints_turn(robot_named) -> None:
 def test_rotations_are_those_of_a_quaternion() -> None:
     half = np.deg2rad([0.0, 15.0, 45.0])
     quaternions = np.column_stack((np.zeros(3), np.zeros(3), np.sin(half), np.cos(half)))
-    R = rotations(quaternions)
+    R = rotations_from(quaternions)
     np.testing.assert_allclose(R[1] @ [1.0, 0.0, 0.0], [np.sqrt(3) / 2, 0.5, 0.0], atol=1e-15)
     np.testing.assert_allclose(R[2] @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
 

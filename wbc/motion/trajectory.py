@@ -21,7 +21,8 @@ from wbc.motion.smoothing import (
 )
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
-from wbc.robot.series import Progress, rotations
+from wbc.robot.series import Progress
+from wbc.rotations import rotations_from
 from wbc.validate import Array, finite_number
 
 
@@ -112,7 +113,7 @@ def _read_off(robot: Robot, grid: Array, rows: Array, time: Array) -> tuple[Arra
     quaternion = values[:, 3:BASE_NQ]
     spin, spin_rate = turning(quaternion, first[:, 3:BASE_NQ], second[:, 3:BASE_NQ])
     values[:, 3:BASE_NQ] = quaternion / np.linalg.norm(quaternion, axis=1)[:, None]
-    inward = np.swapaxes(rotations(values[:, 3:BASE_NQ]), 1, 2)  # from world to base axes
+    inward = np.swapaxes(rotations_from(values[:, 3:BASE_NQ]), 1, 2)  # from world to base axes
     v, acceleration = np.empty((len(time), robot.nv)), np.empty((len(time), robot.nv))
     v[:, :3] = (inward @ first[:, :3, None])[..., 0]
     v[:, 3:6], v[:, BASE_NV:] = spin, first[:, BASE_NQ:]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wbc.robot.limits import BASE_NQ
 from wbc.robot.model import Robot
+from wbc.rotations import rotations_from
 from wbc.validate import Array, finite_array
 
 FRAMES_PER_CALL = 500  # frames from one call of ``progress`` to the next
@@ -132,21 +133,9 @@ def _inertia_rate(inertia: Array, turned: Array, quaternion: Array, spin: Array)
     Spinning the base at w in base axes gives the angular momentum I R w, so the map's block is I R
     and its rate, ``turned``, is dI/dt R + I R [spin].
     """
-    R = rotations(quaternion)
+    R = rotations_from(quaternion)
     x, y, z = spin.T
     o = np.zeros_like(x)
     hat = np.array(((o, -z, y), (z, o, -x), (-y, x, o))).transpose(2, 0, 1)
     rate = (turned - inertia @ R @ hat) @ np.swapaxes(R, 1, 2)
     return np.asarray(0.5 * (rate + np.swapaxes(rate, 1, 2)))
-
-
-def rotations(quaternion: Array) -> Array:
-    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), x y z w."""
-    x, y, z, w = quaternion.T
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-        )
-    ).transpose(2, 0, 1)
