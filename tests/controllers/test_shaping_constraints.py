@@ -17,6 +17,7 @@ from wbc.constraints import (
     SelfCollision,
     support,
 )
+from wbc.constraints.clearance import Clearance
 from wbc.controllers.shaping import GlobalShaping, NoPostureError, apart
 from wbc.controllers.shaping.joined import Pieces, joined
 from wbc.controllers.shaping.nearness import Corners, slot_of
@@ -320,8 +321,15 @@ def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:
 
     mine = Unknown()
     mine.robot = robot
-    with pytest.raises(InvalidInputError, match="'mine' is a Unknown; the search knows SelfColl"):
+    with pytest.raises(InvalidInputError, match="'mine' is a Unknown, which has no margin"):
         shaping_of(robot, [small(robot)], mine)
+
+    class Silent(PositionBox):
+        symbolic_rows = Clearance.symbolic_rows
+
+    box = Silent.height(robot, 0.1)
+    with pytest.raises(InvalidInputError, match="'box of base' is a Silent, of which no rows"):
+        shaping_of(robot, [small(robot)], box)
     other = Robot.load("hoap2_like")
     with pytest.raises(InvalidInputError, match="made for another robot"):
         shaping_of(robot, [small(robot)], PositionBox.height(other, 0.1))

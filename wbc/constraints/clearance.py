@@ -21,16 +21,20 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.braking import stopping_speed
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Bounds, Constraint, Gaps, Index
+from wbc.constraints.rows import Bounds, Constraint, Gaps, Index, SeparatedPairs, SymbolicRows
 from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, finite_number, read_only
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
 
 # Rows keep this much more than the margin asked for [m], so that the margin itself is not broken
 # by what a linear row does not see. Half of it may be used up by one tick.
@@ -108,6 +112,21 @@ class Clearance(Constraint):
     @abstractmethod
     def bend(self, gaps: Gaps, step: Array) -> Array:
         """Return how far (m,) rooms may end below their linear prediction over ``step`` (nv,)."""
+
+    def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows | SeparatedPairs:
+        """Return what a posture must respect, for searches over postures.
+
+        Margins are kept with their skin, so that the QP can rest at what such a search finds.
+
+        Raises
+        ------
+        InvalidInputError
+            A kind of constraint that does not say what it asks of a posture.
+        """
+        raise InvalidInputError(
+            f"global shaping: constraint {self.name!r} is a {type(self).__name__}, of which no rows"
+            " in terms of the posture are known; leave it to the controller that moves there"
+        )
 
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return one row for each gap; see the module on how it is bounded."""

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from wbc.constraints.clearance import SKIN, USED, Approach, Clearance
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, picked
+from wbc.constraints.rows import Gaps, Index, SeparatedPairs, picked
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
 from wbc.validate import Array, finite_number
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
 
 
 class SelfCollision(Clearance):
@@ -83,6 +87,10 @@ class SelfCollision(Clearance):
         )
         room = found.distance - (self.margin + SKIN)
         return Gaps(found.pairs, room, model.rows(snapshot, found), None, found)
+
+    def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
+        """Return all pairs."""
+        return SeparatedPairs(self.model, self.margin + SKIN, {})
 
     def labels(self, gaps: Gaps) -> tuple[str, ...]:
         """Return labels such as ``"left_hand vs pelvis"``."""

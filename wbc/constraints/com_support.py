@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.constraints.clearance import SKIN, Approach, Clearance, point_bend
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, picked
+from wbc.constraints.rows import Gaps, Index, SymbolicRows, picked
 from wbc.constraints.support_polygon import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.polygon import convex_hull
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, finite_array, finite_number, read_only
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
 
 COM_BRAKING = 1.0  # m/s^2: what the ground lets a humanoid's CoM do
 
@@ -85,6 +89,11 @@ class ComSupport(Clearance):
         """Return the distances of the CoM from the edges."""
         room = self._inward @ snapshot.com[:2] - self._offsets - SKIN
         return Gaps(self._keys, room, self._inward @ snapshot.com_jacobian[:2], None)
+
+    def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows:
+        """Return one row for each edge."""
+        value = posture.com[:2].T @ self._inward.T
+        return SymbolicRows(value.T, self._offsets + SKIN, np.full(len(self.corners), np.inf))
 
     def labels(self, gaps: Gaps) -> tuple[str, ...]:
         """Return labels such as ``"com vs support edge 2"``: from corner 2 to corner 3."""

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wbc.constraints.clearance import SKIN, Approach, Clearance
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, picked
+from wbc.constraints.rows import Gaps, Index, SeparatedPairs, picked
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Body, CollisionModel, Obstacle, Proximity, robot_bodies
 from wbc.robot.names import matching
 from wbc.validate import Array, finite_number
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
 
 
 class Obstacles(Clearance):
@@ -89,6 +93,26 @@ class Obstacles(Clearance):
         )
         room = found.distance - (self.margin + SKIN)
         return Gaps(found.pairs, room, model.rows(snapshot, found), self._rates(found))
+
+    def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
+        """Return all pairs, with the obstacles where they are now.
+
+        Raises
+        ------
+        InvalidInputError
+            An obstacle moves: where it will be at the end is not known.
+        """
+        for one in self.obstacles:
+            if one.velocity.any() or one.spin.any():
+                raise InvalidInputError(
+                    f"global shaping: obstacle {one.name!r} moves, and the search is for a posture"
+                    " to rest in; give it no velocity and no spin, or leave it to the controller"
+                    " that moves there"
+                )
+        places = {
+            k: (one.rotation, one.origin) for k, one in enumerate(self.obstacles, self._first)
+        }
+        return SeparatedPairs(self.model, self.margin + SKIN, places)
 
     def labels(self, gaps: Gaps) -> tuple[str, ...]:
         """Return labels such as ``"left_hand vs table"``."""

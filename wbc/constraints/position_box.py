@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.constraints.clearance import SKIN, Approach, Clearance, point_bend
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, picked
+from wbc.constraints.rows import Gaps, Index, SymbolicRows, picked
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.point import AXES
 from wbc.validate import Array, finite_array, read_only
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
 
 
 class PositionBox(Clearance):
@@ -71,6 +76,12 @@ class PositionBox(Clearance):
         room = self._signs @ snapshot.position(self.frame) - self._offsets - SKIN
         matrix = self._signs @ snapshot.jacobian(self.frame)[:3]
         return Gaps(self._keys, room, matrix, None)
+
+    def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows:
+        """Return one row for each axis that has a bound."""
+        used = np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper))
+        value = posture.position(self.frame)[used]
+        return SymbolicRows(value, self.lower[used] + SKIN, self.upper[used] - SKIN)
 
     def labels(self, gaps: Gaps) -> tuple[str, ...]:
         """Return labels such as ``"base z lower"``."""

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import operator
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
-from wbc.robot.collision import Proximity
+from wbc.robot.collision import CollisionModel, Proximity
 from wbc.validate import Array
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression
 
 Index = NDArray[np.int64]
 # Room that rows leave when they give way [m/s]: solvers need some to work in.
@@ -71,6 +74,32 @@ class Bounds(NamedTuple):
     push: Rows | None = None
     gaps: Gaps | None = None
     slack: Array | None = None
+
+
+class SymbolicRows(NamedTuple):
+    """Rows ``lower <= value <= upper`` of a program over postures; value (k, 1), bounds (k,)."""
+
+    value: Expression
+    lower: Array
+    upper: Array
+
+
+class SeparatedPairs(NamedTuple):
+    """Pairs of bodies that postures must keep apart.
+
+    Attributes
+    ----------
+    model:
+        Bodies and pairs.
+    distance:
+        What every pair keeps [m].
+    places:
+        Rotation (3, 3) and origin (3,) of each body that does not hang on the robot, by index.
+    """
+
+    model: CollisionModel
+    distance: float
+    places: Mapping[int, tuple[Array, Array]]
 
 
 class Constraint(ABC):

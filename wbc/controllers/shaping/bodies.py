@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from wbc.constraints import Constraint, Obstacles, SelfCollision
-from wbc.constraints.clearance import SKIN
-from wbc.constraints.rows import Index
+from wbc.constraints.rows import Index, SeparatedPairs
 from wbc.robot import Robot
 from wbc.robot.collision import Body, CollisionModel, HalfSpace
 from wbc.robot.symbolic import Placement, SymbolicPosture
@@ -43,20 +41,16 @@ class Bodies:
     places: Mapping[int, tuple[Array, Array]]
 
     @classmethod
-    def of(cls, robot: Robot, constraints: Sequence[Constraint]) -> Bodies | None:
-        """Return the bodies that constraints keep apart, None if there are no such pairs."""
+    def of(cls, robot: Robot, parts: Sequence[SeparatedPairs]) -> Bodies | None:
+        """Return the bodies of several constraints, None if there are no pairs."""
         bodies: list[Body] = []
         pairs, least = [np.zeros((0, 2), dtype=np.int64)], [np.zeros(0)]
         places: dict[int, tuple[Array, Array]] = {}
-        for one in constraints:
-            if not isinstance(one, SelfCollision | Obstacles):
-                continue
+        for one in parts:
             pairs.append(one.model.pairs + len(bodies))
-            least.append(np.full(len(one.model.pairs), one.margin + SKIN))
+            least.append(np.full(len(one.model.pairs), one.distance))
+            places |= {len(bodies) + k: place for k, place in one.places.items()}
             bodies += one.model.bodies
-            around = one.obstacles if isinstance(one, Obstacles) else ()
-            for k, obstacle in enumerate(around, start=len(bodies) - len(around)):
-                places[k] = obstacle.rotation, obstacle.origin
         numbers = np.concatenate(pairs)
         if not numbers.size:
             return None

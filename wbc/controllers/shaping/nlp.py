@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from wbc.constraints.rows import SeparatedPairs, SymbolicRows
 from wbc.controllers.shaping.apart import ApartSearcher, Watched
 from wbc.controllers.shaping.bodies import Bodies
-from wbc.controllers.shaping.problem import ShapingProblem, check_at_rest
+from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.controllers.shaping.program import IPOPT, Local, Program, Searcher, Start
 from wbc.controllers.shaping.rows import constraint_rows
 from wbc.controllers.shaping.unknowns import Unknowns
@@ -100,14 +101,16 @@ def build_nlp(problem: ShapingProblem) -> BuiltNlp:
     InvalidInputError
         A task that says nothing about postures, or an obstacle that moves.
     """
-    check_at_rest(problem.constraints)
     unknowns = Unknowns.of(problem)
     cost = ca.SX(0.0)
     for task in problem.tasks:
         weighted = ca.DM(task.weight) * task.symbolic_error(unknowns.posture)
         cost += 0.5 * task.gain * ca.sumsqr(weighted)
-    rows = constraint_rows(problem, unknowns.posture)
-    bodies = Bodies.of(problem.robot, problem.constraints)
+    parts = [one.symbolic_rows(unknowns.posture) for one in problem.constraints]
+    symbolic = [part for part in parts if isinstance(part, SymbolicRows)]
+    rows = constraint_rows(problem, unknowns.posture, symbolic)
+    separated = [part for part in parts if isinstance(part, SeparatedPairs)]
+    bodies = Bodies.of(problem.robot, separated)
     placed = ca.SX(0, 1) if bodies is None else bodies.placements(unknowns.posture)
     matters = ca.which_depends(ca.vertcat(cost, rows.value, placed), unknowns.x, 1, False)
     kept = tuple(k for k, used in enumerate(matters) if used)
@@ -115,8 +118,7 @@ def build_nlp(problem: ShapingProblem) -> BuiltNlp:
     constants = ca.SX.sym("constants", unknowns.x.numel())
     full = ca.SX(constants)
     full[list(kept)] = x
-    parts = [scale * cost, rows.value, placed]
-    f, g, T = ca.substitute(parts, [unknowns.x], [full])
+    f, g, T = ca.substitute([scale * cost, rows.value, placed], [unknowns.x], [full])
     p = ca.vertcat(unknowns.p, scale, constants)
     watched = None
     if bodies is not None:

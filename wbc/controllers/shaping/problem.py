@@ -5,22 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from wbc.constraints import (
-    ComSupport,
-    Constraint,
-    Contact,
-    Limits,
-    Obstacles,
-    PointContact,
-    PositionBox,
-    SelfCollision,
-)
+from wbc.constraints import ComSupport, Constraint, Contact, Limits, PointContact
 from wbc.constraints.clearance import Clearance
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import Task
-
-KNOWN = (SelfCollision, Obstacles, ComSupport, PositionBox)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,29 +78,10 @@ def check_parts(
     return tuple(_known(constraint) for constraint in constraints)
 
 
-def check_at_rest(constraints: Sequence[Constraint]) -> None:
-    """Refuse obstacles that move: where they will be at the end is not known.
-
-    Raises
-    ------
-    InvalidInputError
-        One does; the message names it.
-    """
-    for constraint in constraints:
-        for obstacle in constraint.obstacles if isinstance(constraint, Obstacles) else ():
-            if obstacle.velocity.any() or obstacle.spin.any():
-                raise InvalidInputError(
-                    f"global shaping: obstacle {obstacle.name!r} moves, and the search is for a"
-                    " posture to rest in; give it no velocity and no spin, or leave it to the"
-                    " controller that moves there"
-                )
-
-
 def _known(constraint: Constraint) -> Clearance:
-    if not isinstance(constraint, KNOWN):
-        kinds = ", ".join(kind.__name__ for kind in KNOWN)
+    if not isinstance(constraint, Clearance):
         raise InvalidInputError(
-            f"global shaping: constraint {constraint.name!r} is a {type(constraint).__name__}; the"
-            f" search knows {kinds}. Leave it to the controller that moves there"
+            f"global shaping: constraint {constraint.name!r} is a {type(constraint).__name__},"
+            " which has no margin to measure; leave it to the controller that moves there"
         )
     return constraint
