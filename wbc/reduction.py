@@ -20,8 +20,8 @@ from wbc.rmp.ground import (
     Wrench,
     centre_of_pressure,
     centroidal_moment_pivot,
+    in_contact,
     normal_moment,
-    pressed,
     total_wrench,
 )
 from wbc.robot import Snapshot
@@ -56,7 +56,7 @@ class RmpState:
         n . m_r [N m], the moment about the normal through the CoP; None in flight.
     cop, cmp:
         Centre of pressure and centroidal moment pivot (3,) [m], on the ground; None in flight
-        (see :func:`~wbc.rmp.ground.pressed`). The CoP is never clipped.
+        (see :func:`~wbc.rmp.ground.in_contact`). The CoP is never clipped.
     support_polygon:
         Corners (k, 2) [m] of what the feet span, counter-clockwise; None if no feet were named.
     cop_margin:
@@ -249,7 +249,7 @@ def _pivots(
     snapshot: Snapshot, force: Array, moment: Array, height: float
 ) -> tuple[Array | None, Array | None, float | None]:
     """Return CoP, CMP and n . m_r, or three None in flight."""
-    if not pressed(force, snapshot.robot.mass):
+    if not in_contact(force, snapshot.robot.mass):
         return None, None, None
     com = snapshot.com
     cop = centre_of_pressure(com, force, moment, height)

@@ -72,3 +72,10 @@ def check_rotation(what: str, R: Array) -> None:
     """Raise InvalidInputError unless R is a proper rotation to 1e-6."""
     if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
         raise InvalidInputError(f"{what}: not a rotation matrix (R'R must be 1 and det R = +1)")
+
+
+def same_sign(quaternions: Array) -> Array:
+    """Return quaternions (n, 4), each with the sign nearest to the one before."""
+    flips = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0
+    signs = np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))
+    return np.asarray(quaternions * signs[:, None])

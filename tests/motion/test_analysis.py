@@ -94,13 +94,13 @@ def test_feet_are_judged_unless_told_otherwise() -> None:
     still = Motion(robot, TIME, motion.joints, base)
     series = analyse(still)
     assert series.feet == ("left", "right")
-    assert series.standing.all() and not series.cop_unjudged.any()
+    assert series.standing.all() and not series.cop_unknown.any()
     assert (series.cop_margin > 0.02).all()
     assert analyse(still, feet=None).cop_margin is None
     assert analyse(still, feet=["left", "left"]).feet == ("left",)
     # No sole is on this ground: nothing is said of the CoP, and that is said.
     lower = analyse(still, ground_height=-0.3)
-    assert lower.cop_unjudged.all() and np.isnan(lower.cop_margin).all()
+    assert lower.cop_unknown.all() and np.isnan(lower.cop_margin).all()
     assert not lower.cop_outside.any()
 
 

@@ -132,7 +132,7 @@ def _check_outputs(
 
     from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
-    from wbc.motion.saving import series_format
+    from wbc.motion.series import series_format
 
     for path in outputs:
         if path.exists() and motion.exists() and path.samefile(motion):
@@ -283,7 +283,7 @@ def _verdict(series: RmpSeries) -> Any:
 
     count = len(series)
     line = Text()
-    unjudged = int(series.cop_unjudged.sum())
+    unjudged = int(series.cop_unknown.sum())
     judged = series.cop_margin is not None and bool(np.isfinite(series.cop_margin).any())
     if series.cop_margin is None:
         line.append("CoP not judged: no feet. ")

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.motion.ground_push import GroundPush, chosen_feet, ground_push, judged
+from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
 from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
-from wbc.motion.trajectory import Trajectory, smooth_trajectory
-from wbc.rmp.axes import GAP, Bools, TrackedAxes, track, turning_rate
+from wbc.motion.trajectory import smooth_trajectory
+from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
 from wbc.spatial import COLUMNS, ROWS
 from wbc.validate import Array, finite_number
@@ -72,31 +71,10 @@ def analyse(
     frames = smooth_trajectory(motion, rate, cutoff, planted, height, progress)
     whole = centroidal_series(robot, frames.q, frames.v, frames.acceleration, progress)
     axes = track(whole.inertia, gap=gap)
-    push = ground_push(robot, whole, height)
-    standing, margin = judged(robot, whole, names, feet != AUTO, frames.planted, push, height)
-    return _series(motion, frames, whole, axes, push, _Support(names, standing, margin), height)
-
-
-@dataclass(frozen=True, eq=False)
-class _Support:
-    """Feet that are judged, which of them stand (n, f), and the CoP's margin (n,) or None."""
-
-    feet: tuple[str, ...]
-    standing: Bools
-    margin: Array | None
-
-
-def _series(
-    motion: Motion,
-    frames: Trajectory,
-    whole: CentroidalSeries,
-    axes: TrackedAxes,
-    push: GroundPush,
-    support: _Support,
-    height: float,
-) -> RmpSeries:
-    """Return all of it under the names that RmpState uses."""
-    robot = motion.robot
+    reaction = ground_reaction(robot, whole, height)
+    standing, margin = standing_feet(
+        robot, whole.soles, names, feet != AUTO, frames.planted, reaction, height
+    )
     spin = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
     return RmpSeries(
         robot=robot,
@@ -112,17 +90,10 @@ def _series(
         com_acceleration=whole.momentum_rate[:, :3] / robot.mass,
         momentum=whole.momentum,
         momentum_rate=whole.momentum_rate,
-        ground_force=push.force,
-        ground_moment=push.moment,
-        cop=push.cop,
-        cmp=push.cmp,
-        flight=push.flight,
-        feet=support.feet,
-        standing=support.standing,
-        cop_margin=support.margin,
-        leg_length=push.leg_length,
-        leg_direction=push.leg_direction,
-        leg_angles=push.leg_angles,
+        **vars(reaction),
+        feet=names,
+        standing=standing,
+        cop_margin=margin,
         inertia=whole.inertia[:, ROWS, COLUMNS],
         second_moments=axes.second_moments,
         semi_axes=np.sqrt(5.0 / robot.mass * axes.second_moments),

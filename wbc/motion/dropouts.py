@@ -1,15 +1,19 @@
-"""What a recording lacks: gaps in time, numbers that are missing, rows that repeat."""
+"""Dropouts: gaps in time, missing numbers and frozen rows; found, reported and interpolated."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from wbc.motion.smoothing import check_count
+from wbc.errors import InvalidInputError
+from wbc.motion.table import Table
+from wbc.robot import Robot
+from wbc.rotations import same_sign
 from wbc.validate import Array
 
 GAP, MISSING, FROZEN = "gap in time", "missing numbers", "frozen"
@@ -20,6 +24,8 @@ LOST = 1.75
 UNMOVED, QUANTA = 1e-3, 3.0
 AROUND = 5  # steps on each side that the speed is taken from
 LISTED = 4
+SLACK = 1e-9  # s: a gap that is the longest allowed but for rounding
+MOST_FRAMES = 1_000_000  # with 3 kB or so each
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,105 @@ class Dropout:
         return f"{what}: {names}{more}; {done}"
 
 
-def time_gaps(time: Array) -> list[tuple[int, int]]:
+def fill_gaps(
+    table: Table,
+    time: Array,
+    content: Array,
+    names: tuple[str, ...],
+    where: Mapping[str, int],
+    robot: Robot,
+    fill: bool,
+    longest: float,
+) -> tuple[Array, Array, tuple[Dropout, ...]]:
+    """Return times, content without NaN, and what was missing.
+
+    Parameters
+    ----------
+    time, content:
+        Times (n,) [s]; joints and, if recorded, base (n, k) with NaN where numbers are missing.
+    names:
+        Names of the content's columns.
+    where:
+        Their columns in the table, and that of ``time``, as far as it has them.
+    fill:
+        Fill missing numbers and frozen rows; gaps in time are always filled.
+    longest:
+        Longest time to interpolate over [s].
+
+    Raises
+    ------
+    RecordingError
+        Something to be filled lasts longer, or is at the recording's begin or end.
+    """
+    count = len(robot.joint_names)
+    content = content.copy()
+    dropouts = []
+    for (row, end), columns in _missing_runs(content, names).items():
+        _check(table, where, time, (row, end), columns, longest)
+        dropouts.append(Dropout(MISSING, float(time[row]), float(time[end]), columns, True))
+    for first, last, moved in _frozen_runs(time, content[:, :count]):
+        columns = tuple(name for name, one in zip(names, moved, strict=False) if one)
+        end = last + 1
+        if fill:
+            _check(table, where, time, (first, end), columns, longest)
+            # The base is recorded apart, and may go on where the joints are frozen.
+            still = (content[first:end] == content[first]).all(axis=0)
+            content[first + 1 : end, still] = np.nan
+        dropouts.append(Dropout(FROZEN, float(time[first]), float(time[end]), columns, fill))
+    gaps = _time_gaps(time)
+    for before, after in gaps:
+        _check(table, where, time, (before, after), ("time",), longest)
+        dropouts.append(Dropout(GAP, float(time[before]), float(time[after]), ("all",), True))
+    _unwrap_turns(content, names, robot)
+    time, content = _with_rows_in_gaps(time, content, gaps)
+    content = _interpolated(time, content)
+    return time, content, tuple(sorted(dropouts, key=lambda one: one.start))
+
+
+def _check(
+    table: Table,
+    where: Mapping[str, int],
+    time: Array,
+    between: tuple[int, int],
+    columns: tuple[str, ...],
+    longest: float,
+) -> None:
+    """Raise RecordingError unless the rows between two good ones may be interpolated."""
+    before, after = between
+    column = next((where[name] for name in columns if name in where), None)
+    if before < 0 or after >= len(time):
+        what = "numbers are missing at the begin or end, where there is nothing to interpolate"
+        raise table.error(f"{what} ({', '.join(columns)}); cut these rows off", column, before + 1)
+    duration = float(time[after] - time[before])
+    if duration > longest + SLACK:
+        what = (
+            f"nothing usable from {time[before]:.12g} s to {time[after]:.12g} s, {duration:.3g} s;"
+            f" only up to {longest:g} s is interpolated: declare a longest gap of"
+            f" {_rounded_up(duration):g} s, or cut the recording there"
+        )
+        raise table.error(what, column, after)
+
+
+def _rounded_up(seconds: float) -> float:
+    """Return a duration rounded up to two digits, so that it can be declared as it is told."""
+    unit = 10.0 ** (math.floor(math.log10(seconds)) - 1)
+    return unit * math.ceil(seconds / unit - SLACK)
+
+
+def _unwrap_turns(content: Array, names: Sequence[str], robot: Robot) -> None:
+    """Undo in place the jumps of continuous joints (by 2 pi), and of quaternions (by sign)."""
+    for k in robot.limits.unbounded:
+        known = np.flatnonzero(np.isfinite(content[:, k]))
+        content[known, k] = np.unwrap(content[known, k])
+    if len(names) > len(robot.joint_names):
+        start = len(robot.joint_names) + 3
+        whole = np.isfinite(content[:, start:]).all(axis=1)
+        content[~whole, start:] = np.nan
+        known = np.flatnonzero(whole)
+        content[known, start:] = same_sign(content[known, start:])
+
+
+def _time_gaps(time: Array) -> list[tuple[int, int]]:
     """Return pairs of neighbouring rows between which rows were lost."""
     steps = np.diff(time)
     if not len(steps):
@@ -66,15 +170,17 @@ def time_gaps(time: Array) -> list[tuple[int, int]]:
     return [(k, k + 1) for k in rows]
 
 
-def missing_runs(values: Array) -> Iterator[tuple[int, int, int]]:
-    """Yield column, and the good rows before and after, of each run of NaN in (n, k).
+def _missing_runs(content: Array, names: Sequence[str]) -> dict[tuple[int, int], tuple[str, ...]]:
+    """Return columns by the good rows before and after each run of NaN in (n, k) that they share.
 
     The row before is -1, or the row after n, where a run is not enclosed.
     """
-    holes = np.isnan(values)
+    found: dict[tuple[int, int], tuple[str, ...]] = {}
+    holes = np.isnan(content)
     for column in np.flatnonzero(holes.any(axis=0)).tolist():
         for first, end in runs(holes[:, column]):
-            yield column, first - 1, end
+            found[first - 1, end] = (*found.get((first - 1, end), ()), names[column])
+    return found
 
 
 def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -83,7 +189,7 @@ def runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray[np.bool_]]]:
+def _frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray[np.bool_]]]:
     """Yield the first and last row of each frozen run, and which joints (k,) should have moved.
 
     Rows repeat exactly, in all joints, while the robot moves before and after. A robot at rest, or
@@ -108,7 +214,7 @@ def frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray[
             yield first, last, moved
 
 
-def with_rows_in_gaps(
+def _with_rows_in_gaps(
     time: Array, values: Array, gaps: Sequence[tuple[int, int]]
 ) -> tuple[Array, Array]:
     """Return times and values with rows of NaN where rows were lost, a median step apart.
@@ -130,7 +236,7 @@ def with_rows_in_gaps(
     return np.insert(time, where, inserted), np.insert(values, where, np.nan, axis=0)
 
 
-def interpolated(time: Array, values: Array) -> Array:
+def _interpolated(time: Array, values: Array) -> Array:
     """Return values (n, k) with NaN filled in from the rows around, without overshoot (PCHIP).
 
     Each column must hold a number in its first and last row.
@@ -142,3 +248,12 @@ def interpolated(time: Array, values: Array) -> Array:
         curve = PchipInterpolator(time[~hole], values[~hole, column])
         filled[hole, column] = curve(time[hole])
     return filled
+
+
+def check_count(what: str, seconds: float, step: float) -> None:
+    """Raise InvalidInputError if a time holds more steps than can be handled."""
+    if seconds > MOST_FRAMES * step:
+        raise InvalidInputError(
+            f"{what}: {seconds:.4g} s would be {seconds / step:.3g} frames; at most"
+            f" {MOST_FRAMES:,} are possible"
+        )

@@ -33,7 +33,7 @@ class RecordingError(InvalidInputError):
         line: int | None = None,
     ) -> None:
         self.file, self.column, self.row, self.line = file, column, row, line
-        places = [f"column {column!r}"] if column is not None else []
+        places = [f"column {shortened(column)!r}"] if column is not None else []
         if row is not None:
             places.append(f"row {row}" + (f" (line {line})" if line is not None else ""))
         super().__init__(f"{': '.join([file, ', '.join(places)] if places else [file])}: {what}")
@@ -53,6 +53,11 @@ class UnknownColumnError(UnknownNameError):
     """
 
     def __init__(self, file: str, name: str, choices: Iterable[str]) -> None:
-        super().__init__("column", name, choices)
+        super().__init__("column", shortened(name), choices)
         self.file = file
         self.args = (f"{file}: {self}; correct it, or declare that it be passed over (ignore)",)
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Return a text from a file as it is shown in a message."""
+    return text if len(text) <= most else f"{text[:most]}..."

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.minimum_jerk import minimum_jerk
-from wbc.motion.mending import same_sign
 from wbc.robot import Robot
 from wbc.robot.series import Progress, sole_series
+from wbc.rotations import same_sign
 from wbc.validate import Array
 
 AUTO = "auto"

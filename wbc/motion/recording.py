@@ -9,20 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.motion.checks import check_finite, check_limits, check_times
-from wbc.motion.dropouts import Dropout
-from wbc.motion.errors import RecordingError
-from wbc.motion.layout import (
+from wbc.motion.columns import (
     PLACE,
     QUATERNION,
     Column,
-    base_of,
+    base_from,
+    check_finite,
+    check_limits,
+    check_times,
     configuration_columns,
-    converted,
-    understood,
+    converted_units,
+    identify_columns,
     with_angles,
 )
-from wbc.motion.mending import mended
+from wbc.motion.dropouts import Dropout, fill_gaps
+from wbc.motion.errors import RecordingError
 from wbc.motion.table import Table, read_csv, read_npz
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array, finite_number, read_only
@@ -149,17 +150,19 @@ def read_motion(
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     beyond = finite_number("beyond", beyond, least=0.0)
     table = with_angles(_table(Path(path), robot), robot)
-    found = understood(table, robot, ignore)
-    values = converted(table, found, robot, degrees)
+    found = identify_columns(table, robot, ignore)
+    values = converted_units(table, found, robot, degrees)
     where = {name: column.index for name, column in found.items()}
     time = _times(table, values, where.get("time"), rate)
     check_finite(table, values, list(where.values()), fill)
     joints = _joints(table, values, found, missing, robot)
     check_limits(table, joints, [where.get(name) for name in robot.joint_names], robot, beyond)
-    base = base_of(table, values, found)
+    base = base_from(table, values, found)
     names = (*robot.joint_names, *(() if base is None else (*PLACE, *QUATERNION)))
     content = joints if base is None else np.hstack((joints, base))
-    time, content, dropouts = mended(table, time, content, names, where, robot, fill, longest_gap)
+    time, content, dropouts = fill_gaps(
+        table, time, content, names, where, robot, fill, longest_gap
+    )
     if len(time) < LEAST_ROWS:
         raise RecordingError(f"{len(time)} rows; at least {LEAST_ROWS} are needed", table.source)
     joints, rest = np.split(content, [robot.nv - 6], axis=1)

@@ -2,18 +2,66 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
+from wbc.files import write_whole
 from wbc.motion.dropouts import Dropout
-from wbc.motion.saving import save_csv, save_npz, series_format
 from wbc.rmp.axes import Bools
 from wbc.robot import Robot
+from wbc.spatial import COMPONENTS
 from wbc.validate import Array
 
 ROUNDED = 1e-3  # rad or m: so much past a limit is what rounding and the filter can do
+FORMATS = (".npz", ".csv")
+_XYZ, _123 = ("_x", "_y", "_z"), ("_1", "_2", "_3")
+# Columns of the CSV: array, endings of its columns, units of them (one for all, or two halves).
+_COLUMNS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+    ("time", ("",), ("s",)),
+    ("com", _XYZ, ("m",)),
+    ("com_velocity", _XYZ, ("m/s",)),
+    ("com_acceleration", _XYZ, ("m/s^2",)),
+    ("momentum", (*_XYZ, *(f"_k{a}" for a in "xyz")), ("kg m/s", "kg m^2/s")),
+    ("momentum_rate", (*_XYZ, *(f"_k{a}" for a in "xyz")), ("N", "N m")),
+    ("ground_force", _XYZ, ("N",)),
+    ("ground_moment", ("",), ("N m",)),
+    ("cop", _XYZ, ("m",)),
+    ("cmp", _XYZ, ("m",)),
+    ("cop_margin", ("",), ("m",)),
+    ("flight", ("",), ("1",)),
+    ("leg_length", ("",), ("m",)),
+    ("leg_direction", _XYZ, ("1",)),
+    ("leg_angles", ("_theta", "_phi"), ("rad",)),
+    ("inertia", tuple(f"_{component}" for component in COMPONENTS), ("kg m^2",)),
+    ("second_moments", _123, ("kg m^2",)),
+    ("semi_axes", _123, ("m",)),
+    ("radii", _123, ("m",)),
+    ("axes", tuple(f"_{k}{a}" for a in "xyz" for k in "123"), ("1",)),
+    ("axes_defined", _123, ("1",)),
+    ("average_angular_velocity", _XYZ, ("rad/s",)),
+    ("axes_angular_velocity", _XYZ, ("rad/s",)),
+)
+
+
+def series_format(path: str | Path) -> str:
+    """Return the ending of a series' file.
+
+    Raises
+    ------
+    InvalidInputError
+        Neither ``.npz`` nor ``.csv``.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in FORMATS:
+        raise InvalidInputError(
+            f"{path}: a series is written as .npz (everything) or .csv (the pendulum)"
+        )
+    return ending
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +167,7 @@ class RmpSeries:
         return np.asarray(margin < 0.0)
 
     @property
-    def cop_unjudged(self) -> Bools:
+    def cop_unknown(self) -> Bools:
         """True where the ground pushes but no foot is known to stand (n,)."""
         margin = np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
         return np.asarray(np.isnan(margin) & ~self.flight)
@@ -153,16 +201,12 @@ class RmpSeries:
             The file cannot be written.
         """
         if series_format(path) == ".npz":
-            names = {
-                "joint_names": np.array(self.robot.joint_names, dtype=str),
-                "feet": np.array(self.feet, dtype=str),
-            }
-            save_npz(Path(path), self._summary(), {**self.arrays(), **names})
+            self._save_npz(Path(path))
         else:
-            save_csv(Path(path), self.arrays(), self.feet)
+            self._save_csv(Path(path))
 
-    def _summary(self) -> dict[str, object]:
-        return {
+    def _save_npz(self, path: Path) -> None:
+        summary = {
             "format": "wbc rmp series 1",
             "robot": self.robot.name,
             "mass": self.robot.mass,
@@ -171,3 +215,27 @@ class RmpSeries:
             "dropouts": [str(one) for one in self.dropouts],
             "past_limits": self.past_limits,
         }
+        entries: dict[str, Any] = {
+            "summary": np.array(json.dumps(summary, indent=2, allow_nan=False)),
+            "joint_names": np.array(self.robot.joint_names, dtype=str),
+            "feet": np.array(self.feet, dtype=str),
+            **self.arrays(),
+        }
+        write_whole(path, lambda file: np.savez_compressed(file, **entries))
+
+    def _save_csv(self, path: Path) -> None:
+        """Write the pendulum's columns, nine digits each."""
+        arrays, header, parts = self.arrays(), list[str](), list[Array]()
+        for name, endings, units in _COLUMNS:
+            if name in arrays:
+                each = [units[k * len(units) // len(endings)] for k in range(len(endings))]
+                header += [f"{name}{end} [{unit}]" for end, unit in zip(endings, each, strict=True)]
+                parts.append(arrays[name].reshape(len(self), -1))
+        header += [f"{foot}_stands [1]" for foot in self.feet]
+        rows, names = np.column_stack([*parts, self.standing]), ",".join(header)
+        write_whole(
+            path,
+            lambda file: np.savetxt(
+                file, rows, delimiter=",", fmt="%.9g", header=names, comments=""
+            ),
+        )

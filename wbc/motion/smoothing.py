@@ -14,13 +14,13 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
 from wbc.errors import InvalidInputError
+from wbc.motion.dropouts import check_count
 from wbc.validate import Array, finite_number
 
 ORDER = 4  # of the Butterworth filter; run both ways it falls by 48 dB per octave
 UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
 EDGE = 3.0  # periods of the cutoff by which a series is continued beyond its ends,
 TERMS = 6  # by a polynomial of so many terms
-MOST_FRAMES = 1_000_000  # with 3 kB or so each
 
 
 def even_grid(time: Array) -> Array:
@@ -53,15 +53,6 @@ def sampled(time: Array, rate: float) -> Array:
     check_count(f"rate: {rate:g} Hz", seconds, 1.0 / rate)
     count = int(np.floor((time[-1] - time[0]) * rate * (1.0 + 1e-12) + 1e-9))
     return np.minimum(time[0] + np.arange(count + 1) / rate, time[-1])
-
-
-def check_count(what: str, seconds: float, step: float) -> None:
-    """Raise InvalidInputError if a time holds more steps than can be handled."""
-    if seconds > MOST_FRAMES * step:
-        raise InvalidInputError(
-            f"{what}: {seconds:.4g} s would be {seconds / step:.3g} frames; at most"
-            f" {MOST_FRAMES:,} are possible"
-        )
 
 
 def on_grid(time: Array, values: Array, grid: Array) -> Array:

@@ -1,21 +1,31 @@
-"""Numbers with column names, from a CSV or NPZ file."""
+"""Numbers with column names, from a CSV or NPZ file.
+
+Sizes are checked before anything is unpacked or allocated: a file may declare what it likes.
+"""
 
 from __future__ import annotations
 
 import csv
+import io
 import zipfile
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.lib import format as npy
 
-from wbc.motion.errors import RecordingError
+from wbc.motion.errors import RecordingError, shortened
 from wbc.validate import Array
 
 DELIMITERS = (",", ";", "\t")
 NUMBERS = "iuf"  # kinds of arrays: whole numbers and fractions, not complex ones nor truth values
-SHOWN = 40  # characters of a header that is not understood
+TEXTS = "US"
+LARGEST = 1 << 30  # bytes of a text file, and of all arrays of an NPZ file unpacked
+COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+ENCRYPTED = 0x1  # flag of a zip entry
+HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +50,9 @@ class Table:
     lines: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        double = [name for k, name in enumerate(self.columns) if name in self.columns[:k]]
-        if double:
-            raise RecordingError("this column is there twice; remove one", self.source, double[0])
+        name, count = Counter(self.columns).most_common(1)[0] if self.columns else ("", 0)
+        if count > 1:
+            raise RecordingError("this column is there twice; remove one", self.source, name)
         if not len(self.values):
             raise RecordingError("it holds no rows of numbers", self.source)
 
@@ -53,6 +63,22 @@ class Table:
         return RecordingError(what, self.source, name, None if row is None else row + 1, line)
 
 
+def _check_file(path: Path) -> None:
+    """Raise RecordingError unless there is a regular file of a size that can be read."""
+    source = str(path)
+    try:
+        regular, size = path.is_file(), path.stat().st_size
+    except (OSError, ValueError) as error:  # ValueError: NUL in the path
+        raise _unreadable(path, error) from error
+    if not regular:
+        raise RecordingError("cannot be read: it is not a regular file", source)
+    if size > LARGEST:
+        raise RecordingError(f"it has {size} bytes; at most {LARGEST} can be read", source)
+
+
+# ---------------------------------------------------------------------- CSV
+
+
 def read_csv(path: Path) -> Table:
     """Return what a CSV file holds; its first line names the columns. Empty cells are NaN.
 
@@ -61,31 +87,31 @@ def read_csv(path: Path) -> Table:
     Raises
     ------
     RecordingError
-        Unreadable, no rows, no names, a row of another length, a cell that is not a number, or a
-        column name that is there twice.
+        Unreadable or too large, no rows, no names, a row of another length, a cell that is not a
+        number, or a column name that is there twice.
     """
+    _check_file(path)
+    source = str(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise RecordingError(
-            "it is not text in UTF-8; export it as CSV UTF-8", str(path)
-        ) from error
+        raise RecordingError("it is not text in UTF-8; export it as CSV UTF-8", source) from error
     except OSError as error:
         raise _unreadable(path, error) from error
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
-    header, numbered = _header(str(path), numbered)
+    header, numbered = _header(source, numbered)
     delimiter = _delimiter(header)
-    columns = _names(str(path), header, delimiter)
+    columns = _names(source, header, delimiter)
     numbers, rows = tuple(k for k, _ in numbered), [line for _, line in numbered]
     if not rows:
-        raise RecordingError("it holds no rows of numbers", str(path))
+        raise RecordingError("it holds no rows of numbers", source)
     try:
         values: Array = np.loadtxt(rows, delimiter=delimiter, comments=None, ndmin=2)
     except ValueError:  # empty cells, which mean NaN, or a mistake: look at each cell
-        values = _cell_by_cell(str(path), columns, rows, numbers, delimiter)
+        values = _cell_by_cell(source, columns, rows, numbers, delimiter)
     if values.shape[1] != len(columns):
-        raise _ragged(str(path), len(columns), values.shape[1], 0, numbers[0])
-    return Table(str(path), columns, values, numbers)
+        raise _ragged(source, len(columns), values.shape[1], 0, numbers[0])
+    return Table(source, columns, values, numbers)
 
 
 def _header(source: str, numbered: list[tuple[int, str]]) -> tuple[str, list[tuple[int, str]]]:
@@ -104,14 +130,23 @@ def _delimiter(line: str) -> str:
 
 
 def _names(source: str, header: str, delimiter: str) -> tuple[str, ...]:
-    columns = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
+    columns = tuple(name.strip() for name in _cells(source, header, delimiter))
     if all(_is_number(name) for name in columns):
         raise RecordingError("its first line holds numbers; it must name the columns", source)
     if len(columns) == 1 and len(header.split()) > 1:
-        start = header if len(header) <= SHOWN else f"{header[:SHOWN]}..."
-        what = f"its first line names but one column, {start!r}"
+        what = f"its first line names but one column, {shortened(header)!r}"
         raise RecordingError(f"{what}; set commas, semicolons or tabs between names", source)
     return columns
+
+
+def _cells(
+    source: str, text: str, delimiter: str, row: int | None = None, line: int | None = None
+) -> list[str]:
+    """Return the cells of one line; quotes do not reach into the next."""
+    try:
+        return next(csv.reader([text], delimiter=delimiter))
+    except csv.Error as error:
+        raise RecordingError(f"cannot be read: {error}", source, None, row, line) from error
 
 
 def _is_number(text: str) -> bool:
@@ -119,7 +154,7 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return True
+    return "_" not in text  # which Python allows between digits
 
 
 def _cell_by_cell(
@@ -129,25 +164,28 @@ def _cell_by_cell(
     numbers: Sequence[int],
     delimiter: str,
 ) -> Array:
-    values = np.full((len(rows), len(columns)), np.nan)
-    for k, cells in enumerate(csv.reader(rows, delimiter=delimiter)):
+    found = list[list[float]]()
+    for k, row in enumerate(rows):
+        cells = _cells(source, row, delimiter, k + 1, numbers[k])
         if len(cells) != len(columns):
             raise _ragged(source, len(columns), len(cells), k, numbers[k])
-        for j, cell in enumerate(cells):
-            if cell.strip():
-                try:
-                    values[k, j] = float(cell)
-                except ValueError as error:
-                    comma = "," in cell and _is_number(cell.replace(",", "."))
-                    remedy = "; write decimals with a point" if comma else ""
-                    what = f"{cell.strip()!r} is not a number{remedy}"
-                    raise RecordingError(what, source, columns[j], k + 1, numbers[k]) from error
-    return values
+        cells = [cell.strip() for cell in cells]
+        for name, cell in zip(columns, cells, strict=True):
+            if cell and not _is_number(cell):
+                comma = "," in cell and _is_number(cell.replace(",", "."))
+                remedy = "; write decimals with a point" if comma else ""
+                what = f"{shortened(cell)!r} is not a number{remedy}"
+                raise RecordingError(what, source, name, k + 1, numbers[k])
+        found.append([float(cell) if cell else np.nan for cell in cells])
+    return np.array(found)
 
 
 def _ragged(source: str, wanted: int, found: int, row: int, line: int) -> RecordingError:
     what = f"it has {found} cells, but the header names {wanted} columns"
     return RecordingError(what, source, None, row + 1, line)
+
+
+# ---------------------------------------------------------------------- NPZ
 
 
 def read_npz(path: Path, configuration: Sequence[str]) -> Table:
@@ -164,20 +202,15 @@ def read_npz(path: Path, configuration: Sequence[str]) -> Table:
     Raises
     ------
     RecordingError
-        Unreadable, arrays of other shapes or not of numbers, or no rows.
+        Unreadable or too large, arrays of other shapes or not of numbers, or no rows.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            # What else `wbc run` writes beside q is not a recording.
-            wanted = [name for name in file.files if "q" not in file.files or name in ("time", "q")]
-            arrays = {name: np.asarray(file[name]) for name in wanted}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise _unreadable(path, error) from error
+    _check_file(path)
+    arrays = _arrays(path)
     columns: dict[str, Array] = {}
     if "q" in arrays:
         columns |= _unstacked(path, "q", arrays.pop("q"), configuration)
     elif "positions" in arrays:
-        names = [str(name) for name in np.atleast_1d(arrays.pop("names", np.array([])))]
+        names = [str(name) for name in arrays.pop("names", np.array([])).ravel()]
         columns |= _unstacked(path, "positions", arrays.pop("positions"), names)
     for name, array in arrays.items():
         if array.ndim != 1:
@@ -185,6 +218,54 @@ def read_npz(path: Path, configuration: Sequence[str]) -> Table:
             raise RecordingError(what, str(path), name)
         columns[name] = _numbers(path, name, array)
     return _stacked(path, columns)
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of a zip file by name; of what ``wbc run`` writes only time and q."""
+    source = str(path)
+    try:
+        with zipfile.ZipFile(path) as file:
+            entries = [(entry.filename.removesuffix(".npy"), entry) for entry in file.infolist()]
+            whole_run = any(name == "q" for name, _ in entries)
+            wanted = [one for one in entries if not whole_run or one[0] in ("time", "q")]
+            size = sum(entry.file_size for _, entry in wanted)
+            if size > LARGEST:
+                what = f"its arrays have {size} bytes unpacked; at most {LARGEST} can be read"
+                raise RecordingError(what, source)
+            arrays = dict[str, np.ndarray]()
+            for name, entry in wanted:
+                if name in arrays:
+                    raise RecordingError("this array is there twice; remove one", source, name)
+                arrays[name] = _array(source, file, name, entry)
+            return arrays
+    except RecordingError:
+        raise
+    except Exception as error:  # damaged files end in errors of zip, zlib, struct, tokenize, ...
+        raise _unreadable(path, error) from error
+
+
+def _array(source: str, file: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo) -> np.ndarray:
+    """Return one array, if its header tells what the file holds."""
+    if entry.flag_bits & ENCRYPTED:
+        raise RecordingError("it is encrypted; save it without a password", source, name)
+    if entry.compress_type not in COMPRESSIONS:
+        raise RecordingError("unknown compression; save it with numpy.savez", source, name)
+    data = file.read(entry)
+    content = io.BytesIO(data)
+    version = npy.read_magic(content)
+    if version not in HEADERS:
+        raise RecordingError(f"unknown version {version} of its header", source, name)
+    shape, _, dtype = HEADERS[version](content)
+    if dtype.kind not in NUMBERS + (TEXTS if name == "names" else ""):
+        raise RecordingError("it does not hold real numbers", source, name)
+    count = 1
+    for length in shape:
+        count *= length  # of any size: an integer of NumPy would overflow
+    if min(shape, default=0) < 0 or count * dtype.itemsize != len(data) - content.tell():
+        what = f"its header says shape {shape}, which is not what the file holds"
+        raise RecordingError(shortened(what, 200), source, name)
+    content.seek(0)
+    return np.asarray(npy.read_array(content, allow_pickle=False))
 
 
 def _unstacked(path: Path, name: str, array: Array, columns: Sequence[str]) -> dict[str, Array]:
@@ -216,5 +297,5 @@ def _stacked(path: Path, columns: dict[str, Array]) -> Table:
 
 
 def _unreadable(path: Path, error: Exception) -> RecordingError:
-    reason = getattr(error, "strerror", None) or str(error)
-    return RecordingError(f"cannot be read: {reason}", str(path))
+    reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return RecordingError(f"cannot be read: {shortened(reason, 200)}", str(path))

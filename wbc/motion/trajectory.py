@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.motion.mending import same_sign
 from wbc.motion.planted import planted_base
 from wbc.motion.recording import Motion
 from wbc.motion.smoothing import (
@@ -22,7 +21,7 @@ from wbc.motion.smoothing import (
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.series import Progress
-from wbc.rotations import rotations_from
+from wbc.rotations import rotations_from, same_sign
 from wbc.validate import Array, finite_number
 
 

@@ -23,7 +23,7 @@ STANDARD_GRAVITY = 9.81  # m/s^2
 Wrench = tuple[ArrayLike, ArrayLike]
 
 
-def pressed(force: Array, mass: float) -> Array:
+def in_contact(force: Array, mass: float) -> Array:
     """Return where the ground is pushed on (...,), bool: n . f_r is above ``FLIGHT`` M g.
 
     False means flight, or a motion that only a ground that pulls could give (n . f_r < 0).
@@ -49,7 +49,7 @@ def centre_of_pressure(com: Array, force: Array, moment: Array, height: float = 
     com:
         CoM c (..., 3) [m].
     force:
-        Ground reaction force f_r (..., 3) [N], pushing in every frame (see :func:`pressed`).
+        Ground reaction force f_r (..., 3) [N], pushing in every frame (see :func:`in_contact`).
     moment:
         Its moment about the CoM, k'_c (..., 3) [N m].
     height:

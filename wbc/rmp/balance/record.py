@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.polygon import polygon_margin
 from wbc.rmp.balance.law import FREE, Bounds, Pendulum
-from wbc.rmp.ground import centre_of_pressure, pressed
+from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, read_only
 
@@ -193,7 +193,7 @@ def _true_cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
         moment = np.column_stack((zero, -moment[:, 0], zero))
         return _true_cop(com, force, moment, mass)[:, :1]
     cop = np.full((len(force), 2), np.nan)
-    pushed = pressed(force, mass)
+    pushed = in_contact(force, mass)
     cop[pushed] = centre_of_pressure(com[pushed], force[pushed], moment[pushed])[:, :2]
     return cop
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wbc.motion.support import _hulls, sole_corners, support_margins, touching
+from wbc.motion.ground import sole_corners, support_margins, touching
 from wbc.polygon import convex_hull, polygon_margin
 from wbc.robot import Robot
 from wbc.robot.series import sole_series
@@ -35,12 +35,16 @@ def test_only_standing_feet_count(rng: np.random.Generator) -> None:
 
 def test_hulls_of_points_in_a_row() -> None:
     row = np.array([[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.5, 0.5]]])
-    corners = {tuple(point) for point in _hulls(row)[0].tolist()}
-    assert {(0.0, 0.0), (2.0, 2.0)} <= corners
-    margin = support_margins(
-        np.dstack((row, np.zeros((1, 4))))[:, None], np.array([[True]]), np.array([[1.0, 1.0]])
-    )
-    np.testing.assert_allclose(margin, [0.0], atol=1e-15)
+    corners = np.tile(np.dstack((row, np.zeros((1, 4))))[:, None], (4, 1, 1, 1))
+    points = np.array([[1.0, 1.0], [3.0, 2.0], [0.0, -0.5], [1.6, 0.2]])
+    margins = support_margins(corners, np.ones((4, 1), bool), points)
+    np.testing.assert_allclose(margins, [0.0, -1.0, -0.5, -0.7 * np.sqrt(2.0)], atol=1e-15)
+
+
+def test_corners_in_one_spot() -> None:
+    corners = np.full((1, 1, 4, 3), 0.5)
+    margins = support_margins(corners, np.ones((1, 1), bool), np.array([[3.5, 4.5]]))
+    np.testing.assert_allclose(margins, [-5.0])
 
 
 def test_which_feet_touch() -> None:

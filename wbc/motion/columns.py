@@ -1,8 +1,7 @@
-"""What the columns of a recording mean: time, joints, the floating base; and in which unit."""
+"""The columns of a recording: what they mean, in which unit, and checks on their numbers."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -21,8 +20,8 @@ PLACE = ("base_x", "base_y", "base_z")
 QUATERNION = ("base_qx", "base_qy", "base_qz", "base_qw")
 ANGLES = ("base_roll", "base_pitch", "base_yaw")
 UNIT = 1e-2  # how far the norm of a recorded quaternion may be from 1: two decimals are enough
-_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]")
-_SUFFIX = re.compile(r"(?P<name>.*)_(?P<unit>deg|rad)")
+SUFFIXES = ("deg", "rad")
+TENFOLD = 10.0  # so far past its limits that a joint must be in another unit
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def with_angles(table: Table, robot: Robot) -> Table:
     return Table(table.source, tuple(columns), values, table.lines)
 
 
-def understood(table: Table, robot: Robot, ignore: Sequence[str]) -> dict[str, Column]:
+def identify_columns(table: Table, robot: Robot, ignore: Sequence[str]) -> dict[str, Column]:
     """Return the columns by what they hold: ``time``, a joint, or one of the base's names.
 
     Parameters
@@ -95,14 +94,18 @@ def understood(table: Table, robot: Robot, ignore: Sequence[str]) -> dict[str, C
 
 def _split(header: str, known: set[str]) -> tuple[str, str | None]:
     """Return name and unit; a name that exists is never taken for one with a unit."""
-    for pattern in (_BRACKETS, _SUFFIX):
-        match = pattern.fullmatch(header)
-        if header not in known and match is not None:
-            return match["name"], match["unit"].strip()
-    return header, None
+    if header in known:
+        return header, None
+    if header.endswith((")", "]")):
+        start = max(header.rfind("("), header.rfind("["))
+        unit = header[start + 1 : -1]
+        if start >= 0 and not set(unit) & set(")]"):
+            return header[:start].rstrip(), unit.strip()
+    name, mark, unit = header.rpartition("_")
+    return (name, unit) if mark and unit in SUFFIXES else (header, None)
 
 
-def converted(table: Table, found: dict[str, Column], robot: Robot, degrees: bool) -> Array:
+def converted_units(table: Table, found: dict[str, Column], robot: Robot, degrees: bool) -> Array:
     """Return the numbers (n, k) in rad, m and s.
 
     Raises
@@ -128,7 +131,7 @@ def converted(table: Table, found: dict[str, Column], robot: Robot, degrees: boo
     return values
 
 
-def base_of(table: Table, values: Array, found: dict[str, Column]) -> Array | None:
+def base_from(table: Table, values: Array, found: dict[str, Column]) -> Array | None:
     """Return the base (n, 7), position and quaternion xyzw, or None if the file has none.
 
     Roll, pitch and yaw turn about the fixed axes x, y, z in this order (R = Rz Ry Rx).
@@ -162,3 +165,66 @@ def base_of(table: Table, values: Array, found: dict[str, Column]) -> Array | No
         what = f"quaternion of norm {norm[row]:.6g}, expected 1; correct it, or leave out the row"
         raise table.error(what, found["base_qx"].index, row)
     return np.hstack((position, turned / norm[:, None]))
+
+
+# ---------------------------------------------------------------------- checks
+
+
+def check_times(table: Table, time: Array, column: int) -> None:
+    """Raise RecordingError if times (n,) are not finite or do not increase."""
+    unknown = np.flatnonzero(~np.isfinite(time))
+    if len(unknown):
+        raise table.error("there is no time here; remove the row", column, int(unknown[0]))
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(back):
+        row = int(back[0]) + 1
+        what = (
+            f"time must increase from row to row, but {time[row - 1]:.12g} is followed by"
+            f" {time[row]:.12g}; sort the rows, and remove those that are there twice"
+        )
+        raise table.error(what, column, row)
+
+
+def check_finite(table: Table, values: Array, columns: Sequence[int], fill: bool) -> None:
+    """Raise RecordingError for infinite numbers, and for missing ones unless ``fill`` is given."""
+    used = values[:, list(columns)]
+    wrong = np.isinf(used) if fill else ~np.isfinite(used)
+    if wrong.any():
+        row, k = (int(part) for part in np.argwhere(wrong)[0])
+        infinite = np.isinf(used[row, k])
+        remedy = "correct it" if infinite else "correct it, or have it interpolated (fill)"
+        what = f"{'infinite' if infinite else 'NaN or an empty cell'}; {remedy}"
+        raise table.error(what, columns[k], row)
+
+
+def check_limits(
+    table: Table, joints: Array, columns: Sequence[int | None], robot: Robot, beyond: float
+) -> None:
+    """Raise RecordingError where joints (n, nv-6) are past their limits by more than ``beyond``.
+
+    Parameters
+    ----------
+    columns:
+        The file's column of each joint; None for one that is not in the file.
+    """
+    limits = robot.limits
+    recorded = np.array([column is not None for column in columns], dtype=bool)
+    excess = np.fmax(limits.lower - joints, joints - limits.upper)  # NaN compares as inside
+    wrong = (excess > beyond) & recorded
+    if not wrong.any():
+        return
+    reach = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
+    degrees = bool((wrong & (np.abs(joints) > TENFOLD * reach)).any())
+    row = int(np.flatnonzero(wrong.any(axis=1))[0])
+    k = int(np.argmax(np.where(wrong[row], excess[row], -np.inf)))
+    worst = 1.001 * float(np.nanmax(np.where(recorded, excess, -np.inf)))  # rounds up
+    remedy = (
+        "are the angles in degrees? Then declare that (degrees), or name the unit: 'knee [deg]'"
+        if degrees
+        else f"correct it, or allow joints to be {worst:.4g} past them (beyond)"
+    )
+    what = (
+        f"{joints[row, k]:.6g} is outside the limits [{limits.lower[k]:g}, {limits.upper[k]:g}] of"
+        f" joint {robot.joint_names[k]!r}; {remedy}"
+    )
+    raise table.error(what, columns[k], row)

@@ -1,0 +1,219 @@
+"""The ground in all frames at once: its force, CoP, CMP, the leg, standing feet and CoP margin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion.planted import AUTO
+from wbc.reduction import SINGULAR
+from wbc.rmp.axes import Bools
+from wbc.rmp.ground import (
+    centre_of_pressure,
+    centroidal_moment_pivot,
+    in_contact,
+    normal_moment,
+)
+from wbc.robot import Robot
+from wbc.robot.series import CentroidalSeries
+from wbc.validate import Array
+
+# m: a foot stands if all corners of its sole are this near to the ground.
+TOUCHING = 0.01
+SAME = 1e-9  # m: corners nearer than this are one
+STRAIGHT = 1e-9  # rad: a corner this little to the right of an edge is on it
+
+
+@dataclass(frozen=True, eq=False)
+class GroundReaction:
+    """The ground's force and the leg, by the names of :class:`wbc.motion.RmpSeries`."""
+
+    ground_force: Array
+    ground_moment: Array
+    cop: Array
+    cmp: Array
+    flight: Bools
+    leg_length: Array
+    leg_direction: Array
+    leg_angles: Array
+
+
+def ground_reaction(robot: Robot, whole: CentroidalSeries, height: float) -> GroundReaction:
+    """Return the ground's force and the leg in n frames; NaN in flight.
+
+    Raises
+    ------
+    InvalidInputError
+        The CoM is at the CoP in some frame.
+    """
+    force = whole.momentum_rate[:, :3] - robot.mass * robot.model.gravity.linear
+    on = in_contact(force, robot.mass).astype(bool)
+    com, f, k = whole.com[on], force[on], whole.momentum_rate[on, 3:]
+    p = centre_of_pressure(com, f, k, height)
+    leg = com - p
+    length = np.linalg.norm(leg, axis=1)
+    if not (length > 0.0).all():
+        raise InvalidInputError(
+            "the CoM is at the CoP, on the ground: the pendulum's leg has no length; is the"
+            " ground's height right?"
+        )
+    n = leg / length[:, None]
+    return GroundReaction(
+        ground_force=force,
+        ground_moment=_where(on, normal_moment(com, f, k, p)),
+        cop=_where(on, p),
+        cmp=_where(on, centroidal_moment_pivot(com, f, height)),
+        flight=~on,
+        leg_length=_where(on, length),
+        leg_direction=_where(on, n),
+        leg_angles=_where(on, _leg_angles(n)),
+    )
+
+
+def _leg_angles(direction: Array) -> Array:
+    """Return (theta, phi) (n, 2) [rad] of unit vectors (n, 3); NaN along y, see RmpState."""
+    x, y, z = direction.T
+    across = np.hypot(x, z)
+    angles = np.stack((np.arctan2(z, x), np.arctan2(y, across)), axis=1)
+    angles[across < SINGULAR] = np.nan
+    return angles
+
+
+def _where(on: Bools, values: Array) -> Array:
+    """Return values for all frames, NaN where ``on`` (n,) is False."""
+    spread = np.full((len(on), *values.shape[1:]), np.nan)
+    spread[on] = values
+    return spread
+
+
+# ---------------------------------------------------------------------- feet
+
+
+def chosen_feet(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ...]:
+    """Return the feet to be judged: those named, all for ``auto``, none for None.
+
+    Raises
+    ------
+    InvalidInputError
+        An empty choice, or one for a robot without feet.
+    UnknownNameError
+        A foot that the robot does not have.
+    """
+    if feet is None:
+        return ()
+    if feet == AUTO:
+        return tuple(robot.feet)
+    if not robot.feet:
+        raise InvalidInputError(f"{robot.name} has no feet; say which links they are, or name none")
+    names = tuple(dict.fromkeys((feet,) if isinstance(feet, str) else feet))
+    if not names:
+        raise InvalidInputError("feet: name at least one foot that stands on the ground")
+    for name in names:
+        if name not in robot.feet:
+            raise UnknownNameError(f"foot of {robot.name}", name, (*robot.feet, AUTO))
+    return names
+
+
+def standing_feet(
+    robot: Robot,
+    soles: Mapping[str, Array],
+    names: tuple[str, ...],
+    fixed: bool,
+    planted: NDArray[np.intp] | None,
+    reaction: GroundReaction,
+    height: float,
+) -> tuple[Bools, Array | None]:
+    """Return which feet stand (n, f), and the CoP's margin (n,) [m], None if there are no feet.
+
+    Parameters
+    ----------
+    soles:
+        Placement of each foot's sole (n, 4, 4).
+    fixed:
+        True if the feet named stand all the time; else those near the ground do.
+    planted:
+        The planted foot (n,), which stands in any case unless ``fixed``.
+    """
+    count = len(reaction.flight)
+    if not names:
+        return np.zeros((count, 0), dtype=bool), None
+    columns = [tuple(robot.feet).index(name) for name in names]
+    corners = sole_corners(robot, soles)[:, columns]
+    standing = np.ones((count, len(names)), dtype=bool) if fixed else touching(corners, height)
+    if planted is not None and not fixed:
+        standing |= planted[:, None] == np.array(columns)
+    standing &= ~reaction.flight[:, None] | fixed
+    return standing, support_margins(corners, standing, reaction.cop)
+
+
+def sole_corners(robot: Robot, soles: Mapping[str, Array]) -> Array:
+    """Return the corners (n, f, k, 3) [m] of all soles; ones with fewer repeat their last."""
+    most = max(len(foot.polygon) for foot in robot.feet.values())
+    parts = []
+    for name, foot in robot.feet.items():
+        polygon = foot.polygon[np.minimum(np.arange(most), len(foot.polygon) - 1)]
+        flat = np.column_stack((polygon, np.zeros(most), np.ones(most)))  # (k, 4)
+        parts.append((flat @ np.swapaxes(soles[name], 1, 2))[..., :3])
+    return np.stack(parts, axis=1)
+
+
+def touching(corners: Array, height: float) -> NDArray[np.bool_]:
+    """Return which feet stand (n, f), bool: all corners within 1 cm of the ground."""
+    return np.asarray((np.abs(corners[..., 2] - height) <= TOUCHING).all(axis=2))
+
+
+def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) -> Array:
+    """Return how far points are inside the hull of the standing soles (n,) [m].
+
+    Negative outside, NaN where no foot stands; else as :func:`wbc.polygon.polygon_margin`.
+
+    Parameters
+    ----------
+    corners:
+        Corners of the soles (n, f, k, 3) [m].
+    standing:
+        Which feet stand (n, f).
+    points:
+        (n, 2) or more columns [m].
+    """
+    margins = np.full(len(points), np.nan)
+    some = np.flatnonzero(standing.any(axis=1))
+    if len(some):
+        chosen, stand = corners[some][..., :2], standing[some]
+        # Corners of feet that do not stand are moved onto one that counts anyway.
+        anchor = chosen[np.arange(len(some)), stand.argmax(axis=1), :1]  # (m, 1, 2)
+        flat = np.where(stand[:, :, None, None], chosen, anchor[:, None])
+        margins[some] = _margins(flat.reshape(len(some), -1, 2), points[some, :2])
+    return margins
+
+
+def _margins(corners: Array, points: Array) -> Array:
+    """Return how far points (n, 2) are inside the hulls of corners (n, k, 2).
+
+    A line from one corner to another is an edge of the hull if no corner is to its right; hulls
+    need not be built for that. What has no area, a segment or a point, has edges in both directions
+    and no inside.
+    """
+    count, most, _ = corners.shape
+    nearest, inside, area = np.full(count, np.inf), np.ones(count, bool), np.zeros(count, bool)
+    for k in range(most):
+        start = corners[:, k, None]  # (n, 1, 2)
+        ends = corners - start  # (n, k, 2), relative to the start, as all below
+        arm = points[:, None] - start
+        lengths = np.hypot(ends[..., 0], ends[..., 1])
+        left = ends[:, :, None, 0] * ends[:, None, :, 1] - ends[:, :, None, 1] * ends[:, None, :, 0]
+        room = STRAIGHT * lengths[:, :, None] * lengths[:, None]
+        edge = (left >= -room).all(axis=2) & (lengths > SAME)
+        edge[lengths.max(axis=1) <= SAME, k] = True  # all corners in one spot
+        area |= (edge & (left > room).any(axis=2)).any(axis=1)
+        squares = np.where(lengths > SAME, lengths * lengths, 1.0)
+        along = np.clip((arm * ends).sum(axis=2) / squares, 0.0, 1.0)
+        away = np.linalg.norm(arm - along[..., None] * ends, axis=2)
+        nearest = np.minimum(nearest, np.where(edge, away, np.inf).min(axis=1))
+        side = ends[..., 0] * arm[..., 1] - ends[..., 1] * arm[..., 0]
+        inside &= ((side >= 0.0) | ~edge).all(axis=1)
+    return np.where(inside & area, nearest, -nearest)
