@@ -357,3 +357,40 @@ def test_an_mjcf_whose_mesh_is_missing_has_no_shapes(tmp_path: Path) -> None:
     robot = Robot.load(mjcf(tmp_path, compiler=compiler))
     assert "none.stl" in robot.notes[0]
     assert len(robot.collision_model.geometryObjects) == 0
+
+
+LEG = (
+    '<body name="{side}_thigh" pos="0 {y} -0.1">'
+    '<joint name="{side}_hip" axis="0 1 0" range="-60 60"/>'
+    '<geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.03" mass="1"/>'
+    '<body name="{side}_foot" pos="0 0 -0.3"><joint name="{side}_ankle" axis="0 1 0"/>'
+    '<geom type="box" pos="0.03 0 -0.03" size="0.1 0.04 0.01" mass="0.5"/>'
+    '<geom type="sphere" size="0.03" mass="0.1"/></body></body>'
+)
+
+
+def test_the_feet_of_an_mjcf_are_found(tmp_path: Path) -> None:
+    """Shapes are picked out of many: every one of a link, and none of another."""
+    legs = "".join(LEG.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
+    path = tmp_path / "walker.xml"
+    path.write_text(
+        '<mujoco model="walker"><worldbody><geom name="floor" type="plane" size="1 1 1"/>'
+        '<body name="pelvis" pos="0 0 1"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/>'
+        f'<geom type="sphere" size="0.05" mass="1"/>{legs}</body></worldbody></mujoco>'
+    )
+    for _ in range(5):  # which bytes were read in their place differed from run to run
+        robot = Robot.load(path)
+        assert list(robot.feet) == ["left", "right"]
+        for side, y in (("left", 0.1), ("right", -0.1)):
+            extent = np.ptp(robot.feet[side].polygon, axis=0)
+            np.testing.assert_allclose(extent, [0.2, 0.08], atol=1e-9)
+            s = robot.snapshot(robot.postures["standing"])
+            np.testing.assert_allclose(s.position(f"{side}_sole"), [0.03, y, 0.0], atol=1e-9)
+        for shapes in (robot.collision_model, robot.visual_model):
+            links = [robot.model.frames[s.parentFrame].name for s in shapes.geometryObjects]
+            assert sorted(links) == sorted(
+                ["pelvis"] * 2
+                + ["left_thigh", "right_thigh"]
+                + ["left_foot"] * 2
+                + ["right_foot"] * 2
+            )

@@ -44,11 +44,15 @@ class MjcfGeometry:
             shapes = pin.buildGeomFromMJCF(model, str(self.path), kind)
         except (ValueError, RuntimeError) as error:
             raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
-        for shape in list(shapes.geometryObjects):
+        # A new model: what `geometryObjects` hands out are references into a vector, which removing
+        # an entry would move under them.
+        kept = pin.GeometryModel()
+        for shape in shapes.geometryObjects:
             link = model.frames[shape.parentFrame].name
-            if shape.parentJoint == 0 or (links is not None and link not in links):
-                shapes.removeGeometryObject(shape.name)  # parent 0: scenery, not the robot
-        return shapes
+            scenery = shape.parentJoint == 0
+            if not scenery and (links is None or link in links):
+                kept.addGeometryObject(shape.copy())
+        return kept
 
 
 def read_mjcf(root: ET.Element, path: Path) -> Description:
