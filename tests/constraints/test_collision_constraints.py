@@ -19,7 +19,7 @@ from wbc.controllers import KinematicController, PseudoInverseController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, Obstacle
-from wbc.robot.collision.cache import VARIABLE
+from wbc.robot.collision.fitting import CACHE_VARIABLE
 from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
 
 DT = 0.005
@@ -28,7 +28,7 @@ HANDS = ("left_hand", "right_hand")
 
 @pytest.fixture(autouse=True)
 def no_cache(monkeypatch) -> None:
-    monkeypatch.setenv(VARIABLE, "off")
+    monkeypatch.setenv(CACHE_VARIABLE, "off")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import nnls
 
 from wbc.robot import Robot
-from wbc.robot.collision import cache
+from wbc.robot.collision import fitting
 from wbc.robot.collision.bodies import robot_bodies
 from wbc.robot.collision.fitting import fit_capsule, fit_hull, quick_capsule
 from wbc.robot.collision.shapes import Capsule, Hull
@@ -98,7 +98,7 @@ def test_the_bulge_of_a_boxs_capsule_is_known() -> None:
 
 @pytest.mark.parametrize(("name", "fit"), [("romeo", "capsule"), ("icub", "hull")])
 def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named, monkeypatch) -> None:
-    monkeypatch.setenv(cache.VARIABLE, "off")
+    monkeypatch.setenv(fitting.CACHE_VARIABLE, "off")
     robot: Robot = robot_named(name)
     bodies = robot_bodies(robot, fit)
     assert len(bodies) == robot.collision_model.ngeoms
@@ -145,7 +145,7 @@ def test_cylinders_and_boxes(fit: str, robot_named) -> None:
 
 
 def test_the_cache_gives_the_same_and_survives_damage(tmp_path: Path, monkeypatch, rng) -> None:
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(fitting.CACHE_VARIABLE, str(tmp_path))
     points = rng.normal(size=(60, 3))
     calls = []
 
@@ -153,8 +153,8 @@ def test_the_cache_gives_the_same_and_survives_damage(tmp_path: Path, monkeypatc
         calls.append(1)
         return fit_capsule(cloud)
 
-    first = cache.cached_fit("test", counted, points)
-    again = cache.cached_fit("test", counted, points)
+    first = fitting.cached_fit("test", counted, points)
+    again = fitting.cached_fit("test", counted, points)
     assert len(calls) == 1
     np.testing.assert_array_equal(again.shape.ends, first.shape.ends)
     assert (again.shape.radius, again.bulge) == (first.shape.radius, first.bulge)
@@ -170,33 +170,33 @@ def test_the_cache_gives_the_same_and_survives_damage(tmp_path: Path, monkeypatc
     ]
     for count, damage in enumerate(damages, start=2):
         file.write_text(damage)
-        mended = cache.cached_fit("test", counted, points)
+        mended = fitting.cached_fit("test", counted, points)
         assert len(calls) == count, damage
         np.testing.assert_array_equal(mended.shape.ends, first.shape.ends)
-    cache.cached_fit("test", counted, points + 1e-9)  # other content, another entry
+    fitting.cached_fit("test", counted, points + 1e-9)  # other content, another entry
     assert len(list((tmp_path / "shapes").iterdir())) == 2
 
 
 def test_hulls_are_cached_too(tmp_path: Path, monkeypatch, rng) -> None:
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(fitting.CACHE_VARIABLE, str(tmp_path))
     points = rng.normal(size=(60, 3))
-    first, again = (cache.cached_fit("hull", fit_hull, points) for _ in range(2))
+    first, again = (fitting.cached_fit("hull", fit_hull, points) for _ in range(2))
     np.testing.assert_array_equal(again.shape.vertices, first.shape.vertices)
 
 
 def test_the_cache_can_be_off_or_unwritable(tmp_path: Path, monkeypatch, rng) -> None:
     points = rng.normal(size=(20, 3))
     for off in ("off", "0", ""):
-        monkeypatch.setenv(cache.VARIABLE, off)
-        assert cache.cache_folder() is None
-        assert cache.cached_fit("test", fit_capsule, points).shape.radius > 0.0
+        monkeypatch.setenv(fitting.CACHE_VARIABLE, off)
+        assert fitting.cache_folder() is None
+        assert fitting.cached_fit("test", fit_capsule, points).shape.radius > 0.0
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
-    monkeypatch.setenv(cache.VARIABLE, str(blocked))
-    assert cache.cached_fit("test", fit_capsule, points).shape.radius > 0.0
-    monkeypatch.delenv(cache.VARIABLE)
+    monkeypatch.setenv(fitting.CACHE_VARIABLE, str(blocked))
+    assert fitting.cached_fit("test", fit_capsule, points).shape.radius > 0.0
+    monkeypatch.delenv(fitting.CACHE_VARIABLE)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    folder = cache.cache_folder()
+    folder = fitting.cache_folder()
     assert folder is not None
     assert folder.name == "shapes"
     assert os.listdir(tmp_path) == ["file"]  # nothing was made by asking

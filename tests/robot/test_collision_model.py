@@ -19,17 +19,16 @@ from wbc.robot.collision import (
     HalfSpace,
     Hull,
     Obstacle,
-    hulls,
     robot_bodies,
     select_pairs,
 )
-from wbc.robot.collision.cache import VARIABLE
+from wbc.robot.collision.fitting import CACHE_VARIABLE
 from wbc.robot.workspace import JointPlacements
 
 
 @pytest.fixture(autouse=True)
 def no_cache(monkeypatch) -> None:
-    monkeypatch.setenv(VARIABLE, "off")
+    monkeypatch.setenv(CACHE_VARIABLE, "off")
 
 
 def bodies_on(robot: Robot, rng) -> list[Body]:
@@ -220,7 +219,7 @@ def test_results_that_do_not_lie_side_by_side(
     pairs = all_pairs(bodies)
     here = random_snapshot(robot, rng)
     at_once = CollisionModel(robot, bodies, pairs).nearest(here, 15)
-    monkeypatch.setattr(hulls, "side_by_side", lambda fields: None)
+    monkeypatch.setattr("wbc.robot.collision.distances.side_by_side", lambda fields: None)
     one_by_one = CollisionModel(robot, bodies, pairs).nearest(here, 15)
     for quick, slow in zip(at_once[:4], one_by_one[:4], strict=True):
         np.testing.assert_array_equal(quick, slow)

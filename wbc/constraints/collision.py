@@ -98,9 +98,9 @@ class SelfCollision(Clearance):
         return every if gaps.keys.size == len(every) else picked(every, gaps.keys)
 
     def bend(self, gaps: Gaps, step: Array) -> Array:
-        """See :meth:`wbc.robot.collision.CollisionModel.sharp_bend`."""
+        """See :meth:`wbc.robot.collision.CollisionModel.tight_curvature_bound`."""
         if gaps.found is None:
-            return self.model.bend(gaps.keys, step)
+            return self.model.curvature_bound(gaps.keys, step)
         left = gaps.room + gaps.matrix @ step
         left += USED
-        return self.model.sharp_bend(gaps.found, step, left)
+        return self.model.tight_curvature_bound(gaps.found, step, left)

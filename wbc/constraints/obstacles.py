@@ -12,7 +12,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Gaps, Index, SeparatedPairs, picked
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
-from wbc.robot.collision import Body, CollisionModel, Obstacle, Proximity, robot_bodies
+from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, robot_bodies
 from wbc.robot.names import matching
 from wbc.validate import Array, finite_number
 
@@ -103,7 +103,7 @@ class Obstacles(Clearance):
             An obstacle moves: where it will be at the end is not known.
         """
         for one in self.obstacles:
-            if one.velocity.any() or one.spin.any():
+            if one.velocity.any() or one.angular_velocity.any():
                 raise InvalidInputError(
                     f"global shaping: obstacle {one.name!r} moves, and the search is for a posture"
                     " to rest in; give it no velocity and no spin, or leave it to the controller"
@@ -119,15 +119,15 @@ class Obstacles(Clearance):
         return picked(self.model.labels, gaps.keys)
 
     def bend(self, gaps: Gaps, step: Array) -> Array:
-        """See :meth:`wbc.robot.collision.CollisionModel.bend`."""
-        return self.model.bend(gaps.keys, step)
+        """See :meth:`wbc.robot.collision.CollisionModel.curvature_bound`."""
+        return self.model.curvature_bound(gaps.keys, step)
 
-    def _rates(self, found: Proximity) -> Array:
+    def _rates(self, found: PairDistances) -> Array:
         """Return how fast (k,) the obstacles themselves change the distances [m/s]."""
         which = self.model.pairs[found.pairs, 1] - self._first
         origins = np.array([one.origin for one in self.obstacles])[which]
         rates = np.array([one.velocity for one in self.obstacles])[which]
-        spins = np.array([one.spin for one in self.obstacles])[which]
+        spins = np.array([one.angular_velocity for one in self.obstacles])[which]
         facing = found.point - found.distance[:, None] * found.normal
         rates = rates + np.cross(spins, facing - origins)
         return -np.einsum("ki,ki->k", found.normal, rates)

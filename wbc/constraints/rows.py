@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
-from wbc.robot.collision import CollisionModel, Proximity
+from wbc.robot.collision import CollisionModel, PairDistances
 from wbc.validate import Array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -44,7 +44,7 @@ class Gaps(NamedTuple):
     room: Array
     matrix: Array
     rate: Array | None
-    found: Proximity | None = None
+    found: PairDistances | None = None
 
 
 class Bounds(NamedTuple):

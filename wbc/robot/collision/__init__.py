@@ -1,11 +1,10 @@
 """Collision shapes of a robot: simple, conservative, and fast to ask for distances."""
 
 from wbc.robot.collision.bodies import robot_bodies
-from wbc.robot.collision.cache import cache_folder
-from wbc.robot.collision.model import CollisionModel, Proximity
-from wbc.robot.collision.obstacles import Obstacle
+from wbc.robot.collision.fitting import cache_folder
+from wbc.robot.collision.model import CollisionModel, PairDistances
 from wbc.robot.collision.pairs import Selection, select_pairs
-from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
+from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Obstacle, Shape
 
 __all__ = [
     "Body",
@@ -14,7 +13,7 @@ __all__ = [
     "HalfSpace",
     "Hull",
     "Obstacle",
-    "Proximity",
+    "PairDistances",
     "Selection",
     "Shape",
     "cache_folder",

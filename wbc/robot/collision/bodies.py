@@ -11,13 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError, UnknownNameError
-from wbc.robot.collision.cache import cached_fit
-from wbc.robot.collision.fitting import Fit, fit_capsule, fit_hull
+from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
 from wbc.robot.formats.xml import read_xml
-from wbc.robot.geometry import triangulated
+from wbc.robot.geometry import AROUND, triangulated
 from wbc.robot.model import Robot
-from wbc.robot.tessellation import AROUND
 from wbc.validate import Array
 
 FITS = ("capsule", "hull")

@@ -1,4 +1,4 @@
-"""Bodies and pairs of them: which are nearest, how near, and how that changes with the velocity."""
+"""Pairs of bodies: the nearest, their distances, and how these change with the velocity."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.robot.collision.bending import REACH, Bending
+from wbc.robot.collision.curvature import CurvatureBounds
+from wbc.robot.collision.distances import ShapePairs, nearest_points
 from wbc.robot.collision.fitting import quick_capsule
-from wbc.robot.collision.hulls import SolidPairs
-from wbc.robot.collision.segments import nearest_points
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
 from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, finite_array, read_only
@@ -25,8 +24,8 @@ CANDIDATES = 3
 NARROWED = 2
 
 
-class Proximity(NamedTuple):
-    """How near the bodies of k pairs are.
+class PairDistances(NamedTuple):
+    """Distances, normals and nearest points of k pairs of bodies.
 
     Attributes
     ----------
@@ -86,7 +85,7 @@ class CollisionModel:
         self._local = np.stack(self._own)  # (bodies, 3, 3)
         radii = np.array([cover.radius for cover in covers])
         lengths = np.array([_length(cover) for cover in covers])
-        reach = np.array([body.ball[1] for body in self.bodies])
+        reach = np.array([body.bounding_ball[1] for body in self.bodies])
         self._reaches = reach[self._first] + reach[self._second]
         self._thickness = radii[self._first] + radii[self._second]
         self._first_radius = radii[self._first]
@@ -95,10 +94,10 @@ class CollisionModel:
         moves = _moved_by(robot)
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[self._first]] - moves[joints[self._second]]  # (pairs, nv)
-        self._bending = Bending(self.bodies, self.pairs, np.abs(self._signs))
+        self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
         self._solids = self._split()
 
-    def _split(self) -> SolidPairs | None:
+    def _split(self) -> ShapePairs | None:
         """Return what measures the pairs if some shape is no capsule; None if all are."""
         flat = np.array([isinstance(body.shape, HalfSpace) for body in self.bodies])
         if flat[self._first].any():
@@ -107,7 +106,7 @@ class CollisionModel:
         solid = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
         if not solid[self.pairs].any():
             return None
-        return SolidPairs(self.robot, self.bodies, self.pairs)
+        return ShapePairs(self.robot, self.bodies, self.pairs)
 
     def __repr__(self) -> str:
         return (
@@ -123,15 +122,15 @@ class CollisionModel:
         self._local[body] = R @ self._own[body]
         self._local[body, :, 0] += p
         self._local[body, :, 2] += p
-        self._bending.place(body, self.bodies[body].shape.core @ R.T + p)
+        self._curvature.place(body, self.bodies[body].shape.core @ R.T + p)
         if self._solids is not None:
             self._solids.place(body, (R, p))
 
-    def measure(self, snapshot: Snapshot, pairs: Index) -> Proximity:
-        """Return how near the bodies of some pairs are, given by their numbers, increasing."""
+    def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
+        """Return the distances of some pairs, given by their numbers, increasing."""
         return self._nearest(snapshot, None, pairs, len(pairs))
 
-    def nearest(self, snapshot: Snapshot, count: int | None = None) -> Proximity:
+    def nearest(self, snapshot: Snapshot, count: int | None = None) -> PairDistances:
         """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`."""
         if count is not None and count < 1:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
@@ -158,7 +157,7 @@ class CollisionModel:
             return self._nearest(snapshot, placed, more, count)
         return found
 
-    def rows(self, snapshot: Snapshot, found: Proximity) -> Array:
+    def rows(self, snapshot: Snapshot, found: PairDistances) -> Array:
         """Return the derivative (k, nv) of the distances by the velocity.
 
         The normal n through both nearest points is a line of force: with the twists J of the
@@ -175,42 +174,30 @@ class CollisionModel:
         matrix *= self._of(self._signs, found.pairs)
         return matrix
 
-    def bend(self, pairs: Index, step: Array) -> Array:
+    def curvature_bound(self, pairs: Index, step: Array) -> Array:
         """Return how far (k,) the distances may end below their linear prediction [m].
 
         Over a displacement ``step`` (nv,) the two bodies turn against each other by at most the sum
-        of the angles between them. That bends the paths of their points, and where surfaces are
-        parallel the nearest points may jump along the shorter one.
+        of the angles between them. That curves the paths of their points, and where surfaces are
+        parallel the nearest points may jump along the shorter one; see ``curvature``.
         """
-        angle, curve = self._turned(pairs, step)
-        curve += self._of(self._bending.slides, pairs) * angle
-        return curve
+        return self._curvature.quick(None if pairs is self._every else pairs, step)
 
-    def sharp_bend(self, found: Proximity, step: Array, room: Array) -> Array:
-        """Return :meth:`bend`, more closely where it is above ``room`` (k,): see ``bending``.
+    def tight_curvature_bound(self, found: PairDistances, step: Array, clearance: Array) -> Array:
+        """Return :meth:`curvature_bound`, more closely where it is above ``clearance`` (k,).
 
-        Only surfaces that are parallel and near each other keep what :meth:`bend` says of them.
+        Only surfaces that are parallel and near each other keep the first bound.
         """
-        bend = self.bend(found.pairs, step)
-        unsure = np.flatnonzero(bend > room)
+        bound = self.curvature_bound(found.pairs, step)
+        unsure = np.flatnonzero(bound > clearance)
         if unsure.size:
             pairs = found.pairs.take(unsure)
             normal, point = found.normal.take(unsure, axis=0), found.point.take(unsure, axis=0)
             contact = normal, point, point - found.distance.take(unsure)[:, None] * normal
-            angle, curve = self._turned(pairs, step)
             places = found.snapshot.joint_placements
-            curve += self._bending.from_corners(places, pairs, contact, angle)
-            bend[unsure] = np.minimum(bend[unsure], curve)
-        return bend
-
-    def _turned(self, pairs: Index, step: Array) -> tuple[Array, Array]:
-        """Return the angles (k,) of some pairs and how far (k,) paths of points bend [m]."""
-        size = np.abs(step)
-        angle = self._of(self._bending.turns, pairs) @ size
-        lever = 0.5 * REACH * angle
-        if self._bending.carries is not None:  # while the base slides, its turn bends the way
-            lever += 0.5 * (self._of(self._bending.carries, pairs) @ size[:3])
-        return angle, lever * angle
+            tight = self._curvature.by_corners(places, pairs, contact, step)
+            bound[unsure] = np.minimum(bound[unsure], tight)
+        return bound
 
     def _of(self, values: NDArray[Scalar], pairs: Index) -> NDArray[Scalar]:
         """Return what belongs to some pairs; without a copy if these are all."""
@@ -255,7 +242,7 @@ class CollisionModel:
 
     def _nearest(
         self, snapshot: Snapshot, placed: Array | None, tried: Index, count: int
-    ) -> Proximity:
+    ) -> PairDistances:
         """Return the ``count`` nearest of the pairs ``tried``, measured exactly."""
         solids = self._solids
         if solids is None:
@@ -265,13 +252,13 @@ class CollisionModel:
                 best = _smallest(distance, count)
                 tried, distance = tried.take(best), distance.take(best)
                 normal, point = normal.take(best, axis=1), point.take(best, axis=1)
-            return Proximity(tried, distance, normal.T, point.T, snapshot)
+            return PairDistances(tried, distance, normal.T, point.T, snapshot)
         distance = solids.distances(snapshot, tried)
         if count < len(tried):
             best = _smallest(distance, count)
             tried, distance = tried.take(best), distance.take(best)
         normal, point = solids.witnesses(tried)
-        return Proximity(tried, distance, normal.T, point.T, snapshot)
+        return PairDistances(tried, distance, normal.T, point.T, snapshot)
 
     def _capsules(self, placed: Array, chosen: Index) -> tuple[Array, Array, Array]:
         """Return distances (k,), normals (3, k) and points on the first bodies (3, k).
@@ -323,7 +310,7 @@ def _columns(body: Body, cover: Capsule) -> Array:
         return np.stack((point, body.shape.normal, point), axis=1)
     start, end = cover.ends
     direction = (end - start) / (_length(cover) or 1.0)
-    middle, _ = body.ball
+    middle, _ = body.bounding_ball
     return np.stack((start, direction, middle), axis=1)
 
 

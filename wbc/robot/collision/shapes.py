@@ -1,4 +1,4 @@
-"""What bodies are made of here: a convex core with a rounding radius, in the frame of a joint."""
+"""Shapes, bodies and obstacles: convex cores with a rounding radius."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.rotations import check_rotation, exp_rotation
 from wbc.validate import Array, finite_array, finite_number, read_only
 
+_ZERO = (0.0, 0.0, 0.0)
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
@@ -64,7 +66,7 @@ class Hull:
     radius: float = 0.0
 
     @classmethod
-    def box(cls, size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Hull:
+    def box(cls, size: ArrayLike, centre: ArrayLike = _ZERO) -> Hull:
         """Return a box with side lengths ``size`` (3,) along the axes."""
         sides = finite_array("box, size", size, (3,))
         if (sides <= 0.0).any():
@@ -155,7 +157,7 @@ class Body:
     bulge: float = 0.0
 
     @property
-    def ball(self) -> tuple[Array, float]:
+    def bounding_ball(self) -> tuple[Array, float]:
         """Centre (3,) in the joint's frame and radius [m] of a ball that holds the shape."""
         core = self.shape.core
         centre = 0.5 * (core.min(axis=0) + core.max(axis=0))
@@ -172,3 +174,84 @@ class Body:
             case Hull():
                 return float(np.linalg.norm(core.max(axis=0) - core.min(axis=0)))
         return np.inf
+
+
+class Obstacle:
+    """Something that the robot does not carry, with a place and a velocity.
+
+    Parameters
+    ----------
+    name:
+        For labels.
+    shape:
+        In the obstacle's own frame, which is the world's until it is moved.
+
+    Attributes
+    ----------
+    rotation, origin:
+        Place of its frame: (3, 3) and (3,) [m].
+    velocity, angular_velocity:
+        Of its frame's origin (3,) [m/s] and of its frame (3,) [rad/s]; world axes.
+    """
+
+    def __init__(self, name: str, shape: Shape) -> None:
+        self.name = name
+        self.shape = shape
+        self.move(np.eye(3), _ZERO)
+
+    def __repr__(self) -> str:
+        return f"Obstacle({self.name!r}, {type(self.shape).__name__})"
+
+    @classmethod
+    def sphere(cls, name: str, centre: ArrayLike, radius: float) -> Obstacle:
+        """Return a sphere."""
+        return cls(name, Capsule.sphere(centre, radius))
+
+    @classmethod
+    def capsule(cls, name: str, start: ArrayLike, end: ArrayLike, radius: float) -> Obstacle:
+        """Return all points within ``radius`` of the segment from ``start`` to ``end``."""
+        return cls(name, Capsule.of(start, end, radius))
+
+    @classmethod
+    def box(cls, name: str, size: ArrayLike, centre: ArrayLike = _ZERO) -> Obstacle:
+        """Return a box with sides ``size`` along the axes of its frame."""
+        return cls(name, Hull.box(size, centre))
+
+    @classmethod
+    def half_space(cls, name: str, normal: ArrayLike, offset: float) -> Obstacle:
+        """Return all points x with ``normal . x <= offset``."""
+        return cls(name, HalfSpace.of(normal, offset))
+
+    def move(
+        self,
+        rotation: ArrayLike,
+        origin: ArrayLike,
+        velocity: ArrayLike = _ZERO,
+        angular_velocity: ArrayLike = _ZERO,
+    ) -> None:
+        """Put the obstacle's frame somewhere, and say how it moves from there.
+
+        Raises
+        ------
+        InvalidInputError
+            Not finite, of another size, or no rotation.
+        """
+        what = f"obstacle {self.name!r}"
+        R = finite_array(f"{what}, rotation", rotation, (3, 3))
+        check_rotation(f"{what}, rotation", R)
+        place = finite_array(f"{what}, origin", origin, (3,))
+        rates = (
+            finite_array(f"{what}, velocity", velocity, (3,)),
+            finite_array(f"{what}, angular velocity", angular_velocity, (3,)),
+        )
+        self.rotation, self.origin = read_only(R), read_only(place)
+        self.velocity, self.angular_velocity = (read_only(rate) for rate in rates)
+
+    def advance(self, dt: float) -> None:
+        """Move on by ``dt`` at the present velocities."""
+        self.move(
+            exp_rotation(dt * self.angular_velocity) @ self.rotation,
+            self.origin + dt * self.velocity,
+            self.velocity,
+            self.angular_velocity,
+        )

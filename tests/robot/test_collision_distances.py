@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from wbc.robot.collision.segments import nearest_points
+from wbc.robot.collision.distances import nearest_points
 
 
 def columns(start, end) -> tuple[np.ndarray, np.ndarray]:

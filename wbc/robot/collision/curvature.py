@@ -1,6 +1,6 @@
-"""How far distances may end below their linear prediction over a step that turns bodies.
+"""Bounds on how far distances may end below their linear prediction over a step.
 
-While two bodies turn against each other by an angle phi, the paths of their points bend, which is
+While two bodies turn against each other by an angle phi, the paths of their points curve, which is
 of second order in phi, and where surfaces are parallel the nearest points jump along them, which is
 of first order. Two bounds:
 
@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.validate import Array
 
-REACH = 1.0  # m: levers on which joints carry bodies, for an estimate of curvature
+LEVER = 1.0  # m: on which joints carry bodies, for an estimate of curvature
 Index = NDArray[np.int64]
-Places = tuple[Array, Array]  # rotations (njoints, 3, 3) and origins (njoints, 3) of all joints
+Placements = tuple[Array, Array]  # rotations (njoints, 3, 3) and origins (njoints, 3) of all joints
 
 
-class Bending:
+class CurvatureBounds:
     """Bounds on what linear predictions of some pairs' distances leave out.
 
     Parameters
@@ -35,55 +35,51 @@ class Bending:
         (N, 2) indices of bodies.
     moves:
         (N, nv) 1 where a velocity moves one of a pair's bodies and not the other.
-
-    Attributes
-    ----------
-    turns:
-        (N, nv) ``moves`` without the base's translation, which turns nothing.
-    carries:
-        (N, 3) ``moves`` of the base's translation alone; None if it moves all bodies alike.
-    slides:
-        (N,) length of the shorter body [m].
     """
 
     def __init__(self, bodies: Sequence[Body], pairs: Index, moves: Array) -> None:
-        self.turns = moves.copy()
-        self.turns[:, :3] = 0.0
-        self.carries = moves[:, :3].copy() if moves[:, :3].any() else None
+        self._turns = moves.copy()
+        self._turns[:, :3] = 0.0  # the base's translation turns nothing
+        # (N, 3), or None if the base's translation moves all bodies alike.
+        self._carries = moves[:, :3].copy() if moves[:, :3].any() else None
         self._pairs = pairs
         lengths = np.array([body.length for body in bodies])
-        self.slides = lengths[pairs].min(axis=1)
+        self._shorter = lengths[pairs].min(axis=1)  # (N,) length of the shorter body [m]
         self._joints = np.array([body.joint for body in bodies])
         self._radii = np.array([body.shape.radius for body in bodies])
         flat = np.array([isinstance(body.shape, HalfSpace) for body in bodies])
-        self._least = np.where(flat, np.inf, 0.0)  # planes have no corners to go by
+        self._least = np.where(flat, np.inf, 0.0)  # half-spaces have no corners to go by
         most = max(len(body.shape.core) for body in bodies)
         # (bodies, most, 3): those with fewer corners repeat their last.
         self._corners = np.stack([_filled(body.shape.core, most) for body in bodies])
 
     def place(self, body: int, core: Array) -> None:
-        """Say where the corners (k, 3) of a body of joint 0 are now."""
+        """Set the corners (k, 3) of a body of joint 0 in the world."""
         self._corners[body] = _filled(core, self._corners.shape[1])
 
-    def from_corners(
-        self, places: Places, pairs: Index, contact: tuple[Array, Array, Array], angle: Array
+    def quick(self, pairs: Index | None, step: Array) -> Array:
+        """Return the bound (k,) [m] by lengths, of all pairs if None, for a ``step`` (nv,)."""
+        angle, curvature = self._angles(pairs, step)
+        curvature += _chosen(self._shorter, pairs) * angle
+        return curvature
+
+    def by_corners(
+        self, places: Placements, pairs: Index, contact: tuple[Array, Array, Array], step: Array
     ) -> Array:
-        """Return what the corners of some pairs may come nearer by (k,) without the path's bend.
+        """Return the bound (k,) [m] from the corners of some pairs.
 
         Parameters
         ----------
         contact:
             Normals (k, 3) from the second to the first body, nearest points (k, 3) on both.
-        angle:
-            (k,) by which the two turn against each other at most [rad].
         """
+        angle, curvature = self._angles(pairs, step)
         normal, first, second = contact
         bodies = self._pairs.take(pairs, axis=0).T.ravel()  # all first ones, then all second ones
         outward = np.concatenate((normal, -normal))  # away from the other body
-        surface = np.concatenate((first, second))
         joints = self._joints.take(bodies)
         R, origins = (part.take(joints, axis=0) for part in places)
-        origins -= surface
+        origins -= np.concatenate((first, second))
         origins -= self._radii.take(bodies)[:, None] * outward
         x = np.matmul(self._corners.take(bodies, axis=0), R.transpose(0, 2, 1))
         x += origins[:, None]
@@ -93,7 +89,21 @@ class Bending:
         lost = phi * np.sqrt(np.einsum("kci,kci->kc", x, x))
         lost -= ahead
         jumps = np.maximum(lost.max(axis=1), self._least.take(bodies)).reshape(2, -1)
-        return np.asarray(np.minimum(*jumps))
+        curvature += np.minimum(*jumps)
+        return curvature
+
+    def _angles(self, pairs: Index | None, step: Array) -> tuple[Array, Array]:
+        """Return by how much pairs turn against each other (k,) [rad], how far paths curve [m]."""
+        size = np.abs(step)
+        angle = _chosen(self._turns, pairs) @ size
+        lever = 0.5 * LEVER * angle
+        if self._carries is not None:  # while the base slides, its turn curves the path
+            lever += 0.5 * (_chosen(self._carries, pairs) @ size[:3])
+        return angle, lever * angle
+
+
+def _chosen(values: Array, pairs: Index | None) -> Array:
+    return values if pairs is None else values.take(pairs, axis=0)
 
 
 def _filled(core: Array, most: int) -> Array:

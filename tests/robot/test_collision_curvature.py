@@ -78,8 +78,12 @@ def test_no_distance_ends_below_the_bound(name, size, robot_named, random_snapsh
         there = distances(robot, bodies, model.pairs.tolist(), robot.integrate(here.q, step, 1.0))
         left = found.distance + model.rows(here, found) @ step - there
         # Both iterations stop at 1e-7 m, EPA ten times later; a spindle is 1e-6 m thick.
-        assert (left <= model.sharp_bend(found, step, doubted) + 5e-6).all()
-        assert (model.sharp_bend(found, step, doubted) <= model.bend(found.pairs, step)).all()
+        tight = model.tight_curvature_bound(found, step, doubted)
+        assert (left <= tight + 5e-6).all()
+        assert (
+            model.tight_curvature_bound(found, step, doubted)
+            <= model.curvature_bound(found.pairs, step)
+        ).all()
 
 
 def test_only_what_is_parallel_keeps_a_first_order(robot_named, random_snapshot, rng) -> None:
@@ -89,11 +93,11 @@ def test_only_what_is_parallel_keeps_a_first_order(robot_named, random_snapshot,
     model = CollisionModel(robot, bodies, every(bodies))
     found = model.nearest(random_snapshot(robot, rng))
     step = 1e-4 * rng.normal(size=robot.nv)
-    coarse = model.bend(found.pairs, step)
-    sharp = model.sharp_bend(found, step, np.full(len(coarse), -1.0))
+    coarse = model.curvature_bound(found.pairs, step)
+    sharp = model.tight_curvature_bound(found, step, np.full(len(coarse), -1.0))
     assert np.median(sharp / coarse) < 0.05
     # Where there is room for it, the coarse bound is left as it is.
-    np.testing.assert_array_equal(model.sharp_bend(found, step, coarse), coarse)
+    np.testing.assert_array_equal(model.tight_curvature_bound(found, step, coarse), coarse)
 
 
 def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
@@ -113,7 +117,7 @@ def test_plates_face_to_face_may_lose_what_their_edges_do(robot_named) -> None:
     assert found.distance[0] == pytest.approx(0.04, abs=1e-6)
     step = np.zeros(robot.nv)
     step[3] = 0.01  # the base, and the upper plate with it, about an axis in the plates' plane
-    bound = model.sharp_bend(found, step, np.array([-1.0]))[0]
+    bound = model.tight_curvature_bound(found, step, np.array([-1.0]))[0]
     there = robot.integrate(here.q, step, 1.0)
     left = (found.distance + model.rows(here, found) @ step)[0]
     left -= distances(robot, bodies, [(1, 0)], there)[0]
@@ -145,7 +149,7 @@ def test_a_strip_that_leans_loses_what_turning_past_parallel_takes(tilt, robot_n
     there = robot.integrate(here.q, step, 1.0)
     left = (found.distance + model.rows(here, found) @ step)[0]
     left -= distances(robot, bodies, [(0, 1)], there)[0]
-    bound = model.sharp_bend(found, step, np.array([-1.0]))[0]
+    bound = model.tight_curvature_bound(found, step, np.array([-1.0]))[0]
     assert left == pytest.approx(0.2 * (angle - tilt), rel=0.1)
     assert left <= bound <= left + 1e-4
 
@@ -173,7 +177,7 @@ def test_random_plates_lose_what_the_bound_says_and_no_less(robot_named, rng) ->
         model = CollisionModel(robot, bodies, [(0, 1)])
         found = model.nearest(here)
         step = size * rng.normal(size=robot.nv)
-        bound = model.sharp_bend(found, step, np.array([-1.0]))[0]
+        bound = model.tight_curvature_bound(found, step, np.array([-1.0]))[0]
         there = robot.integrate(here.q, step, 1.0)
         left = (found.distance + model.rows(here, found) @ step)[0]
         left -= distances(robot, bodies, [(0, 1)], there)[0]
@@ -207,8 +211,8 @@ def test_a_base_that_slides_and_turns_is_counted(shape, robot_named, rng) -> Non
         there = robot.snapshot(robot.integrate(here.q, step, 1.0))
         lost = (found.distance + model.rows(here, found) @ step - model.nearest(there).distance)[0]
         worst = max(worst, lost)
-        assert lost <= model.bend(found.pairs, step)[0] + 1e-6
-        assert lost <= model.sharp_bend(found, step, np.array([-1.0]))[0] + 1e-6
+        assert lost <= model.curvature_bound(found.pairs, step)[0] + 1e-6
+        assert lost <= model.tight_curvature_bound(found, step, np.array([-1.0]))[0] + 1e-6
     assert worst > 1e-4  # half of 5 cm times 5 mrad is 0.125 mm
 
 
@@ -223,9 +227,9 @@ def test_obstacles_count_where_they_were_put_and_planes_not_at_all(robot_named, 
     model.place(1, turn, shift)
     found = model.nearest(here)
     step = 1e-2 * rng.normal(size=robot.nv)
-    sharp = model.sharp_bend(found, step, np.full(2, -1.0))
+    sharp = model.tight_curvature_bound(found, step, np.full(2, -1.0))
     moved = Body("box", "box", 0, Hull(box.vertices @ turn.T + shift))
     same = CollisionModel(robot, [ball, moved], [(0, 1)])
-    there = same.sharp_bend(same.nearest(here), step, np.full(1, -1.0))
+    there = same.tight_curvature_bound(same.nearest(here), step, np.full(1, -1.0))
     np.testing.assert_allclose(sharp[0], there[0], rtol=0, atol=1e-6)
     assert np.isfinite(sharp).all()
