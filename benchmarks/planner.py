@@ -12,8 +12,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads
 
 import argparse
 
+from plan_examples import EXAMPLES
+
 from wbc.rmp.plan import check, solve
-from wbc.rmp.plan.examples import EXAMPLES
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from wbc.problem.json_schema import json_schema
 from wbc.problem.pendulum.plan_specs import PlanWeightsSpec
 from wbc.problem.reading import parse, read_source
 from wbc.problem.spec import ProblemSpec
-from wbc.rmp.plan.problem import Weights
+from wbc.rmp.plan import Weights
 
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.yaml"))
 SCHEMA = json_schema()

@@ -6,7 +6,7 @@ import pytest
 
 from wbc.errors import ProblemFileError, WbcError
 from wbc.problem import load_problem
-from wbc.rmp.plan.failure import PlanError
+from wbc.rmp.plan import PlanError
 
 LAW = """# A lean.
 model: rmp_planar

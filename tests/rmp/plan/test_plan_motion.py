@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from benchmarks.plan_examples import EXAMPLES, HEIGHT, LIMITS, RADII
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import (
     Limits,
@@ -22,7 +23,6 @@ from wbc.rmp.plan import (
     rectangle,
     solve,
 )
-from wbc.rmp.plan.examples import EXAMPLES, HEIGHT, LIMITS, RADII
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.plan_examples import EXAMPLES, HEIGHT, LIMITS, RADII, push_recovery
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.rmp.plan import (
     Check,
@@ -26,8 +27,7 @@ from wbc.rmp.plan import (
     save_plan,
     solve,
 )
-from wbc.rmp.plan.examples import EXAMPLES, HEIGHT, LIMITS, RADII, push_recovery
-from wbc.rmp.plan.schedule import half_planes, overlap
+from wbc.rmp.plan.schedule import overlap, support_bounds
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
@@ -100,7 +100,7 @@ def test_supports() -> None:
     both = hull(left, right)
     assert len(both) == 6 and overlap(left, both) and not overlap(left, right)
     for corners in (both, ((0.1, 0.2),), ((0.0, 0.0), (1.0, 2.0))):
-        A, low, high = half_planes(corners)
+        A, low, high = support_bounds(corners)
         inside = A @ np.mean(corners, axis=0)
         assert (inside >= low - 1e-12).all() and (inside <= high + 1e-12).all()
         outside = A @ (np.mean(corners, axis=0) + (3.0, 0.0))
@@ -134,15 +134,15 @@ def test_check_sees_what_was_tampered_with() -> None:
         solution[where] = value
         return check(replace(plan, solution=solution))
 
-    lost = tampered(places.controls["force"][10, 2], 0.0)
+    lost = tampered(places.named["force"][10, 2], 0.0)
     assert lost.lost_contact == ("lean",) and not lost.ok
     assert "hardly pushed" in lost.report()
     # The force was 294 N, for half of two intervals of 50 ms: M g h / 2 / M a time.
     assert lost.defects["com_velocity"] == pytest.approx(9.81 * 0.05 / 2, rel=0.02)
-    away = tampered(places.controls["cop"][10, 0], 2.0)
+    away = tampered(places.named["cop"][10, 0], 2.0)
     assert away.violations[0].quantity == "cop" or away.violations[1].quantity == "cop"
     assert away.defects["momentum"] > 1.0
-    turned = tampered(places.states["orientation"][10, 0], 0.1)
+    turned = tampered(places.named["orientation"][10, 0], 0.1)
     # sigma of 0.1 is 4 atan(0.1) rad; the plan's own lean is small.
     assert turned.defects["orientation"] == pytest.approx(4 * np.arctan(0.1), rel=0.05)
 

@@ -15,10 +15,16 @@ from wbc.problem.pendulum.plan_specs import (
     StateSpec,
     SupportPolygon,
 )
-from wbc.rmp.plan.limits import Limits
-from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import Corners, Phase, hull, rectangle
-from wbc.rmp.plan.state import State
+from wbc.rmp.plan import (
+    Corners,
+    Limits,
+    Phase,
+    PlanProblem,
+    State,
+    Weights,
+    hull,
+    rectangle,
+)
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.problem.pendulum.history import PendulumHistory, Support
 from wbc.rmp.ground import centroidal_moment_pivot
-from wbc.rmp.plan.plan import Plan
+from wbc.rmp.plan import Plan
 from wbc.validate import Array
 
 # Moments between two knots, so that curves look like curves.

@@ -18,9 +18,7 @@ from wbc.problem.run import Progress
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.spin_change import SpinChange
-from wbc.rmp.plan.check import check
-from wbc.rmp.plan.planner import solve
-from wbc.rmp.plan.store import plan_arrays
+from wbc.rmp.plan import check, plan_arrays, solve
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array
 

@@ -2,18 +2,16 @@
 
 from wbc.rmp.plan.check import Check, Excess, check
 from wbc.rmp.plan.coordinates import Generalised, generalised
-from wbc.rmp.plan.failure import PlanError
-from wbc.rmp.plan.limits import Limits
-from wbc.rmp.plan.plan import Plan, Stats
-from wbc.rmp.plan.planner import solve
+from wbc.rmp.plan.plan import Plan, Stats, Trajectory
+from wbc.rmp.plan.planner import PlanError, solve
 from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import Phase, hull, rectangle
+from wbc.rmp.plan.schedule import Corners, Limits, Phase, hull, rectangle
 from wbc.rmp.plan.state import State, at_rest, radii_for
-from wbc.rmp.plan.store import load_plan, problem_from_data, problem_to_data, save_plan
-from wbc.rmp.plan.trajectory import Trajectory
+from wbc.rmp.plan.store import load_plan, plan_arrays, problem_from_data, problem_to_data, save_plan
 
 __all__ = [
     "Check",
+    "Corners",
     "Excess",
     "Generalised",
     "Limits",
@@ -30,6 +28,7 @@ __all__ = [
     "generalised",
     "hull",
     "load_plan",
+    "plan_arrays",
     "problem_from_data",
     "problem_to_data",
     "radii_for",

@@ -16,17 +16,25 @@ from scipy.spatial.transform import Rotation
 from wbc.polygon import polygon_margin
 from wbc.rmp.frames import rotation_rows
 from wbc.rmp.ground import FLIGHT
-from wbc.rmp.plan.linear import carried_on
-from wbc.rmp.plan.plan import Plan
-from wbc.rmp.plan.state import State
-from wbc.rmp.plan.trajectory import Trajectory
+from wbc.rmp.plan.plan import Plan, Trajectory
+from wbc.rmp.plan.state import STATE, State
 from wbc.validate import Array
 
 # Largest defect or excess of a plan in order, in the unit of each quantity.
 TOLERANCE = 1e-6
 # Largest change of the angular momentum in a flight [kg m^2/s].
 DRIFT = 1e-8
-_CONTROLS = {"force": "N", "cop": "m", "moment": "N m"}
+_UNITS = {
+    "com": "m",
+    "com_velocity": "m/s",
+    "orientation": "rad",
+    "momentum": "kg m^2/s",
+    "radii": "m",
+    "radii_rates": "m/s",
+    "force": "N",
+    "cop": "m",
+    "moment": "N m",
+}
 _TIGHT = 1e-12  # of the integration, relative and absolute
 
 
@@ -180,32 +188,23 @@ def _phase_excesses(plan: Plan, fine: Trajectory, k: int) -> list[Excess]:
 def _ends(plan: Plan) -> list[Excess]:
     """Return how far the goal and the period are missed."""
     problem, knots = plan.problem, plan.knots
-    ends = [int(np.flatnonzero(knots.phase == k)[-1]) for k in range(len(plan.phases))]
-    units = {"com": "m", "com_velocity": "m/s", "momentum": "kg m^2/s"}
-    units |= {"radii": "m", "radii_rates": "m/s", "orientation": "rad"}
     out = []
     for where, k, state in problem.waypoints:
-        time = float(plan.starts[k + 1])
+        end, time = np.flatnonzero(knots.phase == k)[-1], float(plan.starts[k + 1])
         for name, values in state.values(problem.mass).items():
-            there = getattr(knots, name)[ends[k]]
+            there = getattr(knots, name)[end]
             if name == "orientation":
                 missed = _missed_turn(problem.reference, state, there)
             else:
-                pairs = zip(there.tolist(), values, strict=True)
-                missed = max(abs(x - y) for x, y in pairs if y is not None)
-            out.append(Excess(where, name, time, missed, units[name]))
-    if problem.periodic is not None:
-        shift = np.array((*problem.periodic, 0.0))
-        for name in ("com", "com_velocity", "momentum", "radii", "radii_rates"):
-            series = getattr(knots, name)
-            missed = np.abs(series[-1] - series[0] - (shift if name == "com" else 0.0)).max()
-            out.append(Excess("period", name, plan.duration, float(missed), units[name]))
-        for name in carried_on(problem):
-            series = getattr(knots, name)
-            missed = np.abs(series[-1] - series[0] - (shift[:2] if name == "cop" else 0.0)).max()
-            out.append(Excess("period", name, plan.duration, float(missed), _CONTROLS[name]))
-        turned = turn_between(knots.orientation[0], knots.orientation[-1])
-        out.append(Excess("period", "orientation", plan.duration, turned, "rad"))
+                missed = float(np.nanmax(np.abs(there - np.array(values, dtype=float))))
+            out.append(Excess(where, name, time, missed, _UNITS[name]))
+    for name, change in problem.period.items():
+        first, last = getattr(knots, name)[0], getattr(knots, name)[-1]
+        if name == "orientation":
+            missed = turn_between(first, last)
+        else:
+            missed = float(np.abs(last - first - change[: np.size(first)]).max())
+        out.append(Excess("period", name, plan.duration, missed, _UNITS[name]))
     return out
 
 
@@ -232,12 +231,9 @@ def turn_between(a: Array, b: Array) -> float:
 
 def _defects(plan: Plan) -> dict[str, float]:
     knots = plan.knots
-    worst = dict.fromkeys(
-        ("com", "com_velocity", "orientation", "momentum", "radii", "radii_rates"), 0.0
-    )
+    worst = dict.fromkeys(STATE, 0.0)
     for i in np.flatnonzero(np.diff(knots.phase) == 0).tolist():
-        end = _integrated(plan, knots, i)
-        for name, value in end.items():
+        for name, value in _integrated(plan, i).items():
             there = getattr(knots, name)[i + 1]
             if name == "orientation":
                 away = turn_between(value / np.linalg.norm(value), there)
@@ -247,55 +243,32 @@ def _defects(plan: Plan) -> dict[str, float]:
     return worst
 
 
-def _integrated(plan: Plan, knots: Trajectory, i: int) -> dict[str, Array]:
+def _integrated(plan: Plan, i: int) -> dict[str, Array]:
     """Return the state at knot i + 1, integrated from knot i under linear controls."""
-    mass, gravity = plan.problem.mass, plan.problem.gravity
+    knots, mass = plan.knots, plan.problem.mass
     h = float(knots.time[i + 1] - knots.time[i])
-    flies = plan.problem.schedule[int(knots.phase[i])].flies
-    f0, f1 = knots.force[i], knots.force[i + 1]
-    p0, p1 = ((0.0, 0.0), (0.0, 0.0)) if flies else (knots.cop[i], knots.cop[i + 1])
-    m0, m1 = knots.moment[i], knots.moment[i + 1]
-    u0, u1 = knots.radii_accelerations[i], knots.radii_accelerations[i + 1]
-    pull = np.array((0.0, 0.0, -gravity))
+    force, cop, moment, acceleration = (
+        np.nan_to_num(getattr(knots, name)[i : i + 2])  # there is no CoP in flight
+        for name in ("force", "cop", "moment", "radii_accelerations")
+    )
+    gravity = np.array((0.0, 0.0, -plan.problem.gravity))
 
     def rate(t: float, x: Array) -> Array:
-        s = t / h
-        force = (1.0 - s) * f0 + s * f1
-        x0, y0 = ((1.0 - s) * a + s * b for a, b in zip(p0, p1, strict=True))
+        share = np.array((1.0 - t / h, t / h))
+        f = share @ force
         q, k, r = x[6:10], x[10:13], x[13:16]
-        lever = np.array((x0, y0, 0.0)) - x[:3]
-        moment = np.array((0.0, 0.0, (1.0 - s) * m0 + s * m1))
+        lever = np.array((*(share @ cop), 0.0)) - x[:3]
         squares = r * r
         R = np.array(rotation_rows(*(q / np.linalg.norm(q))))
         w = (R.T @ k) / (mass / 3.0 * (squares.sum() - squares))
-        spun = np.concatenate((q[3] * w + np.cross(q[:3], w), [-q[:3] @ w])) / 2.0
-        return np.concatenate(
-            (
-                x[3:6],
-                force / mass + pull,
-                spun,
-                np.cross(lever, force) + moment,
-                x[16:19],
-                (1.0 - s) * u0 + s * u1,
-            )
-        )
+        q_rate = np.concatenate((q[3] * w + np.cross(q[:3], w), [-q[:3] @ w])) / 2.0
+        k_rate = np.cross(lever, f) + (0.0, 0.0, share @ moment)
+        c_rate = f / mass + gravity
+        return np.concatenate((x[3:6], c_rate, q_rate, k_rate, x[16:19], share @ acceleration))
 
-    start = np.concatenate(
-        (
-            knots.com[i],
-            knots.com_velocity[i],
-            knots.orientation[i],
-            knots.momentum[i],
-            knots.radii[i],
-            knots.radii_rates[i],
-        )
-    )
-    x = solve_ivp(rate, (0.0, h), start, method="DOP853", rtol=_TIGHT, atol=_TIGHT).y[:, -1]
-    return {
-        "com": x[:3],
-        "com_velocity": x[3:6],
-        "orientation": x[6:10],
-        "momentum": x[10:13],
-        "radii": x[13:16],
-        "radii_rates": x[16:19],
-    }
+    start = [getattr(knots, name)[i] for name in STATE]
+    ends = np.cumsum([part.size for part in start])
+    x = solve_ivp(
+        rate, (0.0, h), np.concatenate(start), method="DOP853", rtol=_TIGHT, atol=_TIGHT
+    ).y[:, -1]
+    return dict(zip(STATE, np.split(x, ends[:-1]), strict=True))

@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan.plan import Plan
+from wbc.rmp.plan.plan import Plan, Trajectory
 from wbc.rmp.plan.problem import Pendulum
-from wbc.rmp.plan.trajectory import Trajectory
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, read_only

@@ -1,16 +1,20 @@
-"""Where each number of a plan stands among the variables of its programme."""
+"""The variables of a plan's programme: where each number stands, and in which unit."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wbc.rmp.plan.interval import STATE, controls_of
-from wbc.rmp.plan.nlp import Indices
+from wbc.rmp.plan.motion import controls_of
 from wbc.rmp.plan.problem import PlanProblem
+from wbc.rmp.plan.state import STATE
+from wbc.validate import Array
 
+Indices = NDArray[np.int64]
 # Components that move in the slice y = 0; the others stay zero there, or follow (r_3 is r_1).
 IN_PLANE: Mapping[str, tuple[int, ...]] = {
     "com": (0, 2),
@@ -33,16 +37,16 @@ class PhaseLayout:
 
     Attributes
     ----------
-    states, controls:
-        By name, (knots, size); the first states are the last of the phase before.
+    named:
+        Of states, then controls, by name (knots, size); the first state is the last one of the
+        phase before.
     inner:
-        Orientation at the inner nodes (intervals, degree - 1, 3).
+        Of the orientation at the inner nodes (intervals, degree - 1, 3).
     duration:
-        Place of the phase's duration.
+        Of the phase's duration.
     """
 
-    states: Mapping[str, Indices]
-    controls: Mapping[str, Indices]
+    named: Mapping[str, Indices]
     inner: Indices
     duration: int
 
@@ -50,11 +54,6 @@ class PhaseLayout:
     def knots(self) -> Indices:
         """Places of state and controls at each knot (knots, nz)."""
         return np.hstack(list(self.named.values()))
-
-    @property
-    def named(self) -> dict[str, Indices]:
-        """Places of states and controls by name."""
-        return {**self.states, **self.controls}
 
     @property
     def intervals(self) -> Indices:
@@ -66,13 +65,7 @@ class PhaseLayout:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of all variables.
-
-    Attributes
-    ----------
-    count:
-        Number of variables.
-    """
+    """Places of all ``count`` variables, by phase."""
 
     phases: tuple[PhaseLayout, ...]
     count: int
@@ -80,37 +73,42 @@ class Layout:
 
 def lay_out(problem: PlanProblem) -> Layout:
     """Return the places of a problem's variables, phase by phase, knot by knot."""
-    counter = _Counter()
-    phases: list[PhaseLayout] = []
-    before: Mapping[str, Indices] | None = None
+    count = 0
+
+    def new(*shape: int) -> Indices:
+        nonlocal count
+        count += math.prod(shape)
+        return np.arange(count - math.prod(shape), count).reshape(shape)
+
+    phases = []
+    last = new(1, 3 * len(STATE))
     for phase in problem.schedule:
-        first = before or {name: counter.take(3) for name in STATE}
-        knots = [first]
-        for _ in range(phase.intervals):
-            knots.append({name: counter.take(3) for name in STATE})
-        states = {name: np.array([knot[name] for knot in knots]) for name in STATE}
-        controls = {
-            name: np.array([counter.take(size) for _ in knots])
-            for name, size in controls_of(phase.flies).items()
-        }
+        states = np.vstack((last, *(new(1, last.size) for _ in range(phase.intervals))))
+        named = dict(zip(STATE, np.split(states, len(STATE), axis=1), strict=True))
+        for name, size in controls_of(phase.flies).items():
+            named[name] = new(phase.intervals + 1, size)
         if phase.flies:
             # What no force changes is one variable: it cannot drift.
-            states["momentum"][:] = states["momentum"][0]
+            named["momentum"][:] = named["momentum"][0]
         if problem.plane:
-            for each in (states, controls):
-                for name in set(each) & set(_MIRRORED):
-                    each[name][:, 2] = each[name][:, 0]
-        inner = counter.take(phase.intervals * (problem.degree - 1) * 3)
-        phases.append(
-            PhaseLayout(
-                states=states,
-                controls=controls,
-                inner=inner.reshape(phase.intervals, problem.degree - 1, 3),
-                duration=int(counter.take(1)[0]),
-            )
+            for name in set(named) & set(_MIRRORED):
+                named[name][:, 2] = named[name][:, 0]
+        inner = new(phase.intervals, problem.degree - 1, 3)
+        phases.append(PhaseLayout(named, inner, int(new(1)[0])))
+        last = states[-1:]
+    # Numbered anew, without the places that shared variables left empty.
+    used = np.unique(
+        np.hstack([x for p in phases for x in (p.knots.ravel(), p.inner.ravel(), p.duration)])
+    )
+    numbered = tuple(
+        PhaseLayout(
+            named={name: np.searchsorted(used, x) for name, x in phase.named.items()},
+            inner=np.searchsorted(used, phase.inner),
+            duration=int(np.searchsorted(used, phase.duration)),
         )
-        before = {name: states[name][-1] for name in STATE}
-    return _without_gaps(Layout(tuple(phases), counter.count))
+        for phase in phases
+    )
+    return Layout(numbered, len(used))
 
 
 def moving(problem: PlanProblem, name: str, size: int = 3) -> list[int]:
@@ -118,40 +116,40 @@ def moving(problem: PlanProblem, name: str, size: int = 3) -> list[int]:
     return list(IN_PLANE[name]) if problem.plane else list(range(size))
 
 
-def still(name: str, size: int) -> list[int]:
+def fixed_in_plane(name: str, size: int) -> list[int]:
     """Return the components of a state or control that are zero in the slice y = 0."""
-    if name in _MIRRORED:
-        return []
-    return [c for c in range(size) if c not in IN_PLANE[name]]
+    return [] if name in _MIRRORED else [c for c in range(size) if c not in IN_PLANE[name]]
 
 
-class _Counter:
-    """Hands out places in order."""
+def units_of(problem: PlanProblem) -> dict[str, float]:
+    """Return one scaled unit of each kind of variable, SI: sizes of a pendulum of the leg's length.
 
-    def __init__(self) -> None:
-        self.count = 0
+    That is the least of the phases' greatest lengths, or 1 m if none is given.
+    """
+    mass, gravity = problem.mass, problem.gravity
+    length = min(problem.limits_of(k).leg_length[1] for k in range(len(problem.schedule)))
+    length = length if math.isfinite(length) else 1.0
+    speed, time = math.sqrt(gravity * length), math.sqrt(length / gravity)
+    return {
+        "com": length,
+        "com_velocity": speed,
+        "orientation": 1.0,
+        "momentum": 0.1 * mass * length * speed,
+        "radii": 0.3 * length,
+        "radii_rates": 0.3 * speed,
+        "radii_accelerations": 0.3 * gravity,
+        "force": mass * gravity,
+        "cop": 0.3 * length,
+        "moment": 0.03 * mass * gravity * length,
+        "time": time,
+    }
 
-    def take(self, size: int) -> Indices:
-        """Return the next places (size,)."""
-        self.count += size
-        return np.arange(self.count - size, self.count)
 
-
-def _without_gaps(layout: Layout) -> Layout:
-    """Return the layout numbered anew, without places that shared variables left empty."""
-    used = [np.array([phase.duration]) for phase in layout.phases]
-    for phase in layout.phases:
-        used += [x.ravel() for x in (phase.knots, phase.inner)]
-    kept = np.unique(np.concatenate(used))
-    new = np.full(layout.count, -1)
-    new[kept] = np.arange(len(kept))
-    phases = tuple(
-        PhaseLayout(
-            states={name: new[x] for name, x in phase.states.items()},
-            controls={name: new[x] for name, x in phase.controls.items()},
-            inner=new[phase.inner],
-            duration=int(new[phase.duration]),
-        )
-        for phase in layout.phases
-    )
-    return Layout(phases, len(kept))
+def scale_of(problem: PlanProblem, layout: Layout) -> Array:
+    """Return one scaled unit of each variable (n,), SI."""
+    units, scale = units_of(problem), np.ones(layout.count)
+    for places in layout.phases:
+        scale[places.duration] = units["time"]
+        for name, where in places.named.items():
+            scale[where] = units[name]
+    return scale

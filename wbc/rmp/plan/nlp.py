@@ -13,12 +13,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
-from scipy import sparse
 
-from wbc.validate import Array
+from wbc.rmp.plan.layout import Indices
 
-Indices = NDArray[np.int64]
+# Rows, columns and values of entries of a sparse matrix, in one order.
+_Entry = tuple[Indices, Indices, ca.MX]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,40 +85,45 @@ def piece(name: str, z: ca.SX, cost: ca.SX, rows: ca.SX) -> Piece:
     )
 
 
-def assemble(count: int, blocks: Sequence[Block], linear: sparse.csr_array) -> Nlp:
-    """Return the programme in ``count`` variables: the blocks' rows in order, then linear ones."""
+def assemble(count: int, blocks: Sequence[Block], linear: ca.DM) -> Nlp:
+    """Return the programme in ``count`` variables: the blocks' rows in order, then linear ones.
+
+    ``linear`` (rows, count) is their matrix.
+    """
     w, weight = ca.MX.sym("w", count), ca.MX.sym("weight")
     rows = [b.piece.value.size1_out(1) * b.places.shape[1] for b in blocks]
-    firsts = np.concatenate(([0], np.cumsum(rows, dtype=int)))
-    multipliers = ca.MX.sym("multipliers", int(firsts[-1]) + linear.shape[0])
-    f, g = ca.MX(0), []
-    gradients, jacobians, hessians = [], [], []
+    firsts = np.concatenate(([0], np.cumsum(rows, dtype=int))).tolist()
+    multipliers = ca.MX.sym("multipliers", firsts[-1] + linear.shape[0])
+    f, g = ca.MX(0), list[ca.MX]()
+    gradients, jacobians, hessians = list[_Entry](), list[_Entry](), list[_Entry]()
     for block, first in zip(blocks, firsts, strict=False):
-        nz, copies = block.places.shape
-        z = ca.reshape(w[block.places.ravel(order="F").tolist()], nz, copies)
-        cost, values = block.piece.value.map(copies)(z)
+        of, places = block.piece, block.places
+        nz, copies = places.shape
+        m = of.value.size1_out(1)
+        z = ca.reshape(w[places.ravel(order="F").tolist()], nz, copies)
+        lam = ca.reshape(multipliers[first : first + m * copies], m, copies)
+        cost, values = of.value.map(copies)(z)
         f += ca.sum2(cost)
         g.append(ca.vec(values))
-        slope = block.piece.gradient.map(copies)(z)
-        spread = (block.places.ravel(order="F"), np.zeros(nz * copies, dtype=int))
-        gradients.append((*spread, ca.vec(slope)))
-        m = block.piece.value.size1_out(1)
-        steep = block.piece.jacobian.map(copies)(z)
-        jacobians.append((*_jacobian_places(block, int(first), m), _nonzeros(steep)))
-        lam = ca.reshape(multipliers[int(first) : int(first) + m * copies], m, copies)
-        bend = block.piece.hessian.map(copies)(z, ca.repmat(weight, 1, copies), lam)
-        hessians.append((*_hessian_places(block), _nonzeros(bend)))
-    constant = linear.tocoo()
-    jacobians.append((constant.row + int(firsts[-1]), constant.col, ca.MX(ca.DM(constant.data))))
+        row, column = (np.array(x) for x in of.jacobian.sparsity_out(0).get_triplet())
+        at = first + row[:, None] + m * np.arange(copies)
+        zeros = np.zeros(places.shape, dtype=int)
+        gradients.append((places, zeros, of.gradient.map(copies)(z)))
+        jacobians.append((at, places[column], of.jacobian.map(copies)(z)))
+        row, column = (np.array(x) for x in of.hessian.sparsity_out(0).get_triplet())
+        hessian = of.hessian.map(copies)(z, ca.repmat(weight, 1, copies), lam)
+        hessians.append((places[row], places[column], hessian))
+    row, column = (np.array(x, dtype=int) for x in linear.sparsity().get_triplet())
+    jacobians.append((firsts[-1] + row, column, ca.MX(linear)))
     return Nlp(
         w=w,
         f=f,
-        g=ca.vertcat(*g, ca.mtimes(_dm(linear), w)),
-        gradient=ca.densify(_summed(gradients, (count, 1))),
-        jacobian=_summed(jacobians, (multipliers.numel(), count)),
+        g=ca.vertcat(*g, linear @ w),
+        gradient=ca.densify(_matrix(gradients, (count, 1))),
+        jacobian=_matrix(jacobians, (multipliers.numel(), count)),
         weight=weight,
         multipliers=multipliers,
-        hessian=_summed(hessians, (count, count), upper=True),
+        hessian=ca.triu(_matrix(hessians, (count, count))),
     )
 
 
@@ -131,65 +135,30 @@ def elastic(nlp: Nlp, rows: Indices, price: float) -> Nlp:
     """
     count, slack = nlp.w.numel(), len(rows)
     w = ca.MX.sym("w", count + slack)
-    shape = (nlp.g.numel(), slack)
-    E = _dm(sparse.csr_array((np.ones(slack), (rows, np.arange(slack))), shape=shape))
-    inputs, outputs = [nlp.w], [nlp.f, nlp.g, nlp.gradient, nlp.jacobian]
-    f, g, gradient, jacobian = ca.Function("rigid", inputs, outputs)(w[:count])
-    inputs += [nlp.weight, nlp.multipliers]
-    bend = ca.Function("bend", inputs, [nlp.hessian])(w[:count], nlp.weight, nlp.multipliers)
-    spent = w[count:]
+    E = ca.DM.triplet(rows.tolist(), list(range(slack)), ca.DM.ones(slack), nlp.g.numel(), slack)
+    inputs = [nlp.w, nlp.weight, nlp.multipliers]
+    outputs = [nlp.f, nlp.g, nlp.gradient, nlp.jacobian, nlp.hessian]
+    parts = ca.Function("rigid", inputs, outputs)
+    f, g, gradient, jacobian, hessian = parts(w[:count], nlp.weight, nlp.multipliers)
+    e = w[count:]
     return Nlp(
         w=w,
-        f=f + price * ca.sumsqr(spent),
-        g=g + E @ spent,
-        gradient=ca.vertcat(gradient, 2.0 * price * spent),
+        f=f + price * ca.sumsqr(e),
+        g=g + E @ e,
+        gradient=ca.vertcat(gradient, 2.0 * price * e),
         jacobian=ca.horzcat(jacobian, E),
         weight=nlp.weight,
         multipliers=nlp.multipliers,
-        hessian=ca.diagcat(bend, 2.0 * price * nlp.weight * ca.MX(ca.DM.eye(slack))),
+        hessian=ca.diagcat(hessian, 2.0 * price * nlp.weight * ca.MX(ca.DM.eye(slack))),
     )
 
 
-def _nonzeros(mapped: ca.MX) -> ca.MX:
-    return ca.vertcat(*[mapped.nz[:]]) if mapped.nnz() else ca.MX(0, 1)
-
-
-def _jacobian_places(block: Block, first: int, m: int) -> tuple[Indices, Indices]:
-    """Return rows and columns, in all, of a block's nonzeros: copy after copy, by columns."""
-    row, column = (np.array(x) for x in block.piece.jacobian.sparsity_out(0).get_triplet())
-    copies = np.arange(block.places.shape[1])
-    rows = first + row[:, None] + m * copies
-    return rows.ravel(order="F"), block.places[column].ravel(order="F")
-
-
-def _hessian_places(block: Block) -> tuple[Indices, Indices]:
-    row, column = (np.array(x) for x in block.piece.hessian.sparsity_out(0).get_triplet())
-    return block.places[row].ravel(order="F"), block.places[column].ravel(order="F")
-
-
-def _summed(
-    parts: Sequence[tuple[Indices, Indices, ca.MX]], shape: tuple[int, int], upper: bool = False
-) -> ca.MX:
-    """Return the sparse matrix of all entries, those in one place added; or its upper triangle."""
-    rows = np.concatenate([part[0] for part in parts])
-    columns = np.concatenate([part[1] for part in parts])
-    entries = ca.vertcat(*(part[2] for part in parts))
-    kept = np.flatnonzero(rows <= columns) if upper else np.arange(len(rows))
-    flat, where = np.unique(columns[kept] * shape[0] + rows[kept], return_inverse=True)
-    gather = sparse.csr_array((np.ones(len(kept)), (where, kept)), shape=(len(flat), len(rows)))
-    pattern = ca.Sparsity.triplet(*shape, (flat % shape[0]).tolist(), (flat // shape[0]).tolist())
-    return ca.MX(pattern, ca.mtimes(_dm(gather), entries))
-
-
-def _dm(matrix: sparse.csr_array) -> ca.DM:
-    coo = matrix.tocoo()
-    rows, columns = coo.shape
-    pattern = ca.Sparsity.triplet(rows, columns, coo.row.tolist(), coo.col.tolist())
-    order = np.lexsort((coo.row, coo.col))
-    return ca.DM(pattern, coo.data[order].tolist())
-
-
-def values_of(w: ca.DM) -> Array:
-    """Return a column of CasADi's as an array (n,)."""
-    flat: Array = w.full().ravel()
-    return flat
+def _matrix(entries: Sequence[_Entry], shape: tuple[int, int]) -> ca.MX:
+    """Return the sparse matrix of all entries, those in one place added."""
+    rows, columns = (np.concatenate([part[k].ravel(order="F") for part in entries]) for k in (0, 1))
+    values = ca.vertcat(*(part[2].nz[:] for part in entries if part[2].nnz()))
+    keys, order = np.unique(columns * shape[0] + rows, return_inverse=True)
+    pattern = ca.Sparsity.triplet(*shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist())
+    count = len(order)
+    add = ca.DM.triplet(order.tolist(), list(range(count)), ca.DM.ones(count), keys.size, count)
+    return ca.MX(pattern, add @ values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import accumulate
 
@@ -11,14 +11,73 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan.layout import Layout, lay_out
+from wbc.rmp.plan.layout import Layout, lay_out, units_of
+from wbc.rmp.plan.motion import (
+    body_rate,
+    motion,
+    principal_moments,
+    quaternion,
+    reference_axes,
+    rotation,
+)
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.trajectory import Trajectory, gathered, sampler
-from wbc.rmp.plan.transcription import units_of
 from wbc.validate import Array, finite_array, read_only
 
 # How far a time may lie outside the plan by rounding, as a fraction of its length.
 ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The motion at n moments; vectors in world axes unless said otherwise. Read-only.
+
+    Attributes
+    ----------
+    time:
+        [s] (n,).
+    phase:
+        Places in the schedule (n,).
+    com, com_velocity, com_acceleration:
+        c, c', c'' (n, 3) [m, m/s, m/s^2].
+    orientation:
+        Of the masses' axes: quaternions (n, 4), x y z w.
+    angular_velocity:
+        Of the masses' axes (n, 3) [rad/s].
+    momentum, momentum_rate:
+        k_G and k_G' (n, 3) [kg m^2/s, N m].
+    radii, radii_rates, radii_accelerations:
+        r, r', r'' (n, 3).
+    inertia:
+        Principal moments about the masses' axes (n, 3) [kg m^2].
+    force:
+        Of the ground (n, 3) [N]; zero in flight.
+    cop, cop_velocity:
+        p and p' on the ground (n, 2) [m, m/s]; NaN in flight, where there is none.
+    moment:
+        About the vertical through the CoP (n,) [N m].
+    """
+
+    time: Array
+    phase: NDArray[np.int64]
+    com: Array
+    com_velocity: Array
+    com_acceleration: Array
+    orientation: Array
+    angular_velocity: Array
+    momentum: Array
+    momentum_rate: Array
+    radii: Array
+    radii_rates: Array
+    radii_accelerations: Array
+    inertia: Array
+    force: Array
+    cop: Array
+    cop_velocity: Array
+    moment: Array
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            getattr(self, each.name).flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -148,21 +207,54 @@ class Plan:
 
     @cached_property
     def _samplers(self) -> list[ca.Function]:
-        units = units_of(self.problem)
-        return [sampler(self.problem, k, units) for k in range(len(self.phases))]
+        return [_sampler(self.problem, k) for k in range(len(self.phases))]
 
     def _sampled(
-        self,
-        time: Array,
-        phase: NDArray[np.int64],
-        interval: NDArray[np.int64],
-        part: Array,
+        self, time: Array, phase: NDArray[np.int64], interval: NDArray[np.int64], part: Array
     ) -> Trajectory:
-        columns = np.empty((self._samplers[0].size1_out(0), len(time)))
+        """Return the motion at parts 0..1 of intervals of phases."""
+        columns = np.empty((sum(_SAMPLED.values()), len(time)))
         for k, sample in enumerate(self._samplers):
             chosen = np.flatnonzero(phase == k)
             if chosen.size:
                 z = self.solution[self.layout.phases[k].intervals[:, interval[chosen]]]
-                values = sample.map(chosen.size)(z, part[chosen][None])
-                columns[:, chosen] = values.full()
-        return gathered(time, phase, columns)
+                columns[:, chosen] = sample.map(chosen.size)(z, part[chosen][None]).full()
+        ends = np.cumsum(list(_SAMPLED.values()))[:-1]
+        parts = {
+            name: np.array(rows[0] if len(rows) == 1 else rows.T)
+            for name, rows in zip(_SAMPLED, np.split(columns, ends), strict=True)
+        }
+        return Trajectory(time=time, phase=phase, **parts)
+
+
+# What a sampler returns, in its order, with sizes.
+_SAMPLED = {
+    each.name: {"orientation": 4, "cop": 2, "cop_velocity": 2, "moment": 1}.get(each.name, 3)
+    for each in fields(Trajectory)
+    if each.name not in ("time", "phase")
+}
+
+
+def _sampler(problem: PlanProblem, phase: int) -> ca.Function:
+    """Return the Function (interval's scaled variables, s in 0..1) -> all quantities in a column.
+
+    Positions, velocities, momenta, radii and forces are exact; the orientation is the collocation
+    polynomial's.
+    """
+    of = problem.schedule[phase]
+    m = motion(problem, units_of(problem), of.flies, of.intervals)
+    s = ca.SX.sym("s")
+    at = {name: p(s) for name, p in (m.states | m.controls).items()}
+    at |= {"com_acceleration": m.acceleration(s), "momentum_rate": m.torque(s)}
+    if of.flies:
+        at |= {"force": ca.SX.zeros(3), "moment": ca.SX.zeros(1)}
+        at |= {"cop": ca.SX.nan(2), "cop_velocity": ca.SX.nan(2)}
+    else:
+        at["cop_velocity"] = m.controls["cop"].coefficients[1] / m.duration
+    sigma = at["orientation"]
+    rate = body_rate(problem, sigma, at["momentum"], at["radii"])
+    at["orientation"] = quaternion(problem, sigma)
+    at["angular_velocity"] = reference_axes(problem) @ (rotation(sigma) @ rate)
+    at["inertia"] = principal_moments(problem.mass, at["radii"])
+    column = ca.vertcat(*(ca.densify(at[name]) for name in _SAMPLED))
+    return ca.Function("sample", [m.z, s], [column])

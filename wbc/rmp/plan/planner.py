@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from time import process_time
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, WbcError
 from wbc.rmp.plan.check import Excess, check
-from wbc.rmp.plan.failure import PlanError
-from wbc.rmp.plan.guess import first_guess
-from wbc.rmp.plan.nlp import Nlp, elastic, values_of
+from wbc.rmp.plan.layout import scale_of, units_of
+from wbc.rmp.plan.nlp import Nlp, elastic
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.transcription import Transcription, scale_of, transcribe, units_of
+from wbc.rmp.plan.transcription import Transcription, first_guess, transcribe
 from wbc.validate import Array
 
 ITERATIONS = 100
@@ -46,6 +46,43 @@ _WARM: dict[str, Any] = {
 _PRICE = 1000.0
 _DIAGNOSIS = 120  # iterations
 _MOTION = 1e-3  # defect above which an attempt is no motion, SI
+_SHOWN = 5  # violations in an error's message
+
+
+class PlanError(WbcError):
+    """No plan was found.
+
+    Attributes
+    ----------
+    status:
+        IPOPT's verdict.
+    violations:
+        What is exceeded in the motion that was found to come nearest to a plan, the worst first: it
+        obeys the equations of motion and breaks limits and goal as little as it can, the sum of
+        squares in sizes of the problem. Small ones everywhere tell of a search that failed, rather
+        than of a contradiction. Empty if nothing is exceeded at all.
+    attempt:
+        That motion.
+    """
+
+    def __init__(self, status: str, violations: Sequence[Excess], attempt: Plan) -> None:
+        self.status, self.violations, self.attempt = status, tuple(violations), attempt
+        super().__init__(_message(status, self.violations))
+
+
+def _message(status: str, violations: tuple[Excess, ...]) -> str:
+    if not violations:
+        return (
+            f"no plan found (IPOPT: {status}), though no contradiction either: the limits and the"
+            " goal can be met nearly; give more iterations, a plan of a similar problem as warm"
+            " start, or an easier schedule"
+        )
+    lines = [f"no plan found (IPOPT: {status}); the nearest motion:"]
+    lines += [f"  {each}" for each in violations[:_SHOWN]]
+    if len(violations) > _SHOWN:
+        lines.append(f"  and {len(violations) - _SHOWN} more")
+    lines.append("loosen one of these, or give the schedule more time or support there")
+    return "\n".join(lines)
 
 
 def solve(
@@ -122,8 +159,8 @@ def _plan(
     count = t.layout.count
     return Plan(
         problem=t.problem,
-        solution=values_of(found["x"])[:count],
-        duals=(values_of(found["lam_x"])[:count], values_of(found["lam_g"])),
+        solution=found["x"].full().ravel()[:count],
+        duals=(found["lam_x"].full().ravel()[:count], found["lam_g"].full().ravel()),
         stats=Stats(
             variables=count,
             constraints=len(t.labels),

@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan.limits import Limits
-from wbc.rmp.plan.schedule import Phase, half_planes
-from wbc.rmp.plan.state import State
+from wbc.polygon import polygon_margin
+from wbc.rmp.plan.schedule import Corners, Limits, Phase, overlap
+from wbc.rmp.plan.state import STATE, State
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import UNIT, SolidRmp
-from wbc.validate import finite_number, finite_vector
+from wbc.validate import Array, finite_number, finite_vector
 
 Pendulum = PlanarRmp | SolidRmp
 # How far values may be past a limit and still count as on it, by rounding.
@@ -161,6 +161,24 @@ class PlanProblem:
         given = [each for each in ends if each[2] != State()]
         return (*given, ("goal", len(self.schedule) - 1, self.goal))
 
+    @property
+    def period(self) -> dict[str, Array]:
+        """What is periodic, by name, with its change (3,) over the period; empty without one."""
+        if self.periodic is None:
+            return {}
+        dx, dy = self.periodic
+        names = list(STATE)
+        begin, end = self.schedule[0].support, self.schedule[-1].support
+        if begin is not None and end is not None:
+            names.append("force")
+            if overlap(begin, tuple((x - dx, y - dy) for x, y in end)):
+                names.append("cop")
+                ends = (0, len(self.schedule) - 1)
+                if min(self.limits_of(k).torsion for k in ends) > 0.0:
+                    names.append("moment")
+        stride, none = np.array((dx, dy, 0.0)), np.zeros(3)
+        return {name: stride if name in ("com", "cop") else none for name in names}
+
     def limits_of(self, phase: int) -> Limits:
         """Return the limits that hold in a phase, by its place in the schedule."""
         own = self.schedule[phase].limits
@@ -200,11 +218,13 @@ def _check_state(
 ) -> None:
     """Raise if a state given is past limits of its phase, or above no possible CoP."""
     given = state.values(problem.mass)
-    for name, pair in (
-        ("radii", limits.radius),
-        ("radii_rates", (-limits.radius_rate, limits.radius_rate)),
-        ("momentum", (-limits.momentum, limits.momentum)),
-    ):
+    rate, momentum = limits.radius_rate, limits.momentum
+    pairs = {
+        "radii": limits.radius,
+        "radii_rates": (-rate, rate),
+        "momentum": (-momentum, momentum),
+    }
+    for name, pair in pairs.items():
         _within(f"{which}: {name}", given.get(name, ()), pair)
     com = given.get("com", (None, None, None))
     _within(f"{which}: height of the CoM", com[2:], limits.height)
@@ -213,7 +233,7 @@ def _check_state(
     if phase.support is None or None in com:
         return
     place = np.array(com, dtype=float)
-    shortest, longest = _leg_range(place, phase)
+    shortest, longest = _leg_range(place, phase.support)
     if shortest > limits.leg_length[1] + SLACK or longest < limits.leg_length[0] - SLACK:
         raise InvalidInputError(
             f"{which}: no CoP is possible in phase {phase.name!r}: from its support to the CoM at"
@@ -222,20 +242,11 @@ def _check_state(
         )
 
 
-def _leg_range(com: np.ndarray, phase: Phase) -> tuple[float, float]:
+def _leg_range(com: np.ndarray, support: Corners) -> tuple[float, float]:
     """Return the least and the greatest distance [m] of a CoM from the support of a stance."""
-    corners = np.array(phase.support)
-    A, low, high = half_planes(phase.support or ())
-    reach = np.hypot(np.linalg.norm(corners - com[:2], axis=1), com[2])
-    at = A @ com[:2]
-    if ((at <= high) & (at >= low)).all():
-        return float(com[2]), float(reach.max())
-    edges = np.roll(corners, -1, axis=0) - corners
-    squares = (edges**2).sum(axis=1)
-    along = ((com[:2] - corners) * edges).sum(axis=1) / np.where(squares > 0.0, squares, 1.0)
-    nearest = corners + np.clip(along, 0.0, 1.0)[:, None] * edges
-    away = np.linalg.norm(nearest - com[:2], axis=1).min()
-    return float(np.hypot(away, com[2])), float(reach.max())
+    away = max(0.0, -float(polygon_margin(support, com[:2])))
+    farthest = np.linalg.norm(np.array(support) - com[:2], axis=1).max()
+    return float(np.hypot(away, com[2])), float(np.hypot(farthest, com[2]))
 
 
 def _within(what: str, values: Sequence[float | None], pair: tuple[float, float]) -> None:
@@ -249,12 +260,7 @@ def _within(what: str, values: Sequence[float | None], pair: tuple[float, float]
 def _check_slice(problem: PlanProblem) -> None:
     """Raise if something given lies outside the plane y = 0."""
     # The components that are zero in the plane.
-    sideways = {
-        "com": (1,),
-        "com_velocity": (1,),
-        "orientation": (0, 2),
-        "momentum": (0, 2),
-    }
+    sideways = {"com": (1,), "com_velocity": (1,), "orientation": (0, 2), "momentum": (0, 2)}
     ends = [(name, state) for name, _, state in problem.waypoints]
     for which, state in (("start", problem.start), ("nominal", problem.nominal), *ends):
         given = state.values(problem.mass)

@@ -1,16 +1,19 @@
-"""The constraints of a plan by name: what each row means, its bounds and its unit."""
+"""A plan's constraints by name, and its cost: nonlinear rows of an interval or knot, linear rows.
+
+All are in scaled units.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
-from wbc.rmp.plan import polynomial as poly
-from wbc.rmp.plan.interval import Motion
-from wbc.rmp.plan.limits import FREE, Limits
-from wbc.rmp.plan.problem import Weights
+from wbc.rmp.plan.layout import Layout, moving
+from wbc.rmp.plan.motion import Motion, Polynomial
+from wbc.rmp.plan.problem import PlanProblem, Weights
+from wbc.rmp.plan.schedule import FREE, Limits, overlap, support_bounds
 from wbc.validate import Array
 
 # Largest component of an orientation's parameters: 80 degrees before the singular full turn.
@@ -19,7 +22,7 @@ TURN = 2.7
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Rows of one constraint, divided by its scale: lower <= value <= upper.
+    """Rows of one constraint: lower <= value <= upper.
 
     ``hard`` rows are equations of motion, which no search for contradictions may break.
     """
@@ -31,120 +34,83 @@ class Row:
     hard: bool = False
 
 
-def scales(mass: float, gravity: float, length: float) -> dict[str, float]:
-    """Return what one scaled unit of each variable is, SI: sizes of a pendulum of that length."""
-    speed, time = float(np.sqrt(gravity * length)), float(np.sqrt(length / gravity))
-    return {
-        "com": length,
-        "com_velocity": speed,
-        "orientation": 1.0,
-        "momentum": 0.1 * mass * length * speed,
-        "radii": 0.3 * length,
-        "radii_rates": 0.3 * speed,
-        "radii_accelerations": 0.3 * gravity,
-        "force": mass * gravity,
-        "cop": 0.3 * length,
-        "moment": 0.03 * mass * gravity * length,
-        "time": time,
-    }
-
-
 def boxes(limits: Limits) -> dict[str, tuple[Array, Array]]:
     """Return (lower, upper) of states and controls at a knot, by name, SI."""
 
-    def within(size: float) -> tuple[Array, Array]:
-        return np.full(3, -size), np.full(3, size)
+    def within(*greatest: float) -> tuple[Array, Array]:
+        return -np.array(greatest), np.array(greatest)
 
+    low, high = limits.height
+    short, long = limits.radius
     least, greatest = limits.normal_force
     side = min(limits.force, limits.friction * greatest)
     return {
-        "com": (
-            np.array((-FREE, -FREE, limits.height[0])),
-            np.array((FREE, FREE, limits.height[1])),
-        ),
-        "com_velocity": within(FREE),
-        "orientation": within(TURN),
-        "momentum": within(limits.momentum),
-        "radii": (np.full(3, limits.radius[0]), np.full(3, limits.radius[1])),
-        "radii_rates": within(limits.radius_rate),
-        "radii_accelerations": within(limits.radius_acceleration),
+        "com": (np.array((-FREE, -FREE, low)), np.array((FREE, FREE, high))),
+        "com_velocity": within(FREE, FREE, FREE),
+        "orientation": within(TURN, TURN, TURN),
+        "momentum": within(*[limits.momentum] * 3),
+        "radii": (np.full(3, short), np.full(3, long)),
+        "radii_rates": within(*[limits.radius_rate] * 3),
+        "radii_accelerations": within(*[limits.radius_acceleration] * 3),
         "force": (
             np.array((-side, -side, least)),
             np.array((side, side, min(greatest, limits.force))),
         ),
-        "cop": (np.full(2, -FREE), np.full(2, FREE)),
-        "moment": (np.zeros(1), np.zeros(1))
-        if limits.torsion == 0.0
-        else (np.full(1, -FREE), np.full(1, FREE)),
+        "cop": within(FREE, FREE),
+        "moment": within(0.0 if limits.torsion == 0.0 else FREE),
     }
 
 
-def dynamics(m: Motion, scale: dict[str, float], kept: dict[str, list[int]]) -> list[Row]:
+def dynamics(m: Motion, units: dict[str, float], kept: dict[str, list[int]]) -> list[Row]:
     """Return the equations of motion: each polynomial ends where the next begins.
 
     ``kept`` names the components that are not implied by others (slice, flight).
     """
-    right = m.ends[1]
-    ends = {
-        "com": m.com,
-        "com_velocity": m.velocity,
-        "momentum": m.momentum,
-        "radii": m.radii,
-        "radii_rates": m.rates,
-    }
-    rows = [
-        Row(
-            f"dynamics of {name}",
-            ((poly.value(p, 1.0) - right[name]) / scale[name])[kept[name]],
-            0.0,
-            0.0,
-            hard=True,
-        )
-        for name, p in ends.items()
-        if kept[name]
-    ]
+    rows = []
+    for name, p in m.states.items():
+        if name != "orientation" and kept[name]:
+            defect = (p(1.0) - m.right[name]) / units[name]
+            rows.append(Row(f"dynamics of {name}", defect[kept[name]], 0.0, 0.0, hard=True))
     turning = m.collocation.numel() // 3
     chosen = [3 * i + k for i in range(turning) for k in kept["orientation"]]
     rows.append(Row("dynamics of orientation", m.collocation[chosen], 0.0, 0.0, hard=True))
     return rows
 
 
-def between_knots(m: Motion, scale: dict[str, float], limits: Limits) -> list[Row]:
+def between_knots(m: Motion, units: dict[str, float], limits: Limits) -> list[Row]:
     """Return what keeps the limits between knots: bounds on Bernstein's inner coefficients."""
     rows = []
 
-    def enclose(name: str, p: poly.Polynomial, pair: tuple[float, float], unit: float) -> None:
+    def enclose(name: str, p: Polynomial, pair: tuple[float, float], unit: float) -> None:
         if pair != (-FREE, FREE):
-            inner = ca.vertcat(*poly.bernstein(p)[1:-1])
+            inner = ca.vertcat(*p.bernstein()[1:-1])
             rows.append(Row(name, inner / unit, pair[0] / unit, pair[1] / unit))
 
-    enclose("height", [x[2] for x in m.com], limits.height, scale["com"])
-    enclose("radius", m.radii, limits.radius, scale["radii"])
+    enclose("height", m.states["com"][2], limits.height, units["com"])
+    enclose("radius", m.states["radii"], limits.radius, units["radii"])
     fastest, most = limits.radius_rate, limits.momentum
-    enclose("radius_rate", m.rates, (-fastest, fastest), scale["radii_rates"])
+    enclose("radius_rate", m.states["radii_rates"], (-fastest, fastest), units["radii_rates"])
     if "force" not in m.controls:
         return rows
-    enclose("momentum", m.momentum, (-most, most), scale["momentum"])
+    enclose("momentum", m.states["momentum"], (-most, most), units["momentum"])
     short, long = limits.leg_length
-    square = poly.product(m.leg, m.leg, ca.dot)
-    enclose("leg_length", square, (short**2, long**2), scale["com"] ** 2)
-    push = poly.product(m.leg, m.controls["force"], ca.dot)
-    enclose("leg_push", push, (0.0, FREE), scale["force"] * scale["com"])
+    enclose("leg_length", m.leg.times(m.leg, ca.dot), (short**2, long**2), units["com"] ** 2)
+    push = m.leg.times(m.controls["force"], ca.dot)
+    enclose("leg_push", push, (0.0, FREE), units["force"] * units["com"])
     if limits.torque < FREE:
         # The ball is convex: it holds the polynomial if it holds all its coefficients.
-        inner = [ca.sumsqr(b) / limits.torque**2 for b in poly.bernstein(m.torque)[1:-1]]
+        inner = [ca.sumsqr(b) / limits.torque**2 for b in m.torque.bernstein()[1:-1]]
         rows.append(Row("torque", ca.vertcat(*inner), -FREE, 1.0))
     return rows
 
 
-def at_stance_knot(m: Motion, scale: dict[str, float], limits: Limits) -> list[Row]:
+def at_stance_knot(m: Motion, units: dict[str, float], limits: Limits) -> list[Row]:
     """Return the limits at the left knot of an interval in stance that no box can hold.
 
     Those on force and CoP are convex, and both are linear in time: they hold in between too.
     """
-    f, weight = m.controls["force"][0], scale["force"]
-    leg, torque = m.leg[0], m.torque[0]
-    length = scale["com"]
+    f, leg, torque = m.controls["force"](0.0), m.leg(0.0), m.torque(0.0)
+    weight, length = units["force"], units["com"]
     short, long = limits.leg_length
     rows = [
         Row("leg_length", ca.sumsqr(leg) / length**2, (short / length) ** 2, (long / length) ** 2),
@@ -156,8 +122,8 @@ def at_stance_knot(m: Motion, scale: dict[str, float], limits: Limits) -> list[R
     if limits.force < FREE:
         rows.append(Row("force", ca.sumsqr(f) / weight**2, -FREE, (limits.force / weight) ** 2))
     if limits.torsion > 0.0:
-        m_z, most = m.controls["moment"][0], limits.torsion * f[2]
-        both = ca.vertcat(most - m_z, most + m_z) / scale["moment"]
+        m_z, most = m.controls["moment"](0.0), limits.torsion * f[2]
+        both = ca.vertcat(most - m_z, most + m_z) / units["moment"]
         rows.append(Row("torsion", both, 0.0, FREE))
     if limits.torque < FREE:
         rows.append(Row("torque", ca.sumsqr(torque) / limits.torque**2, -FREE, 1.0))
@@ -168,31 +134,111 @@ def running_cost(m: Motion, weights: Weights, nominal: dict[str, Array], mass: f
     """Return the cost of an interval; ``nominal`` holds values with NaN where there is none."""
     h, u = m.duration, m.controls
 
-    def square(p: poly.Polynomial) -> ca.SX:
+    def square(p: Polynomial) -> ca.SX:
         """Return the mean of |p|^2 by Simpson's rule, exact up to degree one of p."""
-        return (
-            ca.sumsqr(poly.value(p, 0.0))
-            + 4 * ca.sumsqr(poly.value(p, 0.5))
-            + ca.sumsqr(poly.value(p, 1.0))
-        ) / 6
+        return (ca.sumsqr(p(0.0)) + 4 * ca.sumsqr(p(0.5)) + ca.sumsqr(p(1.0))) / 6
 
     cost = weights.radius_acceleration * square(u["radii_accelerations"])
-    cost += weights.momentum / mass**2 * square(m.momentum)
+    cost += weights.momentum / mass**2 * square(m.states["momentum"])
     if "force" in u:
+        force_rate, cop_rate = (u[name].coefficients[1] / h for name in ("force", "cop"))
         cost += weights.acceleration * square(m.acceleration)
         cost += weights.torque / mass**2 * square(m.torque)
         cost += weights.moment / mass**2 * square(u["moment"])
-        cost += weights.force_rate / mass**2 * ca.sumsqr(u["force"][1]) / h**2
-        cost += weights.cop_rate * ca.sumsqr(u["cop"][1]) / h**2
-    drawn = (
-        ("com", weights.com, m.com),
-        ("radii", weights.radii, m.radii),
-        ("orientation", 16.0 * weights.rotation, m.orientation),
-    )
-    for name, weight, p in drawn:
+        cost += weights.force_rate / mass**2 * ca.sumsqr(force_rate)
+        cost += weights.cop_rate * ca.sumsqr(cop_rate)
+    # 16: sigma is the rotation vector / 4 for small angles.
+    drawn = {"com": weights.com, "radii": weights.radii, "orientation": 16.0 * weights.rotation}
+    for name, weight in drawn.items():
         target = nominal.get(name, np.full(3, np.nan))
         places = np.flatnonzero(np.isfinite(target)).tolist()
         if places:
-            away = [p[0] - ca.DM(np.nan_to_num(target)), *p[1:]]
-            cost += weight * square([x[places] for x in away])
+            away = m.states[name] + Polynomial([-ca.SX(np.nan_to_num(target))])
+            cost += weight * square(away[places])
     return h * cost + weights.time * h
+
+
+# ------------------------------------------------------------------ linear rows across intervals
+
+
+@dataclass(eq=False)
+class LinearRows:
+    """lower <= matrix w <= upper, w scaled, each row with its name; gathered one by one."""
+
+    count: int  # of variables
+    entries: list[tuple[int, int, float]] = field(default_factory=list)
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    labels: list[str] = field(default_factory=list)
+
+    def add(self, label: str, terms: dict[int, float], lower: float, upper: float) -> None:
+        """Add one row: the places of its variables with their coefficients, and its bounds."""
+        self.entries += [(len(self.labels), place, a) for place, a in terms.items()]
+        self.lower.append(lower)
+        self.upper.append(upper)
+        self.labels.append(label)
+
+    @property
+    def matrix(self) -> ca.DM:
+        """Sparse (rows, variables)."""
+        rows, columns, values = ([each[k] for each in self.entries] for k in range(3))
+        return ca.DM.triplet(rows, columns, ca.DM(values), len(self.labels), self.count)
+
+
+def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> LinearRows:
+    """Return all linear rows of a plan: supports, continuity, waypoints and goal, period."""
+    rows = LinearRows(layout.count)
+    _supports(rows, problem, layout, units["cop"])
+    _continuity(rows, problem, layout)
+    for where, k, state in problem.waypoints:
+        for name, values in state.values(problem.mass).items():
+            for c in moving(problem, name):
+                value = values[c]
+                if value is not None:
+                    aim = value / units[name]
+                    place = int(layout.phases[k].named[name][-1, c])
+                    rows.add(f"{where}: {name}", {place: 1.0}, aim, aim)
+    _period(rows, problem, layout, units)
+    return rows
+
+
+def _supports(rows: LinearRows, problem: PlanProblem, layout: Layout, unit: float) -> None:
+    """Keep the CoP inside its support."""
+    for phase, places in zip(problem.schedule, layout.phases, strict=True):
+        if phase.support is None:
+            continue
+        for a, low, high in zip(*support_bounds(phase.support), strict=True):
+            if problem.plane and abs(a[0]) < np.finfo(float).eps:
+                continue  # a side along the slice bounds nothing in it
+            for x, y in places.named["cop"].tolist():
+                terms = {x: a[0]} if problem.plane else {x: a[0], y: a[1]}
+                rows.add(f"{phase.name}: cop", terms, low / unit, high / unit)
+
+
+def _continuity(rows: LinearRows, problem: PlanProblem, layout: Layout) -> None:
+    """Make the force continuous from stance to stance; and the CoP, unless feet must jump."""
+    schedule = problem.schedule
+    for k in range(1, len(schedule)):
+        before, after = schedule[k - 1].support, schedule[k].support
+        if before is None or after is None:
+            continue
+        for name in ("force", "cop", "moment") if overlap(before, after) else ("force",):
+            if name == "moment" and problem.limits_of(k).torsion == 0.0:
+                continue
+            left, right = (layout.phases[j].named[name] for j in (k - 1, k))
+            for c in moving(problem, name, left.shape[1]):
+                terms = {int(right[0, c]): 1.0, int(left[-1, c]): -1.0}
+                rows.add(f"{schedule[k].name}: {name} at its start", terms, 0.0, 0.0)
+
+
+def _period(
+    rows: LinearRows, problem: PlanProblem, layout: Layout, units: dict[str, float]
+) -> None:
+    """Make the last state, force and CoP those of the first knot, moved by the stride."""
+    for name, change in problem.period.items():
+        start, end = layout.phases[0].named[name][0], layout.phases[-1].named[name][-1]
+        for c in moving(problem, name, len(start)):
+            if start[c] != end[c]:
+                terms = {int(end[c]): 1.0, int(start[c]): -1.0}
+                shift = change[c] / units[name]
+                rows.add(f"period: {name}", terms, shift, shift)

@@ -1,22 +1,83 @@
-"""A plan's contact phases: for how long the pendulum stands on what, and when it flies."""
+"""A plan's schedule: contact phases with their supports, durations and limits."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.polygon import checked_polygon
-from wbc.rmp.plan.limits import Limits
+from wbc.polygon import checked_polygon, convex_hull, half_planes
 from wbc.rmp.plan.state import State
-from wbc.validate import Array, finite_array, finite_number
+from wbc.validate import Array, finite_array, finite_number, interval
 
 Corners = tuple[tuple[float, float], ...]
+Range = tuple[float, float]
+FREE = math.inf
 # Polygons closer than this share a point [m].
 TOUCHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits that hold at every moment of a phase, not only at its knots.
+
+    Those on ground forces are idle in flight.
+
+    Parameters
+    ----------
+    friction:
+        Largest |horizontal| / vertical ground force, > 0.
+    torsion:
+        Largest |moment about the vertical| / vertical ground force [m], >= 0; a foot's lever.
+    normal_force:
+        (least, greatest) vertical ground force in stance [N]. A least above zero keeps the contact.
+    force:
+        Greatest size of the ground force [N], > 0.
+    leg_length:
+        (least, greatest) distance from the CoP to the CoM [m], > 0. Along it the leg only pushes.
+    torque:
+        Greatest |k_G'| [N m], > 0: the torque between leg and masses, and so a bound for every
+        wheel motor, whatever the orientation of its axis.
+    momentum:
+        Greatest size of each component of k_G [kg m^2/s], world axes, > 0.
+    radius:
+        (least, greatest) distance of masses from the CoM [m], > 0.
+    radius_rate, radius_acceleration:
+        Greatest size of r' [m/s] and r'' [m/s^2] of every pair, > 0.
+    height:
+        (least, greatest) height of the CoM [m].
+
+    Raises
+    ------
+    InvalidInputError
+        Numbers that are no limits: NaN, not positive where they must be, or in the wrong order.
+    """
+
+    friction: float = FREE
+    torsion: float = 0.0
+    normal_force: Range = (0.0, FREE)
+    force: float = FREE
+    leg_length: Range = (1e-2, FREE)
+    torque: float = FREE
+    momentum: float = FREE
+    radius: Range = (1e-2, FREE)
+    radius_rate: float = FREE
+    radius_acceleration: float = FREE
+    height: Range = (0.0, FREE)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            name, value = each.name, getattr(self, each.name)
+            if isinstance(each.default, tuple):
+                value = interval(f"limits: {name}", value, positive=each.default[0] > 0.0)
+            elif value != FREE:
+                above, least = (-FREE, 0.0) if name == "torsion" else (0.0, -FREE)
+                value = finite_number(f"limits: {name}", value, above=above, least=least)
+            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)
@@ -42,7 +103,7 @@ class Phase:
     Raises
     ------
     InvalidInputError
-        Something that is not so; the message names the phase.
+        A value that is none of the above; the message names the phase.
     """
 
     name: str
@@ -63,11 +124,12 @@ class Phase:
         object.__setattr__(self, "duration", _duration(where, self.duration))
         if self.support is not None:
             try:
-                corners = checked_polygon(np.array(self.support, dtype=float))
+                # Corners on a side, or given twice, are left out.
+                support = hull(checked_polygon(np.array(self.support, dtype=float)))
+                support_bounds(support)
             except (InvalidInputError, ValueError, TypeError) as error:
                 raise InvalidInputError(f"{where}: support: {error}") from error
-            # Corners that are none, on a side or twice, are left out.
-            object.__setattr__(self, "support", hull(corners))
+            object.__setattr__(self, "support", support)
 
     @property
     def flies(self) -> bool:
@@ -80,64 +142,6 @@ class Phase:
         if isinstance(self.duration, tuple):
             return self.duration
         return self.duration, self.duration
-
-
-def hull(*feet: ArrayLike) -> Corners:
-    """Return the convex hull of feet, each (k, 2) [m], as corners of a support polygon.
-
-    Raises
-    ------
-    InvalidInputError
-        No points, or not finite.
-    """
-    if not feet:
-        raise InvalidInputError("hull: needs at least one foot")
-    points = np.vstack([finite_array("foot", foot, np.shape(foot)) for foot in feet])
-    unique = sorted({(float(x), float(y)) for x, y in points})
-    lower, upper = _chain(unique), _chain(unique[::-1])
-    return tuple(lower[:-1] + upper[:-1]) or tuple(unique)
-
-
-def rectangle(x: float, y: float, length: float, width: float) -> Corners:
-    """Return the corners of a foot's sole about (x, y), sides along the axes [m].
-
-    Raises
-    ------
-    InvalidInputError
-        A side that is not positive.
-    """
-    a = finite_number("length", length, above=0.0) / 2.0
-    b = finite_number("width", width, above=0.0) / 2.0
-    return ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
-
-
-def half_planes(support: Corners) -> tuple[Array, Array, Array]:
-    """Return (A, l, u): the support is l <= A p <= u. Rows are unit vectors, bounds in metres."""
-    corners = np.array(support)
-    if len(corners) == 1:
-        return np.eye(2), corners[0], corners[0].copy()
-    edges = np.roll(corners, -1, axis=0) - corners
-    along = edges / np.linalg.norm(edges, axis=1)[:, None]
-    if len(corners) == 2:
-        A = np.array((along[0], (-along[0, 1], along[0, 0])))
-        ends = corners @ A.T
-        return A, ends.min(axis=0), ends.max(axis=0)
-    A = np.column_stack((along[:, 1], -along[:, 0]))  # outward
-    u = (A @ corners.T).max(axis=1)
-    return A, np.full(len(u), -np.inf), u
-
-
-def overlap(a: Corners, b: Corners) -> bool:
-    """Tell whether two convex supports share a point, by their separating axes."""
-    one, other = np.array(a), np.array(b)
-    axes = [half_planes(a)[0], half_planes(b)[0]]
-    if len(a) == 1 and len(b) == 1 and a != b:
-        axes.append((other - one) / np.linalg.norm(other - one))
-    for axis in np.vstack(axes):
-        p, q = one @ axis, other @ axis
-        if p.max() < q.min() - TOUCHING or q.max() < p.min() - TOUCHING:
-            return False
-    return True
 
 
 def _duration(where: str, value: float | Sequence[float]) -> float | tuple[float, float]:
@@ -153,14 +157,55 @@ def _duration(where: str, value: float | Sequence[float]) -> float | tuple[float
     return (low, high) if low < high else low
 
 
-def _chain(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return one side of a hull (Andrew's monotone chain)."""
-    chain: list[tuple[float, float]] = []
-    for x, y in points:
-        while len(chain) > 1:
-            (x0, y0), (x1, y1) = chain[-2:]
-            if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
-                break
-            chain.pop()
-        chain.append((x, y))
-    return chain
+def hull(*feet: ArrayLike) -> Corners:
+    """Return the convex hull of feet, each (k, 2) [m], as corners of a support polygon.
+
+    Raises
+    ------
+    InvalidInputError
+        No points, or not finite.
+    """
+    if not feet:
+        raise InvalidInputError("hull: needs at least one foot")
+    points = np.vstack([finite_array("foot", foot, np.shape(foot)) for foot in feet])
+    return tuple((float(x), float(y)) for x, y in convex_hull(points))
+
+
+def rectangle(x: float, y: float, length: float, width: float) -> Corners:
+    """Return the corners of a foot's sole about (x, y), sides along the axes [m].
+
+    Raises
+    ------
+    InvalidInputError
+        A side that is not positive.
+    """
+    a = finite_number("length", length, above=0.0) / 2.0
+    b = finite_number("width", width, above=0.0) / 2.0
+    return ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
+
+
+def support_bounds(support: Corners) -> tuple[Array, Array, Array]:
+    """Return (A, l, u): the support is l <= A p <= u. Rows are unit vectors, bounds in metres."""
+    corners = np.array(support)
+    if len(corners) == 1:
+        return np.eye(2), corners[0], corners[0].copy()
+    if len(corners) == 2:
+        x, y = (corners[1] - corners[0]) / np.linalg.norm(corners[1] - corners[0])
+        A = np.array(((x, y), (-y, x)))
+        ends = corners @ A.T
+        return A, ends.min(axis=0), ends.max(axis=0)
+    normals, offsets = half_planes(corners)
+    return normals, np.full(len(offsets), -np.inf), offsets
+
+
+def overlap(a: Corners, b: Corners) -> bool:
+    """Tell whether two convex supports share a point, by their separating axes."""
+    one, other = np.array(a), np.array(b)
+    axes = [support_bounds(a)[0], support_bounds(b)[0]]
+    if len(a) == 1 and len(b) == 1 and a != b:
+        axes.append((other - one) / np.linalg.norm(other - one))
+    for axis in np.vstack(axes):
+        p, q = one @ axis, other @ axis
+        if p.max() < q.min() - TOUCHING or q.max() < p.min() - TOUCHING:
+            return False
+    return True

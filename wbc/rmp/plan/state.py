@@ -11,6 +11,8 @@ from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number, finite_vector
 
 Components = Sequence[float | None]
+# Names of a plan's states, each with three components; the orientation's are Rodrigues parameters.
+STATE = ("com", "com_velocity", "orientation", "momentum", "radii", "radii_rates")
 # How far a principal moment may exceed the sum of the others by rounding, as a fraction.
 ROUNDING = 1e-9
 FULL_TURN = 2.0 * np.pi

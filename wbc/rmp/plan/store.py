@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.files import write_whole
 from wbc.rmp.plan.layout import lay_out
-from wbc.rmp.plan.limits import Limits
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import Phase
+from wbc.rmp.plan.schedule import Limits, Phase
 from wbc.rmp.plan.state import State
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp

@@ -1,4 +1,7 @@
-"""From a planning problem to a nonlinear programme, with the name of every row."""
+"""From a planning problem to a nonlinear programme with the name of every row, and a first guess.
+
+The guess goes straight from start to goal, flights as parabolas.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,19 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import rows as constraint
-from wbc.rmp.plan.interval import CONTROLS, STATE, motion
-from wbc.rmp.plan.layout import Layout, lay_out, moving, still
-from wbc.rmp.plan.linear import linear_rows
-from wbc.rmp.plan.nlp import Block, Indices, Nlp, Piece, assemble, piece
+from wbc.rmp.plan.layout import (
+    Indices,
+    Layout,
+    fixed_in_plane,
+    lay_out,
+    moving,
+    scale_of,
+    units_of,
+)
+from wbc.rmp.plan.motion import CONTROLS, motion
+from wbc.rmp.plan.nlp import Block, Nlp, Piece, assemble, piece
 from wbc.rmp.plan.problem import PlanProblem
+from wbc.rmp.plan.state import STATE
 from wbc.validate import Array
 
 
@@ -48,21 +59,22 @@ class Transcription:
     soft: Indices
 
 
-def units_of(problem: PlanProblem) -> dict[str, float]:
-    """Return one scaled unit of each kind of variable, SI."""
-    longest = [problem.limits_of(k).leg_length[1] for k in range(len(problem.schedule))]
-    length = min(longest)
-    return constraint.scales(problem.mass, problem.gravity, length if np.isfinite(length) else 1.0)
+@dataclass(eq=False)
+class _Listed:
+    """Labels, bounds and softness of rows, in the programme's order."""
 
+    labels: list[str]
+    lower: list[float]
+    upper: list[float]
+    soft: list[bool]
 
-def scale_of(problem: PlanProblem, layout: Layout) -> Array:
-    """Return one scaled unit of each variable (n,), SI."""
-    units, scale = units_of(problem), np.ones(layout.count)
-    for places in layout.phases:
-        scale[places.duration] = units["time"]
-        for name, where in places.named.items():
-            scale[where] = units[name]
-    return scale
+    def add(self, phase: str, rows: Sequence[constraint.Row], copies: int) -> None:
+        """Add copies of a piece's rows."""
+        each = [row for row in rows for _ in range(row.value.numel())]
+        self.labels += [f"{phase}: {row.quantity}" for row in each] * copies
+        self.lower += [row.lower for row in each] * copies
+        self.upper += [row.upper for row in each] * copies
+        self.soft += [not row.hard for row in each] * copies
 
 
 def transcribe(problem: PlanProblem) -> Transcription:
@@ -75,93 +87,68 @@ def transcribe(problem: PlanProblem) -> Transcription:
     """
     units, layout = units_of(problem), lay_out(problem)
     pieces: dict[tuple[object, ...], tuple[Piece, list[constraint.Row]]] = {}
-    blocks, found = [], []
-    for k, phase in enumerate(problem.schedule):
-        limits, places = problem.limits_of(k), layout.phases[k]
+    blocks, listed = list[Block](), _Listed([], [], [], [])
+    for k, (phase, places) in enumerate(zip(problem.schedule, layout.phases, strict=True)):
+        limits = problem.limits_of(k)
         key: tuple[object, ...] = (phase.flies, phase.intervals, limits)
         if key not in pieces:
             pieces[key] = _interval_piece(problem, k, units)
         made, rows = pieces[key]
         blocks.append(Block(made, places.intervals))
-        found.append(_listed(phase.name, rows, phase.intervals))
+        listed.add(phase.name, rows, phase.intervals)
         if not phase.flies:
-            key = (phase.flies, limits)
+            key = (limits,)
             if key not in pieces:
                 pieces[key] = _knot_piece(problem, k, units)
             made, rows = pieces[key]
             blocks.append(Block(made, places.knots.T))
-            found.append(_listed(phase.name, rows, phase.intervals + 1))
-    extra = linear_rows(problem, layout, units)
-    nlp = assemble(layout.count, blocks, extra.matrix)
+            listed.add(phase.name, rows, phase.intervals + 1)
+    linear = constraint.linear_rows(problem, layout, units)
     scale = scale_of(problem, layout)
-    lower, upper = _boxes(problem, layout)
-    soft = [*(flag for part in found for flag in part[3]), *[True] * len(extra.labels)]
+    lower, upper = _bounds(problem, layout)
     return Transcription(
         problem=problem,
         layout=layout,
-        nlp=nlp,
+        nlp=assemble(layout.count, blocks, linear.matrix),
         scale=scale,
         lower=lower / scale,
         upper=upper / scale,
-        row_lower=np.concatenate([*(part[1] for part in found), extra.lower]),
-        row_upper=np.concatenate([*(part[2] for part in found), extra.upper]),
-        labels=(*(label for part in found for label in part[0]), *extra.labels),
-        soft=np.flatnonzero(soft),
+        row_lower=np.array(listed.lower + linear.lower),
+        row_upper=np.array(listed.upper + linear.upper),
+        labels=(*listed.labels, *linear.labels),
+        soft=np.flatnonzero(listed.soft + [True] * len(linear.labels)),
     )
 
 
 def _interval_piece(
     problem: PlanProblem, k: int, units: dict[str, float]
 ) -> tuple[Piece, list[constraint.Row]]:
+    """Return dynamics, cost and limits between knots of an interval of phase k."""
     phase, limits = problem.schedule[k], problem.limits_of(k)
-    m = motion(
-        units,
-        (problem.mass, problem.gravity, problem.reference),
-        problem.degree,
-        phase.flies,
-        phase.intervals,
-    )
+    m = motion(problem, units, phase.flies, phase.intervals)
     kept = {name: moving(problem, name) for name in STATE}
     if phase.flies:
         kept["momentum"] = []
+    nominal = {
+        name: np.array(values, dtype=float)  # NaN for None
+        for name, values in problem.nominal.values(problem.mass).items()
+    }
     rows = constraint.dynamics(m, units, kept) + constraint.between_knots(m, units, limits)
-    cost = constraint.running_cost(m, problem.weights, _nominal(problem), problem.mass)
+    cost = constraint.running_cost(m, problem.weights, nominal, problem.mass)
     return piece("interval", m.z, cost, ca.vertcat(*(row.value for row in rows))), rows
 
 
 def _knot_piece(
     problem: PlanProblem, k: int, units: dict[str, float]
 ) -> tuple[Piece, list[constraint.Row]]:
-    constants = (problem.mass, problem.gravity, problem.reference)
-    m = motion(units, constants, problem.degree, False, 1)
+    """Return limits at a knot of the stance k."""
+    m = motion(problem, units, flies=False)
     rows = constraint.at_stance_knot(m, units, problem.limits_of(k))
     z = m.z[: 3 * len(STATE) + sum(CONTROLS.values())]
     return piece("knot", z, ca.SX(0), ca.vertcat(*(row.value for row in rows))), rows
 
 
-def _nominal(problem: PlanProblem) -> dict[str, Array]:
-    given = problem.nominal.values(problem.mass)
-    return {
-        name: np.array([np.nan if x is None else x for x in values])
-        for name, values in given.items()
-    }
-
-
-def _listed(
-    phase: str, rows: Sequence[constraint.Row], copies: int
-) -> tuple[list[str], Array, Array, list[bool]]:
-    """Return labels, bounds and softness of all copies of rows, in the programme's order."""
-    labels, lower, upper, soft = [], [], [], []
-    for row in rows:
-        size = row.value.numel()
-        labels += [f"{phase}: {row.quantity}"] * size
-        lower += [row.lower] * size
-        upper += [row.upper] * size
-        soft += [not row.hard] * size
-    return labels * copies, np.tile(lower, copies), np.tile(upper, copies), soft * copies
-
-
-def _boxes(problem: PlanProblem, layout: Layout) -> tuple[Array, Array]:
+def _bounds(problem: PlanProblem, layout: Layout) -> tuple[Array, Array]:
     """Return the bounds on variables, SI."""
     lower, upper = np.full(layout.count, -np.inf), np.full(layout.count, np.inf)
     for k, (phase, places) in enumerate(zip(problem.schedule, layout.phases, strict=True)):
@@ -172,20 +159,86 @@ def _boxes(problem: PlanProblem, layout: Layout) -> tuple[Array, Array]:
             lower[where] = np.maximum(lower[where], low)
             upper[where] = np.minimum(upper[where], high)
             if problem.plane:
-                fixed = still(name, len(low))
-                lower[where[:, fixed]] = upper[where[:, fixed]] = 0.0
-        inner = places.inner
-        lower[inner], upper[inner] = -constraint.TURN, constraint.TURN
+                fixed = where[:, fixed_in_plane(name, len(low))]
+                lower[fixed] = upper[fixed] = 0.0
+        lower[places.inner], upper[places.inner] = -constraint.TURN, constraint.TURN
         if problem.plane:
-            lower[inner[:, :, (0, 2)]] = upper[inner[:, :, (0, 2)]] = 0.0
-        crossed = lower[places.knots] > upper[places.knots]
-        if crossed.any():
+            fixed = places.inner[:, :, fixed_in_plane("orientation", 3)]
+            lower[fixed] = upper[fixed] = 0.0
+        if (lower[places.knots] > upper[places.knots]).any():
             raise InvalidInputError(
                 f"plan: where phase {phase.name!r} begins or ends, its limits and those of its"
                 " neighbour exclude each other (height, radius, rate or momentum)"
             )
     for name, values in problem.start.values(problem.mass).items():
-        for place, value in zip(layout.phases[0].states[name][0], values, strict=True):
+        for place, value in zip(layout.phases[0].named[name][0], values, strict=True):
             if value is not None:
                 lower[place] = upper[place] = value
     return lower, upper
+
+
+# ------------------------------------------------------------------ first guess
+
+
+def first_guess(t: Transcription) -> Array:
+    """Return scaled variables (n,): what is not given is taken from nominal, goal or start."""
+    problem, layout = t.problem, t.layout
+    first, last = _guessed_ends(problem)
+    middle = [sum(phase.durations) / 2.0 for phase in problem.schedule]
+    whole = sum(middle)
+    standing = sum(T for T, phase in zip(middle, problem.schedule, strict=True) if not phase.flies)
+    w = np.zeros(layout.count)
+    begun = 0.0
+    for phase, places, T in zip(problem.schedule, layout.phases, middle, strict=True):
+        w[places.duration] = T
+        local = np.linspace(0.0, T, phase.intervals + 1)
+        part = ((begun + local) / whole)[:, None]
+        named = places.named
+        for name in STATE:
+            w[named[name]] = first[name] + part * (last[name] - first[name])
+        w[named["com_velocity"]] = (last["com"] - first["com"]) / whole
+        if phase.support is None:
+            # On a parabola over the straight line.
+            w[named["com"][:, 2]] += problem.gravity / 2.0 * local * (T - local)
+            w[named["com_velocity"][:, 2]] += problem.gravity * (T / 2.0 - local)
+        else:
+            w[named["cop"]] = np.mean(phase.support, axis=0)
+            w[named["force"][:, 2]] = problem.mass * problem.gravity * whole / standing
+        sigma = w[named["orientation"]]
+        w[places.inner] = (sigma[:-1, None] + sigma[1:, None]) / 2.0
+        begun += T
+    return np.clip(w / t.scale, t.lower, t.upper)
+
+
+def _guessed_ends(problem: PlanProblem) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return the guessed first and last state by name."""
+    start, goal, nominal = (
+        {name: np.array(x, dtype=float) for name, x in state.values(problem.mass).items()}
+        for state in (problem.start, problem.goal, problem.nominal)
+    )
+    low, high = problem.limits_of(0).leg_length
+    height = (low + high) / 2.0 if np.isfinite(high) else 1.0
+    small, large = problem.limits_of(0).radius
+    r = (small + large) / 2.0 if np.isfinite(large) else max(0.3 * height, small)
+    default = {name: np.zeros(3) for name in STATE}
+    default |= {"com": np.array((0.0, 0.0, height)), "radii": np.full(3, r)}
+    supports = [np.mean(p.support, axis=0) for p in problem.schedule if p.support is not None]
+    free = np.full(3, np.nan)
+
+    def filled(name: str, *sources: dict[str, Array]) -> Array:
+        """Return the first value given for each component, else the default."""
+        value = free
+        for source in (*sources, default):
+            value = np.where(np.isnan(value), source.get(name, free), value)
+        return value
+
+    first = {name: filled(name, start, nominal, goal) for name in STATE}
+    last = {name: filled(name, goal, nominal, start) for name in STATE}
+    for c in (0, 1):
+        if supports and np.isnan(start.get("com", free)[c]):
+            first["com"][c] = supports[0][c]
+        if problem.periodic is not None:
+            last["com"][c] = first["com"][c] + problem.periodic[c]
+        elif supports and np.isnan(goal.get("com", free)[c]):
+            last["com"][c] = supports[-1][c]
+    return first, last

@@ -8,10 +8,16 @@ from dataclasses import replace
 from functools import partial
 
 from wbc.errors import UnknownNameError
-from wbc.rmp.plan.limits import Limits
-from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import Phase, hull, rectangle
-from wbc.rmp.plan.state import State, at_rest
+from wbc.rmp.plan import (
+    Limits,
+    Phase,
+    PlanProblem,
+    State,
+    Weights,
+    at_rest,
+    hull,
+    rectangle,
+)
 from wbc.rmp.solid import SolidRmp
 
 MASS = 30.0  # kg
