@@ -64,7 +64,7 @@ class Polynomial:
 
     def times(self, other: Polynomial, product: Callable[[ca.SX, ca.SX], ca.SX]) -> Polynomial:
         """Return the product of both, by any bilinear product of their coefficients."""
-        out: list[ca.SX] = [0] * (len(self.coefficients) + len(other.coefficients) - 1)
+        out = [ca.SX(0)] * (len(self.coefficients) + len(other.coefficients) - 1)
         for i, a in enumerate(self.coefficients):
             for j, b in enumerate(other.coefficients):
                 out[i + j] = out[i + j] + product(a, b)

@@ -136,10 +136,10 @@ def elastic(nlp: Nlp, rows: Indices, price: float) -> Nlp:
     count, slack = nlp.w.numel(), len(rows)
     w = ca.MX.sym("w", count + slack)
     E = ca.DM.triplet(rows.tolist(), list(range(slack)), ca.DM.ones(slack), nlp.g.numel(), slack)
+    outputs = [nlp.f, nlp.g, nlp.gradient, nlp.jacobian]
+    f, g, gradient, jacobian = ca.Function("rigid", [nlp.w], outputs)(w[:count])
     inputs = [nlp.w, nlp.weight, nlp.multipliers]
-    outputs = [nlp.f, nlp.g, nlp.gradient, nlp.jacobian, nlp.hessian]
-    parts = ca.Function("rigid", inputs, outputs)
-    f, g, gradient, jacobian, hessian = parts(w[:count], nlp.weight, nlp.multipliers)
+    hessian = ca.Function("hessian", inputs, [nlp.hessian])(w[:count], *inputs[1:])
     e = w[count:]
     return Nlp(
         w=w,
@@ -155,7 +155,8 @@ def elastic(nlp: Nlp, rows: Indices, price: float) -> Nlp:
 
 def _matrix(entries: Sequence[_Entry], shape: tuple[int, int]) -> ca.MX:
     """Return the sparse matrix of all entries, those in one place added."""
-    rows, columns = (np.concatenate([part[k].ravel(order="F") for part in entries]) for k in (0, 1))
+    rows = np.concatenate([row.ravel(order="F") for row, _, _ in entries])
+    columns = np.concatenate([column.ravel(order="F") for _, column, _ in entries])
     values = ca.vertcat(*(part[2].nz[:] for part in entries if part[2].nnz()))
     keys, order = np.unique(columns * shape[0] + rows, return_inverse=True)
     pattern = ca.Sparsity.triplet(*shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist())

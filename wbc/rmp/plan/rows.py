@@ -181,8 +181,9 @@ class LinearRows:
     @property
     def matrix(self) -> ca.DM:
         """Sparse (rows, variables)."""
-        rows, columns, values = ([each[k] for each in self.entries] for k in range(3))
-        return ca.DM.triplet(rows, columns, ca.DM(values), len(self.labels), self.count)
+        rows, columns = ([int(each[k]) for each in self.entries] for k in (0, 1))
+        values = ca.DM([a for _, _, a in self.entries])
+        return ca.DM.triplet(rows, columns, values, len(self.labels), self.count)
 
 
 def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> LinearRows:

@@ -25,7 +25,7 @@ from wbc.rmp.plan.layout import (
 from wbc.rmp.plan.motion import CONTROLS, motion
 from wbc.rmp.plan.nlp import Block, Nlp, Piece, assemble, piece
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.state import STATE
+from wbc.rmp.plan.state import STATE, State
 from wbc.validate import Array
 
 
@@ -129,11 +129,8 @@ def _interval_piece(
     kept = {name: moving(problem, name) for name in STATE}
     if phase.flies:
         kept["momentum"] = []
-    nominal = {
-        name: np.array(values, dtype=float)  # NaN for None
-        for name, values in problem.nominal.values(problem.mass).items()
-    }
     rows = constraint.dynamics(m, units, kept) + constraint.between_knots(m, units, limits)
+    nominal = _components(problem, problem.nominal)
     cost = constraint.running_cost(m, problem.weights, nominal, problem.mass)
     return piece("interval", m.z, cost, ca.vertcat(*(row.value for row in rows))), rows
 
@@ -210,17 +207,21 @@ def first_guess(t: Transcription) -> Array:
     return np.clip(w / t.scale, t.lower, t.upper)
 
 
+def _components(problem: PlanProblem, state: State) -> dict[str, Array]:
+    """Return the given components of a state (3,) by name, NaN where they are free."""
+    return {name: np.array(x, dtype=float) for name, x in state.values(problem.mass).items()}
+
+
 def _guessed_ends(problem: PlanProblem) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the guessed first and last state by name."""
     start, goal, nominal = (
-        {name: np.array(x, dtype=float) for name, x in state.values(problem.mass).items()}
-        for state in (problem.start, problem.goal, problem.nominal)
+        _components(problem, state) for state in (problem.start, problem.goal, problem.nominal)
     )
     low, high = problem.limits_of(0).leg_length
     height = (low + high) / 2.0 if np.isfinite(high) else 1.0
     small, large = problem.limits_of(0).radius
     r = (small + large) / 2.0 if np.isfinite(large) else max(0.3 * height, small)
-    default = {name: np.zeros(3) for name in STATE}
+    default: dict[str, Array] = {name: np.zeros(3) for name in STATE}
     default |= {"com": np.array((0.0, 0.0, height)), "radii": np.full(3, r)}
     supports = [np.mean(p.support, axis=0) for p in problem.schedule if p.support is not None]
     free = np.full(3, np.nan)
