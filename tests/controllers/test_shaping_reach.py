@@ -8,7 +8,8 @@ import pytest
 
 from wbc.constraints import ComSupport, Contact, Limits, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController
-from wbc.controllers.shaping import GlobalShaping, Motion, MotionTick, ShapingOutcome
+from wbc.controllers.closed_loop import LoopTick
+from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome
 from wbc.controllers.shaping.merit import posture_cost
 from wbc.controllers.shaping.reach import worst_kept
 from wbc.errors import InvalidInputError
@@ -115,10 +116,16 @@ def test_every_tick_can_be_watched_and_the_time_limited(robot_named) -> None:
     q = robot.posture()
     shaping = GlobalShaping(robot, [tall(robot, q, "base")])
     outcome = shaping.solve(q, 2, workers=1)
-    ticks: list[MotionTick] = []
-    motion = shaping.reach(q, outcome, attempts=1, dt=0.01, watch=ticks.append)
+    attempts: list[int] = []
+    ticks: list[LoopTick] = []
+
+    def watch(attempt: int, tick: LoopTick) -> None:
+        attempts.append(attempt)
+        ticks.append(tick)
+
+    motion = shaping.reach(q, outcome, attempts=1, dt=0.01, watch=watch)
     assert motion.at_rest
-    assert {tick.attempt for tick in ticks} == {0}
+    assert set(attempts) == {0}
     np.testing.assert_array_equal([tick.snapshot.q for tick in ticks], motion.q[:-1])
     np.testing.assert_array_equal([tick.tick.velocity for tick in ticks], motion.v[:-1])
     np.testing.assert_allclose([tick.time for tick in ticks], motion.time[:-1], atol=1e-12)

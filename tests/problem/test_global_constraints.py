@@ -9,7 +9,7 @@ import pytest
 from wbc.constraints import SelfCollision
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
-from wbc.problem.shaping_checks import global_shaping
+from wbc.problem.global_checks import global_shaping
 
 SHIPPED = Path(__file__).parents[2] / "problems" / "global_small_g1.yaml"
 TEXT = """robot: hoap2_like

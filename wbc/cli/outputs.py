@@ -12,7 +12,7 @@ from typing import Any
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import Result
 from wbc.problem.pendulum.result import PendulumResult
-from wbc.problem.saving import result_format
+from wbc.run.saving import result_format
 
 
 @dataclass

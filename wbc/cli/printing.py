@@ -14,7 +14,7 @@ from wbc.cli.shaping import postures_table, search_rows
 from wbc.cli.tables import heads
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
-from wbc.problem.result import TaskResult
+from wbc.run.result import TaskResult
 
 
 def print_result(result: Result, written: Iterable[Path]) -> None:

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wbc.cli.tables import heads
-from wbc.problem.shaping_report import ShapingReport
+from wbc.run.shaping_report import ShapingReport
 
 SHOWN = 5
 _STOPPED = {

@@ -5,108 +5,29 @@ Every name and number is checked here, before anything moves; see :mod:`wbc.prob
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 
 from wbc.constraints import Contact, Limits
-from wbc.controllers import KinematicController, PseudoInverseController, Tick
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.problem.build_constraints import Surroundings, surroundings
-from wbc.problem.build_tasks import BuiltTask, build_task
-from wbc.problem.controller_specs import GlobalSpec, PseudoInverseSpec, QpSettings
+from wbc.problem.build_constraints import surroundings
+from wbc.problem.build_tasks import build_task
+from wbc.problem.controller_specs import GlobalSpec, QpSettings
+from wbc.problem.global_checks import check_global, global_shaping
 from wbc.problem.mistakes import Mistakes
-from wbc.problem.part_specs import ContactSpec, LimitsSpec, RobotSpec, StartSpec
-from wbc.problem.plan import Phase, plan
-from wbc.problem.shaping_checks import check_global, global_shaping
+from wbc.problem.part_specs import LimitsSpec, RobotSpec, StartSpec
+from wbc.problem.parts import Parts, backend_of
+from wbc.problem.plan import plan
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.standing import contacts_of
-from wbc.qp.backend import Backend, make_backend
-from wbc.robot import FootSpec, Robot, Snapshot
-from wbc.tasks import Task
-from wbc.validate import Array
+from wbc.problem.support import contacts_of, slack_by_frame
+from wbc.robot import FootSpec, Robot
+from wbc.run.ramps import TargetedTask
 
 MAX_TICKS = 1_000_000
-
-
-class Controller(Protocol):
-    """From a snapshot to a command."""
-
-    def step(self, snapshot: Snapshot) -> Tick:
-        """Return the command for ``snapshot``."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """What a problem is made of, at its start.
-
-    Attributes
-    ----------
-    start:
-        Configuration (nq,).
-    built:
-        The tasks, and how their targets are moved.
-    contacts:
-        What is held in the first phase.
-    phases:
-        What happens, in order; a run without phases is one.
-    """
-
-    robot: Robot
-    start: Array
-    built: tuple[BuiltTask, ...]
-    contacts: tuple[Contact, ...]
-    phases: tuple[Phase, ...]
-    limits: Limits | None
-    surroundings: Surroundings
-    contact_slack: Mapping[str, float]
-
-    @property
-    def tasks(self) -> tuple[Task, ...]:
-        """All tasks, in the order of the file."""
-        return tuple(one.task for one in self.built)
-
-    def controller(
-        self,
-        spec: QpSettings | PseudoInverseSpec,
-        tasks: Sequence[Task],
-        contacts: Sequence[Contact],
-        snapshot: Snapshot,
-    ) -> Controller:
-        """Return a new controller, which remembers nothing of earlier runs.
-
-        CoM supports are those of the contacts as they are at ``snapshot``.
-        """
-        constraints = self.surroundings.around(snapshot, contacts)
-        frames = [contact.frame for contact in contacts]
-        slack = {frame: w for frame, w in self.contact_slack.items() if frame in frames}
-        slack |= self.surroundings.slack_of(constraints)
-        common: dict[str, Any] = {
-            "contacts": contacts,
-            "constraints": constraints,
-            "slack": slack,
-            "limits": self.limits,
-            "dt": spec.dt,
-            "damping": spec.damping,
-            "joint_weights": spec.joint_weights,
-        }
-        if isinstance(spec, PseudoInverseSpec):
-            return PseudoInverseController(self.robot, tasks, **common)
-        return KinematicController(
-            self.robot,
-            tasks,
-            solver=_backend(spec),
-            formulation=spec.formulation,
-            on_failure=spec.on_failure,
-            **common,
-        )
 
 
 def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
@@ -123,7 +44,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     mistakes.raise_any()
     q = robot.posture(spec.start.posture, spec.start.joints)
     start = robot.snapshot(q, np.zeros(robot.nv))
-    built = dict[str, BuiltTask]()
+    built = dict[str, TargetedTask]()
     for name, task_spec in spec.tasks.items():
         with mistakes.at("tasks", name):
             built[name] = build_task(name, task_spec, start)
@@ -133,7 +54,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     phases = plan(spec, built, start, source, mistakes)
     if isinstance(spec.controller, QpSettings):
         with mistakes.at("controller"):
-            _backend(spec.controller)
+            backend_of(spec.controller)
     for pattern in spec.controller.joint_weights:
         with mistakes.at("controller", "joint_weights", pattern):
             moved_by(robot, pattern)
@@ -143,15 +64,16 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     limits = mistakes.require(("limits",), partial(_limits, spec.limits, robot))
     around = surroundings(spec.constraints, start, limits, mistakes)
     mistakes.raise_any()
+    supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
     parts = Parts(
         robot=robot,
         start=start.q,
-        built=tuple(built.values()),
-        contacts=contacts_of(phases[0].support, start),
+        targeted=tuple(built.values()),
+        contacts=tuple(phases[0].hold(start)),
         phases=phases,
         limits=limits,
         surroundings=around,
-        contact_slack=_contact_slack(spec),
+        contact_slack=slack_by_frame(supports),
     )
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     mistakes.require(("controller",), make)
@@ -199,22 +121,6 @@ def _limits(spec: str | LimitsSpec, robot: Robot) -> Limits | None:
     for pattern, value in spec.acceleration.items():
         acceleration[np.array(robot.joint_indices(pattern)) - 6] = value
     return Limits(robot, acceleration=acceleration, **values)
-
-
-def _contact_slack(spec: ProblemSpec) -> dict[str, float]:
-    """Return the slack weights of contacts, by frame; a later phase's count over an earlier's."""
-    supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
-    listed = [one for support in supports if not isinstance(support, str) for one in support or ()]
-    return {
-        one.frame: one.slack
-        for one in listed
-        if isinstance(one, ContactSpec) and one.slack is not None
-    }
-
-
-def _backend(spec: QpSettings) -> Backend:
-    settings = {} if spec.eps is None else {"eps": spec.eps}
-    return make_backend(spec.solver, **settings)
 
 
 def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:

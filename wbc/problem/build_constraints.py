@@ -25,9 +25,9 @@ from wbc.problem.constraint_specs import (
     SelfCollisionSpec,
 )
 from wbc.problem.mistakes import Misplaced, Mistakes
-from wbc.problem.standing import Standing
 from wbc.robot import Snapshot
 from wbc.robot.collision import Obstacle
+from wbc.run.standing import Standing
 from wbc.validate import Array
 
 SHAPES = ("sphere", "capsule", "box", "half_space")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any, assert_never
 
 import numpy as np
@@ -11,16 +10,6 @@ from numpy.typing import ArrayLike
 
 from wbc.problem import targets
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.ramps import HandOver, MinimumJerk, MovingTarget
-from wbc.problem.spaces import (
-    DIRECTIONS,
-    PLACEMENTS,
-    ROTATIONS,
-    VECTORS,
-    Configurations,
-    Space,
-    placement,
-)
 from wbc.problem.target_specs import PlacementTarget
 from wbc.problem.task_specs import (
     AxisSpec,
@@ -34,6 +23,17 @@ from wbc.problem.task_specs import (
     TaskSpec,
 )
 from wbc.robot import Snapshot
+from wbc.run.ramps import (
+    DIRECTIONS,
+    PLACEMENTS,
+    ROTATIONS,
+    VECTORS,
+    Configurations,
+    TargetedTask,
+    fixed_goal,
+    placement,
+    value_only,
+)
 from wbc.spatial import vech
 from wbc.tasks import (
     AxisTask,
@@ -45,7 +45,6 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     PrincipalInertiaTask,
-    Task,
 )
 from wbc.tasks.frame import TURNS
 from wbc.tasks.inertia import ALL, DIAGONAL_COMPONENTS, TRACE
@@ -57,51 +56,7 @@ INERTIA_COMPONENTS = {"all": ALL, "diagonal": DIAGONAL_COMPONENTS, "trace": TRAC
 MOMENTUM_COMPONENTS = {"all": LINEAR + ANGULAR, "linear": LINEAR, "angular": ANGULAR}
 
 
-# Tells where a target is to be, from the robot now and the target until then.
-Goal = Callable[[Snapshot, Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class BuiltTask:
-    """A task, and how its target is read and moved.
-
-    Attributes
-    ----------
-    goal:
-        Where the target should be.
-    actual:
-        What the target would be for the robot to be there already.
-    space:
-        Where both live.
-    hand_over:
-        Sets the task's target.
-    ramp:
-        Time [s] in which the target moves from the start to the goal, or None.
-    weight:
-        (k,) of the task as it was built; that of the task itself may change in a run.
-    """
-
-    task: Task
-    goal: Goal
-    actual: Callable[[Snapshot], Array]
-    space: Space
-    hand_over: HandOver
-    ramp: float | None = None
-    weight: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "weight", self.task.weight)
-
-    def moving(self, start: Snapshot) -> MovingTarget | None:
-        """Return what moves the target from the start to the goal, if it has a ramp."""
-        if self.ramp is None:
-            return None
-        here = self.actual(start)
-        ramp = MinimumJerk(here, self.goal(start, here), self.ramp, self.space)
-        return MovingTarget(ramp, self.hand_over)
-
-
-def build_task(name: str, spec: TaskSpec, start: Snapshot) -> BuiltTask:
+def build_task(name: str, spec: TaskSpec, start: Snapshot) -> TargetedTask:
     """Return the task that ``spec`` describes, for a robot that starts at ``start``.
 
     Raises
@@ -132,7 +87,7 @@ def build_task(name: str, spec: TaskSpec, start: Snapshot) -> BuiltTask:
             assert_never(spec)
 
 
-def _com(name: str, spec: ComSpec, start: Snapshot) -> BuiltTask:
+def _com(name: str, spec: ComSpec, start: Snapshot) -> TargetedTask:
     def goal(now: Snapshot, before: Array) -> Array:
         return targets.centre_of_mass(spec.target, start.com, now, before)
 
@@ -144,10 +99,10 @@ def _com(name: str, spec: ComSpec, start: Snapshot) -> BuiltTask:
         weight=_weight(spec.weight, spec.axes),
         **_law(spec),
     )
-    return BuiltTask(task, goal, lambda now: now.com, VECTORS, task.set_target, spec.ramp)
+    return TargetedTask(task, goal, lambda now: now.com, VECTORS, task.set_target, spec.ramp)
 
 
-def _position(name: str, spec: PositionSpec, start: Snapshot) -> BuiltTask:
+def _position(name: str, spec: PositionSpec, start: Snapshot) -> TargetedTask:
     start.robot.frame_id(spec.frame)
     goal = targets.point(spec.target, start.position(spec.frame))
     weight = _weight(spec.weight, spec.axes)
@@ -155,22 +110,22 @@ def _position(name: str, spec: PositionSpec, start: Snapshot) -> BuiltTask:
         start.robot, spec.frame, goal, axes=spec.axes, name=name, weight=weight, **_law(spec)
     )
 
-    def actual(now: Snapshot) -> Array:
+    def current(now: Snapshot) -> Array:
         return now.position(spec.frame)
 
-    return BuiltTask(task, _known(goal), actual, VECTORS, task.set_target, spec.ramp)
+    return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, spec.ramp)
 
 
-def _inertia(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
+def _inertia(name: str, spec: InertiaSpec, start: Snapshot) -> TargetedTask:
     given = spec.components
     components: Sequence[str] = INERTIA_COMPONENTS[given] if isinstance(given, str) else given
 
-    def actual(now: Snapshot) -> Array:
+    def current(now: Snapshot) -> Array:
         return vech(now.inertia_in(spec.frame))
 
     if spec.frame != "world":
         start.robot.frame_id(spec.frame)
-    goal = targets.inertia(spec.target, components, actual(start))
+    goal = targets.inertia(spec.target, components, current(start))
     task = InertiaTask(
         start.robot,
         goal,
@@ -183,13 +138,13 @@ def _inertia(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
         **_law(spec),
     )
 
-    def hand_over(value: Array, rate: Array, _: Array) -> None:
+    def set_target(value: Array, rate: Array, _: Array) -> None:
         task.set_target(value, rate)
 
-    return BuiltTask(task, _known(goal), actual, VECTORS, hand_over, spec.ramp)
+    return TargetedTask(task, fixed_goal(goal), current, VECTORS, set_target, spec.ramp)
 
 
-def _principal(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
+def _principal(name: str, spec: InertiaSpec, start: Snapshot) -> TargetedTask:
     if "frame" in spec.model_fields_set:
         raise Misplaced("principal moments are the same in every frame; leave this out", "frame")
     if spec.second_order:
@@ -201,25 +156,25 @@ def _principal(name: str, spec: InertiaSpec, start: Snapshot) -> BuiltTask:
         start.robot, goal, per_mass=spec.per_mass, name=name, weight=spec.weight, **_law(spec)
     )
 
-    def actual(now: Snapshot) -> Array:
+    def current(now: Snapshot) -> Array:
         return np.linalg.eigvalsh(now.inertia)
 
-    return BuiltTask(task, _known(goal), actual, VECTORS, _value_to(task), spec.ramp)
+    return TargetedTask(task, fixed_goal(goal), current, VECTORS, value_only(task), spec.ramp)
 
 
-def _orientation(name: str, spec: OrientationSpec, start: Snapshot) -> BuiltTask:
+def _orientation(name: str, spec: OrientationSpec, start: Snapshot) -> TargetedTask:
     start.robot.frame_id(spec.frame)
     goal = targets.rotation(spec.target, start.rotation(spec.frame))
     weight = _weight(spec.weight, TURNS)
     task = OrientationTask(start.robot, spec.frame, goal, name=name, weight=weight, **_law(spec))
 
-    def actual(now: Snapshot) -> Array:
+    def current(now: Snapshot) -> Array:
         return now.rotation(spec.frame)
 
-    return BuiltTask(task, _known(goal), actual, ROTATIONS, _value_to(task))
+    return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, value_only(task))
 
 
-def _pose(name: str, spec: PoseSpec, start: Snapshot) -> BuiltTask:
+def _pose(name: str, spec: PoseSpec, start: Snapshot) -> TargetedTask:
     start.robot.frame_id(spec.frame)
     target = PlacementTarget() if isinstance(spec.target, str) else spec.target
     position = targets.point(target.position, start.position(spec.frame))
@@ -234,20 +189,20 @@ def _pose(name: str, spec: PoseSpec, start: Snapshot) -> BuiltTask:
         **_law(spec),
     )
 
-    def actual(now: Snapshot) -> Array:
+    def current(now: Snapshot) -> Array:
         return placement(now.position(spec.frame), now.rotation(spec.frame))
 
-    def hand_over(value: Array, _: Array, __: Array) -> None:
+    def set_target(value: Array, _: Array, __: Array) -> None:
         task.set_target(value[:, 3], value[:, :3])
 
-    goal = _known(placement(position, rotation))
-    return BuiltTask(task, goal, actual, PLACEMENTS, hand_over)
+    goal = fixed_goal(placement(position, rotation))
+    return TargetedTask(task, goal, current, PLACEMENTS, set_target)
 
 
-def _axis(name: str, spec: AxisSpec, start: Snapshot) -> BuiltTask:
+def _axis(name: str, spec: AxisSpec, start: Snapshot) -> TargetedTask:
     start.robot.frame_id(spec.frame)
 
-    def actual(now: Snapshot) -> Array:
+    def current(now: Snapshot) -> Array:
         return now.rotation(spec.frame) @ task.axis
 
     pointing = start.rotation(spec.frame) @ np.array(spec.axis)
@@ -260,18 +215,18 @@ def _axis(name: str, spec: AxisSpec, start: Snapshot) -> BuiltTask:
         weight=_weight(spec.weight, AXES),
         **_law(spec),
     )
-    return BuiltTask(task, _known(task.target), actual, DIRECTIONS, _value_to(task))
+    return TargetedTask(task, fixed_goal(task.target), current, DIRECTIONS, value_only(task))
 
 
-def _posture(name: str, spec: PostureSpec, start: Snapshot) -> BuiltTask:
+def _posture(name: str, spec: PostureSpec, start: Snapshot) -> TargetedTask:
     robot = start.robot
     goal = targets.posture(spec.target, robot, start.q)
     task = PostureTask(robot, goal, joints=spec.joints, name=name, weight=spec.weight, **_law(spec))
     space = Configurations(robot)
-    return BuiltTask(task, _known(goal), lambda now: now.q, space, _value_to(task))
+    return TargetedTask(task, fixed_goal(goal), lambda now: now.q, space, value_only(task))
 
 
-def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> BuiltTask:
+def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> TargetedTask:
     given = spec.components
     components: Sequence[str] = MOMENTUM_COMPONENTS[given] if isinstance(given, str) else given
     goal = targets.momentum(spec.target, components, LINEAR + ANGULAR)
@@ -283,18 +238,7 @@ def _momentum(name: str, spec: MomentumSpec, start: Snapshot) -> BuiltTask:
         weight=_weight(spec.weight, components),
         **_rank(spec),
     )
-    return BuiltTask(task, _known(goal), lambda now: now.momentum, VECTORS, _value_to(task))
-
-
-def _known(goal: Array) -> Goal:
-    return lambda _, __: goal
-
-
-def _value_to(
-    task: PrincipalInertiaTask | OrientationTask | AxisTask | PostureTask | MomentumTask,
-) -> HandOver:
-    """Return what hands a task the value only, for it has no use for rate and acceleration."""
-    return lambda value, _, __: task.set_target(value)
+    return TargetedTask(task, fixed_goal(goal), lambda now: now.momentum, VECTORS, value_only(task))
 
 
 def _weight(weight: float | Sequence[float], rows: Sequence[str]) -> ArrayLike:

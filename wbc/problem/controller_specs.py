@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -68,6 +68,12 @@ class GlobalSpec(QpSettings):
     """How many postures to try to reach, the best first."""
     tolerance: NonNegative = 0.01
     """A posture is reached if the motion ends at no more than its cost and this fraction of it."""
+
+    @property
+    def search(self) -> dict[str, Any]:
+        """What the search and the motion after it are asked for, by name."""
+        own = GlobalSpec.model_fields.keys() - QpSettings.model_fields.keys()
+        return self.model_dump(include=own - {"method", "support_margin"})
 
 
 class PseudoInverseSpec(ControllerSettings):

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from wbc.problem.section import (
-    LIST,
     MAPPING,
     NUMBER,
     WORD,
@@ -63,38 +62,6 @@ class StartSpec(Section):
     """A posture of the robot: neutral, standing, or one from its SRDF."""
     joints: dict[Name, Number] = Field(default_factory=dict)
     """Joint values [rad or m] by name or pattern, over those of the posture."""
-
-
-class ContactSpec(Section):
-    """A frame that is held where it is at the start."""
-
-    frame: Name
-    """A link, sole or other frame of the robot."""
-    type: Literal["fixed", "point"] = "fixed"
-    """fixed: position and orientation are held; point: the position only."""
-    gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
-    """Fraction of the drift to take back in one tick, in [0, 1]."""
-    slack: Positive | None = None
-    """Weight of the squared slip [1/(m/s)^2, 1/(rad/s)^2] of a contact that may give way; left out:
-    hard."""
-
-
-Support = Annotated[
-    Annotated[Literal["floating", "left", "right", "double"], WORD]
-    | Annotated[
-        tuple[
-            Annotated[
-                Annotated[Name, WORD] | Annotated[ContactSpec, MAPPING],
-                forms("a frame's name, or {frame: ..., type: fixed or point}"),
-            ],
-            ...,
-        ],
-        Strict(False),
-        Field(min_length=1),
-        LIST,
-    ],
-    forms("floating, left, right, double, or a list of frames"),
-]
 
 
 class LimitsSpec(Section):

@@ -10,8 +10,8 @@ from typing import Annotated
 
 from pydantic import Field, SkipValidation, StringConstraints
 
-from wbc.problem.part_specs import Support
 from wbc.problem.section import Number, Positive, Section, Weight
+from wbc.problem.support import Support
 from wbc.problem.target_specs import (
     ComTarget,
     DirectionTarget,

@@ -7,88 +7,39 @@ themselves. Whether a foot has really come to the ground shows only in the run.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from functools import partial
 
-import numpy as np
 from pydantic import ValidationError
 
 from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.problem.build_tasks import BuiltTask, Goal, build_task
+from wbc.problem.build_tasks import build_task
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
-from wbc.problem.part_specs import Support
 from wbc.problem.phase_specs import PhaseSpec, PhaseTaskSpec
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.standing import Standing, carrier, contacts_of, held_joints, off_the_ground
+from wbc.problem.support import contacts_of
 from wbc.problem.target_specs import Over
 from wbc.problem.targets import feet_under
 from wbc.problem.task_specs import ComSpec, TaskSpec
 from wbc.robot import Snapshot
-from wbc.validate import Array
+from wbc.run.phases import Change, Phase
+from wbc.run.ramps import TargetedTask
+from wbc.run.standing import Standing, carrier, held_joints, off_the_ground
 
 
-@dataclass(frozen=True, eq=False)
-class Change:
-    """What a phase does with a task.
-
-    Attributes
-    ----------
-    goal:
-        Where its target goes; None: it stays where it is.
-    weight:
-        (k,) at the end of the phase; None: the task is off.
-    at_once:
-        The task comes in or goes out at once, and not within the phase.
-    """
-
-    goal: Goal | None
-    weight: Array | None
-    at_once: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Phase:
-    """A part of a run; a run without phases is one, without a name.
-
-    Attributes
-    ----------
-    begins, duration:
-        [s], from the start of the run.
-    support:
-        What is held.
-    changes:
-        What happens to each task, by name.
-    """
-
-    name: str
-    begins: float
-    duration: float
-    support: Support
-    changes: Mapping[str, Change]
-
-    @property
-    def ends(self) -> float:
-        """When it ends [s]."""
-        return self.begins + self.duration
-
-    def first_tick(self, dt: float) -> int:
-        """Return the first tick that belongs to it; a tick that hits its beginning does."""
-        return int(np.ceil(self.begins / dt - 1e-9))
-
-
-def single_phase(spec: ProblemSpec, built: Mapping[str, BuiltTask]) -> Phase:
+def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
     """Return the only phase of a problem that describes none."""
     changes = {
         name: Change(None, one.weight if spec.tasks[name].active else None)
         for name, one in built.items()
     }
-    return Phase("", 0.0, spec.stop.duration, spec.support, changes)
+    return Phase("", 0.0, spec.stop.duration, partial(contacts_of, spec.support), changes)
 
 
 def plan(
     spec: ProblemSpec,
-    built: Mapping[str, BuiltTask],
+    built: Mapping[str, TargetedTask],
     start: Snapshot,
     source: Source,
     mistakes: Mistakes,
@@ -106,7 +57,7 @@ class _Planner:
     def __init__(
         self,
         spec: ProblemSpec,
-        built: Mapping[str, BuiltTask],
+        built: Mapping[str, TargetedTask],
         start: Snapshot,
         source: Source,
         mistakes: Mistakes,
@@ -130,7 +81,7 @@ class _Planner:
                 )
         before, contacts = self._contacts, self._hold(name, spec)
         was_active = dict(self._active)
-        given: dict[str, BuiltTask] = {}
+        given: dict[str, TargetedTask] = {}
         for task, change in spec.tasks.items():
             with self._mistakes.at("phases", name, "tasks", task):
                 given |= self._change(name, task, change, contacts)
@@ -139,7 +90,8 @@ class _Planner:
             task: self._outcome(task, was_active[task], task in given, before, contacts)
             for task in self._built
         }
-        phase = Phase(name, self._time, spec.duration, self._support, changes)
+        hold = partial(contacts_of, self._support)
+        phase = Phase(name, self._time, spec.duration, hold, changes)
         self._contacts, self._time = contacts, phase.ends
         return phase
 
@@ -162,7 +114,7 @@ class _Planner:
 
     def _change(
         self, phase: str, name: str, change: PhaseTaskSpec, contacts: Iterable[Contact]
-    ) -> dict[str, BuiltTask]:
+    ) -> dict[str, TargetedTask]:
         """Take note of what a phase changes about a task; return it if it has a new target."""
         if name not in self._names:
             raise UnknownNameError("task", name, self._names)

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wbc.problem.build import Parts, build
+import numpy as np
+
+from wbc.problem.build import build
 from wbc.problem.controller_specs import GlobalSpec
+from wbc.problem.global_checks import global_shaping
 from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
-from wbc.problem.provenance import provenance
+from wbc.problem.parts import Parts
+from wbc.problem.provenance import provenance, version_of, versions
 from wbc.problem.reading import read_source
-from wbc.problem.result import Result
-from wbc.problem.run import Observe, Progress, run
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
+from wbc.run.phases import PhaseExecutor
+from wbc.run.result import Result
+from wbc.run.simulate import Observe, Progress, simulate
+from wbc.run.stopping import Stop
 
 if TYPE_CHECKING:
     from wbc.problem.pendulum.problem import PendulumProblem
@@ -72,11 +79,37 @@ class Problem:
         NoPostureError
             The method ``global`` found no posture that keeps every constraint.
         """
-        if isinstance(self.spec.controller, GlobalSpec):
-            from wbc.problem.shaping_run import run_global  # only now: it loads CasADi
+        spec, parts, controller = self.spec, self.parts, self.spec.controller
+        stop = Stop(**spec.whole_stop.model_dump())
+        made_with = {"problem": self.provenance(), "versions": versions()}
+        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        if isinstance(controller, GlobalSpec):
+            from wbc.run.global_shaping import shape_globally  # only now: it loads CasADi
 
-            return run_global(self, self.spec.controller, progress, observe)
-        return run(self, progress, observe)
+            made_with["versions"]["casadi"] = version_of("casadi")
+            return shape_globally(
+                global_shaping(parts, spec, controller),
+                parts.start,
+                stop,
+                **controller.search,
+                dt=controller.dt,
+                make_controller=lambda tasks: parts.controller(
+                    controller, tasks, parts.contacts, start
+                ),
+                tasks=parts.tasks,
+                progress=progress,
+                observe=observe,
+                provenance=made_with,
+            )
+        phases = PhaseExecutor(
+            parts.phases,
+            parts.targeted,
+            [name for name, task in spec.tasks.items() if task.active],
+            partial(parts.controller, controller),
+            start,
+            parts.surroundings.move_to,
+        )
+        return simulate(phases, parts.start, stop, progress, observe, made_with)
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""

@@ -14,10 +14,10 @@ from wbc.problem.part_specs import (
     RobotChoice,
     StartSpec,
     StopSpec,
-    Support,
 )
 from wbc.problem.phase_specs import Phases, PlainName
 from wbc.problem.section import Section
+from wbc.problem.support import Support
 from wbc.problem.task_specs import TaskSpec
 
 

@@ -90,6 +90,11 @@ class OrientationTask(Task):
         error, jacobian = orientation_residual(snapshot, self.frame, self.target)
         return Residual(error, jacobian, self._none)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Radians."""
+        return ("rad",) * 3
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the rate of the error's Jacobian times v [rad/s^2]."""
         return orientation_drift(snapshot, self.frame, self.target)
@@ -131,6 +136,11 @@ class PoseTask(Task):
         error = np.concatenate((snapshot.position(self.frame) - self.position, turn))
         jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn_jacobian))
         return Residual(error, jacobian, self._none)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Metres, then radians."""
+        return ("m",) * 3 + ("rad",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the drift of both parts."""
@@ -175,6 +185,11 @@ class AxisTask(Task):
         pointing = snapshot.rotation(self.frame) @ self.axis
         jacobian = -skew(pointing) @ snapshot.jacobian(self.frame)[3:]
         return Residual(pointing - self.target, jacobian, self._none)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """None: entries of a unit vector."""
+        return ("1",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return w x (w x a) + alpha x a at zero acceleration of v [1/s^2]."""

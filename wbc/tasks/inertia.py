@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 
 ALL = COMPONENTS
 DIAGONAL_COMPONENTS = ("xx", "yy", "zz")
+DOUBLED = ("xy", "xz", "yz")  # entries that stand twice in the matrix
 TRACE = ("trace",)
 WORLD, BASE = "world", "base"
 
@@ -82,8 +83,9 @@ class InertiaTask(Task):
         if frame != WORLD:
             robot.frame_id(frame)
         self.frame = frame
-        self._scale = 1.0 / robot.mass if per_mass else 1.0
-        self._selection = read_only(self._scale * _selection(components))
+        self.per_mass = per_mass
+        scale = 1.0 / robot.mass if per_mass else 1.0
+        self._selection = read_only(scale * _selection(components))
         self._none = self._zeros()
         self.set_target(target)
 
@@ -112,6 +114,16 @@ class InertiaTask(Task):
             return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
         bound = curvature_bound(pull, snapshot.inertia)
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
+
+    @property
+    def reported_rows(self) -> tuple[str, ...]:
+        """Entries of the matrix, those that stand twice in it times sqrt(2)."""
+        return tuple(f"sqrt(2) {row}" if row in DOUBLED else row for row in self.rows)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of inertia, or of inertia by mass."""
+        return ("m^2" if self.per_mass else "kg m^2",) * len(self.rows)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at zero acceleration of v."""

@@ -69,6 +69,11 @@ class MomentumTask(Task):
         """Return measured momentum minus target."""
         return (snapshot.momentum - self.target)[self._selected]
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Newton seconds, and newton metre seconds about the CoM."""
+        return tuple("kg m/s" if row in LINEAR else "kg m^2/s" for row in self.rows)
+
     def symbolic_error(self, posture: SymbolicPosture) -> NoReturn:
         """Raise InvalidInputError: a posture has no momentum."""
         raise InvalidInputError(

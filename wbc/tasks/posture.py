@@ -82,6 +82,13 @@ class PostureTask(Task):
             error[k] = math.remainder(error[k], math.tau)
         return Residual(error[self._joints], self._jacobian, self._none)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Radians, or metres of prismatic joints."""
+        model = self.robot.model
+        kinds = (model.joints[model.getJointId(name)].shortname() for name in self.rows)
+        return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: joint rates are coordinates of v."""
         return self._none

@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 BASE = "base"
+MOMENTS = ("smallest", "middle", "largest")
 # Moments closer than this fraction of the largest are taken as equal: their axes are arbitrary.
 EQUAL = 1e-9
 
@@ -42,6 +43,7 @@ class PrincipalInertiaTask(Task):
         **law: Unpack[Law],
     ) -> None:
         super().__init__(robot, name, ALL, **law)
+        self.per_mass = per_mass
         self._selection = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
         self._none = self._zeros()
         self.set_target(target)
@@ -68,6 +70,16 @@ class PrincipalInertiaTask(Task):
         pull = self._selection.T @ self._pull(error_rows)
         bound = curvature_bound(pull, snapshot.inertia)
         return Residual(error_rows, self._selection @ jacobian, self._none, curvature_bound=bound)
+
+    @property
+    def reported_rows(self) -> tuple[str, ...]:
+        """Names of the principal moments."""
+        return MOMENTS
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of inertia, or of inertia by mass."""
+        return ("m^2" if self.per_mass else "kg m^2",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the error at zero acceleration of v."""

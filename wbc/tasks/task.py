@@ -177,6 +177,16 @@ class Task(ABC):
         """Return what diagnostics report as the error (k,), in the task's own units."""
         return residual.error
 
+    @property
+    def reported_rows(self) -> tuple[str, ...]:
+        """Names of the entries of what :meth:`deviation` returns."""
+        return self.rows
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the entries of what :meth:`deviation` returns; empty if it does not say."""
+        return ("",) * len(self.reported_rows)
+
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the error (k, 1) as an expression of the posture, for searches over postures.
 

@@ -1,6 +1,6 @@
 """Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
 
-from wbc.controllers.shaping.motion import Attempt, Motion, MotionTick
+from wbc.controllers.shaping.motion import Attempt, Motion
 from wbc.controllers.shaping.outcome import (
     Candidate,
     NoPostureError,
@@ -16,7 +16,6 @@ __all__ = [
     "Candidate",
     "GlobalShaping",
     "Motion",
-    "MotionTick",
     "NoPostureError",
     "Rejected",
     "ShapingOutcome",

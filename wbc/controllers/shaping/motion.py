@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.shaping.outcome import Candidate, Kept
-from wbc.controllers.tick import Tick
-from wbc.robot import Snapshot
 from wbc.validate import Array
 
 
@@ -30,34 +29,9 @@ class Attempt:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class MotionTick:
-    """One tick of an attempt, as it happens.
-
-    Attributes
-    ----------
-    attempt:
-        Counted from 0: the index of its candidate in the outcome.
-    time:
-        When it began [s].
-    snapshot:
-        The robot then.
-    tick:
-        The controller's answer; on the way its errors are those of the tasks that lead.
-    seconds, cpu_seconds:
-        From measurement to command, by the clock and of this thread's CPU.
-    """
-
-    attempt: int
-    time: float
-    snapshot: Snapshot
-    tick: Tick
-    seconds: float
-    cpu_seconds: float
-
-
-# Called after every tick of every attempt.
-Watch = Callable[[MotionTick], None]
+# Called after every tick with the attempt's number, which is the index of its candidate in the
+# outcome, and the tick; on the way its errors are those of the tasks that lead.
+Watch = Callable[[int, LoopTick], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,32 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter, thread_time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
+from wbc.controllers.closed_loop import Controller, closed_loop
 from wbc.controllers.kinematic import KinematicController
 from wbc.controllers.shaping.keeping import Tolerances, kept_constraints, shortfalls
 from wbc.controllers.shaping.lead import Lead
 from wbc.controllers.shaping.merit import posture_cost
-from wbc.controllers.shaping.motion import Attempt, Motion, MotionTick, Watch
+from wbc.controllers.shaping.motion import Attempt, Motion, Watch
 from wbc.controllers.shaping.outcome import Candidate, Kept, ShapingOutcome
 from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.controllers.tick import Tick
-from wbc.errors import ControllerFailure
 from wbc.robot import Snapshot
 from wbc.tasks import Task
 from wbc.validate import Array, read_only
-
-
-class Controller(Protocol):
-    """From a snapshot to a command."""
-
-    def step(self, snapshot: Snapshot) -> Tick:
-        """Return the command for ``snapshot``."""
-        ...
-
 
 MakeController = Callable[[Sequence[Task]], Controller]
 
@@ -142,53 +131,44 @@ class Way:
         return motion, reason
 
     def _run(self, candidate: Candidate, number: int) -> Course:
-        robot, tasks, dt = self.problem.robot, self.problem.tasks, self.terms.dt
+        tasks, dt = self.problem.tasks, self.terms.dt
         lead = Lead(self.problem, self.q_start, candidate)
         leading = self.make_controller(lead.tasks)
         settling = self.make_controller((*tasks, *lead.lasting))
         longest = lead.duration + SETTLING if self.terms.longest is None else self.terms.longest
-        q: Array = self.q_start
-        v: Array = np.zeros(robot.nv)
+
+        def leads(time: float) -> bool:
+            return time < lead.duration + LINGERING
+
+        def update(tick: int, _: Snapshot) -> Controller:
+            if not leads(tick * dt):
+                return settling
+            lead.move_to(tick * dt)
+            return leading
+
         states: list[Snapshot] = []
         still = unsolved = 0
         fault = ""
-        for k in range(max(1, math.ceil(longest / dt - 1e-9))):
-            time = k * dt
-            led = time < lead.duration + LINGERING
-            if led:
-                lead.move_to(time)
-            began, cpu_began = perf_counter(), thread_time()
-            states.append(robot.snapshot(q, v))
-            tick, gave_up = _answer(leading if led else settling, states[-1])
-            seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
+        ticks = max(1, math.ceil(longest / dt - 1e-9))
+        for now in closed_loop(leading, self.q_start, ticks, update):
+            states.append(now.snapshot)
             if self.watch is not None:
-                self.watch(MotionTick(number, time, states[-1], tick, seconds, cpu_seconds))
-            v = tick.velocity
-            q = robot.integrate(q, v, dt)
-            still = still + 1 if not led and tick.ok and self._slow(v) else 0
+                self.watch(number, now)
+            slow = not leads(now.time) and now.tick.ok and self._slow(now.tick.velocity)
+            still = still + 1 if slow else 0
             # By its policy the controller stands still without solution; the next may have one.
-            unsolved = 0 if tick.ok else unsolved + 1
-            if gave_up or unsolved >= GIVE_UP:
-                fault = f"at {time:.2f} s: {tick.report()}"
+            unsolved = 0 if now.tick.ok else unsolved + 1
+            if now.gave_up or unsolved >= GIVE_UP:
+                fault = f"at {now.time:.2f} s: {now.tick.report()}"
                 break
             if still >= REST_TICKS:
                 break
-        states.append(robot.snapshot(q, v))
+        states.append(self.problem.robot.snapshot(now.q, now.tick.velocity))
         return Course(states, still >= REST_TICKS, fault)
 
     def _slow(self, v: Array) -> bool:
         speed = self.terms.rest_speed
         return speed is not None and float(np.abs(v).max()) < speed
-
-
-def _answer(controller: Controller, snapshot: Snapshot) -> tuple[Tick, bool]:
-    """Return the tick, and whether the controller gave up by its policy."""
-    try:
-        return controller.step(snapshot), False
-    except ControllerFailure as failure:
-        if not isinstance(failure.tick, Tick):
-            raise
-        return failure.tick, True
 
 
 def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -> tuple[Kept, str]:

@@ -12,8 +12,8 @@ from wbc.problem.pendulum.result import PendulumResult
 from wbc.problem.pendulum.run import run_balance, run_plan
 from wbc.problem.pendulum.spec import PendulumSpec
 from wbc.problem.provenance import provenance, versions
-from wbc.problem.run import Progress
 from wbc.problem.source import Source
+from wbc.run.simulate import Progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.problem.pendulum.history import PendulumHistory
-from wbc.problem.saving import save_result
+from wbc.run.saving import save_result
 
 FORMAT = "wbc pendulum result 1"
 # Of what is measured, by the last words of its name; what is not here has none.
@@ -101,7 +101,7 @@ class PendulumResult:
     def save(self, path: str | Path) -> None:
         """Write the summary to a ``.json`` file, or summary and motion to an ``.npz`` file.
 
-        Errors and guarantees are those of :func:`wbc.problem.saving.save_result`.
+        Errors and guarantees are those of :func:`wbc.run.saving.save_result`.
         """
         save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays})
 

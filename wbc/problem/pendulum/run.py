@@ -14,12 +14,12 @@ from wbc.problem.pendulum.from_simulation import simulation_history
 from wbc.problem.pendulum.history import PendulumHistory
 from wbc.problem.pendulum.law_specs import PendulumStopSpec
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
-from wbc.problem.run import Progress
 from wbc.rmp.balance.record import Ending, Simulation
 from wbc.rmp.balance.simulate import simulate
 from wbc.rmp.balance.spin_change import SpinChange
 from wbc.rmp.plan import check, plan_arrays, solve
 from wbc.rmp.planar import PlanarRmp
+from wbc.run.simulate import Progress
 from wbc.validate import Array
 
 _ENDINGS = {

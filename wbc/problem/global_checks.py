@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from wbc.constraints import ComSupport, Contact, Limits, PointContact
+from wbc.constraints import ComSupport, Contact, Limits
 from wbc.errors import InvalidInputError
 from wbc.problem.controller_specs import GlobalSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.parts import Parts
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.task_specs import MomentumSpec
 from wbc.robot import Snapshot
+from wbc.run.standing import held_feet
 
 if TYPE_CHECKING:
     from wbc.controllers.shaping import GlobalShaping
-    from wbc.problem.build import Parts
 
 
 def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
@@ -89,8 +90,7 @@ def global_shaping(parts: Parts, spec: ProblemSpec, controller: GlobalSpec) -> G
 
 
 def _over_held_soles(start: Snapshot, contacts: Sequence[Contact], margin: float) -> ComSupport:
-    held = {contact.frame for contact in contacts if not isinstance(contact, PointContact)}
-    feet = [name for name, foot in start.robot.feet.items() if held & {foot.frame, foot.link}]
+    feet = held_feet(contacts)
     if not feet:
         raise Misplaced(
             "no contact holds a foot's sole; without support there is no polygon to stay over",

@@ -1,22 +1,95 @@
-"""Keeps what a run did, tick by tick, and makes the history of it."""
+"""What happened in a run, tick by tick, and the recorder that keeps it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.constraints import Limits
 from wbc.controllers import Tick
-from wbc.problem.history import History
-from wbc.problem.standing import Standing
+from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Robot, Snapshot
+from wbc.run.standing import Standing
 from wbc.spatial import vech
-from wbc.tasks import Task
-from wbc.tasks.inertia import InertiaTask
-from wbc.tasks.principal_inertia import PrincipalInertiaTask
+from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """One row per tick: the state in which it began, and what the controller answered.
+
+    Attributes
+    ----------
+    time:
+        (n,) when the tick began [s].
+    phase:
+        (n,) name of the phase; empty in a run without phases.
+    support:
+        (n,) what is held, with commas between: feet by name, such as ``left,right``, or frames.
+    q:
+        (n, nq) configuration then.
+    v:
+        (n, nv) velocity commanded, and applied until the next tick.
+    com:
+        (n, 3) centre of mass [m].
+    inertia:
+        (n, 6) centroidal inertia xx xy xz yy yz zz [kg m^2], world axes.
+    task_inertia:
+        (n, 6) the same in the axes of each inertia task, by task.
+    errors:
+        (n, k) error of each task, actual minus target, by task; NaN while the task is off.
+    slip, turn:
+        (n,) how far each contact is from its anchor [m], [rad], by frame; NaN while it is not held.
+        The anchor is where the frame was when it was last put down.
+    margin:
+        (n,) smallest distance to a joint position limit [rad or m].
+    balance:
+        (n,) how far the CoM's projection is inside the polygon of the soles that stand [m],
+        negative outside; NaN if no feet stand, or something else is held too.
+    kkt:
+        (n,) largest KKT residual; NaN where the QP was not solved.
+    tick_time, tick_cpu_time:
+        (n,) seconds from measurement to command, by the clock and of this thread's CPU.
+    status:
+        (n,) status of each QP.
+    """
+
+    time: Array
+    phase: NDArray[np.str_]
+    support: NDArray[np.str_]
+    q: Array
+    v: Array
+    com: Array
+    inertia: Array
+    task_inertia: Mapping[str, Array]
+    errors: Mapping[str, Array]
+    slip: Mapping[str, Array]
+    turn: Mapping[str, Array]
+    margin: Array
+    balance: Array
+    kkt: Array
+    tick_time: Array
+    tick_cpu_time: Array
+    status: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return every array under a flat name; those by task or frame as ``errors/com``."""
+        flat: dict[str, NDArray[np.generic]] = {}
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if isinstance(value, Mapping):
+                flat |= {f"{part.name}/{name}": array for name, array in value.items()}
+            else:
+                flat[part.name] = value
+        return flat
 
 
 class Measured(NamedTuple):
@@ -64,33 +137,38 @@ class Recorder:
         self.records: list[Record] = []
         self.failed = 0
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
-        self._frames = {task.name: axes_of(task) for task in tasks if is_inertia(task)}
+        self._frames = {
+            task.name: task.frame if isinstance(task, InertiaTask) else "base"
+            for task in tasks
+            if isinstance(task, InertiaTask | PrincipalInertiaTask)
+        }
 
     def add(
-        self,
-        time: float,
-        snapshot: Snapshot,
-        standing: Standing,
-        tick: Tick,
-        seconds: float,
-        cpu_seconds: float,
+        self, now: LoopTick, standing: Standing, errors: Mapping[str, Array] | None = None
     ) -> None:
-        """Keep what matters of a tick that began at ``time`` [s] in the state ``snapshot``."""
+        """Keep what matters of a tick.
+
+        Parameters
+        ----------
+        errors:
+            Of the tasks, by name; by default those that the tick reports.
+        """
+        tick = now.tick
         self.failed += not tick.ok
         self.records.append(
             Record(
-                time=time,
+                time=now.time,
                 phase=standing.phase,
                 support=standing.label,
-                q=snapshot.q,
+                q=now.snapshot.q,
                 v=tick.velocity,
-                measured=self.measure(snapshot, standing),
-                errors=tick.errors,
+                measured=self.measure(now.snapshot, standing),
+                errors=tick.errors if errors is None else errors,
                 status=tick.status.value,
                 kkt=_kkt_residual(tick),
                 report=None if tick.ok else tick.report(),
-                seconds=seconds,
-                cpu_seconds=cpu_seconds,
+                seconds=now.seconds,
+                cpu_seconds=now.cpu_seconds,
             )
         )
 
@@ -134,16 +212,6 @@ class Recorder:
             tick_cpu_time=np.array([record.cpu_seconds for record in records]),
             status=np.array([record.status for record in records]),
         )
-
-
-def is_inertia(task: Task) -> bool:
-    """Whether a task controls the robot's inertia."""
-    return isinstance(task, InertiaTask | PrincipalInertiaTask)
-
-
-def axes_of(task: Task) -> str:
-    """Return the frame in whose axes an inertia task is measured."""
-    return task.frame if isinstance(task, InertiaTask) else "base"
 
 
 def _kkt_residual(tick: Tick) -> float:

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from wbc.problem.ending import RunStatus
-from wbc.problem.history import History
-from wbc.problem.recorder import Measured
-from wbc.problem.saving import save_result
-from wbc.problem.shaping_report import ShapingReport
-from wbc.problem.task_rows import InertiaReading, by_row
 from wbc.robot import Robot
+from wbc.run.history import History, Measured
+from wbc.run.saving import save_result
+from wbc.run.shaping_report import ShapingReport
+from wbc.run.stopping import RunStatus
 from wbc.validate import Array
 
 FORMAT = "wbc result 1"
@@ -45,6 +43,27 @@ class TaskResult:
     def norm(self) -> float:
         """Norm of the error; mixes units where the rows do."""
         return float(np.linalg.norm(self.error))
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaReading:
+    """What an inertia task controls, in kg m^2 and as plain entries of the matrix.
+
+    Attributes
+    ----------
+    axes:
+        The frame whose axes these are; ``principal`` for principal moments.
+    components:
+        Names of the entries below.
+    start, wanted, reached:
+        (k,) at the start, at the end of the target's ramp, and at the end of the run.
+    """
+
+    axes: str
+    components: tuple[str, ...]
+    start: Array
+    wanted: Array
+    reached: Array
 
 
 @dataclass(frozen=True)
@@ -185,7 +204,9 @@ class Result:
         limits = self.robot.limits
         return {
             "q": self.q.tolist(),
-            "joints": by_row(self.robot.joint_names, limits.joint_positions(self.q)),
+            "joints": dict(
+                zip(self.robot.joint_names, limits.joint_positions(self.q).tolist(), strict=True)
+            ),
             "v": self.v.tolist(),
             "com": self.final.com.tolist(),
             "inertia_world": self.final.inertia.tolist(),
@@ -194,7 +215,7 @@ class Result:
     def save(self, path: str | Path) -> None:
         """Write the summary to a ``.json`` file, or summary and history to an ``.npz`` file.
 
-        Errors and guarantees are those of :func:`wbc.problem.saving.save_result`.
+        Errors and guarantees are those of :func:`wbc.run.saving.save_result`.
         """
         save_result(path, self.summary(), self.history.arrays)
 

@@ -1,14 +1,33 @@
-"""How a run ends: when it is at rest, and what its end is called."""
+"""When a run ends, when it is at rest, and what its end is called."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
-from wbc.problem.part_specs import StopSpec
-
 REST_TICKS = 10
+
+
+@dataclass(frozen=True)
+class Stop:
+    """When a run ends, and what must hold then.
+
+    Attributes
+    ----------
+    duration:
+        Longest time to run [s].
+    speed:
+        The robot is at rest, and the run over, when no velocity is above this [rad/s, m/s] for ten
+        ticks in a row; None: always run for the whole duration.
+    accept:
+        Tolerance on the norm of a task's error at the end, by the task's name.
+    """
+
+    duration: float = 20.0
+    speed: float | None = 1e-5
+    accept: Mapping[str, float] = field(default_factory=dict)
 
 
 class RunStatus(StrEnum):
@@ -32,7 +51,7 @@ class RunStatus(StrEnum):
 
     @property
     def good(self) -> bool:
-        """True if the run did what the problem asks."""
+        """True if the run did what was asked."""
         return self in (RunStatus.CONVERGED, RunStatus.ACCEPTED, RunStatus.COMPLETED)
 
 
@@ -60,7 +79,7 @@ class RestWatch:
 
 
 def ending(
-    stop: StopSpec,
+    stop: Stop,
     at_rest: bool,
     failed: int,
     ticks: int,

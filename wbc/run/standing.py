@@ -7,13 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.constraints import Contact, PointContact, support
+from wbc.constraints import Contact, PointContact
 from wbc.constraints.support_polygon import support_polygon
 from wbc.polygon import polygon_margin
-from wbc.problem.mistakes import Misplaced
-from wbc.problem.part_specs import ContactSpec, Support
 from wbc.robot import Robot, Snapshot
-from wbc.validate import Array
 
 # How far a corner of the sole of a foot that is put down may be from the ground [m].
 FLAT = 1e-3
@@ -21,7 +18,7 @@ FLAT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What is held in a phase, and since when.
+    """What is held in a phase.
 
     Attributes
     ----------
@@ -41,9 +38,8 @@ class Standing:
     @classmethod
     def on(cls, phase: str, contacts: Sequence[Contact]) -> Standing:
         """Return what it is to stand on ``contacts``."""
-        feet = [_foot_of(contact) for contact in contacts]
-        known = tuple(foot for foot in feet if foot is not None)
-        return cls(phase, tuple(contacts), known if len(known) == len(feet) else ())
+        feet = held_feet(contacts)
+        return cls(phase, tuple(contacts), feet if len(feet) == len(contacts) else ())
 
     @property
     def label(self) -> str:
@@ -60,38 +56,22 @@ class Standing:
         return float(polygon_margin(support_polygon(snapshot, self.feet), snapshot.com[:2]))
 
 
-def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
-    """Return the contacts that a problem's support asks for, held where they are.
-
-    Raises
-    ------
-    UnknownNameError
-        No such foot or frame.
-    Misplaced
-        A frame named twice.
-    """
-    if isinstance(spec, str):
-        return support(snapshot, spec)
-    wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
-    frames = [one.frame for one in wanted]
-    for k, frame in enumerate(frames):
-        if frame in frames[:k]:
-            raise Misplaced(f"frame {frame!r} is named twice", k)
-    kinds = {"fixed": Contact, "point": PointContact}
-    return tuple(kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
+def held_feet(contacts: Iterable[Contact]) -> tuple[str, ...]:
+    """Return the feet that are held as a whole."""
+    feet = (_foot_of(contact) for contact in contacts)
+    return tuple(foot for foot in feet if foot is not None)
 
 
-def carried_on(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[Contact, ...]:
+def keep_anchors(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[Contact, ...]:
     """Return the contacts ``now``; those that go on keep their anchor, so that no drift adds up."""
     kept = {(type(one), one.frame, one.gain): one for one in before}
     return tuple(kept.get((type(one), one.frame, one.gain), one) for one in now)
 
 
-def put_down(before: Sequence[Contact], now: Sequence[Contact]) -> tuple[str, ...]:
+def touchdowns(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[str, ...]:
     """Return the feet that stand now and did not before."""
-    stood = {_foot_of(contact) for contact in before}
-    feet = (_foot_of(contact) for contact in now)
-    return tuple(foot for foot in feet if foot is not None and foot not in stood)
+    stood = held_feet(before)
+    return tuple(foot for foot in held_feet(now) if foot not in stood)
 
 
 def held_joints(robot: Robot, contacts: Iterable[Contact]) -> set[int]:
@@ -107,7 +87,9 @@ def carrier(robot: Robot, frame: str) -> int:
 
 def off_the_ground(snapshot: Snapshot, foot: str) -> str | None:
     """Return in words why a foot cannot be stood on, or None if its sole is flat on the ground."""
-    heights = _corner_heights(snapshot, foot)
+    sole = snapshot.robot.feet[foot]
+    R, p = snapshot.rotation(sole.frame), snapshot.position(sole.frame)
+    heights = sole.polygon @ R[2, :2] + p[2]  # of the corners
     worst = heights[np.argmax(np.abs(heights))]
     if abs(worst) <= FLAT:
         return None
@@ -117,19 +99,9 @@ def off_the_ground(snapshot: Snapshot, foot: str) -> str | None:
     return f"{text} {where} the ground, and from corner to corner it rises by {tilt:.2g} mm"
 
 
-def _corner_heights(snapshot: Snapshot, foot: str) -> Array:
-    sole = snapshot.robot.feet[foot]
-    R, p = snapshot.rotation(sole.frame), snapshot.position(sole.frame)
-    return np.asarray(sole.polygon @ R[2, :2] + p[2])
-
-
 def _foot_of(contact: Contact) -> str | None:
     """Return the foot that a contact holds as a whole, or None."""
     if isinstance(contact, PointContact):
         return None
-    names = (
-        name
-        for name, foot in contact.robot.feet.items()
-        if contact.frame in (foot.frame, foot.link)
-    )
-    return next(names, None)
+    feet = contact.robot.feet.items()
+    return next((name for name, foot in feet if contact.frame in (foot.frame, foot.link)), None)

@@ -9,7 +9,7 @@ import pytest
 import wbc
 from wbc.errors import InvalidInputError
 from wbc.problem import Result, load_problem
-from wbc.problem.saving import json_text
+from wbc.run.saving import json_text
 
 TEXT = """\
 robot: hoap2_like

@@ -1,0 +1,60 @@
+"""Runs without any file: one controller, or phases, from a start to a result."""
+
+import numpy as np
+import pytest
+
+from wbc import ComTask, KinematicController, Limits, PostureTask, Robot, support
+from wbc.controllers import Tick
+from wbc.run import RunStatus, Stop, closed_loop, simulate
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+def controller(robot: Robot) -> KinematicController:
+    start = robot.snapshot(robot.posture())
+    com = ComTask(robot, start.com - (0.0, 0.0, 0.02), weight=100)
+    calm = PostureTask(robot, start.q, weight=1e-2)
+    contacts = support(start, "double")
+    return KinematicController(robot, [com, calm], contacts=contacts, limits=Limits(robot))
+
+
+def test_a_controller_runs_to_rest_without_a_file(robot: Robot) -> None:
+    stop = Stop(duration=5.0, speed=1e-3, accept={"com": 1e-3})
+    result = simulate(controller(robot), robot.posture(), stop, provenance={"made": "here"})
+    assert result.status is RunStatus.CONVERGED
+    assert result.tasks["com"].norm < 1e-3
+    assert result.tasks["com"].units == ("m", "m", "m")
+    assert result.provenance == {"made": "here"}
+    assert result.summary()["made"] == "here"
+    assert set(result.history.support) == {"left,right"}
+    assert result.slip is not None
+    assert result.slip.value < 5e-4  # m; the target jumps
+    assert result.balance is not None
+    assert result.balance.value > 0.0
+
+
+def test_a_run_is_the_loop_tick_by_tick(robot: Robot) -> None:
+    q = robot.posture()
+    stop = Stop(duration=0.25, speed=None)
+    seen: list[Tick] = []
+    result = simulate(controller(robot), q, stop, observe=seen.append)
+    ticks = list(closed_loop(controller(robot), q, 50))
+    assert result.status is RunStatus.COMPLETED
+    assert len(result.history) == len(ticks) == len(seen) == 50
+    np.testing.assert_array_equal(result.history.q, [one.snapshot.q for one in ticks])
+    np.testing.assert_array_equal(result.history.v, [one.tick.velocity for one in ticks])
+    np.testing.assert_array_equal(result.q, ticks[-1].q)
+    np.testing.assert_allclose([one.time for one in ticks], 0.005 * np.arange(50))
+
+
+def test_an_update_chooses_the_controller_and_ends_the_loop(robot: Robot) -> None:
+    first, second = controller(robot), controller(robot)
+    second.tasks[0].target = second.tasks[0].target + (0.0, 0.0, 0.02)  # where the CoM is
+    chosen = [first, first, second, None]
+    ticks = list(closed_loop(first, robot.posture(), 99, lambda k, _: chosen[k]))
+    assert len(ticks) == 3
+    assert ticks[1].speed > 1e-3
+    assert ticks[2].tick.velocity[2] > 0.0  # back up

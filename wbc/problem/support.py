@@ -1,0 +1,76 @@
+"""What is held, as a problem file describes it, and the contacts made of that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Literal
+
+from pydantic import Field, Strict
+
+from wbc.constraints import Contact, PointContact, support
+from wbc.problem.mistakes import Misplaced
+from wbc.problem.section import LIST, MAPPING, WORD, Name, Positive, Section, forms
+from wbc.robot import Snapshot
+
+
+class ContactSpec(Section):
+    """A frame that is held where it is at the start."""
+
+    frame: Name
+    """A link, sole or other frame of the robot."""
+    type: Literal["fixed", "point"] = "fixed"
+    """fixed: position and orientation are held; point: the position only."""
+    gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
+    """Fraction of the drift to take back in one tick, in [0, 1]."""
+    slack: Positive | None = None
+    """Weight of the squared slip [1/(m/s)^2, 1/(rad/s)^2] of a contact that may give way; left out:
+    hard."""
+
+
+Support = Annotated[
+    Annotated[Literal["floating", "left", "right", "double"], WORD]
+    | Annotated[
+        tuple[
+            Annotated[
+                Annotated[Name, WORD] | Annotated[ContactSpec, MAPPING],
+                forms("a frame's name, or {frame: ..., type: fixed or point}"),
+            ],
+            ...,
+        ],
+        Strict(False),
+        Field(min_length=1),
+        LIST,
+    ],
+    forms("floating, left, right, double, or a list of frames"),
+]
+
+
+def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
+    """Return the contacts that a problem's support asks for, held where they are.
+
+    Raises
+    ------
+    UnknownNameError
+        No such foot or frame.
+    Misplaced
+        A frame named twice.
+    """
+    if isinstance(spec, str):
+        return support(snapshot, spec)
+    wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
+    frames = [one.frame for one in wanted]
+    for k, frame in enumerate(frames):
+        if frame in frames[:k]:
+            raise Misplaced(f"frame {frame!r} is named twice", k)
+    kinds = {"fixed": Contact, "point": PointContact}
+    return tuple(kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
+
+
+def slack_by_frame(supports: Iterable[Support | None]) -> dict[str, float]:
+    """Return the slack weights of contacts, by frame; a later support's count over an earlier's."""
+    listed = (one for support in supports if not isinstance(support, str) for one in support or ())
+    return {
+        one.frame: one.slack
+        for one in listed
+        if isinstance(one, ContactSpec) and one.slack is not None
+    }

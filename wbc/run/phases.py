@@ -1,0 +1,224 @@
+"""Runs in phases: what is held, and which tasks act with which weights, from phase to phase.
+
+A command does not jump where a phase begins: targets and weights move by minimum-jerk ramps, whose
+rate is zero at both ends; a foot is let go of by a task of full weight that holds it where it is,
+and is held where it has come to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.constraints import Contact
+from wbc.controllers import KinematicController
+from wbc.controllers.closed_loop import Controller
+from wbc.robot import Snapshot
+from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
+from wbc.run.standing import Standing, keep_anchors, off_the_ground, touchdowns
+from wbc.tasks import Task
+from wbc.validate import Array
+
+# Part of its full weight that a task in use has at least. Never zero: a row without weight is left
+# out of strict levels, and a level must not gain or lose rows within a phase.
+LEAST_WEIGHT = 1e-6
+
+# Makes a controller of the tasks in use and of what is held, at a state.
+MakeController = Callable[[Sequence[Task], Sequence[Contact], Snapshot], Controller]
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a phase does with a task.
+
+    Attributes
+    ----------
+    goal:
+        Where its target goes; None: it stays where it is.
+    weight:
+        (k,) at the end of the phase; None: the task is off.
+    at_once:
+        The task comes in or goes out at once, and not within the phase.
+    """
+
+    goal: Goal | None
+    weight: Array | None
+    at_once: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """A part of a run; a run without phases is one, without a name.
+
+    Attributes
+    ----------
+    begins, duration:
+        [s], from the start of the run.
+    hold:
+        Returns what is held from a state on.
+    changes:
+        What happens to each task, by name.
+    """
+
+    name: str
+    begins: float
+    duration: float
+    hold: Callable[[Snapshot], Sequence[Contact]]
+    changes: Mapping[str, Change]
+
+    @property
+    def ends(self) -> float:
+        """When it ends [s]."""
+        return self.begins + self.duration
+
+    def first_tick(self, dt: float) -> int:
+        """Return the first tick that belongs to it; a tick that hits its beginning does."""
+        return int(np.ceil(self.begins / dt - 1e-9))
+
+
+class PhaseExecutor:
+    """Leads a run through its phases; :meth:`update` is for :func:`wbc.run.closed_loop`.
+
+    Parameters
+    ----------
+    phases:
+        In order; the first begins at 0.
+    tasks:
+        All tasks; names must differ.
+    active:
+        Names of those that are in use when the run starts.
+    make_controller:
+        Called when a phase begins.
+    start:
+        The state in which the run starts.
+    move_world:
+        Called before each tick with the time [s], for instance to move obstacles.
+
+    Attributes
+    ----------
+    controller:
+        Of the present phase.
+    standing:
+        What is held in it.
+    complaint:
+        Why a phase could not begin, which ended the run; else None.
+    """
+
+    def __init__(
+        self,
+        phases: Sequence[Phase],
+        tasks: Sequence[TargetedTask],
+        active: Container[str],
+        make_controller: MakeController,
+        start: Snapshot,
+        move_world: Callable[[float], None] | None = None,
+    ) -> None:
+        self.tasks = tuple(one.task for one in tasks)
+        self.complaint: str | None = None
+        self._make_controller, self._move_world = make_controller, move_world
+        self._targeted = {one.task.name: one for one in tasks}
+        # (k,) with which each task acts; None: it is off.
+        self._weights: dict[str, Array | None] = {
+            name: one.weight if name in active else None for name, one in self._targeted.items()
+        }
+        # What a task weighs if it is in use: as in the last phase in which it was.
+        self._full = {name: one.weight for name, one in self._targeted.items()}
+        self._targets = {
+            name: one.goal(start, one.current(start)) for name, one in self._targeted.items()
+        }
+        for name, target in self._targets.items():  # set, at rest
+            one = self._targeted[name]
+            one.set_target(*MinimumJerk(target, target, 1.0, one.space).at(0.0))
+        moving = (one.moving(start) for one in tasks)
+        self._moving = [one for one in moving if one is not None]
+        self.ramps_over = max((one.ramp or 0.0 for one in tasks), default=0.0)
+        if move_world is not None:
+            move_world(0.0)
+        first, *self._coming = phases
+        self._begin(first, start, tuple(first.hold(start)))
+
+    @classmethod
+    def single(cls, controller: KinematicController, start: Snapshot) -> PhaseExecutor:
+        """Return a run of one phase with one controller, whose targets stay where they are."""
+        phase = Phase("", 0.0, np.inf, lambda _: controller.contacts, {})
+        executor = cls([phase], [], (), lambda *_: controller, start)
+        executor.tasks = controller.tasks
+        return executor
+
+    def update(self, tick: int, snapshot: Snapshot) -> Controller | None:
+        """Make everything ready for a tick and return its controller.
+
+        None if the phase that begins cannot: a foot that should stand is in the air. Then
+        :attr:`complaint` says so.
+        """
+        dt = self.controller.dt
+        if self._move_world is not None:
+            self._move_world(tick * dt)
+        while self._coming and tick >= self._coming[0].first_tick(dt):
+            phase = self._coming.pop(0)
+            held = self.standing.contacts
+            contacts = keep_anchors(held, phase.hold(snapshot))
+            for foot in touchdowns(held, contacts):
+                reason = off_the_ground(snapshot, foot)
+                if reason is not None:
+                    self.complaint = f"phase {phase.name!r} cannot begin: {reason}"
+                    return None
+            self.move_to(np.inf)  # what the last phase moved is at its end, and rests
+            self._moving = []
+            self._begin(phase, snapshot, contacts)
+        self.move_to(tick * dt)
+        return self.controller
+
+    def move_to(self, time: float) -> None:
+        """Set every moving target and weight to its value at ``time`` [s]."""
+        for moving in self._moving:
+            moving.move_to(time)
+
+    def _begin(self, phase: Phase, snapshot: Snapshot, contacts: tuple[Contact, ...]) -> None:
+        tasks = [
+            self._targeted[name].task
+            for name, change in phase.changes.items()
+            if self._change(name, change, phase, snapshot)
+        ]
+        self.standing = Standing.on(phase.name, contacts)
+        self.controller = self._make_controller(tasks, contacts, snapshot)
+
+    def _change(self, name: str, change: Change, phase: Phase, snapshot: Snapshot) -> bool:
+        """Begin what a phase does with a task; True if it is in use in that phase."""
+        task, before = self._targeted[name], self._weights[name]
+        if change.goal is not None and change.weight is not None:
+            here = self._targets[name] if before is not None else task.current(snapshot)
+            goal = change.goal(snapshot, here)
+            ramp = MinimumJerk(here, goal, phase.duration, task.space)
+            self._moving.append(MovingTarget(ramp, task.set_target, phase.begins))
+            self._targets[name] = goal
+        self._weights[name] = change.weight
+        in_use = self._change_weight(name, before, change, phase)
+        if change.weight is not None:
+            self._full[name] = change.weight
+        return in_use
+
+    def _change_weight(self, name: str, before: Array | None, change: Change, phase: Phase) -> bool:
+        """Begin the ramp of a task's weight, or set it; True if it has any."""
+        task, end = self._targeted[name].task, change.weight
+        if (before is None and end is None) or (end is None and change.at_once):
+            return False
+        # A foot let go of comes in with all its weight, for the contact's was without bound.
+        off = self._full[name] if change.at_once else np.zeros(len(task.rows))
+        begin, end = off if before is None else before, off if end is None else end
+        task.weight = begin
+        if (begin != end).any():
+            set_weight = _set_weight(task, LEAST_WEIGHT * np.maximum(begin, end))
+            ramp = MinimumJerk(begin, end, phase.duration)
+            self._moving.append(MovingTarget(ramp, set_weight, phase.begins))
+            set_weight(begin, begin, begin)
+        return True
+
+
+def _set_weight(task: Task, least: Array) -> SetTarget:
+    def set_weight(value: Array, _: Array, __: Array) -> None:
+        task.weight = np.maximum(value, least)
+
+    return set_weight

@@ -1,0 +1,214 @@
+"""Targets that move smoothly: minimum-jerk ramps in the space that the target lives in.
+
+A target is a vector, a rotation, a placement, a direction or a configuration. Each kind has a
+difference, which is a vector, and a way to go a part of it; a ramp needs no more than that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
+from wbc.robot import Robot, Snapshot
+from wbc.rotations import exp_rotation, log_rotation
+from wbc.tasks import Task
+from wbc.validate import Array
+
+# Takes a target's value, rate and acceleration.
+SetTarget = Callable[[Array, Array, Array], None]
+# Returns where a target is to be, from the robot now and the target until then.
+Goal = Callable[[Snapshot, Array], Array]
+
+
+class Space(Protocol):
+    """Where targets of one kind live: ``moved(start, difference(start, end)) == end``.
+
+    Parts of a displacement add up: ``moved(moved(x, s d), t d) == moved(x, (s + t) d)``.
+    """
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return the displacement (k,) from one value to another."""
+        ...
+
+    def moved(self, start: Array, displacement: Array) -> Array:
+        """Return the value at the end of a displacement."""
+        ...
+
+
+class Vectors:
+    """Plain numbers."""
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return ``end - start``."""
+        return end - start
+
+    def moved(self, start: Array, displacement: Array) -> Array:
+        """Return ``start + displacement``."""
+        return start + displacement
+
+
+class Rotations:
+    """Rotation matrices (3, 3); displacements are rotation vectors in the rotating axes."""
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return log(start' end) (3,) [rad]."""
+        return log_rotation(start.T @ end)
+
+    def moved(self, start: Array, displacement: Array) -> Array:
+        """Return start exp(displacement)."""
+        return start @ exp_rotation(displacement)
+
+
+class Placements:
+    """A rotation and a position side by side, (3, 4); the position moves on a straight line."""
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return the difference of the positions [m] above the rotation vector [rad] (6,)."""
+        rotation = ROTATIONS.difference(start[:, :3], end[:, :3])
+        return np.concatenate((end[:, 3] - start[:, 3], rotation))
+
+    def moved(self, start: Array, displacement: Array) -> Array:
+        """Return the placement at the end of a displacement."""
+        rotation = ROTATIONS.moved(start[:, :3], displacement[3:])
+        return placement(start[:, 3] + displacement[:3], rotation)
+
+
+class Directions:
+    """Unit vectors (3,), turned about the axis at right angles to both; world axes."""
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return the rotation vector (3,) [rad] that turns one direction into another."""
+        a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
+        axis = np.cross(a, b)
+        sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+        if sine < 1e-9:  # the same or opposite: any axis at right angles will do for half a turn
+            axis = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+            sine = 0.0
+        return float(np.arctan2(sine, cosine)) * axis / np.linalg.norm(axis)
+
+    def moved(self, start: Array, displacement: Array) -> Array:
+        """Return the turned direction."""
+        return exp_rotation(displacement) @ start
+
+
+@dataclass(frozen=True, eq=False)
+class Configurations:
+    """Configurations (nq,) of a robot; continuous joints turn the shorter way."""
+
+    robot: Robot
+
+    def difference(self, start: Array, end: Array) -> Array:
+        """Return the displacement (nv,)."""
+        return self.robot.difference(start, end)
+
+    def moved(self, start: Array, displacement: Array) -> Array:
+        """Return the configuration at the end of a displacement."""
+        return self.robot.integrate(start, displacement, 1.0)
+
+
+VECTORS, ROTATIONS, PLACEMENTS, DIRECTIONS = Vectors(), Rotations(), Placements(), Directions()
+
+
+def placement(position: Array, rotation: Array) -> Array:
+    """Return a position (3,) and a rotation (3, 3) as one value (3, 4) of :class:`Placements`."""
+    return np.column_stack((rotation, position))
+
+
+@dataclass(frozen=True, eq=False)
+class MinimumJerk:
+    """The path from ``start`` to ``end`` in ``duration`` [s] of least integrated squared jerk.
+
+    s(x) = 10 x^3 - 15 x^4 + 6 x^5 with x = t / duration: rate and acceleration are zero at both
+    ends and continuous everywhere (Flash and Hogan 1985). In another space than that of plain
+    vectors, s is the part of the displacement that is done.
+    """
+
+    start: Array
+    end: Array
+    duration: float
+    space: Space = VECTORS
+
+    @cached_property
+    def displacement(self) -> Array:
+        """From start to end, as a vector."""
+        return self.space.difference(self.start, self.end)
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Return value, rate and acceleration at ``t`` [s]; at rest before 0 and after the end.
+
+        Rate and acceleration are those along :attr:`displacement`.
+        """
+        x = min(max(t / self.duration, 0.0), 1.0)
+        slope, curvature = minimum_jerk_rates(x)
+        rate, acceleration = slope / self.duration, curvature / self.duration**2
+        # Written from the end, so that the end is met exactly.
+        value = self.space.moved(self.end, -(1.0 - minimum_jerk(x)) * self.displacement)
+        return value, rate * self.displacement, acceleration * self.displacement
+
+
+@dataclass(frozen=True, eq=False)
+class MovingTarget:
+    """A ramp that starts at ``begins`` [s], and what takes its value, rate and acceleration."""
+
+    ramp: MinimumJerk
+    set_target: SetTarget
+    begins: float = 0.0
+
+    def move_to(self, t: float) -> None:
+        """Set what is moved to its value at time ``t`` [s]."""
+        self.set_target(*self.ramp.at(t - self.begins))
+
+
+@dataclass(frozen=True, eq=False)
+class TargetedTask:
+    """A task, and how its target is found and moved.
+
+    Attributes
+    ----------
+    goal:
+        Where the target should be.
+    current:
+        The task quantity's current value, in the form of the target.
+    space:
+        Where both live.
+    set_target:
+        Sets the task's target.
+    ramp:
+        Time [s] in which the target moves from the start to the goal, or None.
+    weight:
+        (k,) of the task as it was made; that of the task itself may change in a run.
+    """
+
+    task: Task
+    goal: Goal
+    current: Callable[[Snapshot], Array]
+    space: Space
+    set_target: SetTarget
+    ramp: float | None = None
+    weight: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weight", self.task.weight)
+
+    def moving(self, start: Snapshot) -> MovingTarget | None:
+        """Return what moves the target from the start to the goal, if it has a ramp."""
+        if self.ramp is None:
+            return None
+        here = self.current(start)
+        ramp = MinimumJerk(here, self.goal(start, here), self.ramp, self.space)
+        return MovingTarget(ramp, self.set_target)
+
+
+def value_only(task: Any) -> SetTarget:
+    """Return what hands a task the value only, for it has no use for rate and acceleration."""
+    return lambda value, _, __: task.set_target(value)
+
+
+def fixed_goal(goal: Array) -> Goal:
+    """Return a goal that is known from the start."""
+    return lambda _, __: goal

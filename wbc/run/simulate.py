@@ -1,0 +1,93 @@
+"""Runs a controller, or phases of controllers, from a start to the end, and keeps the result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.controllers import KinematicController, Tick
+from wbc.controllers.closed_loop import LoopTick, closed_loop
+from wbc.run.conclusion import conclude
+from wbc.run.history import Recorder
+from wbc.run.phases import PhaseExecutor
+from wbc.run.result import Result
+from wbc.run.stopping import RestWatch, Stop
+from wbc.validate import Array
+
+# Called with ticks done, ticks at most, and time [s], speed, errors by task, failed ticks; by a
+# search with searches done, searches in all, and cost.
+Progress = Callable[[int, int, Mapping[str, Any]], None]
+Observe = Callable[[Tick], None]
+PROGRESS_EVERY = 10
+DEFAULT_STOP = Stop()
+
+
+def simulate(
+    controller: KinematicController | PhaseExecutor,
+    q: ArrayLike,
+    stop: Stop = DEFAULT_STOP,
+    progress: Progress | None = None,
+    observe: Observe | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> Result:
+    """Run from rest at ``q`` (nq,) until the robot is at rest, out of time, or has failed.
+
+    The robot moves exactly as commanded: each tick's velocity is integrated over one time step.
+
+    Parameters
+    ----------
+    controller:
+        In charge all the time, or phases with one each; phases remember where they are, so they
+        serve one run.
+    progress:
+        Called every ten ticks and at the end with ticks done, ticks at most, and a mapping with
+        ``time`` [s], ``speed`` (largest velocity), ``errors`` (norm by task) and ``failed`` (ticks
+        without solution).
+    observe:
+        Called with every tick: its QP, solution and errors.
+    provenance:
+        Where the run comes from, as plain data; becomes a part of the result.
+
+    Raises
+    ------
+    InvalidInputError
+        An unusable configuration.
+    """
+    if not isinstance(controller, PhaseExecutor):
+        controller = PhaseExecutor.single(controller, controller.robot.snapshot(q))
+    phases, first = controller, controller.controller
+    robot, dt = first.robot, first.dt
+    total = ticks_in(stop.duration, dt)
+    recorder = Recorder(robot, phases.tasks)
+    watch = RestWatch(stop.speed, phases.ramps_over)
+    at_rest = False
+    for now in closed_loop(first, q, total, phases.update):
+        recorder.add(now, phases.standing)
+        if observe is not None:
+            observe(now.tick)
+        at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
+        done = len(recorder.records)
+        over = at_rest or now.gave_up or done == total
+        if progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or over):
+            progress(done, total, progress_info(now, now.tick.errors, recorder.failed))
+        if over:
+            break
+    phases.move_to(done * dt)
+    end = robot.snapshot(now.q, now.tick.velocity)
+    standing, complaint = phases.standing, phases.complaint
+    return conclude(phases.tasks, stop, recorder, standing, end, at_rest, complaint, provenance)
+
+
+def ticks_in(duration: float, dt: float) -> int:
+    """Return how many ticks of ``dt`` [s] a run of ``duration`` [s] has, at least one."""
+    return max(1, math.ceil(duration / dt - 1e-9))
+
+
+def progress_info(now: LoopTick, errors: Mapping[str, Array], failed: int) -> dict[str, Any]:
+    """Return what is told of a tick: see :func:`simulate`."""
+    norms = {name: float(np.linalg.norm(error)) for name, error in errors.items()}
+    return {"time": now.time, "speed": now.speed, "errors": norms, "failed": failed}
