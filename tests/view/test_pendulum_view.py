@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.problem.pendulum.history import PendulumHistory, Support
+from wbc.problem.pendulum.result import PendulumHistory, Support
 from wbc.view import style
 from wbc.view.balance import pushes_figure, regions_figure
 from wbc.view.pendulum import pendulum_figure, plot_pendulum

@@ -6,7 +6,6 @@ from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
-from wbc.problem.pendulum.spec import PendulumSpec
 from wbc.problem.spec import ProblemSpec
 
 
@@ -15,6 +14,8 @@ def json_schema() -> dict[str, Any]:
 
     A file with the key ``model`` is about a pendulum, any other about a robot.
     """
+    from wbc.problem.pendulum.spec import PendulumSpec  # only now: it loads CasADi
+
     places, schema = models_json_schema([(ProblemSpec, "validation"), (PendulumSpec, "validation")])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

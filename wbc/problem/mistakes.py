@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -68,6 +68,11 @@ class Mistakes:
 
     def _error(self) -> ProblemFileError:
         return ProblemFileError(self._source.messages(self._found))
+
+    def fail(self, path: KeyPath, text: str) -> NoReturn:
+        """Raise ProblemFileError, with a last mistake at ``path``."""
+        self.note(path, ProblemFileError(text))
+        raise self._error()
 
     def note(self, path: KeyPath, error: WbcError) -> None:
         """Note a mistake; an unknown name is looked for at and below ``path``."""

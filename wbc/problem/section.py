@@ -7,8 +7,12 @@ They are in parentheses, so that they cannot be taken for keys of the file.
 
 from __future__ import annotations
 
+import inspect
+import math
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import Field as DataclassField
+from dataclasses import dataclass, fields
 from typing import Annotated, Any, get_args
 
 from pydantic import (
@@ -21,6 +25,7 @@ from pydantic import (
     Strict,
     Tag,
     ValidationInfo,
+    create_model,
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -155,9 +160,64 @@ Pair = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_leng
 Range = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
 Names = Annotated[tuple[Name, ...], Strict(False), Field(min_length=1)]
 Distinct = AfterValidator(_distinct)
+# Components of a vector; null is free.
+_Components = Annotated[tuple[Number | None, ...], Strict(False), Field(min_length=3, max_length=3)]
 
 Weight = Annotated[
     Annotated[NonNegative, NUMBER]
     | Annotated[tuple[NonNegative, ...], Strict(False), Field(min_length=1), LIST],
     forms("a number, or a list with one for each row of the task"),
 ]
+
+
+class KeysOf:
+    """Annotates a dict of what a file gives of a dataclass, in ``Annotated[dict[str, Any], ...]``.
+
+    Keys, their descriptions and defaults are those of the dataclass, so that they have one home; it
+    checks the numbers further when it is made. Every key may be left out, or be null. The form of a
+    value follows from its default: infinity is a size, positive or infinite; a pair is (least,
+    greatest); None is three components, of which some may be null; any other number is not
+    negative.
+
+    Parameters
+    ----------
+    kind:
+        A dataclass with a section ``Parameters`` in its docstring.
+    forms:
+        Types of keys to which the above does not apply.
+    """
+
+    def __init__(self, kind: type, **forms: Any) -> None:
+        about, described = (inspect.getdoc(kind) or "").split("\n")[0], _descriptions(kind)
+        entries = {
+            each.name: _entry(each, forms.get(each.name), described.get(each.name))
+            for each in fields(kind)
+            if each.init
+        }
+        self._section = create_model(kind.__name__, __base__=Section, __doc__=about, **entries)
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        schema = handler.generate_schema(self._section)
+        as_is = core_schema.plain_serializer_function_ser_schema(dict)
+        return core_schema.no_info_after_validator_function(_given, schema, serialization=as_is)
+
+
+def _given(section: BaseModel) -> dict[str, Any]:
+    found = {name: getattr(section, name) for name in section.model_fields_set}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _entry(of: DataclassField[Any], form: Any, description: str | None) -> Any:
+    number = isinstance(of.default, float) and math.isfinite(of.default)
+    if form is None:
+        sizes = {float: PositiveOrInfinite, tuple: Range}
+        form = NonNegative if number else sizes.get(type(of.default), _Components)
+    return form | None, Field(of.default if number else None, description=description)
+
+
+def _descriptions(kind: type) -> dict[str, str]:
+    """Return what a class's docstring says of its parameters, by their names."""
+    _, _, body = (inspect.getdoc(kind) or "").partition("\nParameters\n----------\n")
+    body = re.split(r"\n\w+\n---", body)[0]
+    found = re.findall(r"^(\w[\w, ]*):?\n((?:(?:    .*)?\n?)+)", body, re.MULTILINE)
+    return {name: inspect.cleandoc(text) for names, text in found for name in names.split(", ")}

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wbc.problem.pendulum.history import PendulumHistory
+from wbc.problem.pendulum.result import PendulumHistory
 from wbc.view import style
 from wbc.view.files import picture_file, save
 from wbc.view.pendulum_plots import HEIGHT, draw_ground, draw_momentum, draw_portrait

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from wbc.problem.pendulum.history import PendulumHistory
+from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.pendulum_strip import view_side

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
-from wbc.problem.pendulum.history import PendulumHistory
+from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
 

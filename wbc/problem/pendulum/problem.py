@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from wbc.problem.mistakes import read_section
-from wbc.problem.pendulum.build import Balance, Planning, build
+from wbc.problem.mistakes import Misplaced, Mistakes, read_section
+from wbc.problem.pendulum.plan import Planning
 from wbc.problem.pendulum.result import PendulumResult
-from wbc.problem.pendulum.run import run_balance, run_plan
+from wbc.problem.pendulum.simulation import Balance, build_balance
 from wbc.problem.pendulum.spec import PendulumSpec
 from wbc.problem.provenance import provenance, versions
 from wbc.problem.source import Source
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
 from wbc.run.simulate import Progress
 
 
@@ -53,8 +55,8 @@ class PendulumProblem:
         """
         provenance = {"problem": self.provenance(), "versions": versions()}
         if isinstance(self.parts, Planning):
-            return run_plan(self.parts, provenance)
-        return run_balance(self.parts, self.spec.stop, provenance, progress)
+            return self.parts.run(provenance)
+        return self.parts.run(provenance, progress)
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""
@@ -70,4 +72,18 @@ def load_pendulum(source: Source, overrides: Mapping[str, Any]) -> PendulumProbl
         With every mistake found: file, line, key path, what is wrong and what is valid.
     """
     spec = read_section(PendulumSpec, source)
-    return PendulumProblem(source, overrides, spec, build(spec, source))
+    return PendulumProblem(source, overrides, spec, _build(spec, Mistakes(source)))
+
+
+def _build(spec: PendulumSpec, mistakes: Mistakes) -> Balance | Planning:
+    kind = PlanarRmp if spec.model == "rmp_planar" else SolidRmp
+    pendulum = mistakes.require((), lambda: kind(spec.mass, spec.gravity))
+    if spec.law is not None and spec.plan is None:
+        return build_balance(spec, spec.law, pendulum, mistakes)
+    if spec.plan is None or spec.law is not None:
+        mistakes.fail((), "give law (to simulate) or plan, and only one of them")
+    for key in ("start", "bounds", "pushes", "plant", "stop"):
+        if key in spec.model_fields_set:
+            mistakes.note((key,), Misplaced("belongs to a law; a plan has its own, under plan:"))
+    mistakes.raise_any()
+    return spec.plan.build(pendulum, mistakes)

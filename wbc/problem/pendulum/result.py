@@ -1,4 +1,4 @@
-"""What came of a pendulum's problem, simulated or planned."""
+"""What came of a pendulum's problem: its motion in space, and what was measured."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.problem.pendulum.history import PendulumHistory
 from wbc.run.saving import save_result
+from wbc.validate import Array
 
 FORMAT = "wbc pendulum result 1"
 # Of what is measured, by the last words of its name; what is not here has none.
@@ -32,6 +32,57 @@ UNITS = {
     "duration": "s",
     "momentum drift in flight": "kg m^2/s",
 }
+
+
+class Support(NamedTuple):
+    """Where the ground may push for a while."""
+
+    start: float  # [s]
+    end: float  # [s]
+    polygon: Array  # (k, 2) [m], anticlockwise; two corners for a planar pendulum
+
+
+@dataclass(frozen=True, eq=False)
+class PendulumHistory:
+    """A pendulum's motion in space (x, y, z), z up; a planar one moves in y = 0.
+
+    Attributes
+    ----------
+    flat:
+        Whether the pendulum is planar.
+    time:
+        (n,) [s].
+    phase:
+        What the law or the schedule calls each moment (n,).
+    com, com_velocity:
+        (n, 3) [m], [m/s].
+    foot:
+        Lower end of the leg (n, 3) [m]; NaN in flight.
+    cop, cmp:
+        Where the ground pushes, and where its force through the CoM meets the ground (n, 3) [m];
+        NaN in flight, and at the end of a simulation, where nothing is commanded any more.
+    radii:
+        Distances r_k of the masses (n, 3) [m]; a planar pendulum has (r, 0, 0).
+    axes:
+        Axes of the masses as columns of rotation matrices (n, 3, 3).
+    momentum:
+        Angular momentum k_G about the CoM (n, 3) [kg m^2/s].
+    supports:
+        Support polygons, in order of time.
+    """
+
+    flat: bool
+    time: Array
+    phase: tuple[str, ...]
+    com: Array
+    com_velocity: Array
+    foot: Array
+    cop: Array
+    cmp: Array
+    radii: Array
+    axes: Array
+    momentum: Array
+    supports: tuple[Support, ...]
 
 
 class PendulumStatus(StrEnum):

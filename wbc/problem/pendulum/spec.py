@@ -2,20 +2,76 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Strict
+from pydantic import Field, Strict
 
-from wbc.problem.pendulum.law_specs import (
-    BoundsSpec,
-    LawChoice,
-    PendulumStopSpec,
-    PlantSpec,
-    PushSpec,
+from wbc.problem.pendulum.laws import LawChoice
+from wbc.problem.pendulum.plan import PlanSpec
+from wbc.problem.pendulum.start import PendulumStartSpec
+from wbc.problem.section import (
+    LIST,
+    MATRIX,
+    KeysOf,
+    NonNegative,
+    Number,
+    Pair,
+    Positive,
+    Section,
+    forms,
 )
-from wbc.problem.pendulum.plan_specs import PlanSpec
-from wbc.problem.pendulum.start_specs import PendulumStartSpec
-from wbc.problem.section import NonNegative, Positive, Section
+from wbc.rmp.balance.law import Bounds
+
+_Impulse = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
+_Polygon = Annotated[
+    Annotated[Pair, LIST] | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=3), MATRIX],
+    forms("[least x, greatest x] (planar), or corners [[x, y], ...] (solid)"),
+]
+
+
+class PushSpec(Section):
+    """A blow to the CoM: its velocity jumps."""
+
+    time: NonNegative
+    """When [s]."""
+    impulse: _Impulse
+    """[N s], up last: [x, z] (planar) or [x, y, z] (solid)."""
+
+
+class PlantSpec(Section):
+    """A pendulum that is not quite what the law believes."""
+
+    mass: Positive = 1.0
+    """Factor on the mass; the masses' distances stay, so the inertia is scaled too."""
+
+
+class AcceptSpec(Section):
+    """What must hold at the end of a simulation, besides the bounds on the way."""
+
+    leg: Positive | None = None
+    """Angle of the leg from where it should be [rad]."""
+    leg_rate: Positive | None = None
+    """Its rate [rad/s]."""
+    wheel_rate: Positive | None = None
+    """Rate of the masses: relative to the leg (planar), in space (solid) [rad/s]."""
+    spin: Positive | None = None
+    """Difference of the masses' spin from the one wanted by a spin law [rad/s]."""
+    worst_leg: Positive | None = None
+    """Largest angle of the leg from where it should be, at any time [rad]."""
+
+
+class PendulumStopSpec(Section):
+    """How long a simulation runs, and what counts as success.
+
+    Success is to stand until then, within bounds, and accept.
+    """
+
+    duration: Positive = 5.0
+    """Time to simulate [s]."""
+    dt: Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=0.1)] = 1e-3
+    """Time between commands [s]."""
+    accept: AcceptSpec = AcceptSpec()
+    """Tolerances."""
 
 
 class PendulumSpec(Section):
@@ -31,8 +87,10 @@ class PendulumSpec(Section):
     """[m/s^2], downward."""
     start: PendulumStartSpec | None = None
     """Where it starts, under a law."""
-    bounds: BoundsSpec = BoundsSpec()
-    """What it may do, under a law."""
+    bounds: Annotated[dict[str, Any], KeysOf(Bounds, polygon=_Polygon)] = Field(
+        default_factory=dict
+    )
+    """What it may do, under a law, which respects it; the simulation judges by it."""
     law: LawChoice | None = None
     """The balance law to simulate; this or plan."""
     pushes: Annotated[tuple[PushSpec, ...], Strict(False)] = ()

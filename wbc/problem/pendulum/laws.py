@@ -1,0 +1,194 @@
+"""Balance laws as a problem file describes them, each with how it is made.
+
+A new law is its own file, and a :class:`LawSpec` here that is listed in ``LawChoice``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.problem.section import Number, OneOf, Point, Positive, Section
+from wbc.rmp.balance.law import BalanceLaw, Bounds
+from wbc.rmp.balance.lqr import Lqr
+from wbc.rmp.balance.momentum_qp import MomentumQp
+from wbc.rmp.balance.spin_change import SpinChange
+from wbc.rmp.balance.stabiliser import PointStabiliser
+from wbc.rmp.balance.static_lean import StaticLean
+from wbc.rmp.balance.swing_up import SwingUp
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array
+
+_Numbers = Annotated[tuple[Positive, ...], Strict(False), Field(min_length=1)]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a law is made for.
+
+    Attributes
+    ----------
+    pendulum:
+        A PlanarRmp or a SolidRmp.
+    q, v:
+        Start (nq,), (nv,).
+    dt:
+        Time between commands [s].
+    """
+
+    pendulum: Any
+    bounds: Bounds
+    q: Array
+    v: Array
+    dt: float
+
+    @property
+    def lengths(self) -> tuple[float, Any]:
+        """Length of the leg and distances of the masses at the start [m], one or three."""
+        if isinstance(self.pendulum, PlanarRmp):
+            return float(self.q[2]), float(self.q[4])
+        return float(self.q[4]), self.q[9:]
+
+
+class LawSpec(Section):
+    """What all laws have in common."""
+
+    needs: ClassVar[Literal["rmp_planar", "rmp_solid"] | None] = None  # the only model it is for
+    pivot: ClassVar[bool] = False  # whether the foot is bolted to a pivot, which pulls as well
+
+    def build(self, on: Setting) -> BalanceLaw:
+        """Return the law; it raises InvalidInputError for numbers that it refuses."""
+        raise NotImplementedError
+
+    def leg(self, on: Setting) -> Array:
+        """Return the direction (3,) in which the leg should point, from foot to CoM."""
+        return np.array((0.0, 0.0, 1.0))
+
+    def measures(self, law: Any, v: Array) -> dict[str, float]:
+        """Return what only this law is judged by, from the velocity (nv,) at the end."""
+        return {}
+
+
+class StaticLeanSpec(LawSpec):
+    """Planar: the leg stays beyond its foot as long as the wheel can gain speed (paper 4.2)."""
+
+    needs = "rmp_planar"
+    type: Literal["static_lean"]
+    angle: Annotated[float, Field(gt=0, lt=math.pi)]
+    """theta to hold [rad]; pi/2 is upright."""
+    rate: Positive = StaticLean.rate
+    """Rate at which errors decay [1/s]."""
+
+    def build(self, on: Setting) -> StaticLean:
+        """Return the law."""
+        return StaticLean(on.pendulum, self.angle, *on.lengths, on.bounds, self.rate)
+
+    def leg(self, on: Setting) -> Array:
+        """Return the direction of ``angle``."""
+        return np.array((math.cos(self.angle), 0.0, math.sin(self.angle)))
+
+
+class LqrSpec(LawSpec):
+    """Linear quadratic regulator about the upright at the start's leg length and radii."""
+
+    type: Literal["lqr"]
+    foot: bool = Lqr.foot
+    """Whether the foot may give torque; then bounds.polygon is needed."""
+    errors: _Numbers | None = None
+    """Largest states wanted (Bryson's rule); see wbc.rmp.balance.lqr for their order."""
+    efforts: _Numbers | None = None
+    """Largest inputs wanted."""
+
+    def build(self, on: Setting) -> Lqr:
+        """Return the law."""
+        upright = on.q.copy()
+        if isinstance(on.pendulum, SolidRmp):
+            upright[2:4], upright[5:9] = (math.pi / 2, 0.0), (0.0, 0.0, 0.0, 1.0)
+        else:
+            upright[1], upright[3] = math.pi / 2, 0.0
+        return Lqr(on.pendulum, upright, self.foot, on.bounds, self.errors, self.efforts)
+
+
+class SwingUpSpec(LawSpec):
+    """Planar: from hanging to upright and held there, the foot bolted to a pivot."""
+
+    needs = "rmp_planar"
+    pivot = True
+    type: Literal["swing_up"]
+
+    def build(self, on: Setting) -> SwingUp:
+        """Return the law."""
+        return SwingUp(on.pendulum, *on.lengths, on.bounds)
+
+
+class SpinSpec(LawSpec):
+    """Masses drawn in or out until they spin as wanted, without any torque."""
+
+    type: Literal["spin"]
+    spin: Number
+    """Wanted rate of the masses in space [rad/s]."""
+    within: Positive = 1.0
+    """Duration of the change [s]."""
+    rate: Positive = SpinChange.rate
+    """Rate at which errors decay [1/s]."""
+
+    def build(self, on: Setting) -> SpinChange:
+        """Return the law."""
+        return SpinChange(on.pendulum, on.q, on.v, self.spin, self.within, on.bounds, self.rate)
+
+    def leg(self, on: Setting) -> Array:
+        """Return the direction at the start: it stays."""
+        com, _ = on.pendulum.com(on.q, np.zeros(len(on.v)))
+        leg = com - (*on.q[: len(com) - 1], 0.0)
+        leg = leg if len(leg) == 3 else np.array((leg[0], 0.0, leg[1]))
+        return np.asarray(leg / np.linalg.norm(leg))
+
+    def measures(self, law: Any, v: Array) -> dict[str, float]:
+        """Return how far the spin is off [rad/s]."""
+        if isinstance(law.model, PlanarRmp):
+            return {"spin": abs(float(v[1] + v[3]) - self.spin)}
+        # A body that tumbles has spin about the other axes too.
+        return {"spin": float(np.linalg.norm(v[5:8] - self.spin * np.eye(3)[law.axis]))}
+
+
+class MomentumQpSpec(LawSpec):
+    """Solid, on a flat foot: capture point and momentum by one quadratic program per tick."""
+
+    needs = "rmp_solid"
+    type: Literal["momentum_qp"]
+    com: Point | None = None
+    """Where the CoM rests [m]; left out: above the leg's foot at the start's leg length."""
+
+    def build(self, on: Setting) -> MomentumQp:
+        """Return the law."""
+        return MomentumQp(on.pendulum, on.bounds, self._com(on), on.lengths[1], dt=on.dt)
+
+    def leg(self, on: Setting) -> Array:
+        """Return the direction to where the CoM rests."""
+        from_foot = self._com(on) - (*on.q[:2], 0.0)
+        return np.asarray(from_foot / np.linalg.norm(from_foot))
+
+    def _com(self, on: Setting) -> Array:
+        return np.array((0.0, 0.0, on.lengths[0]) if self.com is None else self.com)
+
+
+class StabiliserSpec(LawSpec):
+    """Solid, on a contact without extent: leg and masses brought to rest by the hip alone."""
+
+    needs = "rmp_solid"
+    type: Literal["stabiliser"]
+
+    def build(self, on: Setting) -> PointStabiliser:
+        """Return the law."""
+        return PointStabiliser(on.pendulum, on.bounds, *on.lengths)
+
+
+LawChoice = Annotated[
+    StaticLeanSpec | LqrSpec | SwingUpSpec | SpinSpec | MomentumQpSpec | StabiliserSpec,
+    OneOf("type", "{type: lqr}"),
+]

@@ -1,0 +1,246 @@
+"""A pendulum's motion to plan: as a problem file describes it, made, solved and checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.problem.mistakes import Mistakes
+from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
+from wbc.problem.section import (
+    LIST,
+    MAPPING,
+    MATRIX,
+    NUMBER,
+    WORD,
+    KeysOf,
+    Name,
+    Pair,
+    Positive,
+    Quaternion,
+    Section,
+    forms,
+)
+from wbc.rmp.ground import centroidal_moment_pivot
+from wbc.rmp.plan import (
+    Corners,
+    Limits,
+    Phase,
+    Plan,
+    PlanProblem,
+    State,
+    Weights,
+    check,
+    hull,
+    plan_arrays,
+    rectangle,
+    solve,
+)
+from wbc.rmp.plan.problem import DEGREES
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
+from wbc.rotations import rotations_from
+
+# Moments between two knots, so that curves look like curves.
+FINER = 4
+
+_Sizes = Annotated[tuple[Positive, ...], Strict(False), Field(min_length=2, max_length=2)]
+_Durations = Annotated[
+    Annotated[Positive, NUMBER] | Annotated[_Sizes, LIST],
+    forms("seconds, or [least, greatest]"),
+]
+_State = Annotated[dict[str, Any], KeysOf(State)]
+_Limits = Annotated[dict[str, Any], KeysOf(Limits)]
+
+
+class RectangleSpec(Section):
+    """A rectangular sole on the ground, its sides along x and y."""
+
+    at: Pair
+    """Middle [x, y] [m]."""
+    size: _Sizes
+    """Length along x and width along y [m]."""
+
+    def corners(self) -> Corners:
+        """Return its corners, anticlockwise."""
+        return rectangle(*self.at, *self.size)
+
+
+class HullSpec(Section):
+    """The convex hull of several soles."""
+
+    hull: Annotated[tuple[RectangleSpec, ...], Strict(False), Field(min_length=1)]
+    """The soles."""
+
+    def corners(self) -> Corners:
+        """Return its corners, anticlockwise."""
+        return hull(*(sole.corners() for sole in self.hull))
+
+
+_Support = Annotated[
+    Annotated[Literal["flight"], WORD]
+    | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=1), MATRIX]
+    | Annotated[RectangleSpec | HullSpec, MAPPING],
+    forms(
+        "flight, corners [[x, y], ...] anticlockwise, {at: [x, y], size: [length, width]}, or "
+        "{hull: [...]} of several"
+    ),
+]
+
+
+class PlanPhaseSpec(Section):
+    """A phase of the schedule: on one support, or in flight."""
+
+    duration: _Durations
+    """How long it lasts [s], or [least, greatest] to choose from."""
+    support: _Support
+    """Where the ground may push, or flight."""
+    intervals: Annotated[int, Field(ge=1, le=1000)] = Phase.intervals
+    """Number of intervals of the collocation."""
+    limits: _Limits = Field(default_factory=dict)
+    """What differs from the plan's limits in this phase."""
+    end: _State = Field(default_factory=dict)
+    """Components of the state that are given where the phase ends."""
+
+    def build(self, name: str, limits: Limits) -> Phase:
+        """Return the phase; ``limits`` are those of the plan.
+
+        Raises
+        ------
+        InvalidInputError
+            Numbers that contradict each other.
+        """
+        support: Any = self.support
+        if isinstance(support, RectangleSpec | HullSpec):
+            support = support.corners()
+        return Phase(
+            name=name,
+            duration=self.duration,  # type: ignore[arg-type]  # one number or two, as validated
+            support=None if support == "flight" else support,
+            intervals=self.intervals,
+            limits=replace(limits, **self.limits) if self.limits else None,
+            end=State(**self.end),
+        )
+
+
+class PlanSpec(Section):
+    """A motion to be planned by direct collocation."""
+
+    schedule: Annotated[dict[Name, PlanPhaseSpec], Field(min_length=1)]
+    """Phases by name, in order of time."""
+    start: _State
+    """What is given of the first state."""
+    goal: _State = Field(default_factory=dict)
+    """What is given of the last state."""
+    nominal: _State = Field(default_factory=dict)
+    """What the cost draws to."""
+    limits: _Limits = Field(default_factory=dict)
+    """For all phases; a phase's own come on top."""
+    weights: Annotated[dict[str, Any], KeysOf(Weights)] = Field(default_factory=dict)
+    """Of the cost; each on the square of a quantity, integrated over time."""
+    periodic: Pair | None = None
+    """Stride [x, y] [m]: the last state is the first one moved by it."""
+    reference: Quaternion = PlanProblem.reference
+    """Orientation that rotations are counted from, a unit quaternion (x, y, z, w)."""
+    degree: Annotated[int, Field(ge=DEGREES[0], le=DEGREES[1])] = PlanProblem.degree
+    """Degree of the orientation's polynomial in each interval."""
+    iterations: Annotated[int, Field(ge=1, le=100_000)] = 100
+    """The most that IPOPT may take."""
+
+    def build(self, pendulum: PlanarRmp | SolidRmp, mistakes: Mistakes) -> Planning:
+        """Return what to plan.
+
+        Raises
+        ------
+        ProblemFileError
+            With every mistake found.
+        """
+        given: dict[str, Any] = {"limits": Limits(), "schedule": ()}
+        with mistakes.at("plan", "limits"):
+            given["limits"] = Limits(**self.limits)
+        for name in ("start", "goal", "nominal"):
+            with mistakes.at("plan", name):
+                given[name] = State(**getattr(self, name))
+        for name, phase in self.schedule.items():
+            with mistakes.at("plan", "schedule", name):
+                given["schedule"] += (phase.build(name, given["limits"]),)
+        with mistakes.at("plan", "weights"):
+            given["weights"] = Weights(**self.weights)
+        given |= {name: getattr(self, name) for name in ("periodic", "reference", "degree")}
+        mistakes.raise_any()
+        problem = mistakes.require(("plan",), lambda: PlanProblem(pendulum, **given))
+        return Planning(problem, self.iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class Planning:
+    """A motion to plan, and the most iterations that may be spent on it."""
+
+    problem: PlanProblem
+    iterations: int
+
+    def run(self, provenance: Mapping[str, Any]) -> PendulumResult:
+        """Solve for a plan and return it, checked at twice the knots.
+
+        Raises
+        ------
+        PlanError
+            There is none; the error names what is in the way.
+        """
+        plan = solve(self.problem, iterations=self.iterations)
+        checked = check(plan)
+        stats = plan.stats
+        measures = {
+            "variables": float(stats.variables),
+            "constraints": float(stats.constraints),
+            "iterations": float(stats.iterations),
+            "seconds": stats.seconds,
+            "duration": plan.duration,
+            "largest defect": checked.defect,
+            "largest violation": max((each.amount for each in checked.limits), default=-math.inf),
+            "momentum drift in flight": checked.drift,
+        }
+        status = PendulumStatus.PLANNED if checked.ok else PendulumStatus.PLAN_BROKEN
+        reason = "; ".join(checked.report().splitlines())
+        history, arrays = plan_history(plan), plan_arrays(plan)
+        return PendulumResult(status, reason, measures, history, arrays, provenance)
+
+
+def plan_history(plan: Plan) -> PendulumHistory:
+    """Return a plan's motion in space, at four moments an interval.
+
+    The leg's foot is the CoP. A planar pendulum is the slice y = 0 of a solid one, and has three
+    pairs of masses here too.
+    """
+    motion = plan.refined(FINER)
+    n = len(motion.time)
+    stands = ~np.isnan(motion.cop[:, 0])
+    cop, cmp = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    cop[stands] = 0.0
+    cop[stands, :2] = motion.cop[stands]
+    pushed = stands & (motion.force[:, 2] > 0.0)
+    cmp[pushed] = centroidal_moment_pivot(motion.com[pushed], motion.force[pushed])
+    spans = zip(plan.starts[:-1].tolist(), plan.starts[1:].tolist(), strict=True)
+    return PendulumHistory(
+        flat=False,
+        time=motion.time,
+        phase=tuple(plan.phases[k] for k in motion.phase),
+        com=motion.com,
+        com_velocity=motion.com_velocity,
+        foot=cop,
+        cop=cop,
+        cmp=cmp,
+        radii=motion.radii,
+        axes=rotations_from(motion.orientation),
+        momentum=motion.momentum,
+        supports=tuple(
+            Support(start, end, np.array(phase.support))
+            for phase, (start, end) in zip(plan.problem.schedule, spans, strict=True)
+            if phase.support is not None
+        ),
+    )
