@@ -48,11 +48,14 @@ class UnknownNameError(WbcError):
         The name that was given.
     choices:
         The names that exist; the nearest is suggested, and all are listed when they are few.
+    remedy:
+        What to do about it, if that is not to take one of the choices.
     """
 
-    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, choices: Iterable[str], remedy: str = "") -> None:
         self.kind, self.name, self.choices = kind, name, tuple(choices)
-        super().__init__(f"unknown {kind} {name!r}{suggest(name, self.choices)}")
+        tail = f"; {remedy}" if remedy else suggest(name, self.choices)
+        super().__init__(f"unknown {kind} {name!r}{tail}")
 
 
 def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:

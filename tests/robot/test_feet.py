@@ -9,10 +9,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
-from wbc.robot.feet import words_of
+from wbc.robot.feet import NO_FEET
+from wbc.robot.foot_guess import words_of
 from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]
@@ -129,10 +131,98 @@ def test_feet_are_guessed_from_names_and_shapes(tmp_path: Path) -> None:
     assert s.position("base")[2] == pytest.approx(0.56)  # 0.5 to the ankle, 0.06 to the sole
 
 
-def test_there_may_be_no_feet(tmp_path: Path) -> None:
-    assert Robot.load(legged(tmp_path, left="one", right="two")).feet == {}
-    assert Robot.load(legged(tmp_path, shape="")).feet == {}
-    assert Robot.load(legged(tmp_path), feet={}).feet == {}
+def test_no_feet_are_said_at_load_and_when_asked_for(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Robot.load(legged(tmp_path, shape=""))
+    assert robot.feet == {}
+    assert robot.notes == (NO_FEET,)
+    (record,) = caplog.records
+    assert "legged.urdf: no feet were found" in record.getMessage()
+    assert "feet: {left: {link: LINK}, ...}" in record.getMessage()
+    with pytest.raises(UnknownNameError, match=r"foot of legged 'left'; .*feet: \{left: \{link"):
+        support(robot.snapshot(robot.posture("neutral")), "double")
+    caplog.clear()
+    robot = Robot.load(legged(tmp_path), feet={})  # meant so
+    assert (robot.feet, robot.notes, caplog.records) == ({}, (), [])
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "feet"),
+    [
+        ("LEFT_FOOT", "RIGHT_FOOT", ["left", "right"]),
+        ("l_sole", "r_sole", ["left", "right"]),
+        ("FL_foot", "FR_foot", ["left", "right"]),  # a biped may call its legs front ones
+        ("LF_FOOT", "RH_FOOT", ["front_left", "hind_right"]),
+        ("one", "two", ["left", "right"]),  # the lowest flat bodies, the left one first
+    ],
+)
+def test_feet_go_by_many_names(tmp_path: Path, left: str, right: str, feet: list[str]) -> None:
+    robot = Robot.load(legged(tmp_path, left=left, right=right))
+    assert {name: foot.link for name, foot in robot.feet.items()} == dict(
+        zip(feet, (left, right), strict=True)
+    )
+    s = robot.snapshot(robot.postures["standing"])
+    np.testing.assert_allclose(s.position(f"{feet[0]}_sole"), [0.02, 0.1, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"), [("wheel_l", "wheel_r"), ("left_foot_wheel", "x"), ("l_hand", "r_hand")]
+)
+def test_wheels_and_hands_are_no_soles(tmp_path: Path, left: str, right: str) -> None:
+    assert Robot.load(legged(tmp_path, left=left, right=right)).feet == {}
+
+
+def test_shapes_to_draw_do_where_none_collide(tmp_path: Path) -> None:
+    visual = BOX.replace("collision>", "visual>")
+    foot = Robot.load(legged(tmp_path, shape=visual)).feet["left"]
+    np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "urdf",
+    [
+        "a1_description/urdf/a1.urdf",
+        "anymal_c_simple_description/urdf/anymal.urdf",
+        "hyq_description/robots/hyq_no_sensors.urdf",
+        "solo_description/robots/solo12.urdf",
+        "go2_description/urdf/go2.urdf",
+    ],
+)
+def test_quadrupeds_stand_on_four_feet(urdf: str, robot_named: Load) -> None:
+    folder = next(p for p in robot_named("g1").path.parents if p.name == "robots")
+    robot = Robot.load(folder / urdf)
+    assert list(robot.feet) == ["front_left", "front_right", "hind_left", "hind_right"]
+    s = robot.snapshot(robot.posture("standing"))
+    places = {name: s.position(foot.frame) for name, foot in robot.feet.items()}
+    for name, place in places.items():
+        assert abs(place[2]) < 1e-3
+        assert (place[0] > s.com[0]) == name.startswith("front")
+        assert (place[1] > s.com[1]) == name.endswith("left")
+
+
+def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> None:
+    """A heavy box far in front: the ankles lean back until the CoM is over the soles again."""
+    heavy = (
+        '<link name="box"><inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1"'
+        ' iyz="0" izz="0.1"/></inertial></link><joint name="arm" type="fixed"><parent link="body"/>'
+        '<child link="box"/><origin xyz="0.6 0 0.3"/></joint>'
+    )
+    robot = Robot.load(legged(tmp_path, extra=heavy))
+    assert robot.notes == ()
+    q = robot.posture("standing")
+    s = robot.snapshot(q)
+    corners = np.concatenate(
+        [
+            foot.polygon @ s.rotation(foot.frame)[:, :2].T + s.position(foot.frame)
+            for foot in robot.feet.values()
+        ]
+    )
+    np.testing.assert_allclose(corners[:, 2], 0.0, atol=1e-5)
+    assert corners[:, 0].min() < s.com[0] < corners[:, 0].max()
+    assert robot.snapshot(robot.posture("neutral")).com[0] > 0.2  # which the soles do not reach
+    stiff = legged(tmp_path, extra=heavy.replace('"0.6 0 0.3"', '"9 0 0"'))
+    assert "posture 'standing' does not stand" in Robot.load(stiff).notes[0]
 
 
 def test_the_lowest_link_of_a_side_is_the_foot(robot_named: Load) -> None:
@@ -201,7 +291,7 @@ def test_feet_that_make_no_sense_are_refused(tmp_path: Path) -> None:
             Robot.load(path, feet={"left": FootSpec("left_foot", wrong)})
     with pytest.raises(InvalidInputError, match="foot 'left': polygon"):
         Robot.load(path, feet={"left": {"link": "left_foot", "polygon": [[1, 2], [3]]}})
-    with pytest.raises(InvalidInputError, match="no collision shape"):
+    with pytest.raises(InvalidInputError, match="no shape"):
         Robot.load(legged(tmp_path, shape=""), feet={"left": FootSpec("left_foot")})
     with pytest.raises(InvalidInputError, match="does not point up"):
         upside_down = legged(tmp_path, "3.14159 0 0")

@@ -146,6 +146,4 @@ def _feet_of(mode: str) -> tuple[str, ...]:
 
 
 def _sole(robot: Robot, foot: str) -> str:
-    if foot not in robot.feet:
-        raise UnknownNameError(f"foot of {robot.name}", foot, robot.feet)
-    return robot.feet[foot].frame
+    return robot.foot(foot).frame

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
 from wbc.polygon import convex_hull
 from wbc.robot import Snapshot
 from wbc.validate import Array, read_only
@@ -36,9 +36,7 @@ def support_polygon(snapshot: Snapshot, feet: Iterable[str]) -> Array:
         raise InvalidInputError("feet: name at least one foot that stands on the ground")
     corners = []
     for name in names:
-        if name not in robot.feet:
-            raise UnknownNameError(f"foot of {robot.name}", name, robot.feet)
-        foot = robot.feet[name]
+        foot = robot.foot(name)
         R, p = snapshot.rotation(foot.frame), snapshot.position(foot.frame)
         corners.append(foot.polygon @ R[:2, :2].T + p[:2])
     return read_only(convex_hull(np.concatenate(corners)))

@@ -10,6 +10,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.target_specs import Offset, Over, QuaternionTarget, Rpy, Scale
 from wbc.robot import Robot, Snapshot
+from wbc.robot.feet import NO_FEET
 from wbc.rotations import rotation_from
 from wbc.spatial import DIAGONAL, vech_inverse
 from wbc.tasks.inertia import DIAGONAL_COMPONENTS, TRACE, vech_target
@@ -58,7 +59,8 @@ def feet_under(target: Over, robot: Robot) -> tuple[str, ...]:
     for foot in feet:
         if foot not in robot.feet:
             choices = [*robot.feet, *(["double"] if set(DOUBLE) <= set(robot.feet) else [])]
-            raise UnknownNameError(f"foot of {robot.name}", target.over, choices)
+            remedy = "" if robot.feet else NO_FEET
+            raise UnknownNameError(f"foot of {robot.name}", target.over, choices, remedy)
     return feet
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sized
 from dataclasses import dataclass, fields
 from typing import Any
@@ -13,15 +12,14 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.polygon import convex_hull
+from wbc.robot.foot_guess import guess_links
 from wbc.robot.formats.description import GeometrySource
 from wbc.robot.names import frame_table
-from wbc.robot.sole import body_points, centred, found_sole
+from wbc.robot.sole import centred, found_sole
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
-SIDES = {"left": {"left", "l"}, "right": {"right", "r"}}
-FOOT_WORDS = {"foot", "ankle", "sole"}
-_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+NO_FEET = "no feet were found; a robot that stands needs them: feet: {left: {link: LINK}, ...}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +109,7 @@ def find_feet(
     geometry:
         Collision shapes, of which only those of the feet are loaded.
     specs:
-        The feet; None guesses them (see :func:`guess_links`), empty means none.
+        The feet; None guesses them (see :mod:`wbc.robot.foot_guess`), empty means none.
     q:
         A configuration (nq,) with the base upright and, if possible, the soles level.
 
@@ -127,6 +125,8 @@ def find_feet(
     if specs is None:
         guessed = guess_links(model, data, geometry)
         specs = {name: FootSpec(link) for name, link in guessed.items()}
+        if not specs:
+            return {}, (NO_FEET,)
     feet, notes = {}, []
     for name, spec in specs.items():
         placement, polygon = _sole(model, data, geometry, name, spec)
@@ -162,7 +162,7 @@ def _sole(
     found = found_sole(model, geometry, frame, pose.rotation)
     if found is None:
         raise InvalidInputError(
-            f"foot {name!r}: link {spec.link!r} has no collision shape to find the sole from;"
+            f"foot {name!r}: link {spec.link!r} has no shape to find the sole from;"
             " give its polygon"
         )
     return found
@@ -189,39 +189,3 @@ def _sole_frame(
     frame = pin.Frame(wanted, parent.parentJoint, 0, placement, pin.FrameType.OP_FRAME)
     model.addFrame(frame, False)
     return wanted, polygon, notes
-
-
-def words_of(name: str) -> set[str]:
-    """Return the lower-case words of ``left_foot``, ``LAnkleRoll``, ``l_sole`` or ``leftFoot``."""
-    return {word.lower() for word in _WORDS.findall(name)}
-
-
-def side_of(name: str) -> str | None:
-    """Return ``left`` or ``right`` if the name says that the link belongs to that foot."""
-    words = words_of(name)
-    sides = [side for side, marks in SIDES.items() if words & marks]
-    return sides[0] if len(sides) == 1 and words & FOOT_WORDS else None
-
-
-def guess_links(model: pin.Model, data: pin.Data, geometry: GeometrySource) -> dict[str, str]:
-    """Return the feet as name to link; empty when there is no good guess.
-
-    A foot is a link whose name holds a side (left, l, right, r) and one of the words foot, ankle
-    and sole, and whose rigid body has collision shapes; of several on a side, the one that reaches
-    lowest. ``data`` holds the frame placements of a posture with the base upright.
-    """
-    bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 1]
-    named = {frame.name: frame.parentJoint for frame in bodies if side_of(frame.name)}
-    if not named:
-        return {}
-    links = [frame.name for frame in bodies if frame.parentJoint in named.values()]
-    shapes = geometry.load(model, pin.GeometryType.COLLISION, links)
-    lowest: dict[str, tuple[float, str]] = {}
-    for link, joint in named.items():
-        pose = data.oMi[joint]
-        points = body_points(shapes, joint, pose.rotation[2])
-        if len(points):
-            height = float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
-            side = str(side_of(link))
-            lowest[side] = min(lowest.get(side, (np.inf, "")), (height, link))
-    return {side: lowest[side][1] for side in SIDES if side in lowest}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
-from wbc.robot.feet import FootSpec, find_feet
+from wbc.robot.feet import NO_FEET, FootSpec, find_feet
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_states
@@ -22,7 +23,7 @@ from wbc.robot.library import find_robot
 from wbc.robot.limits import Limits
 from wbc.robot.model_checks import check_supported
 from wbc.robot.names import add_base_frame
-from wbc.robot.postures import STANDING, grounded, named_postures, set_joints
+from wbc.robot.postures import STANDING, grounded, named_postures, set_joints, settled
 from wbc.robot.state import KinematicState
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, read_only
@@ -108,6 +109,11 @@ class Robot(KinematicTree):
         postures, posture_notes = named_postures(limits, pin.neutral(model), states, known)
         specs = _foot_specs(feet, None if known is None else known.feet)
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
+        if NO_FEET in foot_notes:
+            logging.getLogger(__name__).warning("%s: %s", found.path, NO_FEET)
+        if known is None:
+            postures[STANDING], note = settled(model, limits, postures[STANDING], soles)
+            foot_notes += note
         postures[STANDING] = grounded(model, postures[STANDING], soles)
         return cls(
             name=name or found.name or description.name,

@@ -7,14 +7,18 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
+from wbc.polygon import centroid, convex_hull, polygon_margin
 from wbc.robot.feet import Foot
 from wbc.robot.formats.description import State
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.names import frame_table, matches, matching
+from wbc.spatial import skew
 from wbc.validate import Array
 
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
+NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
+LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one ground
 
 
 def named_postures(
@@ -90,12 +94,76 @@ def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
         return q
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
+    q = q.copy()
+    q[2] -= float(_sole_corners(model, data, feet)[:, 2].min())
+    return q
+
+
+def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
+    """Return whether all soles are level with one ground and the CoM is over their hull."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    corners = _sole_corners(model, data, feet)
+    if np.ptp(corners[:, 2]) > LEVEL:
+        return False
+    hull = convex_hull(corners[:, :2])
+    com = pin.centerOfMass(model, data, q)[:2]
+    return len(hull) > 2 and float(polygon_margin(hull, com)) > 0.0
+
+
+def settled(
+    model: pin.Model, limits: Limits, q: Array, feet: Mapping[str, Foot]
+) -> tuple[Array, tuple[str, ...]]:
+    """Return a posture near ``q`` that stands on all feet, or ``q`` itself and a note.
+
+    Gauss-Newton, damped, on the heights and tilts of the soles and on the CoM over the middle of
+    their hull; joints stay within their limits.
+    """
+    if not feet or stands(model, q, feet):
+        return q, ()
+    found = q.copy()
+    for _ in range(100):
+        error, J = _standing_error(model, found, feet)
+        step = J.T @ np.linalg.solve(J @ J.T + 1e-6 * np.eye(len(J)), error)
+        step *= -min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-12))  # rad or m
+        found = limits.clamped(pin.integrate(model, found, step))
+        if float(np.abs(error).max()) < 1e-7:
+            break
+    far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
+    if far < NEAR and stands(model, found, feet):
+        return found, ()
+    return q, ("posture 'standing' does not stand: no posture near it balances on level soles",)
+
+
+def _standing_error(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, Array]:
+    """Return what keeps ``q`` from standing (k,) [m, rad], and its Jacobian (k, nv)."""
+    data, frames = model.createData(), frame_table(model)
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    com_jacobian = pin.jacobianCenterOfMass(model, data, q)
+    hull = convex_hull(_sole_corners(model, data, feet)[:, :2])
+    error = [data.com[0][:2] - centroid(hull)]
+    middle = np.zeros((2, model.nv))
+    rows = []
+    for foot in feet.values():
+        index = frames[foot.frame]
+        J = pin.getFrameJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        middle += J[:2] / len(feet)
+        pose = data.oMf[index]
+        error.append(pose.translation[2:])
+        rows.append(J[2:3])
+        if len(foot.polygon) > 1:  # a point has no tilt
+            normal = pose.rotation[:, 2]
+            error.append(normal[:2])
+            rows.append(-(skew(normal) @ J[3:])[:2])
+    return np.concatenate(error), np.concatenate([com_jacobian[:2] - middle, *rows])
+
+
+def _sole_corners(model: pin.Model, data: pin.Data, feet: Mapping[str, Foot]) -> Array:
+    """Return the corners of all soles (k, 3) in the world, frames being placed in ``data``."""
     frames = frame_table(model)
-    lowest = np.inf
+    corners = []
     for foot in feet.values():
         pose = data.oMf[frames[foot.frame]]
-        heights = foot.polygon @ pose.rotation[2, :2] + pose.translation[2]
-        lowest = min(lowest, float(heights.min()))
-    q = q.copy()
-    q[2] -= lowest
-    return q
+        corners.append(foot.polygon @ pose.rotation[:, :2].T + pose.translation)
+    return np.concatenate(corners)

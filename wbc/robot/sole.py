@@ -62,20 +62,28 @@ def _turn_to(up: Array) -> Array:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def body_points(shapes: pin.GeometryModel, joint: int, up: Array) -> Array:
+def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Array) -> Array:
     """Return the extreme points (k, 3) of all shapes on one joint's body, in the joint's frame.
+
+    They are the collision shapes, or those to draw of a body that has no others.
 
     Parameters
     ----------
     up:
         Unit vector (3,) that points up, in the joint's frame.
     """
-    found = [np.empty((0, 3))]
-    for shape in shapes.geometryObjects:
-        if shape.parentJoint == joint:
+    links = [
+        str(frame.name)
+        for frame in model.frames
+        if frame.type == pin.FrameType.BODY and frame.parentJoint == joint
+    ]
+    for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
+        found = [np.empty((0, 3))]
+        for shape in geometry.load(model, kind, links).geometryObjects:
             R, p = shape.placement.rotation, shape.placement.translation
-            points = extreme_points(shape.geometry, R.T @ up)
-            found.append(points @ R.T + p)
+            found.append(extreme_points(shape.geometry, R.T @ up) @ R.T + p)
+        if len(found) > 1:
+            break
     return np.concatenate(found)
 
 
@@ -93,19 +101,13 @@ def found_sole(
     """
     joint = frame.parentJoint
     axes = frame.placement.rotation @ _level_axes(R)  # in the joint's frame
-    shapes = geometry.load(model, pin.GeometryType.COLLISION, _links_on(model, joint))
-    points = body_points(shapes, joint, axes[:, 2])
+    points = body_points(model, geometry, joint, axes[:, 2])
     if not len(points):
         return None
     local = points @ axes  # (k, 3)
     lowest = float(local[:, 2].min())
     polygon = thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
     return centred(pin.SE3(axes, np.zeros(3)), polygon, lowest)
-
-
-def _links_on(model: pin.Model, joint: int) -> list[str]:
-    frames = (f for f in model.frames if f.type == pin.FrameType.BODY)
-    return [frame.name for frame in frames if frame.parentJoint == joint]
 
 
 def _level_axes(R: Array) -> Array:

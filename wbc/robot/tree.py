@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.robot.feet import Foot
+from wbc.robot.feet import NO_FEET, Foot
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
@@ -130,6 +130,19 @@ class KinematicTree:
         if index is None:
             raise UnknownNameError("frame", name, self._frames)
         return index
+
+    def foot(self, name: str) -> Foot:
+        """Return a foot.
+
+        Raises
+        ------
+        UnknownNameError
+            No such foot; without any, the message says how to give them.
+        """
+        if name not in self.feet:
+            remedy = "" if self.feet else NO_FEET
+            raise UnknownNameError(f"foot of {self.name}", name, self.feet, remedy)
+        return self.feet[name]
 
     @cached_property
     def workspace(self) -> Workspace:
