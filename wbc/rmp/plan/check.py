@@ -52,12 +52,10 @@ class Excess:
     unit: str
 
     def __str__(self) -> str:
-        over = f"exceeds its limit by {self.amount:.3g} {self.unit}"
-        room = f"keeps {-self.amount:.3g} {self.unit} from its limit"
-        return (
-            f"{self.phase}: {self.quantity} {over if self.amount > 0.0 else room}"
-            f" at {self.time:.3f} s"
-        )
+        verdict = f"keeps {-self.amount:.3g} {self.unit} from its limit"
+        if self.amount > 0.0:
+            verdict = f"exceeds its limit by {self.amount:.3g} {self.unit}"
+        return f"{self.phase}: {self.quantity} {verdict} at {self.time:.3f} s"
 
 
 @dataclass(frozen=True)
@@ -105,8 +103,8 @@ class Check:
 
     def report(self) -> str:
         """Return lines for the user."""
-        lines = [f"largest defect of the dynamics {self.defect:.2g}, drift of k_G in flight"]
-        lines[0] += f" {self.drift:.2g} kg m^2/s"
+        drift = f"drift of k_G in flight {self.drift:.2g} kg m^2/s"
+        lines = [f"largest defect of the dynamics {self.defect:.2g}, {drift}"]
         lines += [str(each) for each in self.violations] or ["no limit is exceeded"]
         lines += [f"{name}: the ground is hardly pushed on" for name in self.lost_contact]
         return "\n".join(lines)
@@ -121,12 +119,10 @@ def check(plan: Plan, factor: int = 2) -> Check:
         A factor below 1.
     """
     fine = plan.refined(factor)
-    excesses = []
-    for k in range(len(plan.phases)):
-        excesses += _phase_excesses(plan, fine, k)
-    excesses += _ends(plan)
+    excesses = _ends(plan)
     drift, lost = 0.0, []
     for k, phase in enumerate(plan.problem.schedule):
+        excesses += _phase_excesses(plan, fine, k)
         here = fine.phase == k
         if phase.flies:
             drift = max(drift, float(np.ptp(fine.momentum[here], axis=0).max()))
@@ -159,12 +155,8 @@ def _phase_excesses(plan: Plan, fine: Trajectory, k: int) -> list[Excess]:
     between("height", fine.com[here, 2], limits.height, "m")
     between("radius", fine.radii[here], limits.radius, "m")
     most("radius_rate", np.abs(fine.radii_rates[here]), limits.radius_rate, "m/s")
-    most(
-        "radius_acceleration",
-        np.abs(fine.radii_accelerations[here]),
-        limits.radius_acceleration,
-        "m/s^2",
-    )
+    outward = np.abs(fine.radii_accelerations[here])
+    most("radius_acceleration", outward, limits.radius_acceleration, "m/s^2")
     most("momentum", np.abs(fine.momentum[here]), limits.momentum, "kg m^2/s")
     lasting = float(plan.durations[k])
     between("duration", np.full(len(time), lasting), phase.durations, "s")
@@ -196,7 +188,7 @@ def _ends(plan: Plan) -> list[Excess]:
             if name == "orientation":
                 missed = _missed_turn(problem.reference, state, there)
             else:
-                missed = float(np.nanmax(np.abs(there - np.array(values, dtype=float))))
+                missed = float(np.nanmax(np.abs(there - values), initial=0.0))
             out.append(Excess(where, name, time, missed, _UNITS[name]))
     for name, change in problem.period.items():
         first, last = getattr(knots, name)[0], getattr(knots, name)[-1]

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan.plan import Plan, Trajectory
-from wbc.rmp.plan.problem import Pendulum
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array, read_only
@@ -52,84 +51,76 @@ def generalised(plan: Plan, motion: Trajectory) -> Generalised:
             f"generalised: at {first:g} s the plan is in flight, where the pendulum has no CoP to"
             " stand on; leave such moments out"
         )
-    pendulum: Pendulum = plan.problem.pendulum
+    pendulum = plan.problem.pendulum
     if isinstance(pendulum, PlanarRmp):
-        return _planar(pendulum, motion, plan.problem.reference)
+        return _planar(pendulum, motion)
     return _solid(pendulum, motion)
 
 
 def _solid(pendulum: SolidRmp, m: Trajectory) -> Generalised:
-    angles, rates, turns = _leg(m)
-    n = len(m.time)
+    angles, rates, accelerations, push = _leg(m)
     R = Rotation.from_quat(m.orientation).as_matrix()
     torque = np.einsum("nji,nj->ni", R, m.momentum_rate)
     w = np.einsum("nji,nj->ni", R, m.angular_velocity)
     # Euler: torque = I w' + I' w + w x I w.
     products = m.radii * m.radii_rates
-    changing = pendulum.mass * 2.0 / 3.0 * (products.sum(axis=1)[:, None] - products)
-    w_rate = (torque - changing * w - np.cross(w, m.inertia * w)) / m.inertia
+    inertia_rate = pendulum.mass * 2.0 / 3.0 * (products.sum(axis=1)[:, None] - products)
+    w_rate = (torque - inertia_rate * w - np.cross(w, m.inertia * w)) / m.inertia
     q = np.hstack((m.cop, angles, m.orientation, m.radii))
-    v = np.hstack((m.cop_velocity, rates, w, m.radii_rates))
-    a = np.hstack((np.zeros((n, 2)), turns, w_rate, m.radii_accelerations))
-    leg = _leg_vector(m)[0]
-    forces = np.array([pendulum.hip_torque(q[i], torque[i]) for i in range(n)])
-    forces[:, 2] = (leg * m.force).sum(axis=1) / angles[:, 2]
+    forces = np.array([pendulum.hip_torque(*each) for each in zip(q, torque, strict=True)])
+    forces[:, 2] = push
     squares = w**2
     outward = m.radii * (squares.sum(axis=1)[:, None] - squares)
     forces[:, 6:] = pendulum.mass / 3.0 * (m.radii_accelerations - outward)
-    return Generalised(q, v, a, forces)
+    return Generalised(
+        q=q,
+        v=np.hstack((m.cop_velocity, rates, w, m.radii_rates)),
+        a=np.hstack((np.zeros((len(q), 2)), accelerations, w_rate, m.radii_accelerations)),
+        forces=forces,
+    )
 
 
-def _planar(
-    pendulum: PlanarRmp, m: Trajectory, reference: tuple[float, float, float, float]
-) -> Generalised:
+def _planar(pendulum: PlanarRmp, m: Trajectory) -> Generalised:
     """Return the slice: angles from x to z, which is about -y; M r^2 is the inertia about y."""
-    angles, rates, turns = _leg(m)
-    n = len(m.time)
-    part = np.sqrt(2.0 / 3.0)
-    r, r_rate, r_turn = (part * x[:, 0] for x in (m.radii, m.radii_rates, m.radii_accelerations))
-    inertia, spin = m.inertia[:, 1], -m.angular_velocity[:, 1]
-    torque = -m.momentum_rate[:, 1]
-    spin_rate = (torque - 2.0 * pendulum.mass * r * r_rate * spin) / inertia
+    (theta, _, length), (theta_v, _, length_v), (theta_a, _, length_a), push = (
+        x.T for x in _leg(m)
+    )
+    # sqrt(2/3) of the solid's r_1.
+    r, r_v, r_a = (
+        np.sqrt(2.0 / 3.0) * x[:, 0] for x in (m.radii, m.radii_rates, m.radii_accelerations)
+    )
+    w, torque, zero = -m.angular_velocity[:, 1], -m.momentum_rate[:, 1], np.zeros(len(m.time))
+    w_rate = (torque - 2.0 * pendulum.mass * r * r_v * w) / m.inertia[:, 1]
     # The wheel's angle in space, continued over time; half angles of unit quaternions about y.
     wheel = -np.unwrap(2.0 * np.arctan2(m.orientation[:, 1], m.orientation[:, 3]))
-    theta, length = angles[:, 0], angles[:, 2]
-    zero = np.zeros(n)
-    q = np.column_stack((m.cop[:, 0], theta, length, wheel - theta, r))
-    v = np.column_stack(
-        (m.cop_velocity[:, 0], rates[:, 0], rates[:, 2], spin - rates[:, 0], r_rate)
-    )
-    a = np.column_stack((zero, turns[:, 0], turns[:, 2], spin_rate - turns[:, 0], r_turn))
-    along = (_leg_vector(m)[0] * m.force).sum(axis=1) / length
-    slide = pendulum.mass * (r_turn - r * spin**2)
-    # No torque about a true CoP: tau_theta is zero.
-    return Generalised(q, v, a, np.column_stack((zero, along, torque, slide)))
-
-
-def _leg_vector(m: Trajectory) -> tuple[Array, Array, Array]:
-    """Return the leg c - p, its rate and its acceleration (n, 3)."""
-    flat = np.zeros((len(m.time), 1))
-    return (
-        m.com - np.hstack((m.cop, flat)),
-        m.com_velocity - np.hstack((m.cop_velocity, flat)),
-        m.com_acceleration,
+    rail = pendulum.mass * (r_a - r * w**2)
+    return Generalised(
+        q=np.column_stack((m.cop[:, 0], theta, length, wheel - theta, r)),
+        v=np.column_stack((m.cop_velocity[:, 0], theta_v, length_v, w - theta_v, r_v)),
+        a=np.column_stack((zero, theta_a, length_a, w_rate - theta_a, r_a)),
+        # No torque about a true CoP: tau_theta is zero.
+        forces=np.column_stack((zero, push, torque, rail)),
     )
 
 
-def _leg(m: Trajectory) -> tuple[Array, Array, Array]:
-    """Return (theta, phi, r_l), their rates and accelerations, each (n, 3)."""
-    l, v, a = (x.T for x in _leg_vector(m))  # noqa: E741
-    flat, length = np.hypot(l[0], l[2]), np.linalg.norm(l, axis=0)
-    flat_v = (l[0] * v[0] + l[2] * v[2]) / flat
-    flat_a = (v[0] ** 2 + v[2] ** 2 + l[0] * a[0] + l[2] * a[2] - flat_v**2) / flat
-    length_v = (l * v).sum(axis=0) / length
-    length_a = ((v * v).sum(axis=0) + (l * a).sum(axis=0) - length_v**2) / length
-    theta_v = (l[0] * v[2] - l[2] * v[0]) / flat**2
-    theta_a = (l[0] * a[2] - l[2] * a[0]) / flat**2 - 2.0 * theta_v * flat_v / flat
-    phi_v = (flat * v[1] - l[1] * flat_v) / length**2
-    phi_a = (flat * a[1] - l[1] * flat_a) / length**2 - 2.0 * phi_v * length_v / length
+def _leg(m: Trajectory) -> tuple[Array, Array, Array, Array]:
+    """Return (theta, phi, r_l), its rates and accelerations (n, 3); the push along it (n,)."""
+    leg, leg_v = np.array(m.com), np.array(m.com_velocity)
+    leg[:, :2] -= m.cop
+    leg_v[:, :2] -= m.cop_velocity
+    (x, y, z), (vx, vy, vz), (ax, ay, az) = leg.T, leg_v.T, m.com_acceleration.T
+    flat, length = np.hypot(x, z), np.linalg.norm(leg, axis=1)
+    flat_v = (x * vx + z * vz) / flat
+    flat_a = (vx**2 + vz**2 + x * ax + z * az - flat_v**2) / flat
+    length_v = (x * vx + y * vy + z * vz) / length
+    length_a = (vx**2 + vy**2 + vz**2 + x * ax + y * ay + z * az - length_v**2) / length
+    theta_v = (x * vz - z * vx) / flat**2
+    theta_a = (x * az - z * ax) / flat**2 - 2.0 * theta_v * flat_v / flat
+    phi_v = (flat * vy - y * flat_v) / length**2
+    phi_a = (flat * ay - y * flat_a) / length**2 - 2.0 * phi_v * length_v / length
     return (
-        np.column_stack((np.arctan2(l[2], l[0]), np.arctan2(l[1], flat), length)),
+        np.column_stack((np.arctan2(z, x), np.arctan2(y, flat), length)),
         np.column_stack((theta_v, phi_v, length_v)),
         np.column_stack((theta_a, phi_a, length_a)),
+        (leg * m.force).sum(axis=1) / length,
     )

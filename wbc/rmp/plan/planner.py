@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from time import process_time
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from wbc.errors import InvalidInputError, WbcError
@@ -120,27 +119,36 @@ def solve(
     start, duals = first_guess(t), None
     if warm is not None:
         start, duals = _warm_start(t, warm)
-    limit = {"ipopt.max_iter": iterations, "ipopt.print_level": 5 if verbose else 0}
-    options = _OPTIONS | limit | ({} if duals is None else _WARM)
-    found, stats = _run(t.nlp, t, start, duals, options)
-    plan = _plan(t, found, stats, process_time() - began, warm is not None)
+    options = {"ipopt.max_iter": iterations, "ipopt.print_level": 5 if verbose else 0}
+    plan, solved = _search(t, t.nlp, start, duals, options, began, warm is not None)
     if verbose:
-        print(_summary(plan))
-    if not stats["success"]:
-        raise _failure(t, plan)
+        s = plan.stats
+        print(
+            f"plan of {len(plan.phases)} phases: {s.variables} variables, {s.constraints}"
+            f" constraints, {s.iterations} iterations, {s.seconds:.2f} s, cost {s.cost:.4g}:"
+            f" {s.status}"
+        )
+    if not solved:
+        raise _failure(t, plan.stats.status)
     return plan
 
 
-def _run(
-    nlp: Nlp,
+def _search(
     t: Transcription,
+    nlp: Nlp,
     start: Array,
     duals: tuple[Array, Array] | None,
     options: dict[str, Any],
-) -> tuple[dict[str, ca.DM], dict[str, Any]]:
-    """Run IPOPT; variables beyond the transcription's are free, and zero at first."""
-    spare = nlp.w.numel() - t.layout.count
-    solver = nlp.solver(options)
+    began: float,
+    warm: bool = False,
+) -> tuple[Plan, bool]:
+    """Run IPOPT, and tell whether it succeeded.
+
+    Variables beyond the transcription's are free, and zero at first.
+    """
+    count = t.layout.count
+    spare = nlp.w.numel() - count
+    solver = nlp.solver(_OPTIONS | options | ({} if duals is None else _WARM))
     given: dict[str, Any] = {
         "x0": np.concatenate((start, np.zeros(spare))),
         "lbx": np.concatenate((t.lower, np.full(spare, -np.inf))),
@@ -150,35 +158,25 @@ def _run(
     }
     if duals is not None:
         given |= {"lam_x0": duals[0], "lam_g0": duals[1]}
-    return solver(**given), solver.stats()
-
-
-def _plan(
-    t: Transcription, found: dict[str, ca.DM], stats: dict[str, Any], seconds: float, warm: bool
-) -> Plan:
-    count = t.layout.count
-    return Plan(
-        problem=t.problem,
-        solution=found["x"].full().ravel()[:count],
-        duals=(found["lam_x"].full().ravel()[:count], found["lam_g"].full().ravel()),
-        stats=Stats(
-            variables=count,
-            constraints=len(t.labels),
-            iterations=int(stats["iter_count"]),
-            seconds=seconds,
-            cost=float(found["f"]),
-            status=str(stats["return_status"]),
-            warm=warm,
-        ),
+    found, end = solver(**given), solver.stats()
+    stats = Stats(
+        variables=count,
+        constraints=len(t.labels),
+        iterations=int(end["iter_count"]),
+        seconds=process_time() - began,
+        cost=float(found["f"]),
+        status=str(end["return_status"]),
+        warm=warm,
     )
+    w, at_bounds, at_rows = (found[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
+    return Plan(t.problem, w[:count], (at_bounds[:count], at_rows), stats), end["success"]
 
 
-def _failure(t: Transcription, plan: Plan) -> PlanError:
+def _failure(t: Transcription, status: str) -> PlanError:
     """Return the error, after a search for the motion that breaks least."""
-    options = _OPTIONS | {"ipopt.max_iter": _DIAGNOSIS, "ipopt.print_level": 0}
-    began = process_time()
-    found, stats = _run(elastic(t.nlp, t.soft, _PRICE), t, first_guess(t), None, options)
-    nearest = _plan(t, found, stats, process_time() - began, False)
+    options = {"ipopt.max_iter": _DIAGNOSIS, "ipopt.print_level": 0}
+    softened = elastic(t.nlp, t.soft, _PRICE)
+    nearest, _ = _search(t, softened, first_guess(t), None, options, process_time())
     seen = check(nearest)
     # Where even this search has not ended, its motion may not be one.
     unmet = [
@@ -197,8 +195,8 @@ def _failure(t: Transcription, plan: Plan) -> PlanError:
         "kg m^2/s": units["momentum"],
         "s": units["time"],
     }
-    found_first = sorted(seen.violations, key=lambda each: -each.amount / size.get(each.unit, 1.0))
-    return PlanError(plan.stats.status, (*found_first, *unmet), nearest)
+    violations = sorted(seen.violations, key=lambda each: -each.amount / size.get(each.unit, 1.0))
+    return PlanError(status, (*violations, *unmet), nearest)
 
 
 def _warm_start(t: Transcription, warm: Plan) -> tuple[Array, tuple[Array, Array] | None]:
@@ -217,11 +215,3 @@ def _warm_start(t: Transcription, warm: Plan) -> tuple[Array, tuple[Array, Array
     start = np.clip(warm.solution * scale_of(warm.problem, t.layout) / t.scale, t.lower, t.upper)
     duals = warm.duals
     return start, duals if len(duals[1]) == len(t.labels) else None
-
-
-def _summary(plan: Plan) -> str:
-    s = plan.stats
-    return (
-        f"plan of {len(plan.phases)} phases: {s.variables} variables, {s.constraints} constraints,"
-        f" {s.iterations} iterations, {s.seconds:.2f} s, cost {s.cost:.4g}: {s.status}"
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
-from wbc.rmp.plan.schedule import Corners, Limits, Phase, overlap
+from wbc.rmp.plan.schedule import Limits, Phase, overlap
 from wbc.rmp.plan.state import STATE, State
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import UNIT, SolidRmp
@@ -168,13 +167,12 @@ class PlanProblem:
             return {}
         dx, dy = self.periodic
         names = list(STATE)
-        begin, end = self.schedule[0].support, self.schedule[-1].support
-        if begin is not None and end is not None:
+        first, last = self.schedule[0], self.schedule[-1]
+        if first.support is not None and last.support is not None:
             names.append("force")
-            if overlap(begin, tuple((x - dx, y - dy) for x, y in end)):
+            if overlap(first.support, tuple((x - dx, y - dy) for x, y in last.support)):
                 names.append("cop")
-                ends = (0, len(self.schedule) - 1)
-                if min(self.limits_of(k).torsion for k in ends) > 0.0:
+                if min(self.limits_of(k).torsion for k in (0, -1)) > 0.0:
                     names.append("moment")
         stride, none = np.array((dx, dy, 0.0)), np.zeros(3)
         return {name: stride if name in ("com", "cop") else none for name in names}
@@ -219,57 +217,48 @@ def _check_state(
     """Raise if a state given is past limits of its phase, or above no possible CoP."""
     given = state.values(problem.mass)
     rate, momentum = limits.radius_rate, limits.momentum
-    pairs = {
-        "radii": limits.radius,
-        "radii_rates": (-rate, rate),
-        "momentum": (-momentum, momentum),
-    }
-    for name, pair in pairs.items():
-        _within(f"{which}: {name}", given.get(name, ()), pair)
-    com = given.get("com", (None, None, None))
-    _within(f"{which}: height of the CoM", com[2:], limits.height)
-    if com[2] is not None and com[2] <= 0.0:
+    com = given.get("com", np.full(3, np.nan))
+    for what, values, (low, high) in (
+        ("radii", given.get("radii"), limits.radius),
+        ("radii_rates", given.get("radii_rates"), (-rate, rate)),
+        ("momentum", given.get("momentum"), (-momentum, momentum)),
+        ("height of the CoM", com[2:], limits.height),
+    ):
+        for value in () if values is None else values[np.isfinite(values)]:
+            if not low - SLACK <= value <= high + SLACK:
+                raise InvalidInputError(
+                    f"{which}: {what}: {value:g} is not within the limits {low:g} to {high:g}"
+                )
+    if com[2] <= 0.0:
         raise InvalidInputError(f"{which}: the CoM must be above the ground, got {com[2]:g} m")
-    if phase.support is None or None in com:
+    if phase.support is None or not np.isfinite(com).all():
         return
-    place = np.array(com, dtype=float)
-    shortest, longest = _leg_range(place, phase.support)
+    # Distances of the CoM from the support, least and greatest.
+    away = max(0.0, -float(polygon_margin(phase.support, com[:2])))
+    farthest = np.linalg.norm(np.array(phase.support) - com[:2], axis=1).max()
+    shortest, longest = np.hypot((away, farthest), com[2])
     if shortest > limits.leg_length[1] + SLACK or longest < limits.leg_length[0] - SLACK:
         raise InvalidInputError(
             f"{which}: no CoP is possible in phase {phase.name!r}: from its support to the CoM at"
-            f" {place} m the leg is {shortest:.4g} to {longest:.4g} m long, but its length must be"
+            f" {com} m the leg is {shortest:.4g} to {longest:.4g} m long, but its length must be"
             f" {limits.leg_length[0]:.4g} to {limits.leg_length[1]:.4g} m"
         )
-
-
-def _leg_range(com: np.ndarray, support: Corners) -> tuple[float, float]:
-    """Return the least and the greatest distance [m] of a CoM from the support of a stance."""
-    away = max(0.0, -float(polygon_margin(support, com[:2])))
-    farthest = np.linalg.norm(np.array(support) - com[:2], axis=1).max()
-    return float(np.hypot(away, com[2])), float(np.hypot(farthest, com[2]))
-
-
-def _within(what: str, values: Sequence[float | None], pair: tuple[float, float]) -> None:
-    for value in values:
-        if value is not None and not pair[0] - SLACK <= value <= pair[1] + SLACK:
-            raise InvalidInputError(
-                f"{what}: {value:g} is not within the limits {pair[0]:g} to {pair[1]:g}"
-            )
 
 
 def _check_slice(problem: PlanProblem) -> None:
     """Raise if something given lies outside the plane y = 0."""
     # The components that are zero in the plane.
     sideways = {"com": (1,), "com_velocity": (1,), "orientation": (0, 2), "momentum": (0, 2)}
+    zero = np.zeros(3)
     ends = [(name, state) for name, _, state in problem.waypoints]
     for which, state in (("start", problem.start), ("nominal", problem.nominal), *ends):
         given = state.values(problem.mass)
         for name, places in sideways.items():
-            if any(given.get(name, (None,) * 3)[k] not in (None, 0.0) for k in places):
+            if np.nan_to_num(given.get(name, zero)[list(places)]).any():
                 raise InvalidInputError(f"{which}: {name} of a planar pendulum must stay in y = 0")
         for name in ("radii", "radii_rates"):
-            r = given.get(name, (None,) * 3)
-            if r[0] != r[2]:
+            r = given.get(name, zero)
+            if not np.array_equal(r[0], r[2], equal_nan=True):
                 raise InvalidInputError(f"{which}: {name} of a planar pendulum need r_1 = r_3")
     for phase in problem.schedule:
         if phase.support is not None:

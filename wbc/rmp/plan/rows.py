@@ -193,12 +193,10 @@ def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -
     _continuity(rows, problem, layout)
     for where, k, state in problem.waypoints:
         for name, values in state.values(problem.mass).items():
+            aims, places = values / units[name], layout.phases[k].named[name][-1]
             for c in moving(problem, name):
-                value = values[c]
-                if value is not None:
-                    aim = value / units[name]
-                    place = int(layout.phases[k].named[name][-1, c])
-                    rows.add(f"{where}: {name}", {place: 1.0}, aim, aim)
+                if np.isfinite(aims[c]):
+                    rows.add(f"{where}: {name}", {int(places[c]): 1.0}, aims[c], aims[c])
     _period(rows, problem, layout, units)
     return rows
 

@@ -67,21 +67,18 @@ class State:
                 raise InvalidInputError("state: inertia needs all three principal moments")
             radii_for(1.0, self.inertia)
 
-    def values(self, mass: float) -> dict[str, tuple[float | None, ...]]:
-        """Return the components given, by the names of states: com, ..., orientation, radii."""
+    def values(self, mass: float) -> dict[str, Array]:
+        """Return the given of :data:`STATE` (3,), NaN where free; orientation as parameters."""
         given = {
-            name: getattr(self, name)
+            name: np.array(getattr(self, name), dtype=float)
             for name in ("com", "com_velocity", "momentum", "radii", "radii_rates")
             if getattr(self, name) is not None
         }
         if self.rotation is not None:
-            given["orientation"] = (
-                tuple(mrp_of(np.array(self.rotation, dtype=float)).tolist())
-                if None not in self.rotation
-                else self.rotation
-            )
+            rotation = np.array(self.rotation, dtype=float)
+            given["orientation"] = rotation if None in self.rotation else mrp_of(rotation)
         if self.inertia is not None:
-            given["radii"] = tuple(radii_for(mass, self.inertia).tolist())
+            given["radii"] = radii_for(mass, self.inertia)
         return given
 
     def _check_rotation(self) -> None:

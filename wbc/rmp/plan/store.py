@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import zipfile
-from collections.abc import Mapping
-from dataclasses import asdict, fields
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, asdict, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.files import write_whole
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
-from wbc.rmp.plan.problem import PlanProblem, Weights
+from wbc.rmp.plan.problem import Pendulum, PlanProblem, Weights
 from wbc.rmp.plan.schedule import Limits, Phase
 from wbc.rmp.plan.state import State
 from wbc.rmp.planar import PlanarRmp
@@ -51,29 +52,8 @@ def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
     UnknownNameError
         A key that does not exist.
     """
-    given = dict(_mapping("plan", data))
-    _known("plan", given, PlanProblem)
-    for name in ("pendulum", "schedule", "start"):
-        if name not in given:
-            raise InvalidInputError(f"plan: {name} is missing")
-    body = dict(_mapping("pendulum", given["pendulum"]))
-    kind = body.pop("kind", "solid")
-    if kind not in _PENDULUMS:
-        raise UnknownNameError("pendulum kind", str(kind), _PENDULUMS)
-    if set(body) - {"mass", "gravity"} or "mass" not in body:
-        raise InvalidInputError("pendulum: needs kind, mass and gravity, no more")
-    given["pendulum"] = _PENDULUMS[kind](**body)
-    if not isinstance(given["schedule"], list | tuple):
-        raise InvalidInputError("schedule: expected a list of phases")
-    given["schedule"] = tuple(_phase(each) for each in given["schedule"])
-    for name in ("start", "goal", "nominal"):
-        if name in given:
-            given[name] = _made(name, State, given[name])
-    if "limits" in given:
-        given["limits"] = _limits(given["limits"])
-    if "weights" in given:
-        given["weights"] = _made("weights", Weights, given["weights"])
-    return PlanProblem(**given)
+    problem: PlanProblem = _made("plan", PlanProblem, data)
+    return problem
 
 
 def save_plan(plan: Plan, path: str | Path) -> Path:
@@ -142,50 +122,68 @@ def load_plan(path: str | Path) -> Plan:
     return Plan(problem, solution, (at_variables, at_rows), stats)
 
 
-def _phase(data: Any) -> Phase:
-    given = dict(_mapping("phase", data))
-    _known("phase", given, Phase)
-    given.setdefault("name", "")
-    for name in ("duration", "support"):
-        if name not in given:
-            raise InvalidInputError(f"phase {given['name']!r}: {name} is missing")
-    if given.get("limits") is not None:
-        given["limits"] = _limits(given["limits"])
-    if "end" in given:
-        given["end"] = _made("end", State, given["end"])
-    return Phase(**given)
+def _made(what: str, cls: Any, data: Any) -> Any:
+    """Return an object of a dataclass from its fields as plain data."""
+    given = dict(_mapping(what, data))
+    own = [each for each in fields(cls) if each.init]
+    for name in given:
+        if name not in (names := [each.name for each in own]):
+            raise UnknownNameError(f"key of {what}", str(name), names)
+    for each in own:
+        if each.name not in given and each.default is each.default_factory is MISSING:
+            raise InvalidInputError(f"{what}: {each.name} is missing")
+    return cls(**{name: _DECODERS.get(name, _same)(value) for name, value in given.items()})
+
+
+def _pendulum(data: Any) -> Pendulum:
+    body = dict(_mapping("pendulum", data))
+    kind = body.pop("kind", "solid")
+    if kind not in _PENDULUMS:
+        raise UnknownNameError("pendulum kind", str(kind), _PENDULUMS)
+    pendulum: Pendulum = _made("pendulum", _PENDULUMS[kind], body)
+    return pendulum
+
+
+def _schedule(data: Any) -> tuple[Phase, ...]:
+    if not isinstance(data, list | tuple):
+        raise InvalidInputError("schedule: expected a list of phases")
+    phases = [{"name": "", **_mapping("phase", each)} for each in data]
+    for phase in phases:
+        if phase.get("limits") is None:
+            phase.pop("limits", None)
+    return tuple(_made(f"phase {phase['name']!r}", Phase, phase) for phase in phases)
 
 
 def _limits(data: Any) -> Limits:
-    given = dict(_mapping("limits", data))
-    for name, value in given.items():
-        if value is None:
-            given[name] = math.inf
-        elif isinstance(value, list | tuple):
-            given[name] = tuple(math.inf if x is None else x for x in value)
-    return _made("limits", Limits, given)
+    def number(value: Any) -> Any:
+        return math.inf if value is None else value
+
+    given = {
+        name: tuple(map(number, value)) if isinstance(value, list | tuple) else number(value)
+        for name, value in _mapping("limits", data).items()
+    }
+    limits: Limits = _made("limits", Limits, given)
+    return limits
 
 
-def _made(what: str, kind: Any, data: Any) -> Any:
-    given = dict(_mapping(what, data))
-    _known(what, given, kind)
-    try:
-        return kind(**given)
-    except TypeError as error:
-        raise InvalidInputError(f"{what}: {error}") from error
+def _same(value: Any) -> Any:
+    return value
+
+
+# What turns plain data into the value of a field, by the field's name, where they differ.
+_DECODERS: dict[str, Callable[[Any], Any]] = {
+    **{name: partial(_made, name, State) for name in ("start", "goal", "nominal", "end")},
+    "weights": partial(_made, "weights", Weights),
+    "limits": _limits,
+    "pendulum": _pendulum,
+    "schedule": _schedule,
+}
 
 
 def _mapping(what: str, data: Any) -> Mapping[str, Any]:
     if not isinstance(data, Mapping):
         raise InvalidInputError(f"{what}: expected keys and values, got {data!r}")
     return data
-
-
-def _known(what: str, given: Mapping[str, Any], kind: Any) -> None:
-    names = [each.name for each in fields(kind)]
-    for name in given:
-        if name not in names:
-            raise UnknownNameError(f"key of {what}", str(name), names)
 
 
 def _plain(value: Any) -> Any:

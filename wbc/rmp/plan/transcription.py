@@ -25,7 +25,7 @@ from wbc.rmp.plan.layout import (
 from wbc.rmp.plan.motion import CONTROLS, motion
 from wbc.rmp.plan.nlp import Block, Nlp, Piece, assemble, piece
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.state import STATE, State
+from wbc.rmp.plan.state import STATE
 from wbc.validate import Array
 
 
@@ -130,7 +130,7 @@ def _interval_piece(
     if phase.flies:
         kept["momentum"] = []
     rows = constraint.dynamics(m, units, kept) + constraint.between_knots(m, units, limits)
-    nominal = _components(problem, problem.nominal)
+    nominal = problem.nominal.values(problem.mass)
     cost = constraint.running_cost(m, problem.weights, nominal, problem.mass)
     return piece("interval", m.z, cost, ca.vertcat(*(row.value for row in rows))), rows
 
@@ -168,9 +168,9 @@ def _bounds(problem: PlanProblem, layout: Layout) -> tuple[Array, Array]:
                 " neighbour exclude each other (height, radius, rate or momentum)"
             )
     for name, values in problem.start.values(problem.mass).items():
-        for place, value in zip(layout.phases[0].named[name][0], values, strict=True):
-            if value is not None:
-                lower[place] = upper[place] = value
+        given = np.isfinite(values)
+        places = layout.phases[0].named[name][0][given]
+        lower[places] = upper[places] = values[given]
     return lower, upper
 
 
@@ -207,15 +207,10 @@ def first_guess(t: Transcription) -> Array:
     return np.clip(w / t.scale, t.lower, t.upper)
 
 
-def _components(problem: PlanProblem, state: State) -> dict[str, Array]:
-    """Return the given components of a state (3,) by name, NaN where they are free."""
-    return {name: np.array(x, dtype=float) for name, x in state.values(problem.mass).items()}
-
-
 def _guessed_ends(problem: PlanProblem) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the guessed first and last state by name."""
     start, goal, nominal = (
-        _components(problem, state) for state in (problem.start, problem.goal, problem.nominal)
+        state.values(problem.mass) for state in (problem.start, problem.goal, problem.nominal)
     )
     low, high = problem.limits_of(0).leg_length
     height = (low + high) / 2.0 if np.isfinite(high) else 1.0
