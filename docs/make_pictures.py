@@ -18,7 +18,7 @@ from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run
 from wbc.view.analysis import plot_analysis
 from wbc.view.balance import pushes_figure, regions_figure
-from wbc.view.files import save
+from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"

@@ -7,11 +7,9 @@ from numpy.typing import NDArray
 from wbc.rmp import Ellipsoid
 from wbc.robot.geometry import Mesh
 from wbc.view.camera import Camera
-from wbc.view.glass import lay_ellipsoid
 from wbc.view.raster import NOTHING, rasterise
-from wbc.view.render import render
-from wbc.view.scene import Scene
-from wbc.view.shapes import principal_sections, silhouette, surface_points
+from wbc.view.render import lay_ellipsoid, render
+from wbc.view.scene import Scene, principal_sections, silhouette, surface_points
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ import wbc.view
 from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
-from wbc.view.files import save
 from wbc.view.portrait import portraits_of
 from wbc.view.series import spread
+from wbc.view.style import save
 
 Array = NDArray[np.float64]
 

@@ -143,7 +143,7 @@ def _check_outputs(
         if find_spec("matplotlib") is None:
             raise InvalidInputError("--plot needs matplotlib: pip install 'wbc[plot]'")
         from wbc.view.analysis import check_snapshots
-        from wbc.view.files import picture_file
+        from wbc.view.style import picture_file
 
         check_place("--plot", plot)
         picture_file(plot)

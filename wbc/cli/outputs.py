@@ -42,7 +42,7 @@ class Outputs:
         if self.picture is not None:
             if find_spec("matplotlib") is None:
                 raise InvalidInputError("--plot needs matplotlib: pip install 'wbc[plot]'")
-            from wbc.view.files import picture_file
+            from wbc.view.style import picture_file
 
             check_place("--plot", self.picture)
             picture_file(self.picture)

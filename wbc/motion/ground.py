@@ -25,6 +25,7 @@ from wbc.validate import Array
 # m: a foot stands if all corners of its sole are this near to the ground.
 TOUCHING = 0.01
 SAME = 1e-9  # m: corners nearer than this are one
+CHUNK = 500  # frames at once: their arrays stay in the processor's cache
 STRAIGHT = 1e-9  # rad: a corner this little to the right of an edge is on it
 
 
@@ -187,7 +188,10 @@ def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) 
         # Corners of feet that do not stand are moved onto one that counts anyway.
         anchor = chosen[np.arange(len(some)), stand.argmax(axis=1), :1]  # (m, 1, 2)
         flat = np.where(stand[:, :, None, None], chosen, anchor[:, None])
-        margins[some] = _margins(flat.reshape(len(some), -1, 2), points[some, :2])
+        flat = flat.reshape(len(some), -1, 2)
+        for part in range(0, len(some), CHUNK):
+            rows = slice(part, part + CHUNK)
+            margins[some[rows]] = _margins(flat[rows], points[some[rows], :2])
     return margins
 
 
@@ -198,22 +202,23 @@ def _margins(corners: Array, points: Array) -> Array:
     need not be built for that. What has no area, a segment or a point, has edges in both directions
     and no inside.
     """
-    count, most, _ = corners.shape
-    nearest, inside, area = np.full(count, np.inf), np.ones(count, bool), np.zeros(count, bool)
-    for k in range(most):
-        start = corners[:, k, None]  # (n, 1, 2)
-        ends = corners - start  # (n, k, 2), relative to the start, as all below
-        arm = points[:, None] - start
-        lengths = np.hypot(ends[..., 0], ends[..., 1])
-        left = ends[:, :, None, 0] * ends[:, None, :, 1] - ends[:, :, None, 1] * ends[:, None, :, 0]
-        room = STRAIGHT * lengths[:, :, None] * lengths[:, None]
-        edge = (left >= -room).all(axis=2) & (lengths > SAME)
-        edge[lengths.max(axis=1) <= SAME, k] = True  # all corners in one spot
-        area |= (edge & (left > room).any(axis=2)).any(axis=1)
-        squares = np.where(lengths > SAME, lengths * lengths, 1.0)
-        along = np.clip((arm * ends).sum(axis=2) / squares, 0.0, 1.0)
-        away = np.linalg.norm(arm - along[..., None] * ends, axis=2)
-        nearest = np.minimum(nearest, np.where(edge, away, np.inf).min(axis=1))
-        side = ends[..., 0] * arm[..., 1] - ends[..., 1] * arm[..., 0]
-        inside &= ((side >= 0.0) | ~edge).all(axis=1)
+    (x, y), (px, py) = corners.transpose(2, 1, 0), points.T  # (k, n) and (n,): frames last
+    nearest, inside, area = (
+        np.full(len(px), np.inf),
+        np.ones(len(px), bool),
+        np.zeros(len(px), bool),
+    )
+    for k in range(len(x)):
+        dx, dy, ax, ay = x - x[k], y - y[k], px - x[k], py - y[k]
+        length = np.hypot(dx, dy)
+        apart = length > SAME
+        dx, dy = np.where(apart, (dx, dy), 0.0) / np.where(apart, length, 1.0)  # directions
+        left = dx[:, None] * dy - dy[:, None] * dx  # sines (k, k, n), of corners from each line
+        edge = (left.min(axis=1) >= -STRAIGHT) & apart
+        area |= (edge & (left.max(axis=1) > STRAIGHT)).any(axis=0)
+        edge[k] = ~apart.any(axis=0)  # all corners in one spot
+        along = np.clip(ax * dx + ay * dy, 0.0, length)
+        away = np.hypot(ax - along * dx, ay - along * dy)
+        nearest = np.minimum(nearest, np.where(edge, away, np.inf).min(axis=0))
+        inside &= ((dx * ay - dy * ax >= 0.0) | ~edge).all(axis=0)
     return np.where(inside & area, nearest, -nearest)

@@ -7,8 +7,8 @@ try:
 except ImportError as error:
     raise WbcError("pictures need Matplotlib; install it with: pip install 'wbc[plot]'") from error
 
-from wbc.view.figure3d import plot_robot, robot_figure
 from wbc.view.pendulum import pendulum_figure, plot_pendulum
+from wbc.view.portrait import plot_robot, robot_figure
 from wbc.view.run import History, plot_run, run_figure
 
 __all__ = [

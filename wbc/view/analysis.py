@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from wbc.constraints.support_polygon import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.motion import RmpSeries
+from wbc.rmp import Ellipsoid
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.analysis_plots import LETTERS, PLOTS
-from wbc.view.analysis_strip import Moment, draw_moments, moments_of, shape_of_moments
-from wbc.view.files import picture_file, save
+from wbc.view.portrait import Portrait, draw_pendulum, panels_of, portraits_of, shape_of
+from wbc.view.scene import densified, silhouette
+from wbc.view.style import picture_file, save
 
 WIDTH = 9.0  # inches
 PANEL_SHAPE = (1.0, 1.9)  # height to width of a snapshot, at least and at most
-HEADING, NAMES, CAPTION = 0.36, 0.22, 0.72  # inches, from the top
 HIGHEST = 2.8  # inches, of a snapshot
+HEADING, CAPTION = 0.58, 0.55  # inches, above and below the snapshots
+ROW, TIME = 1.87, 0.20  # inches, of a row of plots and of the times below all
 COLUMNS = 2
-PLOT, APART, BELOW = 1.35, 0.5, 0.5  # inches
-LEFT, BETWEEN, RIGHT = 0.66, 1.24, 0.30  # inches
+RADIUS_WIDTH = 0.44  # inches, of a radius as written below a picture
+FULL_SIZE = 0.39  # inches that a radius needs for full size
+MARKS = 0.7  # size of lines and marks
+TINY, TINIEST = 6.5, 5.0  # points, of the radii, where there is room and where there is not
+EXPLANATION = (
+    "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM,"
+    " support polygon"
+)
 MOST = len(LETTERS)
 
 Snapshots = int | Sequence[float]  # how many, or at which times [s]
@@ -63,20 +75,24 @@ def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) 
     frames = snapshot_frames(series.time, snapshots)
     moments = moments_of(series, frames)
     wide = WIDTH / max(len(moments), 4)  # fewer are not drawn larger than a quarter
-    high = min(HIGHEST, wide * float(np.clip(shape_of_moments(moments), *PANEL_SHAPE)))
+    shape = float(np.clip(shape_of([one.portrait for one in moments]), *PANEL_SHAPE))
+    high = min(HIGHEST, wide * shape)
     rows = -(-len(PLOTS) // COLUMNS)
-    total = HEADING + NAMES + high + CAPTION + rows * (PLOT + APART) + BELOW - APART
-    figure = Figure(figsize=(WIDTH, total), dpi=style.DPI, facecolor="white")
-    style.heading(figure, title, 1.0 - 0.1 / total)
-    _draw_strip(figure, moments, wide, high, 1.0 - (HEADING + NAMES + high) / total)
-    top = total - HEADING - NAMES - high - CAPTION  # inches
-    plot_width = (WIDTH - LEFT - RIGHT - (COLUMNS - 1) * BETWEEN) / COLUMNS
-    for k, draw in enumerate(PLOTS):
-        row, column = divmod(k, COLUMNS)
-        left = LEFT + column * (plot_width + BETWEEN)
-        bottom = top - PLOT - row * (PLOT + APART)
-        axes = figure.add_axes((left / WIDTH, bottom / total, plot_width / WIDTH, PLOT / total))
-        draw(axes, series, frames, row == rows - 1)
+    below = rows * ROW + TIME
+    total = HEADING + high + CAPTION + below
+    figure = style.sheet(WIDTH, total, title, below)
+    left, bottom = 0.5 * (WIDTH - wide * len(moments)), (below + CAPTION) / total
+    panels = [
+        figure.add_axes(((left + wide * k) / WIDTH, bottom, wide / WIDTH, high / total))
+        for k in range(len(moments))
+    ]
+    draw_moments(panels, moments)
+    figure.text(
+        0.5, bottom - 0.30 / total, EXPLANATION,
+        ha="center", va="top", fontsize=7.0, color=style.GREY,
+    )  # fmt: skip
+    for axes, draw in zip(figure.subplots(rows, COLUMNS).flat, PLOTS, strict=True):
+        draw(axes, series, frames)
     return figure
 
 
@@ -107,20 +123,70 @@ def snapshot_frames(time: Array, snapshots: Snapshots) -> list[int]:
     return sorted({int(np.abs(time - at).argmin()) for at in snapshots})
 
 
-def _draw_strip(
-    figure: Figure, moments: list[Moment], wide: float, high: float, bottom: float
-) -> None:
-    total = float(figure.get_size_inches()[1])
-    margin = 0.5 * (WIDTH - wide * len(moments))  # inches
-    panels = [
-        figure.add_axes(((margin + wide * k) / WIDTH, bottom, wide / WIDTH, high / total))
-        for k in range(len(moments))
-    ]
-    draw_moments(panels, moments, (wide, high))
-    caption = (
-        "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM,"
-        " support polygon"
-    )
-    figure.text(
-        0.5, bottom - 0.30 / total, caption, ha="center", va="top", fontsize=7.0, color=style.GREY
-    )
+# ---------------------------------------------------------------------- snapshots
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The robot in one frame.
+
+    Attributes
+    ----------
+    portrait:
+        Robot, ellipsoid and CoM.
+    cop:
+        Centre of pressure (3,) [m]; None in flight.
+    support:
+        Corners (k, 3) [m] of the support polygon, closed; None if no foot stands.
+    radii:
+        r_k (3,) [m] along the ellipsoid's axes.
+    """
+
+    portrait: Portrait
+    cop: Array | None
+    support: Array | None
+    radii: Array
+
+
+def moments_of(series: RmpSeries, frames: Sequence[int]) -> list[Moment]:
+    """Return some frames of a motion, ready to be drawn."""
+    names = {
+        f"{letter})  {series.time[frame]:.2f} s": series.q[frame]
+        for letter, frame in zip(LETTERS, frames, strict=False)
+    }
+    portraits = portraits_of(series.robot, names)
+    return [_moment(series, k, one) for k, one in zip(frames, portraits, strict=True)]
+
+
+def _moment(series: RmpSeries, frame: int, portrait: Portrait) -> Moment:
+    # The tracked axes, so that an axis has one colour in all pictures and plots.
+    ellipsoid = Ellipsoid(series.semi_axes[frame], series.axes[frame], series.robot.mass)
+    scene = replace(portrait.scene, ellipsoid=ellipsoid, ground=series.ground_height)
+    stands = series.standing[frame]
+    support = None
+    if stands.any():
+        feet = [name for name, on in zip(series.feet, stands, strict=True) if on]
+        corners = support_polygon(portrait.snapshot, feet)
+        closed = np.concatenate((corners, corners[:1]))
+        support = np.column_stack((closed, np.full(len(closed), series.ground_height)))
+    cop = None if series.flight[frame] else series.cop[frame]
+    return Moment(replace(portrait, scene=scene), cop, support, series.radii[frame])
+
+
+def draw_moments(all_axes: Sequence[Axes], moments: Sequence[Moment]) -> None:
+    """Draw each moment on axes of its own, with leg, masses, support and the radii below it."""
+    portraits = [moment.portrait for moment in moments]
+    for panel, moment in zip(panels_of(all_axes, portraits), moments, strict=True):
+        scene = moment.portrait.scene
+        if moment.support is not None:
+            panel.curve(densified(moment.support), style.ORANGE, 1.4, hidden=0.6)
+        outline = silhouette(scene.ellipsoid, scene.centre, panel.camera.eye)
+        panel.curve(outline, style.BLUE, 0.9, hidden=0.35)
+        draw_pendulum(panel, scene, moment.cop, moment.radii, MARKS)
+        panel.axes.set_title(moment.portrait.name, fontsize=style.SMALL, color=style.BLACK, pad=3)
+        width = panel.camera.width / style.DPI  # inches
+        # Closer to each other than to those of the next picture.
+        apart = min(RADIUS_WIDTH / width, 0.31)
+        size = max(TINIEST, TINY * min(1.0, apart * width / FULL_SIZE))
+        texts = [f"r{style.INDEX[k]} {1e3 * r:.0f}" for k, r in enumerate(moment.radii)]
+        style.write_below(panel.axes, texts, apart, size)

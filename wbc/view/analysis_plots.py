@@ -18,23 +18,21 @@ WIDTH = 1.3  # points, of a curve
 FLIGHT = "#EEF0F3"
 XYZ = (style.BLUE, style.VERMILION, style.GREEN)
 
-Plot = Callable[[Axes, RmpSeries, Sequence[int], bool], None]
+Plot = Callable[[Axes, RmpSeries, Sequence[int]], None]
 
 
-def plot_along_x(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+def plot_along_x(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot CoM, CoP and CMP along x."""
-    _plot_ground(axes, series, frames, lowest, 0, "Ground, along x (forward)")
+    _plot_ground(axes, series, frames, 0, "Ground, along x (forward)")
 
 
-def plot_along_y(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+def plot_along_y(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot CoM, CoP and CMP along y."""
-    _plot_ground(axes, series, frames, lowest, 1, "Ground, along y (left)")
+    _plot_ground(axes, series, frames, 1, "Ground, along y (left)")
 
 
-def _plot_ground(
-    axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool, k: int, title: str
-) -> None:
-    _prepare(axes, series, frames, lowest, title, "mm")
+def _plot_ground(axes: Axes, series: RmpSeries, frames: Sequence[int], k: int, title: str) -> None:
+    _prepare(axes, series, frames, title, "mm")
     for label, colour, dashes, values in (
         ("CoM", style.BLACK, "-", series.com),
         ("CMP", style.ORANGE, "-", series.cmp),
@@ -44,9 +42,9 @@ def _plot_ground(
     _legend(axes)
 
 
-def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot how far the CoP is inside the support polygon; below zero the motion is infeasible."""
-    _prepare(axes, series, frames, lowest, "CoP inside the support polygon by", "mm")
+    _prepare(axes, series, frames, "CoP inside the support polygon by", "mm")
     if series.cop_margin is None or np.isnan(series.cop_margin).all():
         why = "no feet to judge by" if series.cop_margin is None else "no foot stands"
         axes.text(
@@ -74,9 +72,9 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bo
     axes.set_ylim(low - room, high + room)
 
 
-def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the reaction masses' radii; thin and dashed where the axis is undefined."""
-    _prepare(axes, series, frames, lowest, "Reaction mass radii", "mm")
+    _prepare(axes, series, frames, "Reaction mass radii", "mm")
     for k, colour in enumerate(style.PRINCIPAL):
         radius, defined = MM * series.radii[:, k], series.axes_defined[:, k]
         if not defined.all():
@@ -87,9 +85,9 @@ def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: boo
     _legend(axes)
 
 
-def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the leg's lean from the vertical, forward and left, and its length on the right."""
-    _prepare(axes, series, frames, lowest, "Leg from CoP to CoM", "lean [deg]")
+    _prepare(axes, series, frames, "Leg from CoP to CoM", "lean [deg]")
     lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
     # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
     _curve(axes, series, -lean[:, 0], "forward", style.BLUE, "-")
@@ -111,9 +109,9 @@ def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool)
     _legend(axes, other)
 
 
-def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int], lowest: bool) -> None:
+def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the momentum's average angular velocity against that of the principal axes."""
-    _prepare(axes, series, frames, lowest, "Rotation", "rad/s")
+    _prepare(axes, series, frames, "Rotation", "rad/s")
     for k, colour in enumerate(XYZ):
         _curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour, "-")
         _curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
@@ -139,11 +137,12 @@ def _prepare(
     axes: Axes,
     series: RmpSeries,
     frames: Sequence[int],
-    lowest: bool,
     title: str,
     unit: str,
 ) -> None:
     """Give a plot its look, the moments of the snapshots, and a ground where the robot flies."""
+    place = axes.get_subplotspec()
+    lowest = place is None or place.is_last_row()
     style.plain(axes, title, "time [s]" if lowest else "", unit)
     axes.set_xlim(series.time[0], series.time[-1])
     if not lowest:

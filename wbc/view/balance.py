@@ -14,7 +14,7 @@ from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_array, finite_vector
 from wbc.view import style
 
-SIDE = 3.4  # inches
+SIDE, HIGH = 3.4, 3.35  # inches
 
 
 def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> Figure:
@@ -38,7 +38,7 @@ def pushes_figure(directions: ArrayLike, impulses: Mapping[str, ArrayLike]) -> F
     if not impulses:
         raise InvalidInputError("impulses: needs at least one size for each direction")
     angle = np.arctan2(across[:, 1], across[:, 0])
-    figure = Figure(figsize=(1.25 * SIDE, 1.45 * SIDE), dpi=style.DPI)
+    figure = style.sheet(1.25 * SIDE, 1.45 * SIDE)
     axes: Any = figure.add_axes((0.12, 0.23, 0.76, 0.64), projection="polar")
     closed = np.append(angle, angle[:1])
     names = list(impulses)
@@ -86,14 +86,12 @@ def regions_figure(
             raise InvalidInputError(f"settling of {name}: infinite; NaN says that it fell")
     longest = max((float(np.nanmax(m)) for m in maps.values() if np.isfinite(m).any()), default=1.0)
     count = len(maps)
-    width = 0.75 + count * (SIDE - 0.4) + 0.6
-    figure = Figure(figsize=(width, SIDE + 0.35), dpi=style.DPI)
+    figure = style.sheet(1.2 + count * (SIDE - 0.4), HIGH, plots=HIGH)
+    row = figure.subplots(1, count, squeeze=False)[0]
     half = [(axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5 for axis in (x, y)]
     extent = (x[0] - half[0], x[-1] + half[0], y[0] - half[1], y[-1] + half[1])
     drawn: Any = None
-    for k, (name, times) in enumerate(maps.items()):
-        left = (0.75 + k * (SIDE - 0.4)) / width
-        axes = figure.add_axes((left, 0.16, (SIDE - 0.95) / width, 0.7))
+    for k, (axes, (name, times)) in enumerate(zip(row, maps.items(), strict=True)):
         style.plain(axes, name, "lean toward x [°]", "lean toward y [°]" if k == 0 else "")
         axes.set_facecolor("#D9DBDF")
         drawn = axes.imshow(
@@ -101,7 +99,7 @@ def regions_figure(
             aspect="auto", interpolation="nearest",
         )  # fmt: skip
         axes.grid(visible=False)
-    bar = figure.colorbar(drawn, cax=figure.add_axes((1.0 - 0.75 / width, 0.16, 0.15 / width, 0.7)))
+    bar = figure.colorbar(drawn, ax=row, fraction=0.15 / count, pad=0.02)
     bar.set_label("time to rest [s]; grey: fell", fontsize=style.SMALL, color=style.BLACK)
     bar.ax.tick_params(labelsize=style.SMALL, colors=style.BLACK)
     return figure

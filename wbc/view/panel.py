@@ -43,6 +43,8 @@ class Panel:
         width, height = self.camera.width, self.camera.height
         self.axes.imshow(self.picture.colours, extent=(0.0, width, height, 0.0), aspect="equal")
         self.axes.set_axis_off()
+        self.axes.set_xlim(0.0, width)
+        self.axes.set_ylim(height, 0.0)
 
     def curve(self, points: Array, colour: str, width: float, hidden: float = 0.0) -> None:
         """Draw a curve (k, 3), with the strength ``hidden`` where the robot is in front of it."""

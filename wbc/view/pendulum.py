@@ -7,19 +7,26 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+from numpy.typing import NDArray
 
 from wbc.problem.pendulum.result import PendulumHistory
+from wbc.validate import Array
 from wbc.view import style
-from wbc.view.files import picture_file, save
-from wbc.view.pendulum_plots import HEIGHT, draw_ground, draw_momentum, draw_portrait
+from wbc.view.pendulum_plots import HEIGHT, draw_ground, draw_momentum, draw_portrait, view_side
 from wbc.view.pendulum_plots import WIDTH as PLOT_WIDTH
-from wbc.view.pendulum_strip import draw_strip
+from wbc.view.style import picture_file, save
 
 WIDTH = 9.2  # inches
 BETWEEN, HEADING, BELOW = 0.85, 0.45, 0.5  # inches
 STRIP_WIDTH = 8.2  # inches
 STRIP_HEIGHT = (0.9, 3.4)  # inches, at least and at most
 FIRST, GAP = 0.78, 0.76  # inches, along the row of plots
+SNAPSHOTS = 9
+SPACING = 1.15  # between two snapshots that would stand on each other, in widths of the mass
+TRAVELS = 0.6  # a motion that covers this much of the strip is drawn where it happened
+EVENLY = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
+SOLID = np.sqrt(5.0 / 3.0)  # semi-axis of the equimomental ellipsoid over r_k
 
 
 def plot_pendulum(history: PendulumHistory, path: str | Path, title: str = "") -> None:
@@ -46,7 +53,7 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
     (left, right), (low, high) = strip.get_xlim(), strip.get_ylim()
     tall = float(np.clip(STRIP_WIDTH * (high - low) / (right - left), *STRIP_HEIGHT))
     height = HEADING + tall + BETWEEN + HEIGHT + BELOW
-    figure = Figure(figsize=(WIDTH, height), dpi=style.DPI)
+    figure = style.sheet(WIDTH, height, title)
 
     def placed(x: float, y: float, wide: float, high: float) -> Axes:
         return figure.add_axes((x / WIDTH, y / height, wide / WIDTH, high / height))
@@ -56,6 +63,116 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
     )
     for k, draw in enumerate((draw_portrait, draw_ground, draw_momentum)):
         draw(placed(FIRST + k * (PLOT_WIDTH + GAP), BELOW, PLOT_WIDTH, HEIGHT), history)
-    if title:
-        style.heading(figure, title, 1.0 - 0.12 / height)
     return figure
+
+
+# ---------------------------------------------------------------------- strip
+
+
+def draw_strip(axes: Axes, history: PendulumHistory) -> None:
+    """Draw snapshots side by side, or where they were if the pendulum travels."""
+    chosen = _moments(history)
+    side = view_side(history)
+    along = history.com @ side
+    last = max(len(chosen) - 1, 1)
+    size = SOLID * float(history.radii[chosen].max())
+    reach = max(2.0 * size, _sway(history, side))
+    apart = SPACING * reach
+    travels = float(np.ptp(along)) > TRAVELS * apart * last
+    for place, k in enumerate(chosen.tolist()):
+        shift = 0.0 if travels else place * apart - _origin(history, k) @ side
+        _snapshot(axes, history, k, side, shift, faint=0.35 + 0.65 * place / last)
+    axes.axhline(0.0, color=style.GREY, linewidth=0.9, zorder=0)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.set_yticks([])
+    if travels:
+        axes.tick_params(labelsize=style.SMALL, colors=style.BLACK, width=0.6, length=3)
+        axes.set_xlabel("along the ground [m]", fontsize=style.SMALL, color=style.BLACK)
+    else:
+        axes.set_xticks([place * apart for place in range(len(chosen))])
+        axes.set_xticklabels(
+            [f"{round(float(history.time[k]), 2):g} s" for k in chosen], fontsize=style.SMALL
+        )
+        axes.tick_params(length=0, colors=style.BLACK)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _moments(history: PendulumHistory) -> NDArray[np.intp]:
+    """Return the places of the snapshots: spread over what happens more than over time."""
+    turned = np.einsum("nji,njk->nik", history.axes[:-1], history.axes[1:])
+    angle = np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+    slid = np.abs(np.diff(history.radii, axis=0)).sum(axis=1)
+    moved = np.linalg.norm(np.diff(history.com, axis=0), axis=1) + slid
+    way = np.append(0.0, np.cumsum(moved + history.radii[1:].max(axis=1) * angle))
+    share = way / max(float(way[-1]), 1e-12)
+    even = history.time / max(float(history.time[-1]), 1e-12)
+    measure = EVENLY * even + (1.0 - EVENLY) * share
+    wanted = np.linspace(measure[0], measure[-1], SNAPSHOTS)
+    return np.unique(np.searchsorted(measure, wanted).clip(0, len(measure) - 1))
+
+
+def _origin(history: PendulumHistory, k: int) -> Array:
+    """Return what a snapshot is centred on: the foot, or the CoM in flight."""
+    foot: Array = history.foot[k]
+    return history.com[k] if np.isnan(foot).any() else foot
+
+
+def _sway(history: PendulumHistory, side: Array) -> float:
+    """Return how far the CoM gets from its foot, to both sides."""
+    arms = (history.com - history.foot) @ side
+    return 2.0 * float(np.nanmax(np.abs(arms), initial=0.0))
+
+
+def _snapshot(
+    axes: Axes, history: PendulumHistory, k: int, side: Array, shift: float, faint: float
+) -> None:
+    def seen(point: Array) -> tuple[float, float]:
+        return float(point @ side) + shift, float(point[2])
+
+    com, foot = history.com[k], history.foot[k]
+    if not np.isnan(foot).any():
+        (x0, z0), (x1, z1) = seen(foot), seen(com)
+        axes.plot((x0, x1), (z0, z1), color=style.BLACK, linewidth=1.6, alpha=faint, zorder=2)
+        axes.plot(x0, z0, marker="o", markersize=3, color=style.BLACK, alpha=faint, zorder=3)
+    shape, turn = SOLID * history.radii[k], history.axes[k]
+    if history.flat:
+        _wheel(axes, seen(com), shape[0] / SOLID, turn[:, 0] @ side, turn[2, 0], faint)
+    else:
+        _shadow(axes, seen(com), shape, np.array((side @ turn, turn[2])), faint)
+        for j, colour in enumerate(style.PRINCIPAL):
+            tips = [seen(com + sign * history.radii[k, j] * turn[:, j]) for sign in (-1.0, 1.0)]
+            x, z = zip(*tips, strict=True)
+            axes.plot(x, z, color=colour, linewidth=0.8, marker="o", markersize=2.5, alpha=faint)
+
+
+def _wheel(
+    axes: Axes, centre: tuple[float, float], r: float, dx: float, dz: float, faint: float
+) -> None:
+    """Draw the planar pendulum's wheel with its two masses."""
+    axes.add_patch(
+        Ellipse(centre, 2 * r, 2 * r, facecolor=style.TINT, alpha=0.25 * faint, edgecolor="none")
+    )
+    axes.add_patch(
+        Ellipse(centre, 2 * r, 2 * r, fill=False, edgecolor=style.TINT, alpha=faint, linewidth=1.0)
+    )
+    x = (centre[0] - r * dx, centre[0] + r * dx)
+    z = (centre[1] - r * dz, centre[1] + r * dz)
+    axes.plot(x, z, color=style.VERMILION, linewidth=1.0, marker="o", markersize=4.0, alpha=faint)
+
+
+def _shadow(
+    axes: Axes, centre: tuple[float, float], shape: Array, view: Array, faint: float
+) -> None:
+    """Draw the outline of an ellipsoid with semi-axes ``shape`` as seen by ``view`` (2, 3)."""
+    squares, directions = np.linalg.eigh((view * shape**2) @ view.T)
+    a, b = np.sqrt(np.maximum(squares[::-1], 0.0)).tolist()
+    angle = float(np.degrees(np.arctan2(directions[1, 1], directions[0, 1])))
+    for fill, strength in ((True, 0.28 * faint), (False, faint)):
+        axes.add_patch(
+            Ellipse(
+                centre, 2 * a, 2 * b, angle=angle, fill=fill, alpha=strength, linewidth=1.0,
+                facecolor=style.TINT if fill else "none", edgecolor="none" if fill else style.TINT,
+            )
+        )  # fmt: skip

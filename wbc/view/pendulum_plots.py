@@ -14,7 +14,6 @@ from matplotlib.patches import Polygon
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.pendulum_strip import view_side
 
 WIDTH, HEIGHT = 2.05, 2.2  # inches
 STILL = 0.02  # a plot's axis spans this at least, in its unit: rounding is not to be seen
@@ -62,6 +61,20 @@ def _portrayed(history: PendulumHistory) -> tuple[Array, Array, str, str]:
     sways = not history.flat and np.ptp(history.com[:, 1]) > np.ptp(history.com[:, 2])
     k, what = (1, "sideways, y") if sways else (2, "height")
     return history.com[:, k], rate[:, k], f"{what} of the CoM [m]", "rate [m/s]"
+
+
+def view_side(history: PendulumHistory) -> Array:
+    """Return the horizontal direction (3,) in which most happens."""
+    if history.flat:
+        return np.array((1.0, 0.0, 0.0))
+    moved = history.com[:, :2] - history.com[:, :2].mean(axis=0)
+    spun = history.momentum[:, 1::-1] * (-1.0, 1.0)  # turning about y swings along x
+    total = moved.T @ moved
+    if float(np.trace(total)) < 1e-8 * len(moved):
+        total = spun.T @ spun
+    direction = np.linalg.eigh(total)[1][:, -1]
+    direction = direction * np.sign(direction[np.abs(direction).argmax()])
+    return np.array((*direction.tolist(), 0.0))
 
 
 def draw_ground(axes: Axes, history: PendulumHistory) -> None:

@@ -22,8 +22,7 @@ ROW = 6  # portraits side by side, at most
 FEWEST = 4  # fewer are not drawn larger than a quarter
 PANEL_SHAPE = (0.9, 1.7)  # height to width, at least and at most
 HEADING, TITLE, BELOW_PANEL = 0.45, 0.5, 0.3  # inches
-NAMES, PLOT, BETWEEN, BOTTOM = 0.85, 1.55, 0.5, 0.5  # inches; NAMES: of the phases, slanted
-LEFT, RIGHT = 0.85, 1.35  # inches beside the plots
+PLOT, NAMES = 1.95, 1.1  # inches, of a plot and, all in all, of the phases' names and the times
 BAND = "#F1F3F6"  # behind every other phase
 SLANT = 32.0  # degrees
 LEAST_ERROR = 1e-7  # errors below are of no interest
@@ -122,21 +121,20 @@ def phased_figure(robot: Robot, run: PhasedRun, title: str) -> Figure:
     width = WIDTH / max(columns, FEWEST)
     margin = 0.5 * (WIDTH - columns * width)
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    plots = 2 if run.balance is None else 3
-    strip = rows * (TITLE + high + BELOW_PANEL)
-    total = HEADING + strip + NAMES + plots * PLOT + (plots - 1) * BETWEEN + BOTTOM
-    figure = Figure(figsize=(WIDTH, total), dpi=style.DPI, facecolor="white")
-    style.heading(figure, title, 1.0 - 0.12 / total)
+    count = 2 if run.balance is None else 3
+    below = NAMES + count * PLOT
+    total = HEADING + rows * (TITLE + high + BELOW_PANEL) + below
+    figure = style.sheet(WIDTH, total, title, below)
     panels = []
     for k in range(len(portraits)):
         row, column = divmod(k, columns)
-        top = total - HEADING - row * (TITLE + high + BELOW_PANEL) - TITLE
+        bottom = total - HEADING - (row + 1) * (TITLE + high + BELOW_PANEL) + BELOW_PANEL
         left = (margin + column * width) / WIDTH
-        panels.append(figure.add_axes((left, (top - high) / total, width / WIDTH, high / total)))
+        panels.append(figure.add_axes((left, bottom / total, width / WIDTH, high / total)))
     draw_portraits(panels, portraits)
     figure.text(0.99, 1.0 - 0.16 / total, "semi-axes in mm", ha="right", va="top",
                 fontsize=style.SMALL, color=style.GREY)  # fmt: skip
-    _draw_plots(figure, run, total)
+    _draw_plots(figure.subplots(count, 1, sharex=True), run)
     return figure
 
 
@@ -145,15 +143,10 @@ def _standing(phase: PhaseSpan) -> str:
     return f"on {' and '.join(names)}" if phase.support else ""
 
 
-def _draw_plots(figure: Figure, run: PhasedRun, total: float) -> None:
+def _draw_plots(axes: Sequence[Axes], run: PhasedRun) -> None:
     """Draw the plots below each other, with one time axis."""
-    count = 2 if run.balance is None else 3
-    axes = []
-    for k in range(count):
-        bottom = BOTTOM + (count - 1 - k) * (PLOT + BETWEEN)
-        box = (LEFT / WIDTH, bottom / total, 1.0 - (LEFT + RIGHT) / WIDTH, PLOT / total)
-        axes.append(figure.add_axes(box))
-        _mark_phases(axes[-1], run.phases)
+    for one in axes:
+        _mark_phases(one, run.phases)
     if run.balance is not None:
         _plot_balance(axes[0], run.time, run.balance)
     plot_moments(axes[-2], run.time, run.moments)
@@ -164,7 +157,6 @@ def _draw_plots(figure: Figure, run: PhasedRun, total: float) -> None:
     _write_names(axes[0], run.phases)
     for one in axes[:-1]:
         one.set_xlabel("")
-        one.tick_params(labelbottom=False)
 
 
 def _mark_phases(axes: Axes, phases: Sequence[PhaseSpan]) -> None:

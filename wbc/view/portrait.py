@@ -1,9 +1,10 @@
-"""A robot in one configuration, and what is drawn about it."""
+"""A robot in one or more configurations: portraits with ellipsoid and pendulum, side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,16 +16,20 @@ from wbc.rmp import equimomental, reaction_mass_radii
 from wbc.robot import Robot, Snapshot
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
-from wbc.view import shapes, style
+from wbc.view import style
 from wbc.view.camera import Camera, viewing_axes
 from wbc.view.panel import Panel
 from wbc.view.render import render
-from wbc.view.scene import Scene
+from wbc.view.scene import Scene, principal_sections, silhouette, sole_outline
 
 AZIMUTH, ELEVATION = np.deg2rad(33.0), np.deg2rad(12.0)  # from the robot's front left
 SUNK = 0.02  # m: a robot reaching lower than this below z = 0 is not meant to stand there
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
+NARROW = 1.0 / 3.3  # distance between two of them where there is less room, part of the width
+PANEL_WIDTH = 3.6  # inches, of a picture in a figure of robots
+PANEL_SHAPE = (0.8, 1.5)  # its height to width, at least and at most
+ABOVE, BELOW = 0.3, 0.35  # inches of text above and below a picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +59,7 @@ class Portrait:
     @property
     def extent(self) -> Array:
         """Points (k, 3) that a picture must contain, relative to :attr:`below_com`."""
-        sections = shapes.principal_sections(self.scene.ellipsoid, self.scene.centre)
+        sections = principal_sections(self.scene.ellipsoid, self.scene.centre)
         vertices = [mesh.vertices for mesh in self.scene.meshes]
         return np.concatenate([*vertices, *sections, self.below_com[None]]) - self.below_com
 
@@ -85,13 +90,68 @@ def shape_of(portraits: Sequence[Portrait]) -> float:
     return float(along / across)
 
 
-def draw_portraits(panels: Sequence[Axes], portraits: Sequence[Portrait]) -> None:
-    """Draw each portrait on axes of its own, all equally large, from one side and at one scale."""
-    width, height = _inches(panels[0])
+def panels_of(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> list[Panel]:
+    """Render each portrait on axes of its own, all equally large, from one side, at one scale."""
+    width, height = _inches(all_axes[0])
     pixels = round(width * style.DPI), round(height * style.DPI)
     camera = Camera.framing(_extent(portraits), AZIMUTH, ELEVATION, *pixels)
-    for axes, portrait in zip(panels, portraits, strict=True):
-        _draw(axes, portrait, camera.moved(portrait.below_com))
+    panels = []
+    for axes, portrait in zip(all_axes, portraits, strict=True):
+        here = camera.moved(portrait.below_com)
+        panels.append(Panel(axes, here, render(portrait.scene, here), style.DPI / INCH))
+        panels[-1].show()
+    return panels
+
+
+def draw_portraits(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> None:
+    """Draw each portrait with ellipsoid, soles and pendulum, and the semi-axes below it."""
+    for panel, portrait in zip(panels_of(all_axes, portraits), portraits, strict=True):
+        scene, axes = portrait.scene, panel.axes
+        for foot in portrait.snapshot.robot.feet.values():
+            panel.curve(sole_outline(portrait.snapshot, foot), style.ORANGE, 1.2, hidden=0.6)
+        outline = silhouette(scene.ellipsoid, scene.centre, panel.camera.eye)
+        panel.curve(outline, style.BLUE, 1.1, hidden=0.35)
+        for section in principal_sections(scene.ellipsoid, scene.centre):
+            panel.curve(section, style.BLUE, 0.5, hidden=0.2)
+        radii = reaction_mass_radii(scene.ellipsoid.inertia(), scene.ellipsoid.mass)
+        draw_pendulum(panel, scene, portrait.below_com, radii)
+        axes.set_title(portrait.name, fontsize=style.NORMAL, color=style.BLACK)
+        width = _inches(axes)[0]
+        narrow = width < 3.0 * TEXT_WIDTH
+        unit = "" if narrow else " mm"  # where there is no room the figure says it once
+        texts = [
+            f"a{style.INDEX[k]} {1e3 * a:.0f}{unit}"
+            for k, a in enumerate(scene.ellipsoid.semi_axes)
+        ]
+        size = style.SMALL if narrow else style.NORMAL
+        style.write_below(axes, texts, NARROW if narrow else TEXT_WIDTH / width, size)
+
+
+def draw_pendulum(
+    panel: Panel, scene: Scene, foot: Array | None, radii: Array, size: float = 1.0
+) -> None:
+    """Draw leg, tracks along the ellipsoid's axes and the six masses (paper Fig. 5).
+
+    Parameters
+    ----------
+    foot:
+        Lower end of the leg (3,); None for no leg.
+    radii:
+        Distances (3,) [m] of the masses from the CoM.
+    size:
+        Of lines and marks.
+    """
+    centre, ellipsoid = scene.centre, scene.ellipsoid
+    if foot is not None:
+        panel.line(foot, centre, style.BLACK, 2.2 * size)
+    for k, colour in enumerate(style.PRINCIPAL):
+        axis, reach = ellipsoid.axes[:, k], ellipsoid.semi_axes[k]
+        panel.line(centre - reach * axis, centre + reach * axis, colour, 0.9 * size)
+        for distance in (-radii[k], radii[k]):
+            panel.ball(centre + distance * axis, colour, 3.2 * size)
+    if foot is not None:
+        panel.ball(foot, style.BLACK, 2.6 * size)
+    panel.centre_of_mass(centre, 5.5 * size)
 
 
 def _extent(portraits: Sequence[Portrait]) -> Array:
@@ -99,64 +159,60 @@ def _extent(portraits: Sequence[Portrait]) -> Array:
 
 
 def _inches(axes: Axes) -> tuple[float, float]:
-    box, figure = axes.get_position(), axes.get_figure()
-    width, height = figure.get_size_inches() if isinstance(figure, Figure) else (0.0, 0.0)
-    return float(box.width * width), float(box.height * height)
+    dpi = axes.figure.dpi
+    return float(axes.bbox.width / dpi), float(axes.bbox.height / dpi)
 
 
-def _draw(axes: Axes, portrait: Portrait, camera: Camera) -> None:
-    scene = portrait.scene
-    panel = Panel(axes, camera, render(scene, camera), style.DPI / INCH)
-    panel.show()
-    _draw_soles(panel, portrait.snapshot)
-    _draw_ellipsoid(panel, scene)
-    _draw_pendulum(panel, portrait)
-    axes.set_xlim(0.0, camera.width)
-    axes.set_ylim(camera.height, 0.0)
-    axes.set_title(portrait.name, fontsize=style.NORMAL, color=style.BLACK)
-    _write_semi_axes(axes, scene.ellipsoid.semi_axes)
+# ---------------------------------------------------------------------- figures
 
 
-def _draw_soles(panel: Panel, snapshot: Snapshot) -> None:
-    for foot in snapshot.robot.feet.values():
-        panel.curve(shapes.sole_outline(snapshot, foot), style.ORANGE, 1.2, hidden=0.6)
+def robot_figure(
+    robot: Robot, configurations: Mapping[str, ArrayLike], *, title: str | None = None
+) -> Figure:
+    """Return a figure of the robot in one or more configurations, side by side at one scale.
+
+    Each shows the robot, its equimomental ellipsoid with the lengths of the semi-axes, the CoM, the
+    six reaction masses M/6, the leg from the ground under the CoM, and the soles.
+
+    Parameters
+    ----------
+    configurations:
+        What to write above each picture, and its configuration q (nq,).
+    title:
+        Written above all.
+
+    Raises
+    ------
+    InvalidInputError
+        No configuration, or an unusable one.
+    ModelError
+        The robot's meshes cannot be read.
+    """
+    portraits = portraits_of(robot, configurations)
+    count, heading = len(portraits), 0.0 if title is None else ABOVE
+    width, height = PANEL_WIDTH, PANEL_WIDTH * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
+    total = BELOW + height + ABOVE + heading
+    figure = style.sheet(width * count, total, title)
+    bottom, share = BELOW / total, height / total
+    panels = [figure.add_axes((k / count, bottom, 1.0 / count, share)) for k in range(count)]
+    draw_portraits(panels, portraits)
+    return figure
 
 
-def _draw_ellipsoid(panel: Panel, scene: Scene) -> None:
-    outline = shapes.silhouette(scene.ellipsoid, scene.centre, panel.camera.eye)
-    panel.curve(outline, style.BLUE, 1.1, hidden=0.35)
-    for section in shapes.principal_sections(scene.ellipsoid, scene.centre):
-        panel.curve(section, style.BLUE, 0.5, hidden=0.2)
+def plot_robot(
+    robot: Robot,
+    configurations: Mapping[str, ArrayLike],
+    path: str | Path,
+    *,
+    title: str | None = None,
+) -> Path:
+    """Write :func:`robot_figure` to a file, png, svg or pdf by its suffix, and return its path.
 
-
-def _draw_pendulum(panel: Panel, portrait: Portrait) -> None:
-    """Draw the leg, the tracks along the ellipsoid's axes and the six masses (paper Fig. 5)."""
-    centre, ellipsoid = portrait.scene.centre, portrait.scene.ellipsoid
-    radii = reaction_mass_radii(ellipsoid.inertia(), ellipsoid.mass)
-    panel.line(portrait.below_com, centre, style.BLACK, 2.2)
-    for k, colour in enumerate(style.PRINCIPAL):
-        axis, reach = ellipsoid.axes[:, k], ellipsoid.semi_axes[k]
-        panel.line(centre - reach * axis, centre + reach * axis, colour, 0.9)
-        for distance in (-radii[k], radii[k]):
-            panel.ball(centre + distance * axis, colour, 3.2)
-    panel.ball(portrait.below_com, style.BLACK, 2.6)
-    panel.centre_of_mass(centre, 5.5)
-
-
-def _write_semi_axes(axes: Axes, semi_axes: Array) -> None:
-    width = _inches(axes)[0]
-    narrow = width < 3.0 * TEXT_WIDTH
-    apart = (1.0 / 3.3) if narrow else TEXT_WIDTH / width
-    unit = "" if narrow else " mm"  # where there is no room the figure says it once
-    for k, colour in enumerate(style.PRINCIPAL):
-        axes.text(
-            0.5 + apart * (k - 1),
-            -0.015,
-            f"a{style.INDEX[k]} {1e3 * semi_axes[k]:.0f}{unit}",
-            color=colour,
-            fontsize=style.SMALL if narrow else style.NORMAL,
-            fontweight="bold",
-            ha="center",
-            va="top",
-            transform=axes.transAxes,
-        )
+    Raises
+    ------
+    InvalidInputError
+        Also for another suffix, or a folder that does not exist.
+    """
+    path = style.picture_file(path)
+    style.save(robot_figure(robot, configurations, title=title), path)
+    return path

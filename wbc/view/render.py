@@ -12,11 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.validate import Array
-from wbc.view.blur import blurred
 from wbc.view.camera import Camera
-from wbc.view.glass import lay_ellipsoid
-from wbc.view.ground import ground_picture
-from wbc.view.light import FILL, KEY, towards, unit
 from wbc.view.raster import NOTHING, rasterise
 from wbc.view.scene import Scene
 
@@ -89,3 +85,146 @@ def _relief(depth: Array, size: float, magnification: float) -> Array:
         next_depth = padded[row : row + height, column : column + width]
         factor[next_depth - filled > OUTLINE_STEP * size] *= OUTLINE_POWER
     return factor
+
+
+# ---------------------------------------------------------------------- ground
+
+WHITE = np.ones(3)
+COLOUR, GRID_POWER, SHADOW_POWER = np.array([0.955, 0.96, 0.965]), 0.07, 0.22
+GRID_STEPS = np.array([0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # m
+# Parts of the robot's size: the least grid step, where the ground has nearly faded, a blur.
+LEAST_STEP, REACH, SOFTNESS = 0.12, 0.62, 0.012
+VIGNETTE = 0.12  # part of the picture
+
+
+def ground_picture(scene: Scene, camera: Camera) -> Array:
+    """Return the picture (height, width, 3) without the robot: a grid that fades, and a shadow."""
+    right, down, forward = camera.axes
+    x, y = camera.slopes()
+    drop = y * down[2] + forward[2]  # of a ray; right is level, so a row has one depth
+    below = drop < 0.0
+    depth = np.where(below, (scene.ground - camera.eye[2]) / np.where(below, drop, -1.0), 0.0)
+    ahead = camera.eye + depth[:, None] * (y[:, None] * down + forward)  # (height, 3)
+    place = ahead[:, None, :2] + (depth[:, None] * x)[..., None] * right[:2]
+    radius = np.linalg.norm(place - scene.centre[:2], axis=-1) / scene.size
+    presence = np.exp(-(np.minimum(radius / REACH, 9.0) ** 5)) * below[:, None] * _vignette(camera)
+    step = GRID_STEPS[np.searchsorted(GRID_STEPS[:-1], LEAST_STEP * scene.size)]
+    light = 1.0 - GRID_POWER * _grid(place, step) - SHADOW_POWER * _shadow(scene, camera)
+    return WHITE + presence[..., None] * (light[..., None] * COLOUR - WHITE)
+
+
+def _vignette(camera: Camera) -> Array:
+    """Return a factor (height, width) that falls to 0 at the left, right and lower edges."""
+    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    side = np.minimum(columns, columns[::-1]) / (VIGNETTE * camera.width)
+    bottom = rows[::-1] / (VIGNETTE * camera.height)
+    rise = np.minimum(np.minimum(bottom[:, None], side), 1.0)
+    return rise**2 * (3.0 - 2.0 * rise)
+
+
+def _grid(place: Array, step: float) -> Array:
+    """Return how much of each pixel is on a grid line (height, width), 0 to 1."""
+    cells = place / step
+    off = np.abs(cells - np.round(cells))
+    pixel = np.maximum(np.abs(np.gradient(cells, axis=0)), np.abs(np.gradient(cells, axis=1)))
+    return np.clip(1.5 - off / np.maximum(pixel, 1e-9), 0.0, 1.0).max(axis=-1)
+
+
+def _shadow(scene: Scene, camera: Camera) -> Array:
+    """Return how much of the key light the robot keeps from the ground (height, width)."""
+    sun = unit(towards(KEY, camera) + np.array([0.0, 0.0, 1.5]))  # higher: a short shadow
+    corners = scene.corners
+    fallen = corners - (corners[..., 2:] - scene.ground) * sun / sun[2]
+    coarse = camera.enlarged(0.5)  # it is blurred anyway
+    mask = (rasterise(coarse, fallen).triangle != NOTHING).astype(np.float64)
+    soft = blurred(mask, max(1, round(SOFTNESS * scene.size * coarse.magnification(scene.centre))))
+    rows = np.minimum(np.arange(camera.height) // 2, coarse.height - 1)
+    columns = np.minimum(np.arange(camera.width) // 2, coarse.width - 1)
+    return blurred(soft[np.ix_(rows, columns)], 2)
+
+
+# ---------------------------------------------------------------------- glass
+
+FACE_ON, EDGE_ON = 0.12, 0.70  # how much a surface covers what is behind it
+FAR, NEAR = 0.6, 1.0  # and how strong each of the two surfaces is
+SHINE = 0.30
+THINNEST = 1e-4  # m: a flat ellipsoid is drawn this thick
+
+
+def lay_ellipsoid(image: Array, depth: Array, scene: Scene, camera: Camera) -> None:
+    """Lay the ellipsoid's two surfaces over what is behind each of them; changes ``image``.
+
+    ``image`` (height, width, 3) shows the robot, whose depth (height, width) is infinite elsewhere.
+
+    In coordinates in which the ellipsoid is the unit ball, a ray is e + t d and meets it where
+    t^2 d.d + 2 t d.e + e.e - 1 = 0; t is the depth, since rays have unit depth.
+    """
+    axes, semi_axes = scene.ellipsoid.axes, np.maximum(scene.ellipsoid.semi_axes, THINNEST)
+    eye = (camera.eye - scene.centre) @ axes / semi_axes
+    right, down, forward = camera.axes @ axes / semi_axes
+    x, y = camera.slopes()
+    y = y[:, None]
+    square = (right @ right) * x**2 + (down @ down) * y**2 + forward @ forward
+    square += 2.0 * ((right @ down) * y * x + (right @ forward) * x + (down @ forward) * y)
+    mixed = (right @ eye) * x + (down @ eye) * y + forward @ eye
+    discriminant = mixed**2 - square * (eye @ eye - 1.0)
+    row, column = np.nonzero(discriminant > 0.0)
+    root = np.sqrt(discriminant[row, column])
+    square, mixed, depth = square[row, column], mixed[row, column], depth[row, column]
+    slopes = np.column_stack([x[column], y[row, 0], np.ones(len(row))])
+    ways, rays = slopes @ np.stack([right, down, forward]), unit(slopes @ camera.axes)
+    under = image[row, column]
+    for sign, strength in ((1.0, FAR), (-1.0, NEAR)):
+        reach = (sign * root - mixed) / square
+        normal = unit((eye + reach[:, None] * ways) / semi_axes @ axes.T)
+        veiled = _glazed(under, normal, rays, scene.tint, camera, strength)
+        under = np.where((reach < depth)[:, None], veiled, under)
+    image[row, column] = under
+
+
+def _glazed(
+    under: Array, normal: Array, rays: Array, tint: Array, camera: Camera, strength: float
+) -> Array:
+    """Return colours (k, 3) seen through glass: clear where it is seen face on, not at the edge."""
+    facing = np.abs((normal * rays).sum(axis=-1))
+    slant = 1.0 - facing
+    cover = strength * (FACE_ON + (EDGE_ON - FACE_ON) * slant * slant * slant)
+    glass = tint * (0.80 + 0.20 * normal[:, 2:])
+    shine = _power64(np.maximum(normal @ unit(towards(KEY, camera) - camera.axes[2]), 0.0))
+    return under + cover[:, None] * (glass - under) + SHINE * shine[:, None]
+
+
+def _power64(base: Array) -> Array:
+    for _ in range(6):  # six squarings are far cheaper than a call of the general power
+        base = base * base
+    return base
+
+
+# ---------------------------------------------------------------------- light and blur
+
+# As seen from the camera: right, up, towards it. The key light casts the shadow.
+KEY, FILL = np.array([-0.45, 0.80, 0.55]), np.array([0.80, 0.10, 0.45])
+
+
+def towards(light: Array, camera: Camera) -> Array:
+    """Return the unit vector (3,) in the world that points to a light."""
+    right, down, forward = camera.axes
+    return unit(light[0] * right - light[1] * down - light[2] * forward)
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors (..., 3) scaled to length 1; zero stays zero."""
+    norm = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(norm > 0.0, norm, 1.0)
+
+
+def blurred(image: Array, radius: int) -> Array:
+    """Return the mean over a square, twice: nearly a Gaussian."""
+    for axis in (0, 1, 0, 1):
+        padding = [(0, 0), (0, 0)]
+        padding[axis] = (radius + 1, radius)
+        total = np.cumsum(np.pad(image, padding, mode="edge"), axis=axis)
+        upper = np.take(total, np.arange(2 * radius + 1, total.shape[axis]), axis=axis)
+        lower = np.take(total, np.arange(total.shape[axis] - 2 * radius - 1), axis=axis)
+        image = (upper - lower) / (2 * radius + 1)
+    return image

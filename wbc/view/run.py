@@ -18,15 +18,14 @@ from wbc.robot import Robot
 from wbc.spatial import vech
 from wbc.validate import Array, finite_array
 from wbc.view import style
-from wbc.view.files import picture_file, save
 from wbc.view.phased_run import PhasedRun, balance_of, phased_figure, phases_of
 from wbc.view.portrait import draw_portraits, portraits_of, shape_of
 from wbc.view.series import error_series, moment_series, plot_errors, plot_moments
+from wbc.view.style import picture_file, save
 
 WIDTH = 9.0  # inches
 PANEL_SHAPE = (0.55, 0.95)  # height to width, at least and at most
-HEADING, BETWEEN, PLOT, BELOW = 0.65, 0.85, 2.1, 0.5  # inches, from the top
-LEFT, PLOT_WIDTH = 0.75, 2.6  # inches, of each plot; the labels of its curves take the rest
+HEADING, BETWEEN, PLOT = 0.65, 0.45, 2.9  # inches, from the top
 
 
 class History(Protocol):
@@ -89,16 +88,12 @@ def run_figure(robot: Robot, history: History, *, title: str) -> Figure:
     ends = {f"before, t = {time[0]:g} s": q[0], f"after, t = {time[-1]:g} s": q[-1]}
     portraits = portraits_of(robot, ends)
     high = 0.5 * WIDTH * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    total = HEADING + high + BETWEEN + PLOT + BELOW
-    figure = Figure(figsize=(WIDTH, total), dpi=style.DPI, facecolor="white")
-    style.heading(figure, title, 1.0 - 0.12 / total)
-    bottom = (BELOW + PLOT + BETWEEN) / total
-    panels = [figure.add_axes((0.5 * k, bottom, 0.5, high / total)) for k in range(2)]
+    below = BETWEEN + PLOT
+    total = HEADING + high + below
+    figure = style.sheet(WIDTH, total, title, PLOT)
+    panels = [figure.add_axes((0.5 * k, below / total, 0.5, high / total)) for k in range(2)]
     draw_portraits(panels, portraits)
-    left, right = (
-        figure.add_axes((0.5 * k + LEFT / WIDTH, BELOW / total, PLOT_WIDTH / WIDTH, PLOT / total))
-        for k in range(2)
-    )
+    left, right = figure.subplots(1, 2)
     plot_errors(left, time, errors)
     plot_moments(right, time, moments)
     return figure

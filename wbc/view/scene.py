@@ -1,4 +1,4 @@
-"""What is in a picture."""
+"""What is in a picture: robot, ellipsoid and ground, and the curves drawn about them [m]."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.rmp import Ellipsoid
+from wbc.robot import Foot, Snapshot
 from wbc.robot.geometry import Mesh
 from wbc.validate import Array
 
@@ -56,3 +57,58 @@ class Scene:
         high = points.max(axis=0, initial=-np.inf)
         low, high = np.minimum(low, self.centre - reach), np.maximum(high, self.centre + reach)
         return float((high - low).max())
+
+
+# ---------------------------------------------------------------------- curves
+
+POINTS = 181
+THINNEST = 1e-9  # m: a flat ellipsoid has this
+
+
+def surface_points(ellipsoid: Ellipsoid, centre: Array, directions: Array) -> Array:
+    """Return the points (k, 3) of the ellipsoid's surface that unit vectors (k, 3) are mapped to.
+
+    The unit ball is stretched along the coordinate axes by the semi-axes, then turned.
+    """
+    return centre + directions * ellipsoid.semi_axes @ ellipsoid.axes.T
+
+
+def principal_sections(ellipsoid: Ellipsoid, centre: Array) -> Array:
+    """Return three closed curves (3, k, 3) on the surface: section n is across axis n."""
+    circles = np.zeros((3, POINTS, 3))
+    ring = _ring()
+    for across in range(3):
+        circles[across][:, [(across + 1) % 3, (across + 2) % 3]] = ring
+    return np.stack([surface_points(ellipsoid, centre, circle) for circle in circles])
+
+
+def silhouette(ellipsoid: Ellipsoid, centre: Array, eye: Array) -> Array:
+    """Return the outline (k, 3) of the ellipsoid as seen from ``eye``, which is outside it.
+
+    Where the ellipsoid is the unit ball and the eye is at e, the points x that the eye sees edge-on
+    have x . (x - e) = 0 and |x| = 1: the circle x . e = 1.
+    """
+    start = (eye - centre) @ ellipsoid.axes / np.maximum(ellipsoid.semi_axes, THINNEST)
+    square = float(start @ start)
+    across = np.linalg.svd(start[None])[2][1:]  # (2, 3) orthonormal, orthogonal to the eye's ray
+    circle = start / square + np.sqrt(max(0.0, 1.0 - 1.0 / square)) * _ring() @ across
+    return surface_points(ellipsoid, centre, circle)
+
+
+def sole_outline(snapshot: Snapshot, foot: Foot) -> Array:
+    """Return the closed outline (k, 3) of a foot's sole."""
+    corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
+    corners = corners @ snapshot.rotation(foot.frame).T + snapshot.position(foot.frame)
+    return densified(np.concatenate([corners, corners[:1]]))
+
+
+def densified(corners: Array) -> Array:
+    """Return points (k, 3) along the straight lines between corners (n, 3), 20 on each."""
+    steps = np.arange(20)[:, None, None] / 20.0
+    points = corners[:-1] + steps * (corners[1:] - corners[:-1])  # (20, n-1, 3)
+    return np.concatenate([points.transpose(1, 0, 2).reshape(-1, 3), corners[-1:]])
+
+
+def _ring() -> Array:
+    angles = np.linspace(0.0, 2.0 * np.pi, POINTS)
+    return np.column_stack([np.cos(angles), np.sin(angles)])

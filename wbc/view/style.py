@@ -1,11 +1,15 @@
-"""Colours and the look of plots. Nothing global: every figure is styled by itself."""
+"""The look of plots, and files of pictures. Nothing global: every figure is styled by itself."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from wbc.errors import InvalidInputError
 from wbc.validate import Array
 
 # Okabe and Ito's colours, which the colour-blind tell apart as well.
@@ -18,6 +22,7 @@ TINT: Array = np.array([0.10, 0.50, 0.78])  # of the ellipsoid
 
 DPI = 180
 SMALL, NORMAL, LARGE = 8.0, 9.0, 11.0  # points
+TITLE, PAD = 0.12, 0.08  # inches above a figure's title, and around plots
 
 
 def plain(axes: Axes, title: str, x_label: str, y_label: str) -> None:
@@ -34,6 +39,70 @@ def plain(axes: Axes, title: str, x_label: str, y_label: str) -> None:
         spine.set_linewidth(0.8)
 
 
-def heading(figure: Figure, text: str, top: float) -> None:
-    """Write a title in the middle, its upper edge at ``top`` (part of the figure's height)."""
-    figure.suptitle(text, y=top, va="top", fontsize=LARGE, fontweight="bold", color=BLACK)
+def sheet(width: float, height: float, title: str | None = None, plots: float = 0.0) -> Figure:
+    """Return an empty figure with a title [inches].
+
+    Subplots fill its lower ``plots`` inches, laid out so that every text has room; what is added
+    with ``add_axes`` stays where it is put.
+    """
+    figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
+    if plots > 0.0:
+        area = (0.0, 0.0, 1.0, plots / height)
+        figure.set_layout_engine("constrained", rect=area, w_pad=PAD, h_pad=PAD)
+    if title:
+        top = 1.0 - TITLE / height
+        figure.suptitle(title, y=top, va="top", fontsize=LARGE, fontweight="bold", color=BLACK)
+    return figure
+
+
+def write_below(axes: Axes, texts: Sequence[str], apart: float, size: float) -> None:
+    """Write a text per principal axis below ``axes``, ``apart`` of its width from each other."""
+    for k, (text, colour) in enumerate(zip(texts, PRINCIPAL, strict=True)):
+        axes.text(
+            0.5 + apart * (k - 1), -0.015, text, color=colour, fontsize=size, fontweight="bold",
+            ha="center", va="top", transform=axes.transAxes,
+        )  # fmt: skip
+
+
+# ---------------------------------------------------------------------- files
+
+# What must not be written by each format so that the same run gives the same file.
+FORMATS: Mapping[str, Mapping[str, None]] = {
+    ".png": {},
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+}
+
+
+def picture_file(path: str | Path) -> Path:
+    """Return a path that a picture can be written to.
+
+    Raises
+    ------
+    InvalidInputError
+        Unknown suffix, or no such folder.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise InvalidInputError(
+            f"{path}: cannot write a picture with the suffix {path.suffix!r}; use one of"
+            f" {', '.join(FORMATS)}"
+        )
+    if not path.parent.is_dir():
+        raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
+    return path
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure to a file that :func:`picture_file` has passed.
+
+    Raises
+    ------
+    InvalidInputError
+        The system refuses to write it.
+    """
+    suffix = path.suffix.lower()
+    try:
+        figure.savefig(path, format=suffix[1:], dpi=DPI, metadata=dict(FORMATS[suffix]))
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
