@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 
 from wbc.constraints import ComSupport, Limits, PointContact, support
 from wbc.controllers.shaping import GlobalShaping, NoPostureError
-from wbc.controllers.shaping.merit import posture_cost
+from wbc.controllers.shaping.problem import posture_cost
 from wbc.robot import Robot
 from wbc.tasks import ComTask, InertiaTask, PostureTask, PrincipalInertiaTask
 

@@ -106,7 +106,7 @@ def three_slots(rng: np.random.Generator) -> PlaneRows:
 def test_slopes_are_differences(rng) -> None:
     rows, h = three_slots(rng), 1e-6
     T, y = random_placements(rng, 3), rng.normal(size=3 * UNKNOWNS)
-    by_t, by_y = (np.array(ca.DM(one)) for one in rows.slopes(T, y))
+    by_t, by_y = (np.array(ca.DM(one)) for one in rows.jacobian(T, y))
 
     def value(T: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.array(rows.value(T, y)).ravel()
@@ -123,10 +123,10 @@ def test_curvature_is_the_slope_of_the_slopes(rng) -> None:
     rows, h = three_slots(rng), 1e-6
     T, y = random_placements(rng, 3), rng.normal(size=3 * UNKNOWNS)
     m = rng.normal(size=rows.lower.size)
-    force, cross, own = (np.array(ca.DM(one)) for one in rows.curvature(T, y, m))
+    force, cross, own = (np.array(ca.DM(one)) for one in rows.hessian(T, y, m))
 
     def pulls(T: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        by_t, by_y = (np.array(ca.DM(one)) for one in rows.slopes(T, y))
+        by_t, by_y = (np.array(ca.DM(one)) for one in rows.jacobian(T, y))
         return by_t.T @ m, by_y.T @ m
 
     np.testing.assert_allclose(force.ravel(), pulls(T, y)[0], atol=1e-12)

@@ -8,26 +8,81 @@ if optimised) to compile, for this problem alone: longer than a search from a hu
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from wbc.constraints.rows import SeparatedPairs, SymbolicRows
-from wbc.controllers.shaping.apart import ApartSearcher, Watched
-from wbc.controllers.shaping.bodies import Bodies
+from wbc.controllers.shaping.planes import Bodies
 from wbc.controllers.shaping.problem import ShapingProblem
-from wbc.controllers.shaping.program import IPOPT, Local, Program, Searcher, Start
-from wbc.controllers.shaping.rows import constraint_rows
-from wbc.controllers.shaping.unknowns import Unknowns
+from wbc.controllers.shaping.unknowns import ConfigurationMap, Unknowns
 from wbc.validate import Array
 
-__all__ = ["BuiltNlp", "Local", "Nlp", "Start", "build_nlp"]
+IPOPT: Mapping[str, Any] = {
+    "tol": 1e-8,
+    "constr_viol_tol": 1e-9,
+    "acceptable_tol": 1e-6,
+    "acceptable_constr_viol_tol": 1e-8,
+    "max_iter": 300,
+    "bound_relax_factor": 0.0,  # limits are limits
+    "mu_strategy": "adaptive",
+    "print_level": 0,
+    "sb": "yes",
+}
+GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+
+class Start(NamedTuple):
+    """Where a search begins: unknowns that are free, and parameters."""
+
+    x: Array
+    p: Array
+
+
+class Local(NamedTuple):
+    """Where a search ended.
+
+    Attributes
+    ----------
+    x:
+        Unknowns that are free.
+    status:
+        IPOPT's own word.
+    optimal:
+        True if IPOPT says that its conditions of optimality hold.
+    iterations:
+        Of IPOPT.
+    """
+
+    x: Array
+    status: str
+    optimal: bool
+    iterations: int
 
 
 @dataclass(frozen=True, eq=False)
-class Nlp(Program):
-    """The program of a shaping problem.
+class Separation:
+    """The bodies that a program is to keep apart.
+
+    Attributes
+    ----------
+    placements:
+        (x, p) -> T (12 m, 1), of the bodies' joints as seen from the base.
+    map:
+        From x and p to configurations.
+    """
+
+    bodies: Bodies
+    placements: ca.Function
+    map: ConfigurationMap
+
+
+@dataclass(frozen=True, eq=False)
+class Nlp:
+    """Minimise f(x, p) subject to bounds on x and g(x, p); can be sent to another process.
 
     ``p`` ends with the factor on f and the value of every unknown of
     :class:`~wbc.controllers.shaping.unknowns.Unknowns`, from which those that do not matter are
@@ -35,22 +90,68 @@ class Nlp(Program):
 
     Attributes
     ----------
+    functions:
+        (x, p) -> (f, g).
+    lower, upper:
+        Bounds on x.
+    g_lower, g_upper:
+        Bounds on g.
     closures:
-        How many rows of g, the first ones, are contacts.
-    watched:
-        Bodies to keep apart; None without.
+        How many rows of g, the first ones, are contacts: equalities with 0.
+    separation:
+        Bodies to keep apart, besides; None without.
+    options:
+        Of IPOPT.
     """
 
+    functions: ca.Function
+    lower: Array
+    upper: Array
+    g_lower: Array
+    g_upper: Array
     closures: int
-    watched: Watched | None
+    separation: Separation | None
+    options: Mapping[str, Any]
 
     def within(self, seconds: float) -> Nlp:
         """Return the same program with a time limit for each search [s]."""
         return replace(self, options={**self.options, "max_wall_time": seconds})
 
-    def searcher(self) -> Searcher | ApartSearcher:
-        """Return what searches from starts; building it takes some 0.2 s."""
-        return Searcher(self) if self.watched is None else ApartSearcher(self, self.watched)
+
+class Ipopt:
+    """IPOPT, made ready for one program without bodies to keep apart."""
+
+    def __init__(self, nlp: Nlp) -> None:
+        x = ca.SX.sym("x", nlp.lower.size)
+        p = ca.SX.sym("p", nlp.functions.size1_in(1))
+        f, g = nlp.functions(x, p)
+        options = ipopt_options(nlp.options)
+        self._solver = ca.nlpsol("shaping", "ipopt", {"x": x, "p": p, "f": f, "g": g}, options)
+        self._bounds = {
+            "lbx": nlp.lower,
+            "ubx": nlp.upper,
+            "lbg": nlp.g_lower,
+            "ubg": nlp.g_upper,
+        }
+
+    def search(self, start: Start) -> Local:
+        """Return where IPOPT ends from a start."""
+        found = self._solver(x0=start.x, p=start.p, **self._bounds)
+        return local_of(self._solver, found, start.x.size)
+
+
+def local_of(solver: ca.Function, found: Mapping[str, ca.DM], size: int) -> Local:
+    """Return where IPOPT ended, as the first ``size`` unknowns."""
+    stats = solver.stats()
+    status = str(stats["return_status"])
+    x = np.array(found["x"], dtype=float).ravel()[:size]
+    return Local(x, status, status in GOOD, int(stats["iter_count"]))
+
+
+def ipopt_options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return CasADi's options for IPOPT with these options of its own, silent and without raise."""
+    found: dict[str, Any] = {f"ipopt.{key}": value for key, value in options.items()}
+    return found | {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +174,7 @@ class BuiltNlp:
 
     @property
     def turns_base(self) -> bool:
-        """True if it matters which way the base is turned, and a search may turn it."""
+        """True if the base's rotation matters, and a search may change it."""
         first = self.unknowns.problem.robot.nv - 6 + 3
         return first in self.kept
 
@@ -90,48 +191,55 @@ class BuiltNlp:
 
     def configuration(self, start: Start, x: Array) -> Array:
         """Return the configuration that a search from ``start`` ended at."""
-        return self.unknowns.chart(self.kept).configuration(x, start.p)
+        return self.unknowns.map(self.kept).configuration(x, start.p)
 
 
 def build_nlp(problem: ShapingProblem) -> BuiltNlp:
     """Return the program of a problem, with targets, weights and obstacles as they are now.
 
+    Rows are contacts, but for the anchor, which is kept by construction, and what constraints ask
+    of the posture. Bodies are kept apart by rows that are there only while they are needed: see
+    :mod:`~wbc.controllers.shaping.separation`.
+
     Raises
     ------
     InvalidInputError
-        A task that says nothing about postures, or an obstacle that moves.
+        A task or a constraint that says nothing about postures, or an obstacle that moves.
     """
     unknowns = Unknowns.of(problem)
+    posture = unknowns.posture
     cost = ca.SX(0.0)
     for task in problem.tasks:
-        weighted = ca.DM(task.weight) * task.symbolic_error(unknowns.posture)
+        weighted = ca.DM(task.weight) * task.symbolic_error(posture)
         cost += 0.5 * task.gain * ca.sumsqr(weighted)
-    parts = [one.symbolic_rows(unknowns.posture) for one in problem.constraints]
-    symbolic = [part for part in parts if isinstance(part, SymbolicRows)]
-    rows = constraint_rows(problem, unknowns.posture, symbolic)
-    separated = [part for part in parts if isinstance(part, SeparatedPairs)]
-    bodies = Bodies.of(problem.robot, separated)
-    placed = ca.SX(0, 1) if bodies is None else bodies.placements(unknowns.posture)
-    matters = ca.which_depends(ca.vertcat(cost, rows.value, placed), unknowns.x, 1, False)
+    others = [contact for contact in problem.contacts if contact is not problem.anchor]
+    closure = ca.SX(ca.vertcat(*(contact.symbolic_error(posture) for contact in others)))
+    still = np.zeros(closure.numel())
+    parts = [one.symbolic_rows(posture) for one in problem.constraints]
+    rows = [part for part in parts if isinstance(part, SymbolicRows)]
+    bodies = Bodies.of(problem.robot, [part for part in parts if isinstance(part, SeparatedPairs)])
+    value = ca.vertcat(closure, *(part.value for part in rows))
+    placed = ca.SX(0, 1) if bodies is None else bodies.placements(posture)
+    matters = ca.which_depends(ca.vertcat(cost, value, placed), unknowns.x, 1, False)
     kept = tuple(k for k, used in enumerate(matters) if used)
     x, scale = ca.SX.sym("x", len(kept)), ca.SX.sym("scale")
     constants = ca.SX.sym("constants", unknowns.x.numel())
     full = ca.SX(constants)
     full[list(kept)] = x
-    f, g, T = ca.substitute([scale * cost, rows.value, placed], [unknowns.x], [full])
+    f, g, T = ca.substitute([scale * cost, value, placed], [unknowns.x], [full])
     p = ca.vertcat(unknowns.p, scale, constants)
-    watched = None
+    separation = None
     if bodies is not None:
         placements = ca.Function("placements", [x, p], [T], ["x", "p"], ["T"])
-        watched = Watched(bodies, placements, unknowns.chart(kept))
+        separation = Separation(bodies, placements, unknowns.map(kept))
     nlp = Nlp(
         ca.Function("shaping", [x, p], [f, g], ["x", "p"], ["f", "g"]),
         unknowns.lower[list(kept)],
         unknowns.upper[list(kept)],
-        rows.lower,
-        rows.upper,
+        np.concatenate((still, *(part.lower for part in rows))),
+        np.concatenate((still, *(part.upper for part in rows))),
+        closure.numel(),
+        separation,
         IPOPT,
-        rows.closures,
-        watched,
     )
     return BuiltNlp(nlp, unknowns, kept)

@@ -1,4 +1,4 @@
-"""Planes between bodies: rows that keep them apart, with derivatives of every order.
+"""Bodies that are to stay apart, and planes between them: rows with derivatives of every order.
 
 Two convex bodies are at least r apart if and only if some n, |n| <= 1, and d have
 
@@ -14,17 +14,125 @@ all placements and y all n, d: its derivatives are written down instead of deriv
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from wbc.constraints.rows import Index
+from wbc.constraints.rows import Index, SeparatedPairs
+from wbc.robot import Robot
+from wbc.robot.collision import Body, CollisionModel, HalfSpace
+from wbc.robot.symbolic import Placement, SymbolicPosture
 from wbc.validate import Array
 
 UNKNOWNS = 4  # of a plane: n, d
 ENTRIES = 12  # of a placement, by columns: R, p
+WORLD = 0  # the joint of what does not hang on the robot
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Bodies of all collision constraints of a problem; can be sent to another process.
+
+    Attributes
+    ----------
+    bodies:
+        Shapes in the frames of their joints; a robot's body is there once for each constraint.
+    pairs:
+        (N, 2) indices of bodies.
+    least:
+        (N,) distance that each pair keeps [m].
+    places:
+        Rotation (3, 3) and origin (3,) of each body that does not hang on the robot.
+    """
+
+    robot: Robot
+    bodies: tuple[Body, ...]
+    pairs: Index
+    least: Array
+    places: Mapping[int, tuple[Array, Array]]
+
+    @classmethod
+    def of(cls, robot: Robot, parts: Sequence[SeparatedPairs]) -> Bodies | None:
+        """Return the bodies of several constraints, None if there are no pairs."""
+        bodies: list[Body] = []
+        pairs, least = [np.zeros((0, 2), dtype=np.int64)], [np.zeros(0)]
+        places: dict[int, tuple[Array, Array]] = {}
+        for one in parts:
+            pairs.append(one.model.pairs + len(bodies))
+            least.append(np.full(len(one.model.pairs), one.distance))
+            places |= {len(bodies) + k: place for k, place in one.places.items()}
+            bodies += one.model.bodies
+        numbers = np.concatenate(pairs)
+        if not numbers.size:
+            return None
+        return cls(robot, tuple(bodies), numbers, np.concatenate(least), places)
+
+    def model(self) -> CollisionModel:
+        """Return what measures distances, with the obstacles in place."""
+        made = CollisionModel(self.robot, self.bodies, [(a, b) for a, b in self.pairs.tolist()])
+        for k, place in self.places.items():
+            made.place(k, *place)
+        return made
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Pinocchio's indices of the joints that carry bodies, increasing; 0 for the world."""
+        return tuple(sorted({body.joint for body in self.bodies}))
+
+    def placements(self, posture: SymbolicPosture) -> ca.SX:
+        """Return where :attr:`joints` are in the base's frame (12 each, 1), by columns (R, p).
+
+        So what only the robot's own bodies matter to does not depend on where the base is, and
+        chains are short.
+        """
+        placed = [
+            posture.base.inverse() if joint == WORLD else posture.local.joint(joint)
+            for joint in self.joints
+        ]
+        return ca.densify(ca.vertcat(*(_by_columns(one) for one in placed)))
+
+    def corners(self, body: int) -> Array:
+        """Return the points (k, 3) whose rounded hull a body is, in its joint's frame [m]."""
+        core = self.bodies[body].shape.core
+        if body in self.places:
+            R, p = self.places[body]
+            return np.asarray(core @ R.T + p)
+        return core[:1] if np.ptp(core, axis=0).max() == 0.0 else core
+
+    def slot(self, pair: int, used: Corners) -> Slot:
+        """Return a pair with a plane between its corners in use."""
+        a, b = self.pairs[pair].tolist()
+        half, joints = 0.5 * float(self.least[pair]), self.joints
+        first, second = (
+            Side(
+                joints.index(self.bodies[k].joint),
+                self.corners(k)[sorted(corners)],
+                self.bodies[k].shape.radius + half,
+            )
+            for k, corners in ((a, used.first), (b, used.second))
+        )
+        return Slot(first, second, self._normal(b))
+
+    def _normal(self, body: int) -> Array | None:
+        """Return the outward normal (3,) of a half-space in its joint's frame, None of others."""
+        shape = self.bodies[body].shape
+        if not isinstance(shape, HalfSpace):
+            return None
+        return self.places[body][0] @ shape.normal if body in self.places else shape.normal
+
+
+def _by_columns(place: Placement) -> ca.SX:
+    return ca.vertcat(ca.vec(place.rotation), place.position)
+
+
+class Corners(NamedTuple):
+    """Which corners of the two bodies of a pair are in the program."""
+
+    first: frozenset[int]
+    second: frozenset[int]
 
 
 class Side(NamedTuple):
@@ -66,17 +174,17 @@ class PlaneRows(NamedTuple):
     ----------
     value:
         (T, y) -> rows.
-    slopes:
+    jacobian:
         (T, y) -> (rows, T), (rows, y).
-    curvature:
-        (T, y, multipliers) -> force on T (T, 1), (force, y), and the upper triangle of (y, y).
+    hessian:
+        (T, y, multipliers) -> gradient by T (T, 1), (gradient, y), upper triangle of (y, y).
     lower, upper:
         Bounds on the rows.
     """
 
     value: ca.Function
-    slopes: ca.Function
-    curvature: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
     lower: Array
     upper: Array
 
@@ -103,18 +211,17 @@ def plane_rows(slots: Sequence[Slot], size: int) -> PlaneRows:
     places = (UNKNOWNS * units[:, 1:] + np.arange(3)).ravel()
     squares = np.repeat(units[:, 0], 3)
     n = y[places.tolist()]
-    value = _gathered(terms.row, c * at_t * at_u, count) + _gathered(squares, n**2, count)
+    value = _scattered(terms.row, c * at_t * at_u, count) + _scattered(squares, n**2, count)
     by_t = _matrix(terms.row, terms.t, c * at_u, (count, size))
     by_y = _matrix(terms.row, terms.u, c * at_t, (count, planes))
     by_y += _matrix(squares, places, 2.0 * n, (count, planes))
-    force = ca.mtimes(by_t.T, m)
-    pulled = c * m[terms.row.tolist()]
-    cross = _matrix(terms.t, terms.u, pulled, (size, planes))
+    gradient = ca.mtimes(by_t.T, m)
+    cross = _matrix(terms.t, terms.u, c * m[terms.row.tolist()], (size, planes))
     own = _matrix(places, places, 2.0 * m[squares.tolist()], (planes, planes))
     return PlaneRows(
         ca.Function("rows", [T, y], [value]),
-        ca.Function("slopes", [T, y], [by_t, by_y]),
-        ca.Function("curvature", [T, y, m], [force, cross, own]),
+        ca.Function("jacobian", [T, y], [by_t, by_y]),
+        ca.Function("hessian", [T, y, m], [gradient, cross, own]),
         bounds[:, 0],
         bounds[:, 1],
     )
@@ -150,7 +257,7 @@ def _collected(slots: Sequence[Slot], size: int) -> tuple[_Terms, Array, Index]:
     return terms, np.array(bounds), np.array(units, dtype=np.int64).reshape(-1, 2)
 
 
-def _gathered(places: Index, values: ca.MX, size: int) -> ca.MX:
+def _scattered(places: Index, values: ca.MX, size: int) -> ca.MX:
     """Return the vector (size, 1) of sums of values by place."""
     count = len(places)
     add = ca.DM.triplet(places.tolist(), list(range(count)), ca.DM.ones(count), size, count)
@@ -169,4 +276,4 @@ def _matrix(row: Index, column: Index, values: ca.MX, shape: tuple[int, int]) ->
     pattern = ca.Sparsity.triplet(
         *shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist()
     )  # by columns, as CasADi stores it
-    return ca.MX(pattern, _gathered(order, values[inside.tolist()], keys.size))
+    return ca.MX(pattern, _scattered(order, values[inside.tolist()], keys.size))

@@ -1,15 +1,16 @@
-"""What is to be solved: tasks, contacts, limits and constraints, checked once."""
+"""What is to be solved, checked once, and its cost at a posture."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from wbc.constraints import ComSupport, Constraint, Contact, Limits, PointContact
+from wbc.constraints import ComSupport, Constraint, Contact, Limits
 from wbc.constraints.clearance import Clearance
 from wbc.errors import InvalidInputError
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.tasks import Task
+from wbc.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +33,32 @@ class ShapingProblem:
 
     @property
     def anchor(self) -> Contact | None:
-        """The first contact that holds a frame entirely: the base then follows from the joints."""
-        return next((c for c in self.contacts if not isinstance(c, PointContact)), None)
+        """The first contact that holds all of a frame: the base then follows from the joints."""
+        return next((contact for contact in self.contacts if len(contact.rows) == 6), None)
 
     @property
     def supports(self) -> tuple[ComSupport, ...]:
         """The constraints that keep the CoM over a polygon."""
         return tuple(one for one in self.constraints if isinstance(one, ComSupport))
+
+
+def posture_cost(tasks: Sequence[Task], snapshot: Snapshot) -> float:
+    """Return the sum over tasks of gain * 1/2 |weight * error|^2.
+
+    A tick asks for 1/2 |weight * (J v + gain/dt * error)|^2, whose gradient at v = 0 is 1/dt times
+    that of this sum: the controller rests exactly where this cost cannot be lowered by a small
+    motion. With one task the gain is a common factor and says nothing.
+    """
+    total = 0.0
+    for task in tasks:
+        weighted = task.weight * task.residual(snapshot).error
+        total += 0.5 * task.gain * float(weighted @ weighted)
+    return total
+
+
+def posture_errors(tasks: Sequence[Task], snapshot: Snapshot) -> Mapping[str, Array]:
+    """Return what each task reports as its error, by name."""
+    return {task.name: task.deviation(snapshot, task.residual(snapshot)) for task in tasks}
 
 
 def check_parts(
@@ -57,7 +77,7 @@ def check_parts(
     Raises
     ------
     InvalidInputError
-        One of these, or a constraint of an unknown kind; the message names the part.
+        One of these, or a constraint without a margin to measure; the message names the part.
     """
     if not tasks:
         raise InvalidInputError("global shaping: no task given; there is nothing to optimise")
@@ -75,10 +95,10 @@ def check_parts(
             f"global shaping: tasks have priorities {levels}; it weighs tasks against each other"
             " within one level. Give all tasks the same priority"
         )
-    return tuple(_known(constraint) for constraint in constraints)
+    return tuple(_measurable(constraint) for constraint in constraints)
 
 
-def _known(constraint: Constraint) -> Clearance:
+def _measurable(constraint: Constraint) -> Clearance:
     if not isinstance(constraint, Clearance):
         raise InvalidInputError(
             f"global shaping: constraint {constraint.name!r} is a {type(constraint).__name__},"

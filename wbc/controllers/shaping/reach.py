@@ -16,12 +16,11 @@ import numpy as np
 
 from wbc.controllers.closed_loop import Controller, closed_loop
 from wbc.controllers.kinematic import KinematicController
-from wbc.controllers.shaping.keeping import Tolerances, kept_constraints, shortfalls
+from wbc.controllers.shaping.evaluation import Tolerances, kept_constraints, violations
 from wbc.controllers.shaping.lead import Lead
-from wbc.controllers.shaping.merit import posture_cost
 from wbc.controllers.shaping.motion import Attempt, Motion, Watch
 from wbc.controllers.shaping.outcome import Candidate, Kept, ShapingOutcome
-from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
 from wbc.robot import Snapshot
 from wbc.tasks import Task
 from wbc.validate import Array, read_only
@@ -178,7 +177,7 @@ def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -
     end.
     """
     beginning = kept_constraints(problem, states[0], MOVING)
-    excused = MOVING.excusing(shortfalls(problem, states[0]))
+    excused = MOVING.excusing(violations(problem, states[0]))
     every = [beginning, *(kept_constraints(problem, state, excused) for state in states[1:])]
     faults = [(k, kept.broken[0]) for k, kept in enumerate(every[1:], 1) if kept.broken]
     faults += [(len(states) - 1, b) for b in kept_constraints(problem, states[-1], MOVING).broken]

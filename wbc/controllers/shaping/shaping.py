@@ -14,14 +14,13 @@ from typing import overload
 from numpy.typing import ArrayLike
 
 from wbc.constraints import Constraint, Contact, Limits
-from wbc.controllers.shaping.hunt import Hunt, Progress
 from wbc.controllers.shaping.motion import Motion, Watch
+from wbc.controllers.shaping.multi_start import MultiStart, Progress
 from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.outcome import ShapingOutcome, Stopped
-from wbc.controllers.shaping.parallel import search_all
+from wbc.controllers.shaping.outcome import ShapingOutcome, ShapingStatistics, Stopped
 from wbc.controllers.shaping.problem import ShapingProblem, check_parts
 from wbc.controllers.shaping.reach import AT_REST, MakeController, Terms, reach_best
-from wbc.controllers.shaping.team import Team
+from wbc.controllers.shaping.worker_pool import WorkerPool, search_all
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import Task
@@ -44,8 +43,8 @@ class GlobalShaping:
         :class:`~wbc.constraints.ComSupport` and :class:`~wbc.constraints.PositionBox`, the very
         objects that a :class:`~wbc.controllers.kinematic.KinematicController` takes. All are hard
         here. Bodies are kept apart as their shapes are, capsules, boxes and hulls exactly; a pair
-        enters the program when a search comes too near with it (see :mod:`.apart`). Obstacles are
-        where they are when :meth:`solve` is called; moving ones are refused.
+        enters the program when a search comes too near with it (see :mod:`.separation`). Obstacles
+        are where they are when :meth:`solve` is called; moving ones are refused.
 
     Raises
     ------
@@ -81,7 +80,7 @@ class GlobalShaping:
 
         The first two dozen starts are spread evenly over all that is allowed; later ones are made
         of the best postures found by then, which is monotonic basin hopping with several postures
-        at once; see :mod:`~wbc.controllers.shaping.hopping` for how, and for whose idea it is.
+        at once; see :mod:`.basin_hopping` for how, and for whose idea it is.
 
         The answer depends on ``starts``, ``patience`` and ``seed``, and not on ``workers`` nor on
         which search ends first, unless the time runs out. When four starts have met every task, no
@@ -99,7 +98,7 @@ class GlobalShaping:
             some 300 to 10,000 a second, which counts but is not cut short.
         workers:
             Processes, this one included, of which those beyond 16 are seldom of use; others are
-            started fresh, see :class:`~wbc.controllers.shaping.team.Team`.
+            started fresh, see :class:`~wbc.controllers.shaping.worker_pool.WorkerPool`.
         seed:
             Of the samples and the hops.
         progress:
@@ -126,15 +125,23 @@ class GlobalShaping:
         built = build_nlp(self.problem)
         nlp = built.nlp if seconds is None else built.nlp.within(max(seconds, 1.0))
         deadline = None if seconds is None else now + seconds
-        with Team(nlp, min(workers, count) - 1, deadline) as team:  # loads while starts are drawn
-            hunt = Hunt(built, q, count, patience, seed, progress)
+        others = min(workers, count) - 1
+        with WorkerPool(nlp, others, deadline) as pool:  # loads while starts are drawn
+            multi_start = MultiStart(built, q, count, patience, seed, progress)
             ready = perf_counter()
-            searches = search_all(nlp, hunt, team)
+            searches = search_all(multi_start, pool)
         if searches.stopped is Stopped.INTERRUPTED and not searches.found:
             raise KeyboardInterrupt
-        seconds_taken = ready - began, perf_counter() - ready
-        statistics = searches.statistics(hunt.drawn, workers, *seconds_taken)
-        return ShapingOutcome(hunt.candidates(), hunt.rejected(), statistics)
+        statistics = ShapingStatistics(
+            drawn=multi_start.drawn,
+            searched=len(searches.found),
+            iterations=sum(local.iterations for local in searches.found.values()),
+            build_seconds=ready - began,
+            search_seconds=perf_counter() - ready,
+            workers=workers,
+            stopped=searches.stopped,
+        )
+        return ShapingOutcome(multi_start.candidates(), multi_start.rejected(), statistics)
 
     def reach(
         self,

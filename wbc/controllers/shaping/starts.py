@@ -1,7 +1,7 @@
 """Where searches begin at first: the current posture, and others spread over all that is allowed.
 
 A Sobol sequence fills the box of the joints (and the turns of the base, where these matter) more
-evenly than random numbers do. With closed chains a sample is brought onto the contacts first.
+evenly than random numbers do. With closed chains a sample is projected onto the contacts first.
 More are drawn than searched from: one evaluation costs a hundredth of a search, or less.
 """
 
@@ -9,20 +9,57 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
-from wbc.controllers.shaping.closing import CLOSED, Closing
 from wbc.controllers.shaping.nlp import BuiltNlp, Start
 from wbc.controllers.shaping.unknowns import with_joints
 from wbc.robot import Robot
 from wbc.validate import Array
 
 DRAWN_PER_START = 8
-DRAWN_PER_CLOSED_START = 3  # a sample brought onto contacts costs a tenth of a search
+DRAWN_PER_CLOSED_START = 3  # projecting a sample onto contacts costs a tenth of a search
 FAR = 10.0  # rad or m, from the current position: limits beyond it stand for none in many files
 SMALLEST_COST = 1e-12  # of a middling sample: below it there is nothing to optimise
+CLOSED = 1e-3  # m, rad: near enough to the contacts to begin from; IPOPT does the rest
+NEWTON_STEPS = 40
+LONGEST_STEP = 0.5  # rad
+
+
+class ContactProjection:
+    """Projects unknowns onto the contacts by Gauss-Newton steps within the bounds."""
+
+    def __init__(self, built: BuiltNlp) -> None:
+        nlp = built.nlp
+        x, p = ca.SX.sym("x", nlp.lower.size), ca.SX.sym("p", nlp.functions.size1_in(1))
+        gap = nlp.functions(x, p)[1][: nlp.closures]
+        self._gap = ca.Function("gap", [x, p], [gap, ca.jacobian(gap, x)])
+        self._lower, self._upper = nlp.lower, nlp.upper
+
+    def project(self, start: Start) -> tuple[Start, float]:
+        """Return the start on the contacts, and how far off them its worst row still is.
+
+        Unknowns that a step takes beyond a bound are put on it and left out of the next step.
+        """
+        x, free = start.x, np.ones(start.x.size, dtype=bool)
+        gap, jacobian = self._evaluate(x, start.p)
+        for _ in range(NEWTON_STEPS):
+            if np.abs(gap).max() < 0.01 * CLOSED:
+                break
+            step = np.zeros(x.size)
+            step[free] = -np.linalg.lstsq(jacobian[:, free], gap, rcond=1e-6)[0]
+            step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+            moved = np.clip(x + step, self._lower, self._upper)
+            free = np.isclose(moved, x + step, rtol=0.0, atol=1e-12)
+            x = moved
+            gap, jacobian = self._evaluate(x, start.p)
+        return start._replace(x=x), float(np.abs(gap).max())
+
+    def _evaluate(self, x: Array, p: Array) -> tuple[Array, Array]:
+        gap, jacobian = self._gap(x, p)
+        return np.array(gap, dtype=float).ravel(), np.array(jacobian, dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +73,7 @@ class Starts:
     scale:
         The factor on the cost that does it.
     unclosed:
-        For each sample that could not be brought onto the contacts: how far it stayed away.
+        For each sample that could not be projected onto the contacts: how far it stayed away.
     drawn:
         How many samples were drawn.
     """
@@ -56,15 +93,15 @@ class Sampling:
     lower, upper:
         The joints' ranges; a joint without limits, or with one that is farther off than
         any that are meant as limits, is moved by pi that way from ``q_start``.
-    closing:
-        Brings starts onto the contacts; None if there are none.
+    projection:
+        Projects starts onto the contacts; None if there are none.
     """
 
     built: BuiltNlp
     q_start: Array
     lower: Array
     upper: Array
-    closing: Closing | None
+    projection: ContactProjection | None
 
     @classmethod
     def of(cls, built: BuiltNlp, q_start: Array) -> Sampling:
@@ -76,13 +113,13 @@ class Sampling:
             q_start,
             np.where(joints - limits.lower <= FAR, limits.lower, joints - np.pi),
             np.where(limits.upper - joints <= FAR, limits.upper, joints + np.pi),
-            Closing(built) if built.nlp.closures else None,
+            ContactProjection(built) if built.nlp.closures else None,
         )
 
     def start(self, q: Array) -> tuple[Start, float]:
         """Return the start at a posture and how far off the contacts it is [m or rad]."""
         start = self.built.start(q)
-        return (start, 0.0) if self.closing is None else self.closing.closed(start)
+        return (start, 0.0) if self.projection is None else self.projection.project(start)
 
     def posture(self, joints: Array, base: Array) -> Array:
         """Return the configuration of joint positions (nv-6,) and a base (7,)."""
@@ -100,13 +137,14 @@ def make_starts(sampling: Sampling, count: int, seed: int) -> Starts:
     """Return ``count`` starts, or fewer if too few samples reach the contacts."""
     built = sampling.built
     evaluate = built.nlp.functions
-    drawn = (DRAWN_PER_START if sampling.closing is None else DRAWN_PER_CLOSED_START) * (count - 1)
+    per_start = DRAWN_PER_START if sampling.projection is None else DRAWN_PER_CLOSED_START
+    drawn = per_start * (count - 1)
     first, _ = sampling.start(sampling.q_start)
-    reached = [sampling.start(q) for q in sample_postures(sampling, drawn, seed)]
+    reached = [sampling.start(q) for q in _sample_postures(sampling, drawn, seed)]
     samples = [start for start, gap in reached if gap <= CLOSED]
     costs = np.array([float(evaluate(start.x, start.p)[0]) for start in (first, *samples)])
     scale = 1.0 / max(float(np.median(costs)), SMALLEST_COST)
-    chosen = [first, *(samples[k] for k in picked(costs[1:], count - 1))]
+    chosen = [first, *(samples[k] for k in _chosen(costs[1:], count - 1))]
     return Starts(
         tuple(built.scaled(start, scale) for start in chosen),
         scale,
@@ -115,7 +153,7 @@ def make_starts(sampling: Sampling, count: int, seed: int) -> Starts:
     )
 
 
-def picked(costs: Array, count: int) -> list[int]:
+def _chosen(costs: Array, count: int) -> list[int]:
     """Return indices of samples to search from: by turns the cheapest left and the next drawn.
 
     The cheapest alone would crowd into the widest valley.
@@ -127,7 +165,7 @@ def picked(costs: Array, count: int) -> list[int]:
     return list(chosen)[:count]
 
 
-def sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:
+def _sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:
     """Return configurations spread over the joints' ranges and, if they matter, the base's turns.
 
     The base stays where it is in the current posture.

@@ -1,11 +1,11 @@
-"""The unknowns of the NLP, and how they and configurations are made of each other.
+"""The unknowns of the NLP, and the map between them and configurations.
 
 All of them are plain numbers without constraints of their own:
 
 * joint positions, continuous joints as angles;
-* where the base is, unless a contact holds a frame entirely: the base then follows from the joints,
-  which saves twelve rows and columns and keeps that contact exactly;
-* for each task that leaves a rotation free, that rotation.
+* the base's position and rotation, unless a contact holds a frame entirely: the base then follows
+  from the joints, which saves twelve rows and columns and keeps that contact exactly;
+* a rotation for each task that leaves one free.
 
 Rotations are modified Rodrigues parameters from a reference that belongs to the start: every search
 begins in the middle of its chart, far from where that has a singularity (a full turn).
@@ -37,8 +37,8 @@ from wbc.validate import Array
 class Unknowns:
     """Unknowns x and parameters p of a shaping problem.
 
-    ``x`` is joints (nv-6), base position (3) and turn (3), then a turn (3) for each task that
-    leaves one free. ``p`` is the reference rotation (9, by columns) of each turn.
+    ``x`` is joints (nv-6), base position (3) and rotation (3), then a rotation (3) for each task
+    that leaves one free. ``p`` is the reference (9, by columns) of each rotation.
 
     Attributes
     ----------
@@ -62,30 +62,29 @@ class Unknowns:
         """Return the unknowns of a problem."""
         robot, n = problem.robot, problem.robot.nv - 6
         neutral = robot.snapshot(robot.postures["neutral"])
-        turned = [task.name for task in problem.tasks if task.free_rotation(neutral) is not None]
-        turns = 1 + len(turned)
-        x = ca.SX.sym("x", n + 3 + 3 * turns)
-        p = ca.SX.sym("p", 9 * turns)
+        free = [task.name for task in problem.tasks if task.free_rotation(neutral) is not None]
+        count = 1 + len(free)
+        x = ca.SX.sym("x", n + 3 + 3 * count)
+        p = ca.SX.sym("p", 9 * count)
         rotations = [
             ca.mtimes(
                 ca.reshape(p[9 * k : 9 * k + 9], 3, 3), from_mrp(x[n + 3 + 3 * k : n + 6 + 3 * k])
             )
-            for k in range(turns)
+            for k in range(count)
         ]
         local = LocalRobot(robot, angle_turns(robot, x[:n]))
         base = Placement(rotations[0], x[n : n + 3])
         if problem.anchor is not None:
             held = Placement.constant(problem.anchor.rotation, problem.anchor.position)
             base = held @ local.frame(problem.anchor.frame).inverse()
-        axes = dict(zip(turned, rotations[1:], strict=True))
-        free = np.full(3 + 3 * turns, np.inf)
+        unbounded = np.full(3 + 3 * count, np.inf)
         return cls(
             problem,
             x,
             p,
-            SymbolicPosture(local, base, x[:n], axes),
-            np.concatenate((problem.limits.lower, -free)),
-            np.concatenate((problem.limits.upper, free)),
+            SymbolicPosture(local, base, x[:n], dict(zip(free, rotations[1:], strict=True))),
+            np.concatenate((problem.limits.lower, -unbounded)),
+            np.concatenate((problem.limits.upper, unbounded)),
         )
 
     def values(self, q: Array) -> tuple[Array, Array]:
@@ -96,18 +95,18 @@ class Unknowns:
         x = np.zeros(self.x.numel())
         x[:n] = np.clip(joints, self.lower[:n], self.upper[:n])
         x[n : n + 3] = snapshot.q[:3]
-        turned = [task.free_rotation(snapshot) for task in problem.tasks]
-        references = [snapshot.rotation(BASE), *(R for R in turned if R is not None)]
+        free = [task.free_rotation(snapshot) for task in problem.tasks]
+        references = [snapshot.rotation(BASE), *(R for R in free if R is not None)]
         return x, np.concatenate([R.ravel(order="F") for R in references])
 
-    def chart(self, kept: tuple[int, ...]) -> Chart:
-        """Return the way to configurations if only the unknowns ``kept`` are free."""
-        return Chart(self.problem.robot, self.problem.anchor, kept, self.x.numel())
+    def map(self, kept: tuple[int, ...]) -> ConfigurationMap:
+        """Return the map to configurations if only the unknowns ``kept`` are free."""
+        return ConfigurationMap(self.problem.robot, self.problem.anchor, kept, self.x.numel())
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
-    """The way from unknowns to configurations, without expressions.
+class ConfigurationMap:
+    """The map from unknowns to configurations, without expressions.
 
     Attributes
     ----------
@@ -131,7 +130,7 @@ class Chart:
         n = self.robot.nv - 6
         q = with_joints(self.robot, full[:n])
         if self.anchor is not None:
-            return anchored(self.robot, q, self.anchor)
+            return _anchored(self.robot, q, self.anchor)
         q[:3] = full[n : n + 3]
         # Rotation.as_quat is (x, y, z, w), as q is.
         turn = Rotation.from_mrp(full[n + 3 : n + 6])
@@ -150,7 +149,7 @@ def with_joints(robot: Robot, positions: Array) -> Array:
     return q
 
 
-def anchored(robot: Robot, q: Array, contact: Contact) -> Array:
+def _anchored(robot: Robot, q: Array, contact: Contact) -> Array:
     """Return ``q`` with the base moved so that the held frame is at its anchor."""
     here = robot.snapshot(q)
     turn = contact.rotation @ here.rotation(contact.frame).T

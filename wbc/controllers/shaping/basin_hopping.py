@@ -1,4 +1,4 @@
-"""New starts made of the best postures so far: hops from valley to valley.
+"""Basin hopping: new starts made of the best postures so far.
 
 The valleys of inertia are many, and deep ones lie beside deep ones: a posture that is nearly the
 best one usually needs another arm, not another everything. So a search begins at a mixture of two
@@ -20,22 +20,21 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.controllers.shaping.closing import CLOSED
 from wbc.controllers.shaping.nlp import Start
 from wbc.controllers.shaping.outcome import Candidate
-from wbc.controllers.shaping.starts import Sampling, uniform_rotation
+from wbc.controllers.shaping.starts import CLOSED, Sampling, uniform_rotation
 from wbc.robot import Robot
 from wbc.validate import Array
 
-PARENTS = 8  # the best so many different postures are hopped from
+ELITE = 8  # the best so many different postures are hopped from
 UNLIKE, MUCH = 0.15, 0.05  # part of the joints that differ, and by how much [rad or m]
-MIXED = 0.75  # of the hops from parents, the part that mixes two
+MIXED = 0.75  # of the hops from the elite, the part that mixes two
 DRAWN = 0.4  # of the joints, the largest part that is drawn anew
 WHOLE_EVERY = 4  # hops: how often a posture is drawn anew altogether
-TRIES = 4  # at a hop that can be brought onto the contacts
+TRIES = 4  # at a hop that can be projected onto the contacts
 
 
-class Parents:
+class Elite:
     """The best few postures of those added that differ in more than a joint or two."""
 
     def __init__(self, robot: Robot) -> None:
@@ -48,7 +47,7 @@ class Parents:
         if any(one.cost <= candidate.cost for one in rivals):
             return
         others = [one for one in self._best if all(one is not rival for rival in rivals)]
-        self._best = sorted([*others, candidate], key=lambda c: (c.cost, c.starts))[:PARENTS]
+        self._best = sorted([*others, candidate], key=lambda c: (c.cost, c.starts))[:ELITE]
 
     def _alike(self, one: Array, other: Array) -> bool:
         apart = np.abs(self._robot.difference(one, other)[6:]) > MUCH
@@ -60,31 +59,29 @@ class Parents:
         return self._best
 
 
-class Hops:
-    """Makes starts from postures; each depends on its number, the seed and the parents alone."""
+class BasinHopping:
+    """Makes starts from postures; each depends on its number, the seed and the elite alone."""
 
     def __init__(self, sampling: Sampling, scale: float, seed: int) -> None:
         self._sampling, self._scale, self._seed = sampling, scale, seed
 
-    def start(self, number: int, parents: Sequence[Candidate]) -> Start:
+    def start(self, number: int, elite: Sequence[Candidate]) -> Start:
         """Return a start with this number; of those off the contacts, the nearest to them."""
         rng = np.random.default_rng((self._seed, number))
         found: list[tuple[float, Start]] = []
         for _ in range(TRIES):
-            start, gap = self._sampling.start(self._posture(number, parents, rng))
+            start, gap = self._sampling.start(self._posture(number, elite, rng))
             found.append((gap, start))
             if gap <= CLOSED:
                 break
         _, nearest = min(found, key=lambda one: one[0])
         return self._sampling.built.scaled(nearest, self._scale)
 
-    def _posture(
-        self, number: int, parents: Sequence[Candidate], rng: np.random.Generator
-    ) -> Array:
-        if not parents or number % WHOLE_EVERY == 0:
+    def _posture(self, number: int, elite: Sequence[Candidate], rng: np.random.Generator) -> Array:
+        if not elite or number % WHOLE_EVERY == 0:
             return self._drawn(rng)
-        first = parents[int(rng.integers(len(parents)))]
-        others = [one for one in parents if one is not first]
+        first = elite[int(rng.integers(len(elite)))]
+        others = [one for one in elite if one is not first]
         if not others or rng.random() >= MIXED:
             return self._varied(first.q, rng)
         return self._mixed(first.q, others[int(rng.integers(len(others)))].q, rng)

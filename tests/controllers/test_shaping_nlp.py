@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.shaping import GlobalShaping
-from wbc.controllers.shaping.merit import posture_cost
 from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
 from wbc.controllers.shaping.unknowns import Unknowns
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
@@ -63,7 +62,7 @@ def test_errors_are_those_of_the_tasks(robot: Robot, rng, random_snapshot) -> No
         here = random_snapshot(robot, rng)
         values = unknowns.values(here.q)
         x, p = values
-        back = unknowns.chart(tuple(range(x.size))).configuration(x, np.concatenate((p, x)))
+        back = unknowns.map(tuple(range(x.size))).configuration(x, np.concatenate((p, x)))
         np.testing.assert_allclose(robot.difference(here.q, back), 0.0, atol=1e-10)
         for task in tasks:
             error = task.symbolic_error(unknowns.posture)

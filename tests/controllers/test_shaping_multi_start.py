@@ -9,12 +9,11 @@ import pytest
 
 from wbc.constraints import Contact, support
 from wbc.controllers.shaping import GlobalShaping, Stopped
-from wbc.controllers.shaping import hunt as hunt_module
-from wbc.controllers.shaping.hopping import PARENTS, Parents
-from wbc.controllers.shaping.hunt import LAG
+from wbc.controllers.shaping import multi_start as multi_start_module
+from wbc.controllers.shaping.basin_hopping import ELITE, Elite
+from wbc.controllers.shaping.evaluation import SAME_POSTURE, merged
+from wbc.controllers.shaping.multi_start import ENOUGH, LAG, MET, StoppingRule
 from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
-from wbc.controllers.shaping.verdicts import ENOUGH, MET, Verdicts
-from wbc.controllers.shaping.verify import SAME_POSTURE, merged
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import AxisTask, InertiaTask
@@ -64,7 +63,7 @@ def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> No
     assert outcome.best.cost == pytest.approx(least, abs=1e-6)
     np.testing.assert_allclose(outcome.best.q[7:], LIMIT, atol=1e-4)
     assert min(outcome.best.starts) >= 24  # a hop led there
-    monkeypatch.setattr(hunt_module, "SPREAD", 160)  # no hops at all
+    monkeypatch.setattr(multi_start_module, "SPREAD", 160)  # no hops at all
     spread = shaping.solve(q, 160, workers=1)
     assert spread.best.cost > 1.2 * least  # at least one limb is at the wrong limit
 
@@ -115,7 +114,7 @@ class Scripted:
 
     costs: np.ndarray
 
-    def verdict(self, number: int) -> Candidate | Rejected:
+    def result(self, number: int) -> Candidate | Rejected:
         cost = float(self.costs[number])
         if not np.isfinite(cost):
             return Rejected(number, "none", "none")
@@ -126,19 +125,20 @@ class Scripted:
 
 def run(script: Scripted, patience: int | None, rng: np.random.Generator, window: int) -> Any:
     """Let searches end in any order within a window; stop when told to, finishing what is begun."""
-    verdicts, begun, enough = Verdicts(1.0, patience), 0, False
+    rule, begun, enough = StoppingRule(1.0, patience), 0, False
     under_way: list[int] = []
     while under_way or (begun < script.costs.size and not enough):
         while len(under_way) < window and begun < script.costs.size and not enough:
             under_way.append(begun)
             begun += 1
         number = under_way.pop(int(rng.integers(len(under_way))))
-        enough = verdicts.add(number, script.verdict(number))
-    return verdicts
+        rule.add(number, script.result(number))
+        enough = rule.last is not None
+    return rule
 
 
 @pytest.mark.parametrize("met", [0.0, 0.05])
-def test_verdicts_do_not_depend_on_the_order_in_which_searches_end(robot_named, rng, met) -> None:
+def test_stopping_does_not_depend_on_the_order_in_which_searches_end(robot_named, rng, met) -> None:
     robot = robot_named("hoap2_like")
     for _ in range(20):
         costs = rng.uniform(0.5, 1.0, 80) * 0.97 ** rng.integers(0, 40, 80)
@@ -159,34 +159,34 @@ def test_verdicts_do_not_depend_on_the_order_in_which_searches_end(robot_named, 
             if ends is not None:
                 break
         expected = range(80 if ends is None else ends[0] + 1)
-        for verdicts in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
-            counted = sorted(k for c in verdicts.candidates(robot) for k in c.starts)
+        for rule in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
+            counted = sorted(k for c in rule.candidates(robot) for k in c.starts)
             assert counted == [k for k in expected if np.isfinite(costs[k])]
-            lost = [one.start for one in verdicts.rejected(())]
+            lost = [one.start for one in rule.rejected(())]
             assert lost == [k for k in expected if not np.isfinite(costs[k])]
-            assert verdicts.reason == (None if ends is None else ends[1])
+            assert rule.reason == (None if ends is None else ends[1])
 
 
-def test_parents_are_the_best_that_differ(robot_named, rng) -> None:
+def test_the_elite_are_the_best_that_differ(robot_named, rng) -> None:
     robot = robot_named("hoap2_like")
     costs = rng.permutation(30) + 1.0
-    parents = Parents(robot)
+    elite = Elite(robot)
     for number in range(30):
-        one = Scripted(costs).verdict(number)
-        parents.add(one)
+        one = Scripted(costs).result(number)
+        elite.add(one)
         # The same but for two joints of 25, a little worse and a little better.
         for change in (1e-3, -1e-3):
             q = one.q.copy()
             q[[8, 20]] += 1.0
-            parents.add(replace(one, q=q, cost=one.cost + change))
-    assert [one.cost for one in parents.best] == pytest.approx(np.arange(1, PARENTS + 1) - 1e-3)
+            elite.add(replace(one, q=q, cost=one.cost + change))
+    assert [one.cost for one in elite.best] == pytest.approx(np.arange(1, ELITE + 1) - 1e-3)
 
 
 def test_postures_are_told_apart_one_by_one(robot_named, rng) -> None:
     """Against every pair in turn: some alike, some turned at the base alone."""
     robot = robot_named("hoap2_like")
     costs = rng.permutation(120) + 1.0
-    ones = [Scripted(costs).verdict(number) for number in range(30)]
+    ones = [Scripted(costs).result(number) for number in range(30)]
     for number in range(30, 120):
         like = ones[int(rng.integers(30))]
         v = rng.uniform(-0.5, 0.5, robot.nv) * rng.choice([0.008, 0.03])

@@ -18,11 +18,10 @@ from wbc.constraints import (
     support,
 )
 from wbc.constraints.clearance import Clearance
-from wbc.controllers.shaping import GlobalShaping, NoPostureError, apart
-from wbc.controllers.shaping.joined import Pieces, joined
-from wbc.controllers.shaping.nearness import Corners, slot_of
+from wbc.controllers.shaping import GlobalShaping, NoPostureError, separation
 from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.planes import UNKNOWNS, plane_rows
+from wbc.controllers.shaping.planes import UNKNOWNS, Corners, plane_rows
+from wbc.controllers.shaping.separation import NlpParts, with_planes
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Capsule, CollisionModel, Obstacle
@@ -227,10 +226,10 @@ def test_joints_are_seen_from_the_base(robot_named, rng, random_snapshot) -> Non
     built = build_nlp(shaping.problem)
     here = random_snapshot(robot, rng)
     start = built.start(here.q)
-    placed = np.array(built.nlp.watched.placements(start.x, start.p)).reshape(-1, 4, 3)
+    placed = np.array(built.nlp.separation.placements(start.x, start.p)).reshape(-1, 4, 3)
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, here.q)
-    joints = built.nlp.watched.bodies.joints
+    joints = built.nlp.separation.bodies.joints
     assert joints[0] == 0
     for joint, found in zip(joints, placed, strict=True):
         expected = data.oMi[1].actInv(data.oMi[joint])
@@ -245,16 +244,15 @@ def test_slopes_of_the_whole_program_are_differences(robot_named, rng) -> None:
     around = Obstacles(robot, [obstacles()["wall"], obstacles()["box"]], links=ARMS)
     shaping = GlobalShaping(robot, [small(robot)], constraints=[SelfCollision(robot), around])
     built = build_nlp(shaping.problem)
-    watched, start = built.nlp.watched, built.start(q)
-    bodies = watched.bodies
-    blocks = {joint: k for k, joint in enumerate(bodies.joints)}
+    separated, start = built.nlp.separation, built.start(q)
+    bodies = separated.bodies
     pairs = [0, 100, len(bodies.pairs) - 1, len(bodies.pairs) - 7]
     everything = Corners(*[frozenset(range(1))] * 2)
-    slots = [slot_of(bodies, blocks, pair, everything) for pair in pairs]
+    slots = [bodies.slot(pair, everything) for pair in pairs]
     assert sum(slot.normal is not None for slot in slots) == 1  # both kinds of obstacle
-    planes = plane_rows(slots, watched.placements.size1_out(0))
-    pieces = Pieces.of(built.nlp, watched.placements)
-    _, derivatives = joined(pieces, planes)
+    planes = plane_rows(slots, separated.placements.size1_out(0))
+    parts = NlpParts.of(built.nlp, separated.placements)
+    _, derivatives = with_planes(parts, planes)
     x = start.x + 0.1 * rng.normal(size=start.x.size)
     z = np.concatenate((x, rng.normal(size=UNKNOWNS * len(slots))))
     m = rng.normal(size=built.nlp.g_lower.size + planes.lower.size)
@@ -283,7 +281,7 @@ def test_slopes_of_the_whole_program_are_differences(robot_named, rng) -> None:
 
 def test_a_posture_that_stays_too_near_is_rejected_by_name(robot_named, monkeypatch) -> None:
     robot = robot_named("hoap2_like")
-    monkeypatch.setattr(apart, "ROUNDS", 0)  # as if no round were enough
+    monkeypatch.setattr(separation, "ROUNDS", 0)  # as if no round were enough
     outcome = shaping_of(robot, [small(robot)], SelfCollision(robot)).solve(
         robot.posture(), 2, workers=1
     )
@@ -295,7 +293,7 @@ def test_a_search_that_ran_out_of_time_says_so(robot_named, monkeypatch) -> None
     """IPOPT's "succeeded" of the rounds before was about another problem, without all pairs."""
     robot = robot_named("hoap2_like")
     hours = count(step=3600.0)
-    monkeypatch.setattr(apart, "perf_counter", lambda: next(hours))
+    monkeypatch.setattr(separation, "perf_counter", lambda: next(hours))
     shaping = shaping_of(robot, [small(robot)], SelfCollision(robot))
     outcome = shaping.solve(robot.posture(), 1, seconds=100.0, workers=1)
     (rejected,) = outcome.rejected

@@ -10,7 +10,7 @@ from wbc.constraints import ComSupport, Contact, Limits, PositionBox, SelfCollis
 from wbc.controllers import KinematicController
 from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome
-from wbc.controllers.shaping.merit import posture_cost
+from wbc.controllers.shaping.problem import posture_cost
 from wbc.controllers.shaping.reach import worst_kept
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot

@@ -2,15 +2,18 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wbc.controllers.shaping import GlobalShaping
 from wbc.controllers.shaping import shaping as shaping_module
-from wbc.controllers.shaping.nlp import Start, build_nlp
-from wbc.controllers.shaping.team import NOTHING, Team
+from wbc.controllers.shaping.nlp import Local, Start
+from wbc.controllers.shaping.worker_pool import WorkerPool
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import InertiaTask
@@ -94,54 +97,52 @@ def test_ctrl_c_inside_ipopt_ends_the_search(robot_named) -> None:
 
 
 @pytest.fixture
-def teams(monkeypatch: pytest.MonkeyPatch) -> list[Team]:
-    """The teams that are made during the test."""
-    made: list[Team] = []
+def pools(monkeypatch: pytest.MonkeyPatch) -> list[WorkerPool]:
+    """The pools that are made during the test."""
+    made: list[WorkerPool] = []
 
-    class Watched(Team):
+    class Watched(WorkerPool):
         def __init__(self, *args) -> None:
             super().__init__(*args)
             made.append(self)
+            executor = self._pool
+            self.processes = [] if executor is None else list(executor._processes.values())
 
-    monkeypatch.setattr(shaping_module, "Team", Watched)
+    monkeypatch.setattr(shaping_module, "WorkerPool", Watched)
     return made
 
 
-def test_a_search_that_was_taken_and_lost_is_repeated(robot_named, teams) -> None:
+def test_a_search_that_was_begun_and_lost_is_repeated(robot_named, monkeypatch) -> None:
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
     expected = shaping.solve(q, 6, workers=1)
-    took: list[int | None] = []
+    begun: list[int] = []
+    held: list[int] = []
 
-    def steal(done: int, total: int, cost: float | None) -> None:
-        if done == 1:
-            took.append(teams[-1].take())
+    class Losing(WorkerPool):
+        """Takes one search, and gives no answer."""
 
-    outcome = shaping.solve(q, 6, workers=1, progress=steal)
-    assert took == [1]
+        def has_room(self) -> bool:
+            return not begun
+
+        def submit(self, number: int, start: Start) -> bool:
+            begun.append(number)
+            held.append(number)
+            return True
+
+        def waits_for(self, needs: object) -> bool:
+            return bool(held)
+
+        def results(self, patient: bool) -> tuple[list[tuple[int, Local]], list[int]]:
+            return [], [held.pop()] if patient else []
+
+    monkeypatch.setattr(shaping_module, "WorkerPool", Losing)
+    outcome = shaping.solve(q, 6, workers=1)
+    assert begun == [1]
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
 
 
-def test_who_is_woken_by_starts_may_take_one(robot_named) -> None:
-    """A process that asks as soon as they come finds them ready; else it waited for the next."""
-    robot = robot_named("hoap2_like")
-    built = build_nlp(shaping_of(robot).problem)
-    took: list[int | None] = []
-
-    class Woken:
-        def post(self, starts: list[Start]) -> None:
-            took.append(team.take())
-
-        def dismiss(self) -> None:
-            took.append(NOTHING)
-
-    with Team(built.nlp, 0, None) as team:
-        team._members.append(Woken())  # type: ignore[arg-type]
-        team.offer([built.start(robot.posture())])
-    assert took == [0, NOTHING]
-
-
-def test_nobody_waits_for_a_process_that_was_killed(robot_named, teams) -> None:
+def test_nobody_waits_for_a_process_that_was_killed(robot_named, pools) -> None:
     """It dies amid a search; what it was at is done here, and all that comes after."""
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
@@ -149,24 +150,24 @@ def test_nobody_waits_for_a_process_that_was_killed(robot_named, teams) -> None:
     held: list[set[int]] = []
 
     def kill(done: int, total: int, cost: float | None) -> None:
-        (member,) = teams[-1]._members
-        board = teams[-1]._board
+        pool = pools[-1]
         if done == 1:
-            while board.held([1]) == {NOTHING}:  # it is still loading
+            while not pool.has_room():  # it is still loading
                 os.sched_yield()
-            with board._cells.get_lock():  # else it might die with the lock
-                os.kill(member._process.pid, signal.SIGSTOP)
-                os.kill(member._process.pid, signal.SIGKILL)
-            held.append(board.held([1]))
+        if done >= 2 and not held and pool._pending:
+            os.kill(pool.processes[0].pid, signal.SIGKILL)
+            pool.processes[0].join()
+            held.append(set(pool._pending.values()))
 
     outcome = shaping.solve(q, 40, workers=2, progress=kill)
-    assert held[0] != {NOTHING}
+    assert held[0]
     assert outcome.statistics.stopped is None
     assert outcome.statistics.searched == 40
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
+    assert pools[-1]._capacity == 0
 
 
-def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, teams) -> None:
+def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, pools) -> None:
     """A terminal sends it to all; only this process answers, and theirs do not print a trace."""
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
@@ -174,10 +175,10 @@ def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, teams) ->
 
     def press(done: int, total: int, cost: float | None) -> None:
         if done == 1:
-            (member,) = teams[-1]._members
-            os.kill(member._process.pid, signal.SIGINT)
-            member._process.join(0.3)  # s; time enough to die of it
-            alive.append(member._process.is_alive())
+            (process,) = pools[-1].processes
+            os.kill(process.pid, signal.SIGINT)
+            process.join(0.3)  # s; time enough to die of it
+            alive.append(process.is_alive())
 
     outcome = shaping.solve(q, 3, workers=2, progress=press)
     assert alive == [True]
@@ -185,12 +186,30 @@ def test_ctrl_c_does_not_reach_the_others_while_they_load(robot_named, teams) ->
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_the_others_end_with_the_search(robot_named, teams) -> None:
+def test_the_others_end_with_the_search(robot_named, pools) -> None:
     robot = robot_named("hoap2_like")
     shaping_of(robot).solve(robot.posture(), 3, workers=3)
-    (team,) = teams
-    assert len(team._members) == 2
-    assert not any(member._process.is_alive() for member in team._members)
+    (pool,) = pools
+    assert len(pool.processes) == 2
+    assert not any(process.is_alive() for process in pool.processes)
+
+
+def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None:
+    """The others load the script again; what they then are asked for is refused by Python."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np\n"
+        "from wbc.controllers.shaping import GlobalShaping\n"
+        "from wbc.robot import Robot\n"
+        "from wbc.tasks import InertiaTask\n"
+        "robot = Robot.load('hoap2_like')\n"
+        "task = InertiaTask(robot, np.eye(3), frame='base')\n"
+        "best = GlobalShaping(robot, [task]).solve(robot.posture(), 400, workers=2).best\n"
+        "print('least cost', best.cost)\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout.count("least cost") == 1
+    assert "if __name__ == '__main__':" in done.stderr
 
 
 def test_unusable_numbers_are_refused(robot_named) -> None:

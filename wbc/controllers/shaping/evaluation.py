@@ -1,0 +1,173 @@
+"""How good a posture is, by Pinocchio instead of the expressions that it was found with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from wbc.constraints import ComSupport
+from wbc.constraints.clearance import SKIN, Clearance
+from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start
+from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
+from wbc.controllers.shaping.problem import ShapingProblem, posture_cost, posture_errors
+from wbc.robot import Robot, Snapshot
+from wbc.validate import Array, read_only
+
+SAME_POSTURE = 1e-2  # rad or m, the largest difference of any joint or of the base
+NAMED = 3  # pairs that are named: the worst
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How far beyond a constraint still counts as kept.
+
+    Attributes
+    ----------
+    contact:
+        Distance of a held frame from its anchor [m or rad].
+    limit:
+        Of a joint beyond its limit [rad or m].
+    support:
+        Of the CoM outside a support polygon, less its margin [m].
+    clearance:
+        Of bodies nearer than their margin, and of frames outside their boxes [m].
+    excused:
+        What is allowed beyond that, by frame, joint or pair.
+    """
+
+    contact: float
+    limit: float
+    support: float
+    clearance: float
+    excused: Mapping[str, float] = field(default_factory=dict)
+
+    def excusing(self, broken: Mapping[str, float]) -> Tolerances:
+        """Return tolerances with what is broken already, one by one: see :func:`violations`.
+
+        A hand that is in a wall at the start is no leave for a foot to go through the floor.
+        """
+        return replace(self, excused=dict(broken))
+
+    def of(self, what: str, allowed: float) -> float:
+        """Return how far beyond its constraint this one may be, given what all such may."""
+        return allowed + self.excused.get(what, 0.0)
+
+
+# Of what IPOPT found: no more than rounding.
+FOUND = Tolerances(contact=1e-6, limit=1e-7, support=1e-7, clearance=1e-6)
+
+
+def evaluate(built: BuiltNlp, number: int, start: Start, local: Local) -> Candidate | Rejected:
+    """Return the candidate that a search from start ``number`` led to, or why it is none.
+
+    IPOPT's own opinion does not decide: a posture that keeps the constraints is a posture.
+    """
+    problem = built.unknowns.problem
+    if not np.isfinite(local.x).all():
+        reason = f"IPOPT: {local.status}, the answer is not finite"
+        return Rejected(number, reason, reason)
+    snapshot = problem.robot.snapshot(built.configuration(start, local.x))
+    kept = kept_constraints(problem, snapshot, FOUND)
+    if kept.broken:
+        reason = f"IPOPT: {local.status}; {', '.join(kept.broken)}"
+        return Rejected(number, reason, f"IPOPT: {local.status}; a constraint is broken")
+    return Candidate(
+        q=read_only(snapshot.q),
+        cost=posture_cost(problem.tasks, snapshot),
+        errors=posture_errors(problem.tasks, snapshot),
+        kept=kept,
+        status=local.status,
+        optimal=local.optimal,
+        iterations=local.iterations,
+        starts=(number,),
+    )
+
+
+def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ...]:
+    """Return the candidates best first, each posture once with the starts that led to it."""
+    ordered = sorted(candidates, key=lambda c: (c.cost, c.starts))
+    distinct: list[Candidate] = []
+    # All known joints in one array: of thousands of postures, one by one takes minutes.
+    joints = np.empty((len(ordered), robot.nq - 7))
+    for candidate in ordered:
+        apart = np.abs(joints[: len(distinct)] - candidate.q[7:]).max(axis=1, initial=0.0)
+        # An angle differs by no less than its sine and cosine do.
+        for k in np.flatnonzero(apart < SAME_POSTURE):
+            difference = robot.difference(distinct[k].q, candidate.q)
+            if float(np.abs(difference).max()) < SAME_POSTURE:
+                starts = tuple(sorted(distinct[k].starts + candidate.starts))
+                distinct[k] = replace(distinct[k], starts=starts)
+                break
+        else:
+            joints[len(distinct)] = candidate.q[7:]
+            distinct.append(candidate)
+    return tuple(distinct)
+
+
+def violations(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
+    """Return by how much each frame, joint and pair of bodies breaks its constraint."""
+    found = _off(problem, snapshot)
+    room = _joint_room(problem, snapshot)
+    names = problem.robot.joint_names
+    found |= {names[k]: float(-room[k]) for k in np.flatnonzero(room < 0.0)}
+    for one in problem.constraints:
+        gaps = one.gaps(snapshot)
+        left, labels = gaps.room + SKIN, one.labels(gaps)
+        found |= {_key(one, labels[k]): float(-left[k]) for k in np.flatnonzero(left < 0.0)}
+    return found
+
+
+def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Tolerances) -> Kept:
+    """Return how well a posture keeps the constraints, and which it breaks beyond tolerances."""
+    off = _off(problem, snapshot)
+    broken = [
+        f"{frame} is {gap:.2g} off its anchor"
+        for frame, gap in off.items()
+        if not gap <= allowed.of(frame, allowed.contact)
+    ]
+    room = _joint_room(problem, snapshot)
+    names = problem.robot.joint_names
+    broken += [
+        f"joint {names[k]} is {-room[k]:.2g} beyond its limit"
+        for k in np.flatnonzero(~(room >= -allowed.limit))
+        if not room[k] >= -allowed.of(names[k], allowed.limit)
+    ]
+    rooms: dict[bool, list[float]] = {True: [], False: []}
+    for one in problem.constraints:
+        balance = isinstance(one, ComSupport)
+        tolerance = allowed.support if balance else allowed.clearance
+        found = one.gaps(snapshot)
+        left = found.room + SKIN  # of the margin itself
+        rooms[balance].append(float(left.min(initial=np.inf)))
+        labels = one.labels(found)
+        beyond = [
+            k
+            for k in np.argsort(left)
+            if not left[k] >= -tolerance
+            and not left[k] >= -allowed.of(_key(one, labels[k]), tolerance)
+        ]
+        broken += [f"{labels[k]} lacks {-left[k]:.2g} m of {one.name!r}" for k in beyond[:NAMED]]
+    return Kept(
+        max(off.values(), default=0.0),
+        float(room.min(initial=np.inf)),
+        min(rooms[True], default=None),
+        min(rooms[False], default=None),
+        tuple(broken),
+    )
+
+
+def _off(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
+    """Return how far each held frame is from its anchor [m or rad]."""
+    return {c.frame: float(np.abs(c.residual(snapshot).error).max()) for c in problem.contacts}
+
+
+def _joint_room(problem: ShapingProblem, snapshot: Snapshot) -> Array:
+    """Return how far each joint is inside its limits (nv-6,) [rad or m]."""
+    joints = problem.robot.limits.joint_positions(snapshot.q)
+    return np.minimum(joints - problem.limits.lower, problem.limits.upper - joints)
+
+
+def _key(constraint: Clearance, label: str) -> str:
+    return f"{constraint.name}: {label}"
