@@ -16,9 +16,9 @@ import pinocchio as pin
 
 from wbc.errors import ModelError
 from wbc.robot.formats.description import Description
+from wbc.robot.formats.mesh_files import exact_meshes, resolve_meshes
 from wbc.robot.formats.xml import numbers
 from wbc.robot.limits import UNLIMITED
-from wbc.robot.meshes import resolve_meshes
 
 MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
@@ -39,9 +39,11 @@ class UrdfGeometry:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         text = self.text if links is None else self._only(links, _SHAPES[kind])
         try:
-            return pin.buildGeomFromUrdfString(model, text, kind)
+            shapes = pin.buildGeomFromUrdfString(model, text, kind)
         except (ValueError, RuntimeError) as error:
             raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
+        exact_meshes(shapes)
+        return shapes
 
     def _only(self, links: Collection[str], tag: str) -> str:
         root = ET.fromstring(self.text)
