@@ -83,7 +83,7 @@ def lay_out(problem: PlanProblem) -> Layout:
     phases = []
     last = new(1, 3 * len(STATE))
     for phase in problem.schedule:
-        states = np.vstack((last, *(new(1, last.size) for _ in range(phase.intervals))))
+        states = np.vstack((last, new(phase.intervals, last.size)))
         named = dict(zip(STATE, np.split(states, len(STATE), axis=1), strict=True))
         for name, size in controls_of(phase.flies).items():
             named[name] = new(phase.intervals + 1, size)

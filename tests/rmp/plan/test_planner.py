@@ -1,0 +1,111 @@
+"""What the planner finds, how it fails and how it starts warm."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.plan_examples import EXAMPLES, HEIGHT, LIMITS, RADII, push_recovery
+from wbc.errors import InvalidInputError
+from wbc.rmp.plan import (
+    Limits,
+    Phase,
+    Plan,
+    PlanError,
+    PlanProblem,
+    State,
+    Weights,
+    at_rest,
+    check,
+    rectangle,
+    solve,
+)
+from wbc.rmp.solid import SolidRmp
+
+STILL = (0.0, 0.0, 0.0)
+SQUARE = rectangle(0.0, 0.0, 0.22, 0.3)
+Planned = Callable[[str], Plan]
+
+
+def test_linear_inverted_pendulum_in_closed_form() -> None:
+    """At constant height, without spin, c'' = omega^2 (c - p): for CoPs linear in time."""
+    flat = Limits(leg_length=(0.5, 1.0), radius=(0.05, 0.4))
+    start = replace(at_rest((0.0, 0.0, HEIGHT), RADII), com_velocity=(0.2, 0.1, 0.0))
+    plan = solve(
+        PlanProblem(
+            SolidRmp(30.0),
+            (Phase("stand", 1.0, SQUARE, 20),),
+            start=start,
+            goal=State(com=(0.0, 0.0, None), com_velocity=STILL),
+            nominal=State(com=(None, None, HEIGHT)),
+            limits=flat,
+            weights=Weights(torque=1e4, momentum=1e4, com=1e5, acceleration=0.01),
+        )
+    )
+    omega = np.sqrt(9.81 / HEIGHT)
+    k = plan.knots
+    c, v = np.array(k.com[0, :2]), np.array(k.com_velocity[0, :2])
+    h = 0.05
+    for p0, p1 in zip(k.cop[:-1], k.cop[1:], strict=True):
+        slope = (p1 - p0) / h
+        cosh, sinh = np.cosh(omega * h), np.sinh(omega * h)
+        c, v = (
+            p1 + cosh * (c - p0) + sinh * (v - slope) / omega,
+            slope + omega * sinh * (c - p0) + cosh * (v - slope),
+        )
+    # The plan's force is linear in each interval, the pendulum's hyperbolic: 1e-4 of 0.3 m seen.
+    assert np.abs(c - k.com[-1, :2]).max() < 5e-4
+    assert np.abs(v - k.com_velocity[-1, :2]).max() < 2e-3
+
+
+def test_walk_repeats_itself(planned: Planned) -> None:
+    k = planned("walk").knots
+    np.testing.assert_allclose(k.com[-1] - k.com[0], (1.0, 0.0, 0.0), atol=1e-8)
+    np.testing.assert_allclose(k.com_velocity[-1], k.com_velocity[0], atol=1e-7)
+    np.testing.assert_allclose(k.force[-1], k.force[0], atol=1e-5)
+    assert np.abs(k.momentum).max() <= 3.0 + 1e-9
+
+
+def test_duration_is_chosen_within_its_bounds(planned: Planned) -> None:
+    swift = replace(EXAMPLES["hop"](), weights=Weights(time=100.0))
+    plan, calm = solve(swift), planned("hop")
+    assert plan.duration < calm.duration - 0.1
+    for T, phase in zip(plan.durations, swift.schedule, strict=True):
+        assert phase.durations[0] - 1e-7 <= T <= phase.durations[1] + 1e-7
+
+
+def test_a_plan_that_cannot_be_names_what_is_in_the_way() -> None:
+    # In 0.1 s gravity alone brings the CoM down by 5 cm, not 20.
+    sunk = PlanProblem(
+        SolidRmp(30.0),
+        (Phase("stand", 0.1, SQUARE, 8),),
+        start=at_rest((0.0, 0.0, HEIGHT), RADII),
+        goal=at_rest((0.0, 0.0, HEIGHT - 0.2), RADII),
+        limits=LIMITS,
+    )
+    with pytest.raises(PlanError) as caught:
+        solve(sunk)
+    error = caught.value
+    worst = error.violations[0]
+    assert (worst.phase, worst.quantity, worst.unit) == ("goal", "com", "m")
+    assert 0.1 < worst.amount < 0.2
+    assert "goal: com" in str(error) and "0.100 s" in str(error)
+    assert check(error.attempt).defect < 1e-6  # it is a motion
+
+
+def test_warm_start_takes_fewer_iterations_also_for_other_numbers() -> None:
+    cold = solve(push_recovery(9.0))
+    again = solve(push_recovery(9.0), warm=cold)
+    other, other_cold = solve(push_recovery(8.0), warm=cold), solve(push_recovery(8.0))
+    assert again.stats.iterations <= 2 and again.stats.warm
+    assert other.stats.iterations < other_cold.stats.iterations
+    np.testing.assert_allclose(other.knots.com, other_cold.knots.com, atol=1e-5)
+    with pytest.raises(InvalidInputError, match="warm start"):
+        solve(EXAMPLES["lean"](), warm=cold)
+
+
+def test_verbose_prints_size_and_verdict(capfd: pytest.CaptureFixture[str]) -> None:
+    plan = solve(EXAMPLES["lean"](), verbose=True)
+    shown = capfd.readouterr().out
+    assert f"{plan.stats.variables} variables" in shown and "Solve_Succeeded" in shown

@@ -1,0 +1,46 @@
+"""Contradictions in a planning problem are refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.plan_examples import HEIGHT, LIMITS, RADII
+from wbc.errors import InvalidInputError
+from wbc.rmp.plan import Phase, PlanProblem, State, at_rest, rectangle
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
+
+STAND = Phase("stand", 1.0, rectangle(0.0, 0.0, 0.2, 0.2), 8)
+FLY = Phase("fly", 0.3, None, 8)
+REST = at_rest((0.0, 0.0, HEIGHT), RADII)
+
+
+def problem(**changed: object) -> PlanProblem:
+    return PlanProblem(
+        **{"pendulum": SolidRmp(30.0), "schedule": (STAND,), "start": REST} | changed
+    )
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"schedule": ()}, "at least one phase"),
+        ({"schedule": (STAND, STAND)}, "different names"),
+        ({"schedule": (STAND, FLY)}, "ends in the flight 'fly'"),
+        ({"schedule": (FLY, STAND), "start": State(radii=RADII)}, "begins in the flight"),
+        ({"schedule": (FLY, replace(FLY, name="on"), STAND)}, "one flight"),
+        ({"pendulum": SolidRmp(30.0, 0.0)}, "gravity"),
+        ({"start": at_rest((3.0, 0.0, HEIGHT), RADII), "limits": LIMITS}, "no CoP is possible"),
+        ({"start": at_rest((0.0, 0.0, 0.0), RADII)}, "above the ground"),
+        ({"start": at_rest((0.0, 0.0, HEIGHT), (0.9, 0.2, 0.2)), "limits": LIMITS}, "0.9"),
+        ({"goal": at_rest((0.0, 0.0, 1.6), RADII), "limits": LIMITS}, "goal"),
+        ({"reference": (0.0, 0.0, 0.0, 2.0)}, "unit quaternion"),
+        ({"degree": 1}, "degree"),
+        ({"periodic": (np.nan, 0.0)}, "periodic"),
+        ({"pendulum": PlanarRmp(30.0)}, "r_1 = r_3"),
+    ],
+)
+def test_contradictions_are_refused(changed: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        problem(**changed)

@@ -1,0 +1,48 @@
+"""Problems as data, and plans in files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.plan_examples import EXAMPLES
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.rmp.plan import load_plan, problem_from_data, problem_to_data, save_plan, solve
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_problems_are_data(name: str) -> None:
+    built = EXAMPLES[name]()
+    text = json.dumps(problem_to_data(built), allow_nan=False)
+    back = problem_from_data(json.loads(text))
+    assert problem_to_data(back) == problem_to_data(built)
+
+
+def test_data_with_unknown_or_missing_keys_are_refused() -> None:
+    data = problem_to_data(EXAMPLES["lean"]())
+    with pytest.raises(UnknownNameError, match="goal"):
+        problem_from_data(data | {"gaol": {}})
+    with pytest.raises(InvalidInputError, match="schedule is missing"):
+        problem_from_data({k: v for k, v in data.items() if k != "schedule"})
+    with pytest.raises(UnknownNameError, match="friction"):
+        problem_from_data(data | {"limits": {"fricton": 0.5}})
+
+
+def test_plans_are_kept_in_files(tmp_path: Path) -> None:
+    plan = solve(EXAMPLES["lean"]())
+    path = save_plan(plan, tmp_path / "lean.npz")
+    back = load_plan(path)
+    np.testing.assert_array_equal(back.solution, plan.solution)
+    times = np.linspace(0.0, plan.duration, 17)
+    np.testing.assert_array_equal(back.at(times).com, plan.at(times).com)
+    assert back.stats == plan.stats and [p.name for p in tmp_path.iterdir()] == ["lean.npz"]
+    assert solve(back.problem, warm=back).stats.iterations <= 2
+    with np.load(path) as file:
+        np.testing.assert_array_equal(file["knots_com"], plan.knots.com)
+    with pytest.raises(InvalidInputError, match="npz"):
+        save_plan(plan, tmp_path / "lean.json")
+    (tmp_path / "cut.npz").write_bytes(path.read_bytes()[:500])
+    for other in (tmp_path / "cut.npz", tmp_path / "none.npz"):
+        with pytest.raises(InvalidInputError, match="cannot be read"):
+            load_plan(other)
