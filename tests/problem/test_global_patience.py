@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from wbc.cli.shaping import search_rows
+from wbc.cli.printing import search_rows
 from wbc.errors import WbcError
 from wbc.problem import RunStatus, load_problem
 

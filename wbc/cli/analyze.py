@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterator
+from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
 CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS, FEET = "10", 0.1, 0.1, "6", "auto"
-SECONDS_BETWEEN_LINES = 5.0
 SHOWN_DROPOUTS = 10
 
 
@@ -128,9 +126,7 @@ def _check_outputs(
     motion: Path, outputs: list[Path], plot: Path | None, snapshots: int | list[float]
 ) -> None:
     """Raise InvalidInputError for what could never be written, before any work is done."""
-    from importlib.util import find_spec
-
-    from wbc.cli.outputs import check_place
+    from wbc.cli.outputs import check_picture, check_place
     from wbc.errors import InvalidInputError
     from wbc.motion.series import series_format
 
@@ -140,24 +136,21 @@ def _check_outputs(
         series_format(path)
         check_place("--output", path)
     if plot is not None:
-        if find_spec("matplotlib") is None:
-            raise InvalidInputError("--plot needs matplotlib: pip install 'wbc[plot]'")
+        check_picture("--plot", plot)
         from wbc.view.analysis import check_snapshots
-        from wbc.view.style import picture_file
 
-        check_place("--plot", plot)
-        picture_file(plot)
         check_snapshots(snapshots)
 
 
 def _series(
     path: Path, robot: str, reading: dict[str, Any], analysis: dict[str, Any], quiet: bool
 ) -> RmpSeries:
+    from wbc.cli.progress import shown_progress
     from wbc.motion import analyse, read_motion
     from wbc.robot import Robot
 
     motion = read_motion(path, Robot.load(robot), **reading)
-    with nullcontext() if quiet else _progress() as progress:
+    with nullcontext() if quiet else shown_progress() as progress:
         return analyse(motion, progress=progress, **analysis)
 
 
@@ -185,33 +178,6 @@ def _write(
     return written, failures
 
 
-# ---------------------------------------------------------------------- progress
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Give what to call with frames done and in all: a bar on a terminal, else a line at times."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    console = Console(stderr=True, highlight=False)
-    if console.is_terminal:
-        columns = (TextColumn("frames"), BarColumn(), TextColumn("{task.completed}/{task.total}"))
-        with Progress(*columns, console=console, transient=True) as bar:
-            shown = bar.add_task("", total=None)
-            yield lambda done, total: bar.update(shown, completed=done, total=total)
-        return
-    last = time.monotonic()
-
-    def call(done: int, total: int) -> None:
-        nonlocal last
-        if time.monotonic() - last > SECONDS_BETWEEN_LINES:
-            last = time.monotonic()
-            console.print(f"frame {done} of {total}")
-
-    yield call
-
-
 # ---------------------------------------------------------------------- what is printed
 
 
@@ -219,8 +185,9 @@ def _print(series: RmpSeries, written: list[Path]) -> None:
     """Print what the motion came to, and what it lacked."""
     import numpy as np
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
+
+    from wbc.cli.printing import heads, print_written
 
     console = Console(highlight=False)
     seconds = float(series.time[-1] - series.time[0])
@@ -239,9 +206,7 @@ def _print(series: RmpSeries, written: list[Path]) -> None:
     for name, excess in series.past_limits.items():
         text = f"{name} is up to {excess:.3g} past its limits [rad or m]"
         console.print(Text.assemble(("limits   ", "yellow"), text))
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
-    for k, column in enumerate(("", "least", "mean", "largest")):
-        table.add_column(Text(f"\n{column}"), justify="left" if k == 0 else "right")
+    table = heads("", "least", "mean", "largest")
     for name, scale, values in _rows(series):
         known = scale * values[np.isfinite(values)]
         if known.size:
@@ -250,8 +215,7 @@ def _print(series: RmpSeries, written: list[Path]) -> None:
     console.print(table)
     console.print()
     console.print(_verdict(series))
-    for path in written:  # never folded: a path is to be copied
-        console.print(Text.assemble((f"{'written':9}", "dim"), str(path)), soft_wrap=True)
+    print_written(console, written, 9)
 
 
 def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:

@@ -40,12 +40,7 @@ class Outputs:
             result_format(self.result)
             check_place("--output", self.result)
         if self.picture is not None:
-            if find_spec("matplotlib") is None:
-                raise InvalidInputError("--plot needs matplotlib: pip install 'wbc[plot]'")
-            from wbc.view.style import picture_file
-
-            check_place("--plot", self.picture)
-            picture_file(self.picture)
+            check_picture("--plot", self.picture)
 
     def write(self, result: Result | PendulumResult, name: str) -> None:
         """Write what is wanted of ``result``; a failure is noted, and does not lose the rest."""
@@ -81,6 +76,16 @@ class Outputs:
             self.failures.append(f"--plot {path}: {error}")
         except OSError as error:
             self.failures.append(f"--plot {path}: cannot be written: {error.strerror}")
+
+
+def check_picture(option: str, path: Path) -> None:
+    """Raise InvalidInputError if no picture can be drawn into ``path``."""
+    if find_spec("matplotlib") is None:
+        raise InvalidInputError(f"{option} needs matplotlib: pip install 'wbc[plot]'")
+    from wbc.view.style import picture_file
+
+    check_place(option, path)
+    picture_file(path)
 
 
 def check_place(option: str, path: Path) -> None:

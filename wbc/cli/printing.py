@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.shaping import postures_table, search_rows
-from wbc.cli.tables import heads
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
 from wbc.run.result import TaskResult
+from wbc.run.shaping_report import ShapingReport
+
+SHOWN = 5
+_STOPPED = {
+    "met": "; it stopped once the tasks were met",
+    "settled": "; it stopped when nothing better was found for long",
+    "seconds": "; it ran out of time",
+    "interrupted": "; it was interrupted",
+}
 
 
 def print_result(result: Result, written: Iterable[Path]) -> None:
@@ -29,7 +36,7 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
     if result.shaping is not None:
         console.print(postures_table(result.shaping))
     console.print(_rest(result))
-    _print_written(console, written)
+    print_written(console, written)
 
 
 def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> None:
@@ -40,7 +47,7 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
     for name, value in result.measures.items():
         table.add_row(Text(name), Text(f"{value:.4g} {result.unit(name)}".rstrip()))
     console.print(table)
-    _print_written(console, written)
+    print_written(console, written)
 
 
 def _head(status: RunStatus | PendulumStatus, reason: str) -> Text:
@@ -49,9 +56,10 @@ def _head(status: RunStatus | PendulumStatus, reason: str) -> Text:
     return head.append(f": {reason}", style="not bold default")
 
 
-def _print_written(console: Console, written: Iterable[Path]) -> None:
+def print_written(console: Console, written: Iterable[Path], width: int = 15) -> None:
+    """Print which files were written."""
     for path in written:  # never folded: a path is to be copied
-        console.print(Text.assemble((f"{'written':15}", "dim"), str(path)), soft_wrap=True)
+        console.print(Text.assemble((f"{'written':{width}}", "dim"), str(path)), soft_wrap=True)
 
 
 def _time_step(result: Result) -> float:
@@ -130,3 +138,65 @@ def _times(result: Result) -> str:
         f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms "
         f"(CPU {1e3 * cpu['median']:.2f}, {1e3 * cpu['p99']:.2f})"
     )
+
+
+# ---------------------------------------------------------------------- search over postures
+
+
+def postures_table(report: ShapingReport) -> Table:
+    """Return the best postures with their costs and relative errors, from start to reached."""
+    names = tuple(report.best.relative_errors)
+    table = heads("posture", "cost", *(f"{name}, off by" for name in names), "starts", "IPOPT", "")
+
+    def add(label: str, cost: float, errors: Iterable[float], *rest: str) -> None:
+        parts = [f"{100 * error:.1f} %" for error in errors]
+        table.add_row(Text(label), f"{cost:.4g}", *parts, *(Text(text) for text in rest))
+
+    add("start", report.cost_start, report.relative_start.values(), "", "", "")
+    for rank, one in enumerate(report.postures, 1):
+        if rank > SHOWN and one.tried is None:
+            continue
+        status = one.status.replace("_", " ").lower()
+        tried = "" if one.tried is None else "reached" if one.tried == "arrived" else "not reached"
+        errors = one.relative_errors.values()
+        add(str(rank), one.cost, errors, str(len(one.starts)), status, tried)
+    add("end", report.cost_end, report.relative_end.values(), "", "", "")
+    return table
+
+
+def search_rows(report: ShapingReport) -> Iterator[tuple[str, str]]:
+    """Yield what the search took, what it rejected, and how near to its best the motion ends."""
+    effort = report.effort
+    processes = f"{effort.workers} process{'es' if effort.workers > 1 else ''}"
+    seconds = effort.build_seconds + effort.search_seconds
+    yield (
+        "search",
+        f"{len(report.postures)} postures from {effort.searched} of {effort.starts} starts in"
+        f" {seconds:.1f} s by {processes}, {effort.iterations} iterations"
+        f"{_STOPPED.get(effort.stopped or '', '')}",
+    )
+    if report.rejected:
+        yield (
+            "rejected",
+            "; ".join(f"{count} x {reason}" for reason, count in report.rejected.items()),
+        )
+    yield (
+        "motion",
+        f"cost {_above(report.above_best)}, found in {effort.reach_seconds:.1f} s",
+    )
+
+
+def _above(part: float) -> str:
+    if not np.isfinite(part) or abs(part) < 5e-5:
+        return "that of the best posture"
+    side = "above" if part > 0.0 else "below"
+    return f"{100 * abs(part):.2g} % {side} that of the best posture"
+
+
+def heads(*columns: str) -> Table:
+    """Return an empty table under a line of heads: the first column to the left, numbers right."""
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
+    for k, column in enumerate(columns):
+        justify: JustifyMethod = "left" if k == 0 else "right"
+        table.add_column(Text(f"\n{column}"), justify=justify, overflow="fold")
+    return table

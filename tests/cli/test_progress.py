@@ -1,0 +1,36 @@
+"""Progress as lines where there is no terminal, and as a bar where there is one."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from wbc.cli import progress
+
+CALLS = (
+    ((3, 12, {"cost": None}), "start 3 of at most 12: no posture yet", "3 of 12 starts"),
+    ((4, 12, {"cost": 0.5}), "start 4 of at most 12: best cost 0.5", "best cost 0.5"),
+    (
+        (7, 90, {"time": 0.07, "speed": 0.25, "failed": 2}),
+        "tick 7 of at most 90: t = 0.07 s, speed 2.5e-01, 2 failed",
+        "t = 0.07 s, speed 2.5e-01, 2 failed",
+    ),
+    ((500, 1000), "frame 500 of 1000", "500 of 1000 frames"),
+)
+
+
+@pytest.mark.parametrize(("call", "line", "state"), CALLS)
+@pytest.mark.parametrize("terminal", [False, True])
+def test_what_is_shown(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, call: tuple, line: str, state: str
+) -> None:
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=terminal, width=100, highlight=False)
+    monkeypatch.setattr(progress, "Console", lambda **_: console)
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", -1.0)
+    with progress.shown_progress() as show:
+        show(*call)
+    if terminal:
+        assert state in text.getvalue()
+    else:
+        assert text.getvalue() == f"{line}\n"
