@@ -10,8 +10,8 @@ from wbc.constraints import ComSupport, Contact, Limits, PositionBox, SelfCollis
 from wbc.controllers import KinematicController
 from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome
+from wbc.controllers.shaping.motion import worst_kept
 from wbc.controllers.shaping.problem import posture_cost
-from wbc.controllers.shaping.reach import worst_kept
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import ComTask, InertiaTask, PostureTask, Task
@@ -181,5 +181,5 @@ def test_the_callers_controller_is_used(robot_named) -> None:
         return KinematicController(robot, tasks, limits=Limits(robot, velocity=0.1), dt=0.01)
 
     motion = shaping.reach(q, outcome, attempts=1, dt=0.01, make_controller=make)
-    assert made == [("way: posture",), ("inertia",)]
+    assert made == [("guide: posture",), ("inertia",)]
     assert (np.abs(motion.v[:, 6:]) <= 0.1 * robot.limits.velocity + 1e-6).all()

@@ -160,9 +160,10 @@ def test_stopping_does_not_depend_on_the_order_in_which_searches_end(robot_named
                 break
         expected = range(80 if ends is None else ends[0] + 1)
         for rule in (alone, *(run(script, 12, rng, window) for window in (3, LAG))):
-            counted = sorted(k for c in rule.candidates(robot) for k in c.starts)
+            candidates = [one for one in rule.counted() if isinstance(one, Candidate)]
+            counted = sorted(k for c in merged(robot, candidates) for k in c.starts)
             assert counted == [k for k in expected if np.isfinite(costs[k])]
-            lost = [one.start for one in rule.rejected(())]
+            lost = [one.start for one in rule.counted() if isinstance(one, Rejected)]
             assert lost == [k for k in expected if not np.isfinite(costs[k])]
             assert rule.reason == (None if ends is None else ends[1])
 

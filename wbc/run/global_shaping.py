@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome, Stopped
+from wbc.controllers.shaping.motion import MakeController
 from wbc.controllers.shaping.problem import posture_errors
-from wbc.controllers.shaping.reach import MakeController
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder
 from wbc.run.result import Result

@@ -1,8 +1,9 @@
 """Global inertia shaping: the globally best posture for the tasks, and a motion that reaches it."""
 
-from wbc.controllers.shaping.motion import Attempt, Motion
 from wbc.controllers.shaping.outcome import (
+    Attempt,
     Candidate,
+    Motion,
     NoPostureError,
     Rejected,
     ShapingOutcome,

@@ -35,28 +35,29 @@ TRIES = 4  # at a hop that can be projected onto the contacts
 
 
 class Elite:
-    """The best few postures of those added that differ in more than a joint or two."""
+    """The best few postures of those added that differ in more than a joint or two.
+
+    Attributes
+    ----------
+    best:
+        They, the very best first.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._best: list[Candidate] = []
+        self.best: list[Candidate] = []
 
     def add(self, candidate: Candidate) -> None:
         """Take a posture if it is among the best; of those that are alike only the best."""
-        rivals = [one for one in self._best if self._alike(one.q, candidate.q)]
+        rivals = [one for one in self.best if self._alike(one.q, candidate.q)]
         if any(one.cost <= candidate.cost for one in rivals):
             return
-        others = [one for one in self._best if all(one is not rival for rival in rivals)]
-        self._best = sorted([*others, candidate], key=lambda c: (c.cost, c.starts))[:ELITE]
+        others = [one for one in self.best if all(one is not rival for rival in rivals)]
+        self.best = sorted([*others, candidate], key=lambda c: (c.cost, c.starts))[:ELITE]
 
     def _alike(self, one: Array, other: Array) -> bool:
         apart = np.abs(self._robot.difference(one, other)[6:]) > MUCH
         return int(apart.sum()) < UNLIKE * apart.size
-
-    @property
-    def best(self) -> Sequence[Candidate]:
-        """The best, the very best first."""
-        return self._best
 
 
 class BasinHopping:

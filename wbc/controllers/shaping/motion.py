@@ -1,71 +1,239 @@
-"""The motion to a posture, what was tried to get there, and each tick of it."""
+"""From the current posture to the best one, by the QP controller: the answer as a motion.
+
+A posture task is led along the shortest path in configuration space while contacts and limits hold;
+then the problem's own tasks take over and settle. A candidate is reached if the motion keeps every
+constraint and ends at its cost.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
-from wbc.controllers.closed_loop import LoopTick
-from wbc.controllers.shaping.outcome import Candidate, Kept
-from wbc.validate import Array
+import numpy as np
+
+from wbc.controllers.closed_loop import Controller, LoopTick, closed_loop
+from wbc.controllers.shaping.evaluation import Tolerances, kept_constraints, violations
+from wbc.controllers.shaping.outcome import Attempt, Candidate, Kept, Motion, ShapingOutcome
+from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
+from wbc.minimum_jerk import PEAK, minimum_jerk
+from wbc.robot import Snapshot
+from wbc.robot.names import BASE
+from wbc.tasks import ComTask, PoseTask, PostureTask, Task
+from wbc.validate import Array, read_only
+
+MakeController = Callable[[Sequence[Task]], Controller]
+# Called after every tick with the attempt's number, which is the index of its candidate in the
+# outcome, and the tick; on the way there its errors are those of the guiding tasks.
+Watch = Callable[[int, LoopTick], None]
+
+LINGERING = 0.5  # s for which the guiding tasks stay at the end of their path
+SETTLING = 4.0  # s at most, after the path
+REST_TICKS = 10
+GIVE_UP = 10  # ticks in a row without solution
+AT_REST = 1e-5  # rad/s or m/s
+# In motion contacts are held by feedback and limits by a braking rule, so a little more is allowed.
+MOVING = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
+ARRIVED = "arrived"
+NEGLIGIBLE = 1e-9  # of the cost at the start: a target that is met to this is met
+HORIZONTAL = ("x", "y")
+COM_WEIGHT = 30.0  # 1/(m/s); the joints' and the base's weight is 1
+LEADING = 1000.0  # factor by which the CoM's squared weight exceeds the tasks' afterwards
+LEANING = 0.01  # m: a posture with its CoM nearer to the edge of the support leans on it
+USED_SPEED = 0.5  # fraction of the velocity limits that the path asks for at its fastest
+SHORTEST, LONGEST = 2.0, 20.0  # s
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """A candidate that the controller was led to.
+class GuidingTasks:
+    """Tasks that lead along the shortest path from one configuration to another.
+
+    The problem's own tasks are not among them. They pull towards minima on both sides of the path,
+    and with weights of which nothing is known.
 
     Attributes
     ----------
-    candidate:
-        Its index in the outcome.
-    cost:
-        Where the motion ended.
-    reason:
-        Why it does not count as reached, or ``"arrived"``.
+    tasks:
+        The posture's; the base's if no contact says where it is and it is to move; the CoM's if it
+        is to stay over the support, which is convex: the straight line stays inside.
+    lasting:
+        What goes on when the problem's tasks take over: where the best posture leans on the edge of
+        the support, they alone would fall over it, so the CoM is held.
+    duration:
+        Of the path [s]; it respects the joints' speed limits by a factor.
     """
 
-    candidate: int
-    cost: float
-    reason: str
+    def __init__(self, problem: ShapingProblem, start: Array, candidate: Candidate) -> None:
+        robot = problem.robot
+        self._robot, self._start = robot, start
+        self._displacement = robot.difference(start, candidate.q)
+        self._posture = PostureTask(robot, start, name="guide: posture")
+        self._base: PoseTask | None = None
+        self._com: ComTask | None = None
+        here, there = robot.snapshot(start), robot.snapshot(candidate.q)
+        self._com_start, self._com_displacement = here.com, there.com - here.com
+        if problem.anchor is None and np.abs(self._displacement[:6]).max() > 0.0:
+            position, rotation = here.position(BASE), here.rotation(BASE)
+            self._base = PoseTask(robot, BASE, position, rotation, name="guide: base")
+        if problem.supports:
+            self._com = ComTask(
+                robot, here.com, axes=HORIZONTAL, name="guide: com", weight=COM_WEIGHT
+            )
+        tasks = (self._posture, self._base, self._com)
+        self.tasks: tuple[Task, ...] = tuple(task for task in tasks if task is not None)
+        self.lasting: tuple[Task, ...] = ()
+        if candidate.kept.support is not None and candidate.kept.support < LEANING:
+            held = ComTask(
+                robot,
+                there.com,
+                axes=HORIZONTAL,
+                name="guide: com",
+                weight=float(np.sqrt(LEADING * _stiffness(problem.tasks, there))),
+                priority=problem.tasks[0].priority,
+            )
+            self.lasting = (held,)
+        speed = USED_SPEED * problem.limits.speed
+        slowest = float((np.abs(self._displacement[6:]) / speed).max(initial=0.0))
+        self.duration = min(max(PEAK * slowest, SHORTEST), LONGEST)
+
+    def move_to(self, time: float) -> None:
+        """Set the targets to those of a time [s]."""
+        along = minimum_jerk(min(time / self.duration, 1.0))
+        q = self._robot.integrate(self._start, self._displacement, along)
+        self._posture.set_target(q)
+        if self._base is not None:
+            here = self._robot.snapshot(q)
+            self._base.set_target(here.position(BASE), here.rotation(BASE))
+        if self._com is not None:
+            self._com.set_target(self._com_start + along * self._com_displacement)
 
 
-# Called after every tick with the attempt's number, which is the index of its candidate in the
-# outcome, and the tick; on the way its errors are those of the tasks that lead.
-Watch = Callable[[int, LoopTick], None]
+def _stiffness(tasks: Sequence[Task], snapshot: Snapshot) -> float:
+    """Return the largest curvature of the tasks' cost, 1 if they have none here."""
+    nv = snapshot.robot.nv
+    total = np.zeros((nv, nv))
+    for task in tasks:
+        weighted = task.weight[:, None] * task.residual(snapshot).jacobian
+        total += weighted.T @ weighted
+    largest = float(np.linalg.eigvalsh(total)[-1])
+    return largest if largest > 0.0 else 1.0
+
+
+class _Rollout(NamedTuple):
+    """States tick by tick, whether they end at rest, and what ended them early, or nothing."""
+
+    states: list[Snapshot]
+    at_rest: bool
+    fault: str
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """A motion from the current posture, tick by tick.
+class Reach:
+    """Runs the controller towards candidates; see :meth:`~.shaping.GlobalShaping.reach`."""
 
-    Attributes
-    ----------
-    time:
-        (T,) [s].
-    q:
-        (T, nq); the first row is the current posture.
-    v:
-        (T, nv): ``q[k + 1] = integrate(q[k], v[k], dt)``; the last row is zero.
-    cost:
-        (T,) of the tasks.
-    candidate:
-        Where it was led to.
-    kept:
-        The worst of every constraint over the motion, contacts [m or rad] as held by feedback.
-    arrived:
-        True if it keeps every constraint and ends at the candidate's cost.
-    at_rest:
-        True if nothing moved any more when it ended.
-    attempts:
-        This one and those before it.
+    problem: ShapingProblem
+    q_start: Array
+    tolerance: float
+    dt: float
+    longest: float | None
+    rest_speed: float | None
+    make_controller: MakeController
+    watch: Watch | None
+
+    def best(self, outcome: ShapingOutcome, attempts: int) -> Motion:
+        """Try candidates, the best first, until one is reached."""
+        tried: list[Attempt] = []
+        motions: list[Motion] = []
+        for number, candidate in enumerate((outcome.best, *outcome.candidates[1:attempts])):
+            motion, reason = self.motion(candidate, number)
+            tried.append(Attempt(number, float(motion.cost[-1]), reason))
+            motions.append(motion)
+            if motion.arrived:
+                break
+        # Arrived, or else the one that keeps the constraints and came to the least cost.
+        chosen = min(motions, key=lambda m: (not m.arrived, bool(m.kept.broken), m.cost[-1]))
+        return replace(chosen, attempts=tuple(tried))
+
+    def motion(self, candidate: Candidate, number: int) -> tuple[Motion, str]:
+        """Return the motion towards a candidate, and why it does not count, or ``"arrived"``."""
+        states, at_rest, fault = self._rollout(candidate, number)
+        costs = np.array([posture_cost(self.problem.tasks, state) for state in states])
+        kept, broken = worst_kept(self.problem, states, self.dt)
+        allowed = (1.0 + self.tolerance) * candidate.cost + NEGLIGIBLE * float(costs[0])
+        reason = fault or broken or ARRIVED
+        if reason == ARRIVED and costs[-1] > allowed:
+            how = "came to rest" if at_rest else "was still moving when the time was over,"
+            reason = f"{how} at cost {costs[-1]:.4g} instead of {candidate.cost:.4g}"
+        v = np.array([state.v for state in states[1:]] + [np.zeros(self.problem.robot.nv)])
+        motion = Motion(
+            time=read_only(self.dt * np.arange(len(states))),
+            q=read_only(np.array([state.q for state in states])),
+            v=read_only(v),
+            cost=read_only(costs),
+            candidate=candidate,
+            kept=kept,
+            arrived=reason == ARRIVED,
+            at_rest=at_rest,
+            attempts=(),
+        )
+        return motion, reason
+
+    def _rollout(self, candidate: Candidate, number: int) -> _Rollout:
+        guide = GuidingTasks(self.problem, self.q_start, candidate)
+        guided = self.make_controller(guide.tasks)
+        settling = self.make_controller((*self.problem.tasks, *guide.lasting))
+        longest = guide.duration + SETTLING if self.longest is None else self.longest
+
+        def guides(time: float) -> bool:
+            return time < guide.duration + LINGERING
+
+        def update(tick: int, _: Snapshot) -> Controller:
+            if not guides(tick * self.dt):
+                return settling
+            guide.move_to(tick * self.dt)
+            return guided
+
+        states: list[Snapshot] = []
+        still = unsolved = 0
+        fault = ""
+        ticks = max(1, math.ceil(longest / self.dt - 1e-9))
+        for now in closed_loop(guided, self.q_start, ticks, update):
+            states.append(now.snapshot)
+            if self.watch is not None:
+                self.watch(number, now)
+            slow = self.rest_speed is not None and now.speed < self.rest_speed
+            still = still + 1 if slow and now.tick.ok and not guides(now.time) else 0
+            # By its policy the controller stands still without solution; the next may have one.
+            unsolved = 0 if now.tick.ok else unsolved + 1
+            if now.gave_up or unsolved >= GIVE_UP:
+                fault = f"at {now.time:.2f} s: {now.tick.report()}"
+                break
+            if still >= REST_TICKS:
+                break
+        states.append(self.problem.robot.snapshot(now.q, now.tick.velocity))
+        return _Rollout(states, still >= REST_TICKS, fault)
+
+
+def worst_kept(problem: ShapingProblem, states: Sequence[Snapshot], dt: float) -> tuple[Kept, str]:
+    """Return the worst of every constraint over a motion, and what was broken first, or nothing.
+
+    What the current posture breaks already may not become worse on the way, nor be broken at the
+    end.
     """
-
-    time: Array
-    q: Array
-    v: Array
-    cost: Array
-    candidate: Candidate
-    kept: Kept
-    arrived: bool
-    at_rest: bool
-    attempts: tuple[Attempt, ...]
+    beginning = kept_constraints(problem, states[0], MOVING)
+    excused = MOVING.excusing(violations(problem, states[0]))
+    every = [beginning, *(kept_constraints(problem, state, excused) for state in states[1:])]
+    faults = [(k, kept.broken[0]) for k, kept in enumerate(every[1:], 1) if kept.broken]
+    faults += [(len(states) - 1, b) for b in kept_constraints(problem, states[-1], MOVING).broken]
+    first = f"at {faults[0][0] * dt:.2f} s: {faults[0][1]}" if faults else ""
+    supports = [kept.support for kept in every if kept.support is not None]
+    clearances = [kept.clearance for kept in every if kept.clearance is not None]
+    worst = Kept(
+        contact=max(kept.contact for kept in every),
+        limit=min(kept.limit for kept in every),
+        support=min(supports, default=None),
+        clearance=min(clearances, default=None),
+        broken=(first,) if first else (),
+    )
+    return worst, first

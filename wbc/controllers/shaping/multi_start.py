@@ -9,14 +9,13 @@ depend on it: a rule that decides at number n looks at what is before n.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 from wbc.controllers.shaping.basin_hopping import BasinHopping, Elite
 from wbc.controllers.shaping.evaluation import evaluate, merged
 from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start
 from wbc.controllers.shaping.outcome import Candidate, Rejected, Stopped
 from wbc.controllers.shaping.starts import CLOSED, Sampling, make_starts
-from wbc.robot import Robot
 from wbc.validate import Array
 
 # Called with searches done, searches in all, and the least cost so far (None: nothing yet).
@@ -40,56 +39,46 @@ class StoppingRule:
     patience:
         After how many searches in a row without a better posture there have been enough; None: no
         number is.
+
+    Attributes
+    ----------
+    found:
+        Results by the number of the start.
+    least:
+        The least cost so far, or None.
+    contiguous:
+        How many starts, the first ones, all have a result.
     """
 
     def __init__(self, scale: float, patience: int | None) -> None:
         self._scale, self._patience = scale, patience
-        self._found: dict[int, Candidate | Rejected] = {}
+        self.found: dict[int, Candidate | Rejected] = {}
         self._met: list[int] = []  # numbers of the starts from which the tasks were met
-        self._least: float | None = None
-        self._contiguous = 0
+        self.least: float | None = None
+        self.contiguous = 0
         self._record = float("inf")  # of those: the least cost, as of the last that was better
         self._record_at = 0
         self._settled_at: int | None = None
 
     def add(self, number: int, result: Candidate | Rejected) -> None:
         """Take what came of a start."""
-        self._found[number] = result
+        self.found[number] = result
         if isinstance(result, Candidate):
-            self._least = result.cost if self._least is None else min(self._least, result.cost)
+            self.least = result.cost if self.least is None else min(self.least, result.cost)
             if result.cost * self._scale <= MET:
                 self._met = sorted([*self._met, number])
-        while self._settled_at is None and self._contiguous in self._found:
-            self._advance(self._contiguous)
-            self._contiguous += 1
+        while self._settled_at is None and self.contiguous in self.found:
+            self._advance(self.contiguous)
+            self.contiguous += 1
 
     def _advance(self, number: int) -> None:
         """Look at the next result in the order of the starts."""
-        result = self._found[number]
+        result = self.found[number]
         if isinstance(result, Candidate) and result.cost < (1.0 - BETTER) * self._record:
             self._record, self._record_at = result.cost, number
         found_any = self._record < float("inf")
         if self._patience is not None and found_any and number >= self._record_at + self._patience:
             self._settled_at = number
-
-    def __getitem__(self, number: int) -> Candidate | Rejected:
-        """Return what came of a start."""
-        return self._found[number]
-
-    @property
-    def contiguous(self) -> int:
-        """How many starts, the first ones, all have a result."""
-        return self._contiguous
-
-    @property
-    def searched(self) -> int:
-        """How many searches have ended."""
-        return len(self._found)
-
-    @property
-    def least(self) -> float | None:
-        """The least cost so far."""
-        return self._least
 
     @property
     def last(self) -> int | None:
@@ -104,31 +93,14 @@ class StoppingRule:
             return None
         return Stopped.MET if self.last == self._last_met() else Stopped.SETTLED
 
-    def candidates(self, robot: Robot) -> tuple[Candidate, ...]:
-        """Return the distinct candidates, the best first.
+    def counted(self) -> list[Candidate | Rejected]:
+        """Return the results until there were enough, in the order of the starts.
 
-        Once there are enough, later starts do not count: which of them had been begun by then is
-        chance, and the answer is not to depend on it.
+        Later ones do not count: which of them had been begun by then is chance, and the answer is
+        not to depend on it.
         """
-        return merged(robot, (one for one in self._counted() if isinstance(one, Candidate)))
-
-    def rejected(self, unclosed: Iterable[float]) -> tuple[Rejected, ...]:
-        """Return the starts that came to nothing, and the samples that were not searched from.
-
-        As with :meth:`candidates`, only starts that count.
-        """
-        return (
-            *(result for result in self._counted() if isinstance(result, Rejected)),
-            *(
-                Rejected(None, f"{UNCLOSED}: {gap:.2g} away (allowed {CLOSED:g})", UNCLOSED)
-                for gap in unclosed
-            ),
-        )
-
-    def _counted(self) -> list[Candidate | Rejected]:
-        """Return the results until there were enough, in the order of the starts."""
         last = self.last
-        return [self._found[k] for k in sorted(self._found) if last is None or k <= last]
+        return [self.found[k] for k in sorted(self.found) if last is None or k <= last]
 
     def _last_met(self) -> int | None:
         return self._met[ENOUGH - 1] if len(self._met) >= ENOUGH else None
@@ -153,6 +125,7 @@ class MultiStart:
         self._starts = list(self._spread.starts)
         self._handed_out = 0
         self._hopping = BasinHopping(sampling, self._spread.scale, seed)
+        self._robot = sampling.robot
         self._elite = Elite(sampling.robot)
         self._known = 0  # how many results, the first ones, the elite was chosen from
         self._rule = StoppingRule(self._spread.scale, patience)
@@ -183,19 +156,24 @@ class MultiStart:
         """Evaluate what a search found."""
         self._rule.add(number, evaluate(self._built, number, self._starts[number], local))
         if self._progress is not None:
-            self._progress(self._rule.searched, self.total, self._rule.least)
+            self._progress(len(self._rule.found), self.total, self._rule.least)
 
     def candidates(self) -> tuple[Candidate, ...]:
         """Return the distinct candidates, the best first."""
-        return self._rule.candidates(self._built.unknowns.problem.robot)
+        counted = self._rule.counted()
+        return merged(self._robot, (one for one in counted if isinstance(one, Candidate)))
 
     def rejected(self) -> tuple[Rejected, ...]:
         """Return the starts that came to nothing, and the samples that were not searched from."""
-        return self._rule.rejected(self._spread.unclosed)
+        lost = [one for one in self._rule.counted() if isinstance(one, Rejected)]
+        for gap in self._spread.unclosed:
+            reason = f"{UNCLOSED}: {gap:.2g} away (allowed {CLOSED:g})"
+            lost.append(Rejected(None, reason, UNCLOSED))
+        return tuple(lost)
 
     def _hop(self, number: int) -> Start:
         while self._known < number - LAG:
-            result = self._rule[self._known]
+            result = self._rule.found[self._known]
             if isinstance(result, Candidate):
                 self._elite.add(result)
             self._known += 1

@@ -14,12 +14,12 @@ from typing import overload
 from numpy.typing import ArrayLike
 
 from wbc.constraints import Constraint, Contact, Limits
-from wbc.controllers.shaping.motion import Motion, Watch
+from wbc.controllers.kinematic import KinematicController
+from wbc.controllers.shaping.motion import AT_REST, MakeController, Reach, Watch
 from wbc.controllers.shaping.multi_start import MultiStart, Progress
 from wbc.controllers.shaping.nlp import build_nlp
-from wbc.controllers.shaping.outcome import ShapingOutcome, ShapingStatistics, Stopped
+from wbc.controllers.shaping.outcome import Motion, ShapingOutcome, ShapingStatistics, Stopped
 from wbc.controllers.shaping.problem import ShapingProblem, check_parts
-from wbc.controllers.shaping.reach import AT_REST, MakeController, Terms, reach_best
 from wbc.controllers.shaping.worker_pool import WorkerPool, search_all
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
@@ -189,15 +189,30 @@ class GlobalShaping:
         NoPostureError
             The outcome has no candidate.
         """
-        terms = Terms(
-            tolerance=finite_number("reach, tolerance", tolerance, least=0.0),
-            attempts=_count("reach, attempts", attempts),
-            dt=finite_number("reach, dt", dt, above=0.0),
-            longest=_positive("reach, longest", longest),
-            rest_speed=_positive("reach, rest_speed", rest_speed),
+        dt = finite_number("reach, dt", dt, above=0.0)
+        problem = self.problem
+
+        def default(tasks: Sequence[Task]) -> KinematicController:
+            return KinematicController(
+                problem.robot,
+                tasks,
+                contacts=problem.contacts,
+                limits=problem.limits,
+                constraints=problem.constraints,
+                dt=dt,
+            )
+
+        reach = Reach(
+            problem,
+            problem.robot.check_configuration(q_start),
+            finite_number("reach, tolerance", tolerance, least=0.0),
+            dt,
+            _positive("reach, longest", longest),
+            _positive("reach, rest_speed", rest_speed),
+            make_controller or default,
+            watch,
         )
-        q = self.problem.robot.check_configuration(q_start)
-        return reach_best(self.problem, q, outcome, terms, make_controller, watch)
+        return reach.best(outcome, _count("reach, attempts", attempts))
 
 
 def _positive(what: str, value: float | None) -> float | None:

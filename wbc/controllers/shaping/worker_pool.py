@@ -11,47 +11,22 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
+from wbc.controllers.shaping.multi_start import MultiStart
 from wbc.controllers.shaping.nlp import Ipopt, Local, Nlp, Start
 from wbc.controllers.shaping.outcome import Stopped
 from wbc.controllers.shaping.separation import SeparatedIpopt, searcher
 
 MOMENT = 0.05  # s to wait for a result, before looking whether Ctrl-C was pressed
 AHEAD = 2  # searches that each process has been given, so that none waits for this one
-
-
-class SearchStrategy(Protocol):
-    """What is searched for."""
-
-    @property
-    def total(self) -> int:
-        """How many searches there are to be, at most."""
-        ...
-
-    @property
-    def reason(self) -> Stopped | None:
-        """Why no more are needed; None if they are."""
-        ...
-
-    def needs(self, number: int) -> bool:
-        """Return whether the answer depends on the search from the start of a number."""
-        ...
-
-    def next_starts(self) -> Sequence[Start]:
-        """Return the starts, after those returned before, that can be made by now."""
-        ...
-
-    def record(self, number: int, local: Local) -> None:
-        """Take what was found from the start of a number."""
-        ...
 
 
 class Searches(NamedTuple):
@@ -155,8 +130,8 @@ class WorkerPool:
             return self._pool.submit(function, *arguments)
 
 
-def search_all(strategy: SearchStrategy, pool: WorkerPool) -> Searches:
-    """Search from every start of a strategy, here and by a pool; Ctrl-C ends it with what there is.
+def search_all(multi_start: MultiStart, pool: WorkerPool) -> Searches:
+    """Search from every start, here and by a pool; Ctrl-C ends it with what there is.
 
     The first start is always searched from, others until the pool's time is over.
     """
@@ -166,22 +141,22 @@ def search_all(strategy: SearchStrategy, pool: WorkerPool) -> Searches:
 
     def record(number: int, local: Local) -> None:
         found[number] = local
-        strategy.record(number, local)
+        multi_start.record(number, local)
 
     with _Interruption() as interruption:
         try:
             here = searcher(pool.nlp)
             while True:
-                new = strategy.next_starts()
+                new = multi_start.next_starts()
                 waiting += range(len(starts), len(starts) + len(new))
                 starts += new
-                waiting = [k for k in waiting if strategy.needs(k) and not pool.late(k)]
+                waiting = [k for k in waiting if multi_start.needs(k) and not pool.late(k)]
                 number = waiting.pop(0) if waiting else pool.take_back()
                 while waiting and pool.has_room() and pool.submit(waiting[0], starts[waiting[0]]):
                     del waiting[0]
                 if number is not None:
                     record(number, here.search(starts[number]))
-                elif not pool.waits_for(strategy.needs):
+                elif not pool.waits_for(multi_start.needs):
                     break
                 interruption.check()
                 results, lost = pool.results(patient=number is None)
@@ -190,9 +165,9 @@ def search_all(strategy: SearchStrategy, pool: WorkerPool) -> Searches:
                 waiting = [*lost, *waiting]
         except KeyboardInterrupt:
             return Searches(found, Stopped.INTERRUPTED)
-    if len(found) == strategy.total:
+    if len(found) == multi_start.total:
         return Searches(found, None)
-    return Searches(found, strategy.reason or Stopped.SECONDS)
+    return Searches(found, multi_start.reason or Stopped.SECONDS)
 
 
 _loaded: list[Ipopt | SeparatedIpopt] = []  # what searches, in a process of the pool
