@@ -101,7 +101,7 @@ def test_a_massless_link_between_two_joints_is_noted(tmp_path: Path) -> None:
         link("base", "3") + '<link name="cross"/>' + link("shank"),
         joint("roll", "base", "cross", axis="1 0 0") + joint("pitch", "cross", "shank"),
     )
-    robot = Robot.load(write(tmp_path, *parts), feet={})
+    robot = Robot.load(write(tmp_path, *parts), feet={}, base="floating")
     assert robot.notes == ("links without mass between two joints: cross",)
 
 
@@ -193,7 +193,7 @@ def test_a_little_triangle_violation_is_noted(tmp_path: Path) -> None:
     # The least second moment is (a + b - c) / 2 = -5e-6 kg m^2 against a robot of about 0.05.
     moments = ("0.00001", "0.00001", "0.00003")
     parts = link("base", "3"), link("tag", "0.01", moments), joint("j", "base", "tag")
-    (note,) = Robot.load(write(tmp_path, *parts), feet={}).notes
+    (note,) = Robot.load(write(tmp_path, *parts), feet={}, base="floating").notes
     assert "triangle" in note
     assert "tag" in note
 
@@ -205,7 +205,7 @@ def test_a_missing_mesh_is_noted(tmp_path: Path) -> None:
         '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
     )
     path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
-    robot = Robot.load(path, feet={})
+    robot = Robot.load(path, feet={}, base="floating")
     (note,) = robot.notes
     assert "package://toy/none.stl" in note
     assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
@@ -221,7 +221,7 @@ def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path) ->
     for name in ("package://renamed/cube.obj", "package://toy/cube.obj", "cube.obj"):
         mesh = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
         path.write_text(text.replace('<link name="shank">', f'<link name="shank">{mesh}'))
-        robot = Robot.load(path, feet={}, package_dirs=[tmp_path / "elsewhere"])
+        robot = Robot.load(path, feet={}, base="floating", package_dirs=[tmp_path / "elsewhere"])
         assert robot.notes == ()
         assert len(robot.collision_model.geometryObjects) == 1
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
+from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
@@ -123,6 +124,8 @@ _NOTHING = read_only(np.zeros(6))
 def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...]:
     """Return the contacts of a support mode, anchored at ``snapshot`` (paper 5.2).
 
+    Those of a robot whose base is fixed begin with its base, whatever the mode.
+
     Parameters
     ----------
     mode:
@@ -133,17 +136,18 @@ def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...
     UnknownNameError
         A mode, foot or frame that does not exist.
     """
+    frames = list(mode)
     if isinstance(mode, str):
-        feet = _feet_of(mode)
-        return tuple(Contact.hold(snapshot, _sole(snapshot.robot, foot)) for foot in feet)
-    return tuple(Contact.hold(snapshot, frame) for frame in mode)
+        frames = [snapshot.robot.foot(foot).frame for foot in _feet_of(mode)]
+    return base_contact(snapshot) + tuple(Contact.hold(snapshot, frame) for frame in frames)
+
+
+def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:
+    """Return the contact that holds the base where it is; none if the robot's base floats."""
+    return (Contact.hold(snapshot, BASE),) if snapshot.robot.fixed_base else ()
 
 
 def _feet_of(mode: str) -> tuple[str, ...]:
     if mode not in SUPPORTS:
         raise UnknownNameError("support mode", mode, SUPPORTS)
     return {"floating": (), "double": ("left", "right")}.get(mode, (mode,))
-
-
-def _sole(robot: Robot, foot: str) -> str:
-    return robot.foot(foot).frame

@@ -92,6 +92,7 @@ def _robot(choice: str | RobotSpec, folder: Path) -> Robot:
         _located(spec.model, folder),
         locked=spec.locked,
         feet=feet,
+        base=spec.base,
         srdf=None if spec.srdf is None else folder / Path(spec.srdf).expanduser(),
         package_dirs=[folder / Path(name).expanduser() for name in spec.package_dirs or ()],
     )

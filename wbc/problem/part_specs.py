@@ -43,6 +43,9 @@ class RobotSpec(Section):
     """Joints to hold rigid, by name or pattern, and their values [rad or m]."""
     feet: dict[Name, FootSpec] | None = None
     """The feet by name (left, right, ...); guessed from the names of the links if missing."""
+    base: Literal["floating", "fixed"] | None = None
+    """fixed: bolted to the world; left out: fixed if nothing stands and the root link is called
+    world or base."""
     srdf: Name | None = None
     """File with named postures, relative to this file."""
     package_dirs: Names | None = None

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict
 
 from wbc.constraints import Contact, PointContact, support
+from wbc.constraints.contact import base_contact
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import LIST, MAPPING, WORD, Name, Positive, Section, forms
 from wbc.robot import Snapshot
@@ -63,7 +64,8 @@ def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
         if frame in frames[:k]:
             raise Misplaced(f"frame {frame!r} is named twice", k)
     kinds = {"fixed": Contact, "point": PointContact}
-    return tuple(kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
+    held = (kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
+    return base_contact(snapshot) + tuple(held)
 
 
 def slack_by_frame(supports: Iterable[Support | None]) -> dict[str, float]:

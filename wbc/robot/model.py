@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.errors import UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.feet import NO_FEET, FootSpec, find_feet
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import GeometrySource, lock_joints
@@ -27,6 +27,8 @@ from wbc.robot.postures import STANDING, grounded, named_postures, set_joints, s
 from wbc.robot.state import KinematicState
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, read_only
+
+BASES = ("floating", "fixed")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,6 +68,7 @@ class Robot(KinematicTree):
         *,
         locked: Mapping[str, float] | None = None,
         feet: Mapping[str, FootSpec | Mapping[str, Any]] | None = None,
+        base: str | None = None,
         srdf: str | Path | None = None,
         package_dirs: Iterable[str | Path] = (),
         name: str | None = None,
@@ -80,7 +83,10 @@ class Robot(KinematicTree):
         locked:
             Joints to hold rigid, and their values [rad or m]; besides those of a named robot.
         feet:
-            Feet by name; by default those of the library, or a guess from the links' names.
+            Feet by name; by default those of the library, or a guess from names and shapes.
+        base:
+            ``"floating"`` or ``"fixed"``. By default the base is fixed if no feet are found and
+            the root link is called world or base, or is an MJCF body without a free joint.
         srdf:
             File with named postures (``group_state``).
         package_dirs:
@@ -95,8 +101,11 @@ class Robot(KinematicTree):
         UnknownNameError
             Unknown robot, locked joint, or foot link.
         InvalidInputError
-            A locked value outside its joint's limits, or a foot that makes no sense.
+            A locked value outside its joint's limits, a foot that makes no sense, or another
+            word for ``base``.
         """
+        if base not in (None, *BASES):
+            raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")
         found = find_robot(source)
         known = found.known
         folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
@@ -108,8 +117,14 @@ class Robot(KinematicTree):
         states = {**description.states, **(read_states(states_file) if states_file else {})}
         postures, posture_notes = named_postures(limits, pin.neutral(model), states, known)
         specs = _foot_specs(feet, None if known is None else known.feet)
+        if base == "fixed" and specs is None:
+            specs = {}
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
-        if NO_FEET in foot_notes:
+        fixed = base == "fixed" or (base is None and bool(description.bolted) and not soles)
+        if base is None and fixed:
+            reason = f"{description.bolted} and there are no feet"
+            foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
+        elif NO_FEET in foot_notes:
             logging.getLogger(__name__).warning("%s: %s", found.path, NO_FEET)
         if known is None:
             postures[STANDING], note = settled(model, limits, postures[STANDING], soles)
@@ -121,6 +136,7 @@ class Robot(KinematicTree):
             model=model,
             limits=limits,
             feet=soles,
+            fixed_base=fixed,
             postures=postures,
             notes=(known.notes if known else ()) + notes + posture_notes + foot_notes,
             srdf=states_file,

@@ -41,6 +41,9 @@ class KinematicTree:
         Joint limits in velocity order.
     feet:
         Feet by name, such as ``left``; empty if none were found.
+    fixed_base:
+        Whether the base is bolted to the world. It has its place in q and v all the same, and
+        :func:`wbc.constraints.support` holds it there.
     """
 
     name: str
@@ -48,6 +51,7 @@ class KinematicTree:
     model: pin.Model
     limits: Limits
     feet: Mapping[str, Foot]
+    fixed_base: bool
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "feet", MappingProxyType(dict(self.feet)))

@@ -52,6 +52,8 @@ class Description:
         Joints that the file ties to another one, and to which; they must be locked.
     states:
         Named configurations the file holds (MJCF key frames).
+    bolted:
+        Why the root is taken to be bolted to the world unless it has feet; empty if it is not.
     notes:
         What was tolerated, in words.
     """
@@ -62,6 +64,7 @@ class Description:
     geometry: GeometrySource
     coupled: Mapping[str, str] = field(default_factory=dict)
     states: Mapping[str, State] = field(default_factory=dict)
+    bolted: str = ""
     notes: tuple[str, ...] = ()
 
 

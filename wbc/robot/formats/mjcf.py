@@ -84,8 +84,14 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
         geometry=MjcfGeometry(path, complete=not missing),
         coupled=coupled,
         states=dict(_key_frames(model)),
+        bolted="" if _floats(root) else "the root has no free joint",
         notes=notes,
     )
+
+
+def _floats(root: ET.Element) -> bool:
+    joints = root.findall("worldbody/body/*")
+    return any(j.tag == "freejoint" or (j.tag, j.get("type")) == ("joint", "free") for j in joints)
 
 
 def _check_structure(root: ET.Element, path: Path) -> None:

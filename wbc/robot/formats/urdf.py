@@ -22,6 +22,7 @@ from wbc.robot.limits import UNLIMITED
 
 MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
+BOLTED = {"world", "base"}  # a root link of such a name is that of an arm, if nothing stands
 LIMITS = ("lower", "upper", "effort", "velocity")
 _SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
@@ -66,7 +67,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         The document is not one tree of links joined by revolute, continuous, prismatic and fixed
         joints, or a number in it is wrong.
     """
-    joints = _checked_tree(root, path)
+    joints, base = _checked_tree(root, path)
     for link in root.findall("link"):
         _check_inertial(link, f"{path}: link {link.get('name')!r}")
     for joint in joints:
@@ -74,12 +75,14 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     coupled = dict(_coupled_joints(joints))
     notes = resolve_meshes(root, path, package_dirs)
     text = ET.tostring(root, encoding="unicode")
+    floats = any(joint.get("type") == "floating" for joint in joints)
     return Description(
         name=root.get("name", path.stem),
         path=path,
-        model=_build(text, path, floats=any(j.get("type") == "floating" for j in joints)),
+        model=_build(text, path, floats),
         geometry=UrdfGeometry(text, path),
         coupled=coupled,
+        bolted=f"the root link is called {base!r}" if base in BOLTED and not floats else "",
         notes=notes,
     )
 
@@ -93,8 +96,8 @@ def _build(text: str, path: Path, floats: bool) -> pin.Model:
         raise ModelError(f"{path}: Pinocchio cannot read this URDF: {error}") from error
 
 
-def _checked_tree(root: ET.Element, path: Path) -> list[ET.Element]:
-    """Return the joints after checking that they join all links into one tree."""
+def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
+    """Return the joints, which join all links into one tree, and the name of its root."""
     links = [link.get("name", "") for link in root.findall("link")]
     joints = root.findall("joint")
     if not links:
@@ -115,7 +118,7 @@ def _checked_tree(root: ET.Element, path: Path) -> list[ET.Element]:
         named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
         raise ModelError(f"{path}: expected one root link, found {len(roots)} ({named})")
     _check_floating(joints, roots[0], path)
-    return joints
+    return joints, roots[0].get("name", "")
 
 
 def _refuse_repeated(names: list[str], kind: str, path: Path) -> None:

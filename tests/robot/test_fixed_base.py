@@ -1,0 +1,96 @@
+"""Robots bolted to the world: which they are, and that they stay where they are."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc import KinematicController, PositionTask, load_problem, support
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+
+BODY = (
+    '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
+    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
+)
+JOINT = (
+    '<joint name="j{k}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+    '<origin xyz="0 0 {z}"/><axis xyz="{axis}"/>'
+    '<limit lower="-2" upper="2" effort="50" velocity="2"/></joint>'
+)
+
+
+def arm(folder: Path, root: str = "world", floating: bool = False) -> Path:
+    names = [root, "shoulder", "elbow", "wrist"]
+    axes = ["0 0 1", "0 1 0", "0 1 0"]
+    parts = (
+        [f'<link name="{root}"/>'] if root == "world" else [f'<link name="{root}">{BODY}</link>']
+    )
+    parts += [f'<link name="{name}">{BODY}</link>' for name in names[1:]]
+    for k, axis in enumerate(axes):
+        joint = JOINT.format(k=k, parent=names[k], child=names[k + 1], z=0.3 * (k > 0), axis=axis)
+        parts.append(joint.replace("revolute", "floating") if floating and k == 0 else joint)
+    path = folder / "arm.urdf"
+    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    return path
+
+
+def test_a_root_called_world_or_base_is_fixed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for root in ("world", "base"):
+        robot = Robot.load(arm(tmp_path, root))
+        assert robot.fixed_base
+        assert f"root link is called {root!r}" in robot.notes[-1]
+    assert not caplog.records  # a robot that is bolted down needs no feet
+    assert not Robot.load(arm(tmp_path, "pelvis")).fixed_base
+    assert not Robot.load(arm(tmp_path, floating=True)).fixed_base  # the file says that it floats
+    assert not Robot.load("hoap2_like").fixed_base
+
+
+def test_the_base_is_what_is_asked_for(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        assert Robot.load(arm(tmp_path, "pelvis"), base="fixed").fixed_base
+    assert not caplog.records
+    assert not Robot.load(arm(tmp_path), base="floating").fixed_base
+    with pytest.raises(InvalidInputError, match="base: expected floating or fixed, got 'bolted'"):
+        Robot.load(arm(tmp_path), base="bolted")
+
+
+def test_an_mjcf_without_a_free_joint_is_fixed(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    for free, fixed in (("", True), ("<freejoint/>", False)):
+        path.write_text(
+            f'<mujoco model="arm"><worldbody><body name="stand">{free}<geom size="0.1" mass="1"/>'
+            '<body name="link"><joint name="j" axis="0 1 0"/><geom size="0.1" mass="1"/></body>'
+            "</body></worldbody></mujoco>"
+        )
+        assert Robot.load(path).fixed_base == fixed
+
+
+def test_a_fixed_base_stays(tmp_path: Path) -> None:
+    robot = Robot.load(arm(tmp_path))
+    q = robot.posture("neutral", {"j1": 0.4, "j2": 0.5})
+    start = robot.snapshot(q)
+    target = robot.snapshot(robot.posture("neutral", {"j0": 0.5, "j1": 0.7})).position("wrist")
+    task = PositionTask(robot, "wrist", target)
+    controller = KinematicController(robot, [task], contacts=support(start, "floating"), dt=0.01)
+    for _ in range(200):
+        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, 0.01)
+    np.testing.assert_allclose(q[:7], start.q[:7], atol=1e-9)
+    np.testing.assert_allclose(robot.snapshot(q).position("wrist"), target, atol=1e-4)  # m
+
+
+def test_a_problem_file_may_fix_the_base(tmp_path: Path) -> None:
+    arm(tmp_path, "pelvis")
+    path = tmp_path / "reach.yaml"
+    path.write_text(
+        "robot: {model: arm.urdf, base: fixed}\nstart: {joints: {j1: 0.4, j2: 0.5}}\n"
+        "tasks:\n  wrist:\n    {type: frame, frame: wrist, control: position,"
+        " target: {offset: [0.05, 0.1, -0.05]}}\n"
+        "stop: {duration: 2.0}\n"
+    )
+    history = load_problem(path).run().history
+    np.testing.assert_allclose(history.q[-1][:7], history.q[0][:7], atol=1e-9)
+    assert np.ptp(history.q[:, 7:], axis=0).max() > 0.05
