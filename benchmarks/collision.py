@@ -96,7 +96,7 @@ def episode(
         record.ticks += 1
         record.statuses[tick.status.value] += 1
         record.cut += len(tick.qp.l) > min(PAIRS, len(margins.model.pairs))
-        record.shared += tick.share < 1.0
+        record.shared += tick.step_scale < 1.0
         if not tick.ok and len(record.examples) < 3:
             record.examples.append(tick.report())
         gained = (np.abs(tick.velocity) - np.abs(v))[6:] / (limits.acceleration * DT)

@@ -21,7 +21,7 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
-from wbc.tasks.task import Law
+from wbc.tasks.task import Gains
 
 ROBOTS = ("hoap2_like", "g1", "g1_27", "talos", "icub", "romeo")
 SUPPORTS = ("floating", "left", "right", "double")
@@ -48,7 +48,7 @@ def random_tasks(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list
     com = here.com + rng.normal(scale=0.1, size=3)
     place = here.position(frame) + rng.normal(scale=0.3, size=3) * 10 ** rng.uniform(-1, 1)
 
-    def law() -> Law:
+    def law() -> Gains:
         return {"weight": 10 ** rng.uniform(-2, 2), "gain": rng.uniform(0.02, 1)}
 
     second = bool(rng.integers(2))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         SelfCollision,
         support,
     )
-    from wbc.controllers import KinematicController, PseudoInverseController, Tick
+    from wbc.controllers import Controller, KinematicController, Tick
     from wbc.errors import WbcError
     from wbc.motion import Motion, RmpSeries, analyse, read_motion
     from wbc.problem import load_problem
@@ -41,6 +41,7 @@ _HOMES = {
     "AxisTask": "wbc.tasks",
     "ComSupport": "wbc.constraints",
     "ComTask": "wbc.tasks",
+    "Controller": "wbc.controllers",
     "Contact": "wbc.constraints",
     "InertiaTask": "wbc.tasks",
     "KinematicController": "wbc.controllers",
@@ -55,7 +56,6 @@ _HOMES = {
     "PositionTask": "wbc.tasks",
     "PostureTask": "wbc.tasks",
     "PrincipalInertiaTask": "wbc.tasks",
-    "PseudoInverseController": "wbc.controllers",
     "RmpSeries": "wbc.motion",
     "RmpState": "wbc.reduction",
     "Robot": "wbc.robot",
@@ -77,6 +77,7 @@ __all__ = [
     "ComSupport",
     "ComTask",
     "Contact",
+    "Controller",
     "InertiaTask",
     "KinematicController",
     "Limits",
@@ -90,7 +91,6 @@ __all__ = [
     "PositionTask",
     "PostureTask",
     "PrincipalInertiaTask",
-    "PseudoInverseController",
     "RmpSeries",
     "RmpState",
     "Robot",

@@ -1,12 +1,49 @@
-"""From a task's residual to rows of a least-squares cost, at the velocity or acceleration level."""
+"""Laws: from a task's residual to least-squares rows on the velocity at the end of the tick.
+
+The unknown of both control levels begins with that velocity v+, so a task is written once and its
+law says what v+ should do for it: :class:`VelocityLaw` (first order, for the velocity level) or
+:class:`AccelerationLaw` (second order, for the torque level).
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
-from wbc.tasks.task import Residual
-from wbc.validate import Array
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_number
+
+
+class Residual(NamedTuple):
+    """Error of a task at one state and its first derivative: ``rate == jacobian @ v + bias``.
+
+    A named tuple rather than a frozen dataclass: a tick makes a dozen, at a third of the cost.
+
+    Attributes
+    ----------
+    error:
+        (k,) actual minus target.
+    jacobian:
+        (k, nv).
+    bias:
+        (k,) what the error changes by at v = 0: minus the rate of a moving target.
+    curvature:
+        (nv, nv) sum over the rows of weight^2 * error * second derivative of the error, or None:
+        what Gauss-Newton leaves out of the cost's Hessian. Few tasks give it.
+    curvature_bound:
+        A bound on the norm of that sum where it is not given; the law damps by it.
+    """
+
+    error: Array
+    jacobian: Array
+    bias: Array
+    curvature: Array | None = None
+    curvature_bound: float = 0.0
+
+    def rate(self, v: Array) -> Array:
+        """Return the time derivative (k,) of the error at velocity ``v``."""
+        return self.jacobian @ v + self.bias
 
 
 class Rows(NamedTuple):
@@ -15,7 +52,7 @@ class Rows(NamedTuple):
     Attributes
     ----------
     matrix:
-        (k, n).
+        (k, nv), or (k, n) where rows speak of unknowns behind the velocity too.
     target:
         (k,).
     weight:
@@ -23,9 +60,9 @@ class Rows(NamedTuple):
     damping:
         Added to the diagonal of the quadratic cost.
     curvature:
-        (n, n) added to the quadratic cost, possibly indefinite; None for none.
-    singular_below:
-        Singular values of ``matrix`` below which the target is held back; 0 for never.
+        (nv, nv) added to the quadratic cost, possibly indefinite; None for none.
+    singular_threshold:
+        Singular values of ``matrix`` below which the target is reduced; 0 for never.
     rate, bias:
         The target is ``-rate * error - bias``, in [1/s] and (k,); 0 and None for rows that are not
         of this form.
@@ -36,51 +73,129 @@ class Rows(NamedTuple):
     weight: Array
     damping: float = 0.0
     curvature: Array | None = None
-    singular_below: float = 0.0
+    singular_threshold: float = 0.0
     rate: float = 0.0
     bias: Array | None = None
 
 
-def velocity_law(
-    residual: Residual,
-    gain: float,
-    dt: float,
-    weight: Array,
-    lm_damping: float = 0.0,
-    singular_below: float = 0.0,
-) -> Rows:
-    """Return rows asking for ``d(error)/dt = -gain/dt * error``; the unknown is the velocity.
+class Weighted(Protocol):
+    """What a law needs to know of a task besides its residual."""
+
+    name: str
+
+    @property
+    def weight(self) -> Array:
+        """Factors (k,) on the rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityLaw:
+    """First order: ``d(error)/dt = -gain/dt * error``.
 
     A Gauss-Newton step of length ``gain`` towards a target out of reach swings back and forth
     unless its Hessian is above gain/2 of the true one. Hence half of gain times what a task says
     of the curvature left out is added as damping; it fades as the error does.
+
+    Attributes
+    ----------
+    gain:
+        Fraction of the error to remove in one tick, in (0, 1]; 0 only for contacts.
+    gain_per_second:
+        Instead of ``gain``: the rate k [1/s] of an exponential decay, whatever ``dt`` is. In one
+        tick the fraction 1 - exp(-k dt) is removed.
+    lm_damping:
+        Levenberg-Marquardt damping: ``lm_damping * |weight * error|`` is added to the diagonal of
+        the cost. Keeps a task with an unreachable target from chattering round its optimum.
+    singular_threshold:
+        Singular values of the Jacobian below this are singular: along their directions the task
+        asks for less, by (value / this)^2, so that no joint rate above |wanted rate / this| is
+        needed. In the error's unit/s per rad/s; counted are the motions that contacts and more
+        important tasks leave, and that the joints' weights choose. 0 for never. An error that grows
+        meanwhile is asked for when its direction comes back; out of an exactly singular posture
+        only other tasks lead. See :mod:`wbc.controllers.singular`.
+    curvature_damping:
+        Whether the curvature that Gauss-Newton leaves out is damped; False is the plain step of
+        the paper's eq. 38.
     """
-    wanted = (-gain / dt) * residual.error
-    wanted -= residual.bias
-    damping = 0.5 * gain * residual.curvature_bound
-    if lm_damping > 0.0:
-        weighted = weight * residual.error
-        damping += lm_damping * math.sqrt(float(weighted @ weighted))
-    return Rows(
-        residual.jacobian,
-        wanted,
-        weight,
-        damping,
-        residual.curvature,
-        singular_below,
-        gain / dt,
-        residual.bias,
-    )
+
+    gain: float = 0.5
+    lm_damping: float = 0.0
+    singular_threshold: float = 0.0
+    gain_per_second: float | None = None
+    curvature_damping: bool = True
+
+    def __post_init__(self) -> None:
+        finite_number("gain", self.gain, least=0.0)
+        if self.gain > 1.0:
+            raise InvalidInputError(f"gain: {self.gain:g} is above 1 (the whole error in one tick)")
+        if self.gain_per_second is not None:
+            finite_number("gain_per_second", self.gain_per_second, above=0.0)
+        finite_number("lm_damping", self.lm_damping, least=0.0)
+        finite_number("singular_threshold", self.singular_threshold, least=0.0)
+
+    def fraction(self, dt: float) -> float:
+        """Return the fraction of the error that one tick of ``dt`` [s] removes."""
+        if self.gain_per_second is None:
+            return self.gain
+        return -math.expm1(-self.gain_per_second * dt)
+
+    def rows(self, residual: Residual, weight: Array, dt: float) -> Rows:
+        """Return the rows on the velocity: matrix and target as in :class:`Rows`."""
+        gain = self.gain if self.gain_per_second is None else self.fraction(dt)
+        rate = gain / dt
+        target = -rate * residual.error
+        target -= residual.bias
+        damping = 0.5 * gain * residual.curvature_bound if self.curvature_damping else 0.0
+        if self.lm_damping > 0.0:
+            weighted = weight * residual.error
+            damping += self.lm_damping * math.sqrt(float(weighted @ weighted))
+        return Rows(
+            residual.jacobian,
+            target,
+            weight,
+            damping,
+            residual.curvature,
+            self.singular_threshold,
+            rate,
+            residual.bias,
+        )
 
 
-def acceleration_law(
-    residual: Residual, drift: Array, v: Array, kp: float, kd: float, weight: Array
-) -> Rows:
-    """Return rows asking for ``e'' = -kp e - kd e'``; the unknown is the acceleration.
+@dataclass(frozen=True, slots=True)
+class AccelerationLaw:
+    """Second order: ``e'' = -kp e - kd e'``, as rows on the velocity at the end of the tick.
 
-    ``kd = 2 sqrt(kp)`` is critical damping; ``drift`` is e'' at zero acceleration.
+    With e'' = J (v+ - v)/dt + drift the rows are ``J v+ = J v + dt (-kp e - kd e' - drift)``.
+
+    Attributes
+    ----------
+    kp:
+        Stiffness [1/s^2].
+    kd:
+        Damping [1/s]; None for the critical 2 sqrt(kp).
     """
-    wanted = -kp * residual.error
-    wanted -= kd * residual.rate(v)
-    wanted -= drift
-    return Rows(residual.jacobian, wanted, weight)
+
+    kp: float = 100.0
+    kd: float | None = None
+
+    def __post_init__(self) -> None:
+        finite_number("kp", self.kp, least=0.0)
+        if self.kd is not None:
+            finite_number("kd", self.kd, least=0.0)
+
+    def rows(self, residual: Residual, drift: Array, v: Array, weight: Array, dt: float) -> Rows:
+        """Return the rows on v+.
+
+        Parameters
+        ----------
+        drift:
+            (k,) e'' at zero acceleration of v.
+        v:
+            (nv,) measured velocity.
+        """
+        kd = 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
+        moving = residual.jacobian @ v
+        wanted = -self.kp * residual.error
+        wanted -= kd * (moving + residual.bias)
+        wanted -= drift
+        return Rows(residual.jacobian, moving + dt * wanted, weight)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.constraints.support_polygon import support_polygon
+from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
 from wbc.rmp.axes import GAP, SAME_AXIS, Bools, follow, told_apart, turning_rate

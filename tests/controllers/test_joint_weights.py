@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import null_space
 
 from wbc.constraints import support
-from wbc.controllers import KinematicController, PseudoInverseController
+from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask
@@ -35,7 +35,9 @@ def test_without_contacts_it_is_the_weighted_pseudo_inverse(
         # ProxQP stops at about 1e-9 in the slope of the cost; the baseline has no such end.
         slope = DAMPING * M * (controller.step(here).velocity - expected)
         np.testing.assert_allclose(slope, 0.0, atol=1e-8)
-        baseline = PseudoInverseController(robot, [task], joint_weights=M, damping=DAMPING)
+        baseline = KinematicController(
+            robot, [task], joint_weights=M, damping=DAMPING, solver="pseudo_inverse"
+        )
         np.testing.assert_allclose(baseline.step(here).velocity, expected, atol=1e-9)
 
 
@@ -58,7 +60,7 @@ def test_in_the_motions_that_contacts_leave(
     settings = {"contacts": support(here, mode), "joint_weights": M, "damping": DAMPING}
     tick = KinematicController(robot, [task], formulation=formulation, **settings).step(here)
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-5)
-    tick = PseudoInverseController(robot, [task], **settings).step(here)
+    tick = KinematicController(robot, [task], solver="pseudo_inverse", **settings).step(here)
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-9)
 
 

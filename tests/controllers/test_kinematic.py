@@ -232,7 +232,7 @@ def test_parts_are_checked_before_anything_moves(robot_named: Load) -> None:
         KinematicController(robot_named("talos"), [com])
     with pytest.raises(InvalidInputError, match="another robot"):
         KinematicController(robot, [com], limits=Limits(robot_named("talos")))
-    with pytest.raises(InvalidInputError, match="another robot"):
+    with pytest.raises(InvalidInputError, match="expected a snapshot of hoap2_like"):
         talos = robot_named("talos")
         KinematicController(robot, [com]).step(talos.snapshot(talos.posture("standing")))
     with pytest.raises(UnknownNameError, match="did you mean 'reduced'"):

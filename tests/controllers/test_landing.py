@@ -6,7 +6,7 @@ import pytest
 from wbc.constraints import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import KinematicController
-from wbc.controllers.landing import ROUNDS
+from wbc.controllers.look_ahead import ROUNDS
 from wbc.robot import Robot
 from wbc.tasks import PostureTask
 
@@ -29,10 +29,10 @@ class Slow(Constraint):
         nothing = np.zeros((1, self.robot.nv))
         return Bounds(("nothing",), nothing, np.array([-1.0]), np.array([1.0]))
 
-    def doubts(self, rows, v, dt) -> bool:
+    def may_violate(self, rows, v, dt) -> bool:
         return True
 
-    def cuts(self, there, v, dt, rows) -> Bounds | None:
+    def cutting_planes(self, there, v, dt, rows) -> Bounds | None:
         k = int(np.argmax(np.abs(v)))
         self.tried.append(float(np.abs(v[k])))
         np.testing.assert_allclose(there.robot.difference(self.start, there.q), v * dt, atol=1e-12)
@@ -64,7 +64,7 @@ def test_cuts_are_added_until_the_place_is_good(robot) -> None:
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok
-    assert tick.share == 1.0
+    assert tick.step_scale == 1.0
     assert len(constraint.tried) == 2
     assert constraint.tried[0] > 0.6
     assert np.abs(tick.velocity).max() == pytest.approx(0.5, abs=1e-6)
@@ -80,8 +80,8 @@ def test_where_cuts_are_in_vain_a_part_is_commanded(robot) -> None:
     constraint.start = here.q
     tick = control.step(here)
     assert tick.ok
-    assert 0.0 < tick.share < 1.0
-    np.testing.assert_allclose(tick.velocity, tick.share * tick.solution.x)
+    assert 0.0 < tick.step_scale < 1.0
+    np.testing.assert_allclose(tick.velocity, tick.step_scale * tick.solution.x)
     assert np.abs(tick.velocity).max() <= 0.5 + 1e-9
     assert len(tick.qp.l) == 1 + ROUNDS
 
@@ -93,5 +93,5 @@ def test_where_nothing_moves_nothing_is_broken(robot) -> None:
     here = robot.snapshot(robot.posture("standing"))
     constraint.start = here.q
     tick = control.step(here)
-    assert tick.share == 0.0
+    assert tick.step_scale == 0.0
     assert not tick.velocity.any()

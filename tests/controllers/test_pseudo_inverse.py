@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Limits, support
-from wbc.controllers import KinematicController, PseudoInverseController
+from wbc.controllers import KinematicController
 from wbc.tasks import ComTask, InertiaTask
 
 
@@ -13,7 +13,9 @@ def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.5}))
     task = InertiaTask(robot, here.inertia * 1.001, gain=0.1)
-    tick = PseudoInverseController(robot, [task], dt=0.005, damping=1e-12).step(here)
+    tick = KinematicController(
+        robot, [task], dt=0.005, damping=1e-12, solver="pseudo_inverse"
+    ).step(here)
     residual = task.residual(here)
     J, wanted = residual.jacobian, -0.1 / 0.005 * residual.error
     damping = 1e-12 + 0.05 * residual.curvature_bound  # the controller's, and gain/2 of the task's
@@ -28,7 +30,7 @@ def test_without_active_limits_it_is_the_qp(mode: str, robot_named, rng) -> None
     tasks = [ComTask(robot, here.com + [0.001, 0, 0]), InertiaTask(robot, here.inertia, weight=0.1)]
     same = {"contacts": support(here, mode), "limits": Limits(robot), "damping": 1e-3}
     by_qp = KinematicController(robot, tasks, **same).step(here)
-    baseline = PseudoInverseController(robot, tasks, **same).step(here)
+    baseline = KinematicController(robot, tasks, solver="pseudo_inverse", **same).step(here)
     np.testing.assert_allclose(baseline.velocity, by_qp.velocity, atol=1e-6)
     assert baseline.solution.residuals.dual < 1e-6
 
@@ -38,7 +40,7 @@ def test_clipping_is_not_the_optimum_and_says_so(robot_named) -> None:
     here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
     tasks = [ComTask(robot, here.com + [0.1, 0, 0.1])]
     same = {"contacts": support(here, "double"), "limits": Limits(robot), "damping": 1e-4}
-    baseline = PseudoInverseController(robot, tasks, **same).step(here)
+    baseline = KinematicController(robot, tasks, solver="pseudo_inverse", **same).step(here)
     by_qp = KinematicController(robot, tasks, **same).step(here)
     residuals = baseline.solution.residuals
     assert max(residuals.primal, residuals.dual, residuals.complementarity) > 1e-3

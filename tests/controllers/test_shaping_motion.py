@@ -154,7 +154,7 @@ def test_what_the_start_breaks_is_excused_and_nothing_else(robot_named) -> None:
     for k, height_lost in enumerate((0.0, 0.1, 0.16)):
         down[k][2] -= height_lost
     touching[2] = down[1][2]
-    assert float(bodies.gaps(robot.snapshot(touching)).room.min()) > -0.15
+    assert float(bodies.distances(robot.snapshot(touching)).clearance.min()) > -0.15
 
     def first_broken(*configurations: np.ndarray) -> str:
         states = [robot.snapshot(one) for one in configurations]

@@ -17,7 +17,7 @@ from wbc.constraints import (
     SelfCollision,
     support,
 )
-from wbc.constraints.clearance import Clearance
+from wbc.constraints.margin import Margin
 from wbc.controllers.shaping import GlobalShaping, NoPostureError, separation
 from wbc.controllers.shaping.nlp import build_nlp
 from wbc.controllers.shaping.planes import UNKNOWNS, Corners, plane_rows
@@ -323,7 +323,7 @@ def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:
         shaping_of(robot, [small(robot)], mine)
 
     class Silent(PositionBox):
-        symbolic_rows = Clearance.symbolic_rows
+        symbolic_rows = Margin.symbolic_rows
 
     box = Silent.height(robot, 0.1)
     with pytest.raises(InvalidInputError, match="'box of base' is a Silent, of which no rows"):

@@ -8,7 +8,7 @@ from scipy.linalg import null_space
 
 from wbc.constraints import support
 from wbc.controllers import KinematicController, Tick
-from wbc.controllers.singular import filtered
+from wbc.controllers.singular import reduce_singular
 from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot
@@ -26,7 +26,7 @@ def random_rows(rng, sizes: Sequence[int], nv: int) -> list[Rows]:
             common[:k] + 10.0 ** rng.uniform(-6, 1) * rng.normal(size=(k, nv)),
             rng.normal(size=k),
             10.0 ** rng.uniform(-2, 2) * rng.uniform(0.5, 2.0, k),
-            singular_below=10.0 ** rng.uniform(-2, 0),
+            singular_threshold=10.0 ** rng.uniform(-2, 0),
         )
         for k in sizes
     ]
@@ -43,18 +43,18 @@ def test_what_is_asked_for_needs_no_more_than_the_wanted_rate_over_the_threshold
         rows = random_rows(rng, (2, 3, 1), nv)
         C, c = rng.normal(size=(4, nv)), rng.normal(size=4)
         root = np.exp(rng.normal() + 0.5 * rng.normal(size=nv))
-        out, found = filtered(rows, [Rows(C, c, np.ones(4))], root)
+        out, found = reduce_singular(rows, [Rows(C, c, np.ones(4))], root)
         metric = np.concatenate([row.matrix for row in rows]) / root
         free = null_space(C / root)
         J = metric @ free
         brought = metric @ np.linalg.pinv(C / root) @ c
         asked, wanted = (np.concatenate([row.target for row in rs]) - brought for rs in (out, rows))
         motion = np.linalg.pinv(J, rcond=1e-9) @ asked
-        least = np.concatenate([np.full(row.target.size, row.singular_below) for row in rows])
+        least = np.concatenate([np.full(row.target.size, row.singular_threshold) for row in rows])
         joints = free @ motion / root
         assert np.linalg.norm(joints) <= np.linalg.norm(wanted / least) * (1 + 1e-6)
         np.testing.assert_allclose(J @ motion, asked, atol=1e-5)  # all of it can be done
-        lost = [found[k].withheld for k in range(3) if found[k].withheld is not None]
+        lost = [found[k].rate_reduction for k in range(3) if found[k].rate_reduction is not None]
         if lost:
             changed += 1
             np.testing.assert_allclose(np.concatenate(lost), wanted - asked, atol=1e-12)
@@ -72,11 +72,11 @@ def test_what_held_rows_bring_about_is_not_asked_for(rng) -> None:
     V, inverse, _ = np.linalg.svd((free @ np.linalg.pinv(metric @ free) / root[:, None]).T)
     U, s = V[:, ::-1], 1.0 / inverse[::-1]
     threshold = 0.5 * (s[0] + s[1])
-    row = row._replace(singular_below=threshold)
-    _, found = filtered([row], [Rows(C, c, np.ones(3))], root)
+    row = row._replace(singular_threshold=threshold)
+    _, found = reduce_singular([row], [Rows(C, c, np.ones(3))], root)
     missing = row.target - metric @ np.linalg.pinv(C / root) @ c
     lost = U @ ((1.0 - np.minimum(1.0, s / threshold) ** 2) * (U.T @ missing))
-    np.testing.assert_allclose(found[0].withheld, lost, atol=1e-12)
+    np.testing.assert_allclose(found[0].rate_reduction, lost, atol=1e-12)
 
 
 def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
@@ -90,7 +90,7 @@ def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
 
     def step(yaw: float, pitch: float) -> Tick:
         tasks = [
-            PositionTask(robot, frame, STILL, singular_below=least, name=frame)
+            PositionTask(robot, frame, STILL, singular_threshold=least, name=frame)
             for frame, least in zip(places, (yaw, pitch), strict=True)
         ]
         for task, sign in zip(tasks, (1, -1), strict=True):
@@ -99,10 +99,10 @@ def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
 
     alone, both = step(0.0, 0.06), step(0.06, 0.06)
     assert min(one.least for one in both.singular.values()) > 0.06
-    assert alone.singular["left_wrist_pitch_link"].withheld is None
+    assert alone.singular["left_wrist_pitch_link"].rate_reduction is None
     assert np.abs(alone.velocity).max() > 9.0
     assert np.abs(both.velocity).max() < 0.5 * np.abs(alone.velocity).max()
-    assert all(one.withheld is not None for one in both.singular.values())
+    assert all(one.rate_reduction is not None for one in both.singular.values())
 
 
 def test_tasks_that_contradict_each_other_settle_by_their_weights(robot_named: Load) -> None:
@@ -113,7 +113,7 @@ def test_tasks_that_contradict_each_other_settle_by_their_weights(robot_named: L
     tasks = [
         PositionTask(
             robot, "left_wrist_yaw_link", place + [0.01 * sign, 0, 0], name=name,
-            weight=weight, singular_below=0.02,
+            weight=weight, singular_threshold=0.02,
         )
         for name, sign, weight in (("a", 1.0, 1.0), ("b", -1.0, 3.0))
     ]  # fmt: skip
@@ -126,7 +126,7 @@ def test_tasks_that_contradict_each_other_settle_by_their_weights(robot_named: L
 def test_a_level_that_holds_nothing_and_one_that_holds_everything(robot_named: Load) -> None:
     robot = robot_named("g1_27")
     here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
-    com = ComTask(robot, here.com, priority=1, singular_below=0.08)
+    com = ComTask(robot, here.com, priority=1, singular_threshold=0.08)
     nothing = PostureTask(robot, here.q, weight=0.0)
     tick = KinematicController(robot, [nothing, com]).step(here)
     least = np.linalg.svd(here.com_jacobian, compute_uv=False)[-1]
@@ -141,11 +141,11 @@ def test_a_level_that_holds_nothing_and_one_that_holds_everything(robot_named: L
 
 def test_a_threshold_is_not_negative(robot_named: Load) -> None:
     robot = robot_named("g1_27")
-    with pytest.raises(InvalidInputError, match=r"'com', singular_below: must be at least 0"):
-        ComTask(robot, np.zeros(3), singular_below=-0.1)
-    com = ComTask(robot, np.zeros(3), singular_below=0.1)
-    with pytest.raises(InvalidInputError, match=r"'com', singular_below: must be finite"):
-        com.singular_below = np.nan
-    assert com.singular_below == 0.1
-    with pytest.raises(InvalidInputError, match=r"'posture', singular_below"):
-        PostureTask(robot, robot.posture("standing"), singular_below=np.nan)
+    with pytest.raises(InvalidInputError, match=r"'com', singular_threshold: must be at least 0"):
+        ComTask(robot, np.zeros(3), singular_threshold=-0.1)
+    com = ComTask(robot, np.zeros(3), singular_threshold=0.1)
+    with pytest.raises(InvalidInputError, match=r"'com', singular_threshold: must be finite"):
+        com.singular_threshold = np.nan
+    assert com.singular_threshold == 0.1
+    with pytest.raises(InvalidInputError, match=r"'posture', singular_threshold"):
+        PostureTask(robot, robot.posture("standing"), singular_threshold=np.nan)

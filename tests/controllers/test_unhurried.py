@@ -5,7 +5,7 @@ import pytest
 
 from wbc.constraints import Contact, Limits, support
 from wbc.controllers import KinematicController
-from wbc.controllers.braking import SHARE
+from wbc.controllers.braking import ACCELERATION_SHARE
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
 
@@ -23,7 +23,7 @@ def bounded(robot: Robot, acceleration: float | None = 10.0) -> Limits:
 
 def stopping(way: float, acceleration: float) -> float:
     """Return u with u dt + u^2 / (2 a) = way for the part of a that tasks count on."""
-    return float(np.roots([0.5 / (SHARE * acceleration), DT, -way]).max())
+    return float(np.roots([0.5 / (ACCELERATION_SHARE * acceleration), DT, -way]).max())
 
 
 def moved(robot: Robot, rng: np.random.Generator, size: float) -> np.ndarray:

@@ -14,9 +14,9 @@ support: double
 limits: none
 controller: {method: METHOD, damping: 1e-6, joint_weights: {"*": 2, "*wrist*": 10, base: 100}}
 tasks:
-  com: {type: com, target: {offset: [0, 0, 0.1]}, ramp: 1.0, weight: 10, singular_below: 0.08}
-  posture: {type: posture, target: start, weight: 0.01, gain: 0.1, singular_below: 0.001}
-  still: {type: momentum, weight: 1e-4, singular_below: 0.01}
+  com: {type: com, target: {offset: [0, 0, 0.1]}, ramp: 1.0, weight: 10, singular_threshold: 0.08}
+  posture: {type: posture, target: start, weight: 0.01, gain: 0.1, singular_threshold: 0.001}
+  still: {type: momentum, weight: 1e-4, singular_threshold: 0.01}
 stop: {duration: 1.5, speed: null}
 """
 
@@ -35,18 +35,18 @@ def test_both_reach_the_controller(tmp_path: Path, method: str) -> None:
     names = parts.robot.joint_names
     expected = [100.0] * 6 + [10.0 if "wrist" in name else 2.0 for name in names]
     np.testing.assert_array_equal(controller.joint_weights, expected)
-    assert [task.singular_below for task in parts.tasks] == [0.08, 0.001, 0.01]
+    assert [task.singular_threshold for task in parts.tasks] == [0.08, 0.001, 0.01]
     assert controller.step(start).singular.keys() == {"com", "posture", "still"}
 
 
 def test_joints_do_not_race_towards_a_height_out_of_reach(tmp_path: Path) -> None:
     """A plain text without joint weights; the only difference between the runs is the threshold."""
-    text = TEXT.replace("METHOD", "qp").replace(", singular_below: 0.001", "")
+    text = TEXT.replace("METHOD", "qp").replace(", singular_threshold: 0.001", "")
     text = text.replace('joint_weights: {"*": 2, "*wrist*": 10, base: 100}', "dt: 0.005")
-    text = text.replace("  still: {type: momentum, weight: 1e-4, singular_below: 0.01}\n", "")
+    text = text.replace("  still: {type: momentum, weight: 1e-4, singular_threshold: 0.01}\n", "")
     fastest = {}
     for least in (0.0, 0.08):
-        result = load(tmp_path, text, **{"tasks.com.singular_below": least}).run()
+        result = load(tmp_path, text, **{"tasks.com.singular_threshold": least}).run()
         assert not result.failures
         fastest[least] = np.abs(result.history.v[:, 6:]).max()
     assert fastest[0.08] < 0.5 * fastest[0.0]
@@ -57,8 +57,8 @@ def test_joints_do_not_race_towards_a_height_out_of_reach(tmp_path: Path) -> Non
     [
         ("controller.joint_weights", {"*wirst*": 2}, "unknown joint '*wirst*'"),
         ("controller.joint_weights", {"base": 0}, "greater than 0"),
-        ("tasks.com.singular_below", -0.1, "must be at least 0"),
-        ("tasks.still.singular_below", "small", "number"),
+        ("tasks.com.singular_threshold", -0.1, "must be at least 0"),
+        ("tasks.still.singular_threshold", "small", "number"),
     ],
 )
 def test_mistakes_have_their_lines(tmp_path: Path, key: str, value: object, said: str) -> None:

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from wbc.laws import acceleration_law, velocity_law
+from wbc.errors import InvalidInputError
+from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.tasks import ComTask
-from wbc.tasks.task import Residual
 
 
 def test_velocity_law_removes_the_gain_in_one_tick(robot, rng, random_snapshot) -> None:
     here = random_snapshot(robot, rng)
     task = ComTask(robot, here.com + [0.01, -0.02, 0.03], gain=0.25)
     dt = 1e-4
-    rows = velocity_law(task.residual(here), task.gain, dt, task.weight)
+    rows = task.law.rows(task.residual(here), task.weight, dt)
     v = np.linalg.pinv(rows.matrix) @ rows.target
     there = robot.snapshot(robot.integrate(here.q, v, dt))
     before, after = task.residual(here).error, task.residual(there).error
@@ -24,29 +24,66 @@ def test_velocity_law_follows_a_moving_target(robot, rng, random_snapshot) -> No
     task = ComTask(robot, here.com)
     rate = np.array([0.1, 0.2, -0.3])
     task.set_target(here.com, rate)
-    rows = velocity_law(task.residual(here), 0.5, 0.005, task.weight)
+    rows = VelocityLaw(0.5).rows(task.residual(here), task.weight, 0.005)
     np.testing.assert_allclose(rows.target, rate)
 
 
 def test_lm_damping_is_proportional_to_the_weighted_error() -> None:
     residual = Residual(np.array([3.0, 4.0]), np.eye(2), np.zeros(2))
-    rows = velocity_law(residual, 1.0, 1.0, np.array([2.0, 2.0]), lm_damping=0.1)
+    rows = VelocityLaw(1.0, lm_damping=0.1).rows(residual, np.array([2.0, 2.0]), 1.0)
     assert rows.damping == pytest.approx(1.0)
-    assert velocity_law(residual, 1.0, 1.0, np.ones(2)).damping == 0.0
+    assert VelocityLaw(1.0).rows(residual, np.ones(2), 1.0).damping == 0.0
 
 
 def test_acceleration_law_makes_a_damped_oscillator() -> None:
     """Oracle: the closed form of e'' = -kp e - kd e' with kd = 2 sqrt(kp)."""
     kp, dt = 100.0, 1e-5
-    kd = 2 * np.sqrt(kp)
     e, v, drift = np.array([1.0]), np.array([0.5]), np.array([0.7])
     t_end = 0.1
     for _ in range(round(t_end / dt)):
-        rows = acceleration_law(Residual(e, np.eye(1), np.zeros(1)), drift, v, kp, kd, np.ones(1))
-        a = rows.target + drift  # the plant adds the drift that the law has taken off
-        v = v + dt * a
+        rows = AccelerationLaw(kp).rows(
+            Residual(e, np.eye(1), np.zeros(1)), drift, v, np.ones(1), dt
+        )
+        v = rows.target + dt * drift  # the plant adds the drift that the law has taken off
         e = e + dt * v
     w = np.sqrt(kp)
     expected = (1.0 + (0.5 + w * 1.0) * t_end) * np.exp(-w * t_end)
     # Semi-implicit Euler of step 1e-5 over 0.1 s: error of order w^2 dt t = 1e-4.
     assert e[0] == pytest.approx(expected, abs=2e-4)
+
+
+def test_acceleration_law_damps_the_rate_of_the_error_not_of_the_point() -> None:
+    """A target that moves along: at its place and at its rate nothing is asked for."""
+    moving = Residual(np.zeros(1), np.eye(1), np.array([-0.3]))
+    rows = AccelerationLaw(100.0).rows(moving, np.zeros(1), np.array([0.3]), np.ones(1), 0.002)
+    np.testing.assert_allclose(rows.target, 0.3)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
+def test_a_gain_per_second_means_the_same_at_every_step(dt: float) -> None:
+    """Oracle: exp(-k t), met exactly at the end of every tick."""
+    e, law = np.array([1.0]), VelocityLaw(gain_per_second=8.0)
+    for _ in range(round(0.2 / dt)):
+        e = e + dt * law.rows(Residual(e, np.eye(1), np.zeros(1)), np.ones(1), dt).target
+    assert e[0] == pytest.approx(np.exp(-8.0 * 0.2), rel=1e-12)
+
+
+def test_the_plain_step_of_eq_38_has_no_curvature_damping() -> None:
+    residual = Residual(np.ones(2), np.eye(2), np.zeros(2), curvature_bound=3.0)
+    assert VelocityLaw(1.0).rows(residual, np.ones(2), 0.01).damping == pytest.approx(1.5)
+    plain = VelocityLaw(1.0, curvature_damping=False).rows(residual, np.ones(2), 0.01)
+    assert plain.damping == 0.0
+    np.testing.assert_allclose(0.01 * plain.target, -residual.error)
+
+
+def test_laws_are_checked_where_they_are_given(robot) -> None:
+    for bad in ({"gain": 0.0}, {"gain": 1.5}, {"gain_per_second": 0.0}, {"kp": -1.0}):
+        (name,) = bad
+        with pytest.raises(InvalidInputError, match=f"task 'com', {name}"):
+            ComTask(robot, np.zeros(3), **bad)
+    with pytest.raises(InvalidInputError, match="gain or gain_per_second, not both"):
+        ComTask(robot, np.zeros(3), gain=0.5, gain_per_second=3.0)
+    task = ComTask(robot, np.zeros(3), gain_per_second=3.0, kp=50.0)
+    task.gain = 0.25
+    assert task.law == VelocityLaw(0.25)
+    assert task.acceleration_law == AccelerationLaw(50.0)

@@ -95,7 +95,7 @@ def test_a_refused_rotation_leaves_the_old_one(robot_named: Callable[[str], Robo
 def test_misspelt_keywords_are_refused(robot_named: Callable[[str], Robot]) -> None:
     robot = robot_named("hoap2_like")
     for make in (ComTask, InertiaTask, MomentumTask, PrincipalInertiaTask):
-        with pytest.raises(TypeError, match="gian"):
+        with pytest.raises(UnknownNameError, match="'gian'; did you mean 'gain'"):
             make(robot, np.ones(6 if make is MomentumTask else 3), gian=0.3)
 
 
@@ -121,3 +121,11 @@ def test_assigning_is_setting_with_its_checks(robot_named: Callable[[str], Robot
     with pytest.raises(InvalidInputError):
         com.set_target([0, 0, 2], [0.9, 0, 0], [NAN, 0, 0])
     assert com.target_rate.tolist() == [0, 0, 0]
+
+
+def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -> None:
+    task = ComTask(robot_named("hoap2_like"), np.zeros(3))
+    with pytest.raises(InvalidInputError, match="no attribute 'wieght'; did you mean 'weight'"):
+        task.wieght = 5.0
+    task.weight = 5.0
+    assert (task.weight == 5.0).all()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from wbc.constraints.clearance import SKIN, USED, Approach, Clearance
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, SeparatedPairs, picked
+from wbc.constraints.margin import SKIN, USED, BrakingParameters, Margin
+from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
 
-class SelfCollision(Clearance):
+class SelfCollision(Margin):
     """Keep the robot's bodies ``margin`` apart.
 
     Parameters
@@ -33,8 +33,8 @@ class SelfCollision(Clearance):
         the margin when standing are left out; :attr:`excluded` names them and all others.
     model:
         Bodies and pairs made elsewhere, instead of ``fit``, ``include`` and ``exclude``.
-    approach, limits:
-        See :class:`~wbc.constraints.clearance.Clearance`.
+    braking, limits:
+        See :class:`~wbc.constraints.margin.Margin`.
 
     Attributes
     ----------
@@ -59,10 +59,10 @@ class SelfCollision(Clearance):
         include: Iterable[tuple[str, str]] = (),
         exclude: Iterable[tuple[str, str]] = (),
         model: CollisionModel | None = None,
-        approach: Approach | None = None,
+        braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, "self-collision", approach, limits)
+        super().__init__(robot, "self-collision", braking, limits)
         self.margin = finite_number("self-collision, margin", margin, least=0.0)
         if pairs < 1:
             raise InvalidInputError(f"self-collision, pairs: at least 1, got {pairs}")
@@ -79,28 +79,28 @@ class SelfCollision(Clearance):
             raise InvalidInputError("self-collision: the model was made for another robot object")
         self.model = model
 
-    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the nearest pairs, or those given by their numbers."""
         model = self.model
         found = (
             model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
         )
-        room = found.distance - (self.margin + SKIN)
-        return Gaps(found.pairs, room, model.rows(snapshot, found), None, found)
+        clearance = found.distance - (self.margin + SKIN)
+        return Distances(found.pairs, clearance, model.rows(snapshot, found), None, found)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""
         return SeparatedPairs(self.model, self.margin + SKIN, {})
 
-    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+    def labels(self, distances: Distances) -> tuple[str, ...]:
         """Return labels such as ``"left_hand vs pelvis"``."""
         every = self.model.labels
-        return every if gaps.keys.size == len(every) else picked(every, gaps.keys)
+        return every if distances.keys.size == len(every) else take(every, distances.keys)
 
-    def bend(self, gaps: Gaps, step: Array) -> Array:
+    def curvature_bound(self, distances: Distances, step: Array) -> Array:
         """See :meth:`wbc.robot.collision.CollisionModel.tight_curvature_bound`."""
-        if gaps.found is None:
-            return self.model.curvature_bound(gaps.keys, step)
-        left = gaps.room + gaps.matrix @ step
+        if distances.found is None:
+            return self.model.curvature_bound(distances.keys, step)
+        left = distances.clearance + distances.jacobian @ step
         left += USED
-        return self.model.tight_curvature_bound(gaps.found, step, left)
+        return self.model.tight_curvature_bound(distances.found, step, left)

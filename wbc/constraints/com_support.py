@@ -1,4 +1,4 @@
-"""The CoM kept over the support polygon."""
+"""The CoM kept over the support polygon: what the soles that stand span, seen from above."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.constraints.clearance import SKIN, Approach, Clearance, point_bend
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, SymbolicRows, picked
-from wbc.constraints.support_polygon import support_polygon
+from wbc.constraints.margin import SKIN, BrakingParameters, Margin, point_curvature_bound
+from wbc.constraints.rows import Distances, Index, SymbolicRows, take
 from wbc.errors import InvalidInputError
 from wbc.polygon import convex_hull
 from wbc.robot import Robot, Snapshot
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 COM_BRAKING = 1.0  # m/s^2: what the ground lets a humanoid's CoM do
 
 
-class ComSupport(Clearance):
+class ComSupport(Margin):
     """Keep the CoM's projection inside a polygon on the ground, ``margin`` from its edges.
 
     Outside, or nearer to an edge than the margin, the CoM is brought back as a body is out of a
@@ -35,7 +34,7 @@ class ComSupport(Clearance):
         Corners (k, 2) [m], world x and y, in any order; see :meth:`over`.
     margin:
         Distance kept from the edges [m].
-    approach:
+    braking:
         By default with a deceleration of 1 m/s^2.
 
     Raises
@@ -50,10 +49,10 @@ class ComSupport(Clearance):
         polygon: ArrayLike,
         *,
         margin: float = 0.01,
-        approach: Approach | None = None,
+        braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, "com support", approach or Approach(braking=COM_BRAKING), limits)
+        super().__init__(robot, "com support", braking or BrakingParameters(COM_BRAKING), limits)
         self.margin = finite_number("com support, margin", margin, least=0.0)
         self.set_polygon(polygon)
 
@@ -85,20 +84,50 @@ class ComSupport(Clearance):
         self._names = tuple(f"com vs support edge {k}" for k in range(len(corners)))
         self._keys = np.arange(len(corners))
 
-    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the distances of the CoM from the edges."""
-        room = self._inward @ snapshot.com[:2] - self._offsets - SKIN
-        return Gaps(self._keys, room, self._inward @ snapshot.com_jacobian[:2], None)
+        clearance = self._inward @ snapshot.com[:2] - self._offsets - SKIN
+        return Distances(self._keys, clearance, self._inward @ snapshot.com_jacobian[:2], None)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows:
         """Return one row for each edge."""
         value = posture.com[:2].T @ self._inward.T
         return SymbolicRows(value.T, self._offsets + SKIN, np.full(len(self.corners), np.inf))
 
-    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+    def labels(self, distances: Distances) -> tuple[str, ...]:
         """Return labels such as ``"com vs support edge 2"``: from corner 2 to corner 3."""
-        return picked(self._names, gaps.keys)
+        return take(self._names, distances.keys)
 
-    def bend(self, gaps: Gaps, step: Array) -> Array:
-        """Return how far the CoM may end beside its linear prediction."""
-        return point_bend(gaps, step)
+    def curvature_bound(self, distances: Distances, step: Array) -> Array:
+        """Bound how far the CoM ends beside its linear prediction."""
+        return point_curvature_bound(distances, step)
+
+
+def support_polygon(snapshot: Snapshot, feet: Iterable[str]) -> Array:
+    """Return the corners (k, 2) [m] of the hull of the feet's soles, counter-clockwise, read-only.
+
+    World x and y of the soles' corners, wherever the soles are: whether a foot touches the ground
+    is the caller's knowledge.
+
+    Parameters
+    ----------
+    feet:
+        Feet that stand, such as ``("left", "right")``.
+
+    Raises
+    ------
+    UnknownNameError
+        The robot has no such foot.
+    InvalidInputError
+        No feet at all.
+    """
+    robot = snapshot.robot
+    names = (feet,) if isinstance(feet, str) else tuple(feet)
+    if not names:
+        raise InvalidInputError("feet: name at least one foot that stands on the ground")
+    corners = []
+    for name in names:
+        foot = robot.foot(name)
+        R, p = snapshot.rotation(foot.frame), snapshot.position(foot.frame)
+        corners.append(foot.polygon @ R[:2, :2].T + p[:2])
+    return read_only(convex_hull(np.concatenate(corners)))

@@ -1,25 +1,26 @@
-"""Frames that are held where they are: the robot's support.
+"""Contacts: tasks that are met exactly, such as soles held on the ground.
 
-A contact gives equality rows ``J v = -gain/dt * error``: the frame must not move, and what little
-it has drifted from its anchor is taken back. The anchor is given once, by the caller.
+A contact is a task whose rows become equality rows ``J v = -gain/dt * error`` of the QP instead of
+a cost. The anchor is given once, by the caller. Any other task may be held the same way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import UnknownNameError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Residual
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.tasks.task import LawKeywords, Task
+from wbc.validate import Array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -27,20 +28,25 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 SUPPORTS = ("floating", "left", "right", "double")
 
 
-class Contact:
+class Contact(Task):
     """A frame held in position and orientation (six rows: x y z rx ry rz).
+
+    Its rows are met exactly: the frame must not move, and what little it has drifted from its
+    anchor is taken back.
 
     Parameters
     ----------
     frame:
-        The held frame, for instance ``"left_sole"``.
+        The held frame, for instance ``"left_sole"``; also the contact's name.
     position, rotation:
         Its anchor in the world: (3,) [m] and (3, 3).
     gain:
         Fraction of the drift from the anchor that is taken back in one tick, in [0, 1].
     """
 
-    rows: tuple[str, ...] = AXES + TURNS
+    ROWS: tuple[str, ...] = AXES + TURNS
+    _kind = "contact"
+    _may_rest = True
 
     def __init__(
         self,
@@ -48,35 +54,24 @@ class Contact:
         frame: str,
         position: ArrayLike,
         rotation: ArrayLike,
-        *,
-        gain: float = 0.5,
+        **law: Unpack[LawKeywords],
     ) -> None:
         robot.frame_id(frame)
-        what = f"contact {frame!r}"
-        self.robot = robot
+        super().__init__(robot, frame, self.ROWS, **law)
         self.frame = frame
-        self.position = read_only(finite_array(f"{what}, position", position, (3,)))
-        self.rotation = read_only(finite_array(f"{what}, rotation", rotation, (3, 3)))
-        check_rotation(f"{what}, rotation", self.rotation)
-        self.gain = finite_number(f"{what}, gain", gain, least=0.0)
-        if self.gain > 1.0:
-            raise InvalidInputError(f"{what}, gain: {gain:g} is above 1")
-        self.labels = tuple(f"{frame} {row}" for row in self.rows)
-        self.weight = read_only(np.ones(len(self.rows)))
+        self.position = self._target(position, (3,), "position")
+        self.rotation = self._target(rotation, (3, 3), "rotation")
+        check_rotation(f"contact {frame!r}, rotation", self.rotation)
+        self._still = self._zeros()
 
     @classmethod
-    def hold(cls, snapshot: Snapshot, frame: str, *, gain: float = 0.5) -> Contact:
+    def hold(cls, snapshot: Snapshot, frame: str, **law: Unpack[LawKeywords]) -> Contact:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
         position, rotation = snapshot.position(frame), snapshot.rotation(frame)
-        return cls(snapshot.robot, frame, position, rotation, gain=gain)
+        return cls(snapshot.robot, frame, position, rotation, **law)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"
-
-    @property
-    def name(self) -> str:
-        """The held frame's."""
-        return self.frame
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the drift from the anchor, [m] above [rad], and the frame's Jacobian; world axes.
@@ -88,7 +83,7 @@ class Contact:
         error = np.empty(6)
         error[:3] = snapshot.position(self.frame) - self.position
         error[3:] = R @ log_rotation(self.rotation.T @ R)
-        return Residual(error, snapshot.jacobian(self.frame), _NOTHING)
+        return Residual(error, snapshot.jacobian(self.frame), self._still)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the frame's acceleration (k,) at zero acceleration of v, world axes."""
@@ -106,19 +101,16 @@ class Contact:
 class PointContact(Contact):
     """A point held in position and free to turn (three rows: x y z)."""
 
-    rows = AXES
+    ROWS = AXES
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the drift from the anchor [m]."""
         error = snapshot.position(self.frame) - self.position
-        return Residual(error, snapshot.jacobian(self.frame)[:3], _NOTHING[:3])
+        return Residual(error, snapshot.jacobian(self.frame)[:3], self._still)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the drift from the anchor [m]."""
         return posture.position(self.frame) - self.position
-
-
-_NOTHING = read_only(np.zeros(6))
 
 
 def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...]:

@@ -120,6 +120,15 @@ class Limits:
             np.minimum(most, change, out=most)
         return self._with_base(most)
 
+    def box_and_recovery(
+        self, snapshot: Snapshot, dt: float
+    ) -> tuple[tuple[Array, Array], Rows | None]:
+        """Return :meth:`box`, and unit-weight rows that move joints back into range.
+
+        The rows are None if all joints are inside.
+        """
+        return self.box(snapshot, dt), self.recovery_rows(snapshot, dt)
+
     def recovery_rows(self, snapshot: Snapshot, dt: float) -> Rows | None:
         """Return unit-weight rows that move joints back into range, or None if all are inside."""
         q = self.robot.limits.joint_positions(snapshot.q)

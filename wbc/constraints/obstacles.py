@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.constraints.clearance import SKIN, Approach, Clearance
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, SeparatedPairs, picked
+from wbc.constraints.margin import SKIN, BrakingParameters, Margin
+from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, robot_bodies
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
 
-class Obstacles(Clearance):
+class Obstacles(Margin):
     """Keep the robot's bodies ``margin`` away from obstacles.
 
     A row includes the velocity that the obstacle says it has (see
@@ -43,8 +43,8 @@ class Obstacles(Clearance):
         the floor they stand on.
     fit:
         What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
-    approach, limits:
-        See :class:`~wbc.constraints.clearance.Clearance`.
+    braking, limits:
+        See :class:`~wbc.constraints.margin.Margin`.
 
     Raises
     ------
@@ -63,10 +63,10 @@ class Obstacles(Clearance):
         pairs: int = 25,
         links: Iterable[str] = ("*",),
         fit: str = "capsule",
-        approach: Approach | None = None,
+        braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, "obstacles", approach, limits)
+        super().__init__(robot, "obstacles", braking, limits)
         self.margin = finite_number("obstacles, margin", margin, least=0.0)
         if not obstacles:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
@@ -83,7 +83,7 @@ class Obstacles(Clearance):
             [(b, self._first + k) for k in range(len(around)) for b in range(len(own))],
         )
 
-    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the nearest pairs, or those given, with the obstacles where they are now."""
         for k, obstacle in enumerate(self.obstacles):
             self.model.place(self._first + k, obstacle.rotation, obstacle.origin)
@@ -91,8 +91,8 @@ class Obstacles(Clearance):
         found = (
             model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
         )
-        room = found.distance - (self.margin + SKIN)
-        return Gaps(found.pairs, room, model.rows(snapshot, found), self._rates(found))
+        clearance = found.distance - (self.margin + SKIN)
+        return Distances(found.pairs, clearance, model.rows(snapshot, found), self._rates(found))
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs, with the obstacles where they are now.
@@ -114,13 +114,13 @@ class Obstacles(Clearance):
         }
         return SeparatedPairs(self.model, self.margin + SKIN, places)
 
-    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+    def labels(self, distances: Distances) -> tuple[str, ...]:
         """Return labels such as ``"left_hand vs table"``."""
-        return picked(self.model.labels, gaps.keys)
+        return take(self.model.labels, distances.keys)
 
-    def bend(self, gaps: Gaps, step: Array) -> Array:
+    def curvature_bound(self, distances: Distances, step: Array) -> Array:
         """See :meth:`wbc.robot.collision.CollisionModel.curvature_bound`."""
-        return self.model.curvature_bound(gaps.keys, step)
+        return self.model.curvature_bound(distances.keys, step)
 
     def _rates(self, found: PairDistances) -> Array:
         """Return how fast (k,) the obstacles themselves change the distances [m/s]."""

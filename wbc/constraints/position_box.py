@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.constraints.clearance import SKIN, Approach, Clearance, point_bend
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Gaps, Index, SymbolicRows, picked
+from wbc.constraints.margin import SKIN, BrakingParameters, Margin, point_curvature_bound
+from wbc.constraints.rows import Distances, Index, SymbolicRows, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.point import AXES
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
 
-class PositionBox(Clearance):
+class PositionBox(Margin):
     """Keep the origin of a frame in a box along the world's axes.
 
     Parameters
@@ -44,10 +44,10 @@ class PositionBox(Clearance):
         lower: ArrayLike,
         upper: ArrayLike,
         *,
-        approach: Approach | None = None,
+        braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, f"box of {frame}", approach, limits)
+        super().__init__(robot, f"box of {frame}", braking, limits)
         robot.frame_id(frame)
         self.frame = frame
         self.lower, self.upper = (_ends(f"box of {frame!r}", ends) for ends in (lower, upper))
@@ -71,11 +71,11 @@ class PositionBox(Clearance):
         free = (np.inf, np.inf)
         return cls(robot, frame, (-np.inf, -np.inf, lower), (*free, upper))
 
-    def gaps(self, snapshot: Snapshot, keys: Index | None = None) -> Gaps:
+    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the distances of the frame's origin from the faces."""
-        room = self._signs @ snapshot.position(self.frame) - self._offsets - SKIN
-        matrix = self._signs @ snapshot.jacobian(self.frame)[:3]
-        return Gaps(self._keys, room, matrix, None)
+        clearance = self._signs @ snapshot.position(self.frame) - self._offsets - SKIN
+        jacobian = self._signs @ snapshot.jacobian(self.frame)[:3]
+        return Distances(self._keys, clearance, jacobian, None)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows:
         """Return one row for each axis that has a bound."""
@@ -83,13 +83,13 @@ class PositionBox(Clearance):
         value = posture.position(self.frame)[used]
         return SymbolicRows(value, self.lower[used] + SKIN, self.upper[used] - SKIN)
 
-    def labels(self, gaps: Gaps) -> tuple[str, ...]:
+    def labels(self, distances: Distances) -> tuple[str, ...]:
         """Return labels such as ``"base z lower"``."""
-        return picked(self._names, gaps.keys)
+        return take(self._names, distances.keys)
 
-    def bend(self, gaps: Gaps, step: Array) -> Array:
-        """Return how far the origin may end beside its linear prediction."""
-        return point_bend(gaps, step)
+    def curvature_bound(self, distances: Distances, step: Array) -> Array:
+        """Bound how far the origin ends beside its linear prediction."""
+        return point_curvature_bound(distances, step)
 
 
 def _ends(what: str, values: ArrayLike) -> Array:

@@ -19,49 +19,49 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression
 
 Index = NDArray[np.int64]
-# Room that rows leave when they give way [m/s]: solvers need some to work in.
-LEEWAY = 1e-4
+# Interior left to the solver by rows that are relaxed for contacts [m/s].
+INTERIOR = 1e-4
 
 
-class Gaps(NamedTuple):
+class Distances(NamedTuple):
     """What a constraint measured at one snapshot.
 
     Attributes
     ----------
     keys:
-        (m,) numbers by which the same gap is found again at another snapshot, increasing.
-    room:
+        (m,) numbers by which the same distance is found again at another snapshot, increasing.
+    clearance:
         (m,) what is left until the margin and its skin are used up [m]; negative inside.
-    matrix:
-        (m, nv) derivative of the room by the velocity.
+    jacobian:
+        (m, nv) derivative of the clearance by the velocity.
     rate:
         (m,) what it changes by at v = 0 [m/s]; None if nothing but the robot moves.
     found:
-        The bodies that the gaps are between, as they were measured; None if there are none.
+        The bodies that the distances are between, as they were measured; None if there are none.
     """
 
     keys: Index
-    room: Array
-    matrix: Array
+    clearance: Array
+    jacobian: Array
     rate: Array | None
     found: PairDistances | None = None
 
 
 class Bounds(NamedTuple):
-    """Labelled rows of the QP, and the cost that goes with them.
+    """Labelled inequality rows of the QP, and the cost that goes with them.
 
     Attributes
     ----------
     labels:
         One for each row, in words.
     matrix:
-        (m, nv).
+        (m, nv), or (m, n) where rows speak of unknowns behind the velocity too.
     lower, upper:
-        (m,) between which ``matrix v`` must lie; 0 does.
+        (m,) between which ``matrix x`` must lie; 0 does.
     push:
         Rows of a dominating cost, for what cannot be a bound; None for none.
-    gaps:
-        What the rows were made of, if they come from gaps.
+    distances:
+        What the rows were made of, if they come from distances.
     slack:
         (m,) weights of 1/2 slack^2 for rows that may give way, infinite for those that may not;
         None: none may.
@@ -72,7 +72,7 @@ class Bounds(NamedTuple):
     lower: Array
     upper: Array
     push: Rows | None = None
-    gaps: Gaps | None = None
+    distances: Distances | None = None
     slack: Array | None = None
 
 
@@ -112,34 +112,34 @@ class Constraint(ABC):
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return the rows for the next velocity, to be applied for ``dt``."""
 
-    def doubts(self, rows: Bounds, v: Array, dt: float) -> bool:
-        """Whether the state that ``v`` leads to needs to be looked at."""
+    def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
+        """Whether ``v`` may lead to a violation, so that the constraint must be evaluated there."""
         return False
 
-    def cuts(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
-        """Return further rows, if ``v`` leads to a state ``there`` that must not be; else None."""
+    def cutting_planes(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
+        """Return further rows if ``there``, which ``v`` leads to, is a violation; else None."""
         return None
 
 
-def giving_way(bounds: Bounds, equalities: Sequence[Rows]) -> Bounds:
-    """Return the rows, loosened where they would forbid what contacts need to take back a drift.
+def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
+    """Return the rows, relaxed where they would forbid what contacts need to take back a drift.
 
     The least velocity that does what the contacts ask, ``v = A' (A A')^-1 b``, is then allowed as
-    rest is, with a little room around it. It is a matter of micrometres in a tick.
+    rest is, with a small interior. It is a matter of micrometres in a tick.
     """
-    if not equalities or not bounds.lower.size:
+    if not held or not bounds.lower.size:
         return bounds
-    A = np.concatenate([rows.matrix for rows in equalities])
-    b = np.concatenate([rows.target for rows in equalities])
+    A = np.concatenate([rows.matrix for rows in held])
+    b = np.concatenate([rows.target for rows in held])
     asked = float(np.abs(b).max(initial=0.0))
     square = A @ A.T
     square.flat[:: len(b) + 1] += 1e-12 * square.trace()  # contacts may repeat each other
     needed = bounds.matrix @ (A.T @ np.linalg.solve(square, b))
-    needed -= 0.1 * asked + LEEWAY
+    needed -= 0.1 * asked + INTERIOR
     return bounds._replace(lower=np.minimum(bounds.lower, needed))
 
 
-def joined(parts: Sequence[Bounds]) -> Bounds:
+def stack(parts: Sequence[Bounds]) -> Bounds:
     """Return several constraints' rows as one."""
     if len(parts) == 1:
         return parts[0]
@@ -166,8 +166,8 @@ def joined(parts: Sequence[Bounds]) -> Bounds:
     )
 
 
-def picked(names: Sequence[str], which: Index) -> tuple[str, ...]:
-    """Return some of the names, in order."""
+def take(names: Sequence[str], which: Index) -> tuple[str, ...]:
+    """Return the names of some rows, in order."""
     if which.size < 2:
         return tuple(names[k] for k in which)
     return operator.itemgetter(*which.tolist())(names)

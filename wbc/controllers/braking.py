@@ -1,9 +1,9 @@
-"""What becomes of a QP where joints cannot stop at once: :class:`~wbc.constraints.Limits` says so.
+"""Bounded braking: QPs of joints that cannot stop at once (see :class:`~wbc.constraints.Limits`).
 
-**No hurry** (:func:`unhurried`). Tasks ask for a part of the way in one tick, which may be far more
-than joints can brake from. Hence all gains of a level are multiplied by one factor, the largest up
-to 1 with which every joint can still stop where the level leads it. With way d_j to go there, by
-Newton's method, and a rate of r_j d_j asked for, it is
+**Lower gains** (:func:`scale_gains_to_brake`). Tasks ask for a fraction of the error in one tick,
+which may be far more than joints can brake from. Hence all gains of a level are multiplied by one
+factor, the largest up to 1 with which every joint can still stop where the level leads it. With the
+distance d_j to go there, by Newton's method, and a rate of r_j d_j asked for, it is
 
     s = min(1, min over joints u_j / (r_j d_j)),    u_j dt + u_j^2 / (2 SHARE a_max_j) = d_j
 
@@ -11,15 +11,15 @@ One factor: joints arrive together, on a straight line, the slowest as fast as i
 the balance between them, and where they balance d is 0: targets out of reach are missed as before.
 What moving targets ask for beforehand is not multiplied.
 
-**Harder braking** (:func:`opened`). Contacts and margins may ask for more than the bound: a foot is
-put down while its leg moves, or the nearest points of two bodies jump. Then the QP has no solution,
-and joints must brake harder. Which ones, and how much harder, is what
+**Harder braking** (:func:`relax_box`). Contacts and margins may ask for more than the bound: a foot
+is put down while its leg moves, or the nearest points of two bodies jump. Then the QP has no
+solution, and joints must brake harder. Which ones, and how much harder, is what
 
     minimise  sum over joints ((v_j - v_now_j) / (a_max_j dt))^2
 
 says, subject to the rows of the QP and to the box in which joints may stop at once: Gauss's
-principle of least constraint, with joints weighed by what they can do. The box is opened so far
-that this velocity is inside, with a little room, and the QP is solved again.
+principle of least constraint, with joints weighed by what they can do. The box is relaxed so far
+that this velocity is inside, with a small interior, and the QP is solved again.
 """
 
 from __future__ import annotations
@@ -38,24 +38,26 @@ from wbc.qp.solution import Solution
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# Part of ``a_max dt`` by which the box is opened further than it must be: solvers need some room.
-ROOM = 0.1
+# Part of ``a_max dt`` by which the box is relaxed further than needed, for the solver's sake.
+INTERIOR = 0.1
 # Least weight of an unknown, next to the slowest joint's: of the base and of slacks, too.
 LIGHT = 1e-4
 # Part of the acceleration that tasks count on. The rest is for what straight lines leave out, and
 # for the end, where the gain takes over: it first slows down twice as hard as this profile.
-SHARE = 0.7
-# Weight of the equalities where the way to go is looked for, next to the heaviest unknown's.
+ACCELERATION_SHARE = 0.7
+# Weight of the equalities where the distance to go is worked out, next to the heaviest unknown's.
 HEAVY = 1e4
 # What keeps rounding from making that indefinite, by the same measure.
 ROUNDING = 1e-9
-# Added to ways [rad or m], so that none is 0.
-NO_WAY = 1e-300
+# Added to distances [rad or m], so that none is 0.
+TINY = 1e-300
 
 Box = tuple[Array, Array]
 
 
-def unhurried(qp: QP, rows: Sequence[Rows], limits: Limits, snapshot: Snapshot, dt: float) -> QP:
+def scale_gains_to_brake(
+    qp: QP, rows: Sequence[Rows], limits: Limits, snapshot: Snapshot, dt: float
+) -> QP:
     """Return the QP of one level with all gains lowered by one factor, as far as joints need it.
 
     Parameters
@@ -68,22 +70,22 @@ def unhurried(qp: QP, rows: Sequence[Rows], limits: Limits, snapshot: Snapshot, 
     """
     nv = snapshot.v.size
     fastest = max(row.rate for row in rows)
-    pull, later = -qp.g[:nv], np.zeros(nv)
+    slope, later = -qp.g[:nv], np.zeros(nv)
     for row in rows:
         if row.bias is None or row.rate == 0.0:
-            pull -= _slope(row, row.target)
+            slope -= _slope(row, row.target)
             continue
         if row.bias.any():
-            pull += _slope(row, row.bias)
-        if row.rate < fastest:  # what is asked for in a second is a smaller part of the way
+            slope += _slope(row, row.bias)
+        if row.rate < fastest:  # what is asked for in a second is a smaller part of the distance
             later += (1.0 / row.rate - 1.0 / fastest) * _slope(row, row.target + row.bias)
-    later += pull / fastest
-    newton = _newton(qp.P[:nv, :nv], qp.A[:, :nv], np.array((pull, later)))
+    later += slope / fastest
+    newton = _newton(qp.P[:nv, :nv], qp.A[:, :nv], np.array((slope, later)))
     factor = _factor(newton[:, 6:], fastest, limits, snapshot, dt)
     if factor >= 1.0:
         return qp
     g = qp.g.copy()
-    g[:nv] += (1.0 - factor) * pull
+    g[:nv] += (1.0 - factor) * slope
     return replace(qp, g=g)
 
 
@@ -98,7 +100,7 @@ def _newton(P: Array, A: Array, slopes: Array) -> Array:
     most = float(P.diagonal().max())
     P = P.copy()
     if A.size:
-        lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + NO_WAY)
+        lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + TINY)
         stiff = (math.sqrt(HEAVY * most) / lengths)[:, None] * A
         P += stiff.T @ stiff
     P.flat[:: len(P) + 1] += ROUNDING * most
@@ -108,34 +110,34 @@ def _newton(P: Array, A: Array, slopes: Array) -> Array:
 
 
 def _factor(newton: Array, fastest: float, limits: Limits, snapshot: Snapshot, dt: float) -> float:
-    """Return what gains are multiplied by, from joint rates asked for and ways to go (2, joints).
+    """Return the factor on gains, from joint rates asked for and distances to go (2, joints).
 
-    With the way w to go and r w asked for it is the least of 2 / (r (dt + sqrt(dt^2 + 2 w / a))).
+    With d to go and r d asked for it is the least of 2 / (r (dt + sqrt(dt^2 + 2 d / a))).
     """
     asked = newton[0]
     speed, to_go = np.abs(newton)
-    # Tasks of low gain pull the other way: what they take off the way comes later.
+    # Tasks of low gain act against it: what they take off the distance comes later.
     np.maximum(to_go, speed / fastest, out=to_go)
-    to_go += NO_WAY
+    to_go += TINY
     rate = speed / to_go
     q = limits.robot.limits.joint_positions(snapshot.q)
-    room = np.where(asked > 0.0, limits.upper - q, q - limits.lower)
-    np.minimum(to_go, np.maximum(room, 0.0, out=room), out=to_go)  # there a joint stops anyway
+    left = np.where(asked > 0.0, limits.upper - q, q - limits.lower)
+    np.minimum(to_go, np.maximum(left, 0.0, out=left), out=to_go)  # there a joint stops anyway
     to_go /= limits.acceleration
-    to_go *= 2.0 / SHARE
+    to_go *= 2.0 / ACCELERATION_SHARE
     to_go += dt * dt
     np.sqrt(to_go, out=to_go)
     to_go += dt
     rate *= to_go
-    return float(2.0 / max(rate.max(initial=0.0), NO_WAY))
+    return float(2.0 / max(rate.max(initial=0.0), TINY))
 
 
-def opened(
+def relax_box(
     qp: QP, limits: Limits, snapshot: Snapshot, dt: float, solve: Callable[[QP], Solution]
 ) -> QP | None:
-    """Return a QP that has no solution with its box opened as far as it must be.
+    """Return a QP that has no solution with its box relaxed as far as it must be.
 
-    All the way, if there is no solution even so; None if it is open already. Takes one more QP.
+    All the way, if there is no solution even so; None if it is relaxed already. Takes one more QP.
     """
     lower, upper = widest = limits.stopping_box(snapshot, dt)
     nv = lower.size
@@ -143,16 +145,16 @@ def opened(
         return None
     change = np.full(nv, np.inf)
     change[6:] = limits.acceleration * dt
-    found = solve(_gentlest(_with_box(qp, widest), snapshot.v, change))
+    found = solve(least_acceleration_qp(_with_box(qp, widest), snapshot.v, change))
     if not found.solved:
         return _with_box(qp, widest)
-    v, room = found.x[:nv], ROOM * change
-    down = np.where(v < qp.lower[:nv], np.maximum(v - room, lower), qp.lower[:nv])
-    up = np.where(v > qp.upper[:nv], np.minimum(v + room, upper), qp.upper[:nv])
+    v, interior = found.x[:nv], INTERIOR * change
+    down = np.where(v < qp.lower[:nv], np.maximum(v - interior, lower), qp.lower[:nv])
+    up = np.where(v > qp.upper[:nv], np.minimum(v + interior, upper), qp.upper[:nv])
     return _with_box(qp, (down, up))
 
 
-def _gentlest(qp: QP, v: Array, change: Array) -> QP:
+def least_acceleration_qp(qp: QP, v: Array, change: Array) -> QP:
     """Return the QP of the least change from ``v``, measured in ``change`` (nv,), (nv,)."""
     weight, now = np.full(qp.g.size, LIGHT), np.zeros(qp.g.size)
     weight[: v.size] = np.maximum(np.square(change.min() / change), LIGHT)

@@ -1,11 +1,11 @@
-"""What singular tasks ask for is held back, in the directions in which they are singular only.
+"""Singularity-robust tasks: a singular task asks for less, in its singular directions only.
 
 Over straight knees, at a straight arm, or where tasks nearly repeat each other, a small rate of the
-error takes huge rates of the joints. Tasks that have opted in (``singular_below``) are looked at
-together, in the motions that are left to them. Let X (nv, k) be the motions that bring about one
+error takes huge rates of the joints. Tasks that have opted in (``singular_threshold``) are looked
+at together, in the motions that are left to them. Let X (nv, k) be the motions that bring about one
 unit of each row: those that the held rows leave and, among these, the least by the joints' weights.
 With W the rows' weights, c the weighted rates that the tasks want beyond what the held rows bring
-about, and E = W * singular_below,
+about, and E = W * singular_threshold,
 
     A A' = W (X' X)^-1 W,    L = positive part of (E^2 - A A'),    c' = A A' (A A' + L)^-1 c
 
@@ -16,12 +16,12 @@ is singular is told by the joint rates of that motion, in plain rad/s.
 For one task this is least squares damped by numerical filtering
 (Maciejewski and Klein 1988) with the variable damping of Nakamura and Hanafusa (1986) and
 Chiaverini (1997): in a direction of singular value s the joint rate is the wanted rate times
-s / max(s, singular_below)^2. For any number of tasks:
+s / max(s, singular_threshold)^2. For any number of tasks:
 
 - Where A A' - E^2 is positive definite, nothing is changed; where a singular value passes the
   threshold, or two cross, nothing jumps: c' is a continuous function of A, as singular vectors are
   not.
-- Joint rates |v| no greater than |wanted rates / singular_below| achieve what is asked for.
+- Joint rates |v| no greater than |wanted rates / singular_threshold| achieve what is asked for.
 - Tasks that contradict each other outright still settle by their weights.
 
 The demand is filtered rather than the motion damped: a direction in which a task can do nothing is
@@ -54,13 +54,13 @@ class Singularity(NamedTuple):
     ----------
     rank:
         Of its rows that have weight, how many independent ones are not singular: singular values
-        at or above ``singular_below``. They are the Jacobian's in the motions that are left, for
-        joints of different weights those of A above without W.
+        at or above ``singular_threshold``. They are the Jacobian's in the motions that are left,
+        for joints of different weights those of A above without W.
     least:
         Least singular value [the error's unit/s per rad/s].
     condition:
         Largest over least singular value; infinite if the least is 0.
-    withheld:
+    rate_reduction:
         (k,) wanted minus asked-for rate of the error, or None: neither this task nor all of its
         level together that have opted in are singular.
     """
@@ -68,7 +68,7 @@ class Singularity(NamedTuple):
     rank: int
     least: float
     condition: float
-    withheld: Array | None
+    rate_reduction: Array | None
 
 
 class Grams(NamedTuple):
@@ -90,25 +90,25 @@ class Grams(NamedTuple):
         return Grams(self.rate[rows, rows], None if self.speed is None else self.speed[rows, rows])
 
 
-class Left(NamedTuple):
-    """The motions that held rows leave, in the joints' metric (velocities times ``root``).
+class NullSpace(NamedTuple):
+    """The null space of the held rows, in the joints' metric (velocities times ``root``).
 
     Attributes
     ----------
-    taken:
-        (nv, rank) orthonormal basis of the motions that are taken.
-    brought:
+    row_space:
+        (nv, rank) orthonormal basis of the motions that the held rows fix.
+    particular:
         (nv,) the least motion that meets the held rows.
     root:
         (nv,) square roots of the joints' weights.
     """
 
-    taken: Array
-    brought: Array
+    row_space: Array
+    particular: Array
     root: Array
 
 
-def filtered(
+def reduce_singular(
     rows: Sequence[Rows], held: Sequence[Rows], root: Array
 ) -> tuple[list[Rows], dict[int, Singularity]]:
     """Return rows of which the singular ones ask for less, and what was found by their index.
@@ -116,29 +116,29 @@ def filtered(
     Parameters
     ----------
     rows:
-        Costs of one level; those whose ``singular_below`` is 0 stay as they are.
+        Costs of one level; those whose ``singular_threshold`` is 0 stay as they are.
     held:
         Rows that are met whatever the costs: contacts, and what more important tasks achieve.
     root:
         (nv,) square roots of the joints' weights.
     """
-    chosen = [k for k, row in enumerate(rows) if row.singular_below and row.weight.any()]
+    chosen = [k for k, row in enumerate(rows) if row.singular_threshold and row.weight.any()]
     if not chosen:
         return list(rows), {}
     stack = [_weighty(rows[k]) for k in chosen]
-    left = _left(held, root)
-    grams = _grams(np.concatenate([row.matrix for row in stack]), left)
-    withheld = _withheld(stack, _per_speed(grams), left)
+    free = _null_space(held, root)
+    grams = _grams(np.concatenate([row.matrix for row in stack]), free)
+    rate_reduction = _rate_reduction(stack, _per_speed(grams), free)
     out, found, begin = list(rows), dict[int, Singularity](), 0
     for k, row in zip(chosen, stack, strict=True):
         here = slice(begin, begin + row.weight.size)
         begin = here.stop
         lost = None
-        if withheld is not None:
+        if rate_reduction is not None:
             lost = np.zeros(rows[k].weight.size)
-            lost[rows[k].weight > 0.0] = withheld[here]
+            lost[rows[k].weight > 0.0] = rate_reduction[here]
             out[k] = rows[k]._replace(target=rows[k].target - lost)
-        found[k] = _singularity(_per_speed(grams.of(here)), row.singular_below, lost)
+        found[k] = _singularity(_per_speed(grams.of(here)), row.singular_threshold, lost)
     return out, found
 
 
@@ -152,10 +152,10 @@ def _weighty(row: Rows) -> Rows:
     )
 
 
-def _left(held: Sequence[Rows], root: Array) -> Left:
+def _null_space(held: Sequence[Rows], root: Array) -> NullSpace:
     """Factorise the held rows, which may repeat each other, by QR with column pivoting."""
     if not any(row.matrix.any() for row in held):
-        return Left(np.zeros((root.size, 0)), np.zeros(root.size), root)
+        return NullSpace(np.zeros((root.size, 0)), np.zeros(root.size), root)
     C = np.concatenate([row.matrix for row in held])
     c = np.concatenate([row.target for row in held])
     packed, pivots, tau, _, _ = lapack.dgeqp3((C / root).T)
@@ -163,19 +163,19 @@ def _left(held: Sequence[Rows], root: Array) -> Left:
     while rank > 1 and abs(packed[rank - 1, rank - 1]) <= least:
         rank -= 1
     Q, _, _ = lapack.dorgqr(packed[:, : tau.size], tau)
-    taken = Q[:, :rank]
+    row_space = Q[:, :rank]
     along, _ = lapack.dtrtrs(packed[:rank, :rank], c[pivots[:rank] - 1], trans=1)
-    return Left(taken, (taken @ along) / root, root)
+    return NullSpace(row_space, (row_space @ along) / root, root)
 
 
-def _grams(matrix: Array, left: Left) -> Grams:
+def _grams(matrix: Array, free: NullSpace) -> Grams:
     """Return the grams of J = ``matrix`` (k, nv) in the motions that are left."""
-    metric = matrix / left.root
-    metric -= (metric @ left.taken) @ left.taken.T
+    metric = matrix / free.root
+    metric -= (metric @ free.row_space) @ free.row_space.T
     rate: Array = metric @ metric.T
-    if (left.root == 1.0).all():
+    if (free.root == 1.0).all():
         return Grams(rate, None)
-    metric /= left.root  # now Y'
+    metric /= free.root  # now Y'
     return Grams(rate, metric @ metric.T)
 
 
@@ -191,11 +191,11 @@ def _per_speed(grams: Grams) -> Array:
     return gram
 
 
-def _withheld(stack: Sequence[Rows], gram: Array, left: Left) -> Array | None:
+def _rate_reduction(stack: Sequence[Rows], gram: Array, free: NullSpace) -> Array | None:
     """Return W^-1 (c - c') (k,), or None if nothing is singular."""
     weight = np.concatenate([row.weight for row in stack])
     weight = np.maximum(weight, LIGHTEST * weight.max())
-    least = np.concatenate([[row.singular_below] * row.weight.size for row in stack])
+    least = np.concatenate([[row.singular_threshold] * row.weight.size for row in stack])
     floor = np.square(weight * least)
     weighted = weight[:, None] * gram * weight
     above = weighted.copy()
@@ -206,16 +206,16 @@ def _withheld(stack: Sequence[Rows], gram: Array, left: Left) -> Array | None:
     values, vectors, _ = lapack.dsyev(-above)
     lacking = vectors * np.maximum(values, 0.0)
     lacking = lacking @ vectors.T
-    wanted = [row.target - row.matrix @ left.brought for row in stack]
+    wanted = [row.target - row.matrix @ free.particular for row in stack]
     _, pull, _ = lapack.dposv(weighted + lacking, weight * np.concatenate(wanted))
-    withheld: Array = (lacking @ pull) / weight
-    return withheld
+    rate_reduction: Array = (lacking @ pull) / weight
+    return rate_reduction
 
 
-def _singularity(gram: Array, threshold: float, withheld: Array | None) -> Singularity:
+def _singularity(gram: Array, threshold: float, rate_reduction: Array | None) -> Singularity:
     """Return what the task with ``gram`` (k, k) can do by itself."""
     squares, _, _ = lapack.dsyev(gram, compute_v=0)
     values = [math.sqrt(max(square, 0.0)) for square in squares.tolist()]
     condition = values[-1] / values[0] if values[0] > 0.0 else math.inf
     rank = sum(value >= threshold for value in values)
-    return Singularity(rank, values[0], condition, withheld)
+    return Singularity(rank, values[0], condition, rate_reduction)

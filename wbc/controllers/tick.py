@@ -12,8 +12,8 @@ from wbc.qp.solution import Conflict, Solution, Status
 from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "closest", "raise")
-# Multipliers below this part of the largest, or below this, are what solvers leave: not held.
-HOLDING, NOTHING = 1e-6, 1e-9
+# Multipliers below this part of the largest, or below this, are what solvers leave: not active.
+ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,15 +48,15 @@ class Tick:
         The evidence: multipliers, recomputed KKT residuals, named rows, rows in conflict.
     times:
         Seconds by stage.
-    share:
+    step_scale:
         Part of the solution that is commanded: below 1 in the rare tick in which all of it would
-        end inside a margin (see :mod:`wbc.controllers.landing`).
+        end inside a margin (see :mod:`wbc.controllers.look_ahead`).
     slack:
         By how much rows are missed that may give way, or that the policy ``closest`` gave up, by
         name, in their units; signs as (what is) - (nearest allowed).
     singular:
-        Of each task with ``singular_below``, by name: its rank and least singular value, and what
-        was withheld because of them.
+        Of each task with ``singular_threshold``, by name: its rank and least singular value, and
+        by how much its wanted rate was reduced.
     """
 
     velocity: Array
@@ -66,7 +66,7 @@ class Tick:
     solution: Solution
     qp: QP
     times: Times
-    share: float = 1.0
+    step_scale: float = 1.0
     slack: Mapping[str, float] = field(default_factory=dict)
     singular: Mapping[str, Singularity] = field(default_factory=dict)
 
@@ -85,10 +85,10 @@ class Tick:
         if not self.ok or not names.inequality:
             return ()
         pull = list(zip(names.inequality, abs(self.solution.z).tolist(), strict=True))
-        rows = set(names.inequality)  # those that hold a level above are equalities below
+        rows = set(names.inequality)  # those active on a level above are equalities below
         above = zip(names.equality, abs(self.solution.y).tolist(), strict=True)
         pull += [(name, size) for name, size in above if name in rows]
-        least = max(NOTHING, HOLDING * max(size for _, size in pull))
+        least = max(NEGLIGIBLE, ACTIVE * max(size for _, size in pull))
         strongest = sorted(pull, key=lambda one: -one[1])
         return tuple(dict.fromkeys(name for name, size in strongest if size > least))
 
@@ -97,7 +97,9 @@ class Tick:
         if self.ok:
             return "solved"
         conflict = self.conflict
-        reason = conflict.describe() if conflict is not None else str(self.solution.residuals)
+        reason = self.solution.message or str(self.solution.residuals)
+        if conflict is not None:
+            reason = conflict.describe()
         missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
         return (
             f"QP {self.status.value} ({self.solution.solver}): {reason}; command by {self.policy!r}"

@@ -256,4 +256,4 @@ def _law(spec: Any) -> dict[str, Any]:
 
 def _rank(spec: Any) -> dict[str, Any]:
     """Return the settings that every task has."""
-    return {"priority": spec.priority, "singular_below": spec.singular_below}
+    return {"priority": spec.priority, "singular_threshold": spec.singular_threshold}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wbc.constraints import Contact, Limits
-from wbc.controllers import KinematicController, PseudoInverseController
+from wbc.controllers import KinematicController
 from wbc.problem.build_constraints import Surroundings
 from wbc.problem.controller_specs import PseudoInverseSpec, QpSettings
 from wbc.qp.backend import Backend, make_backend
@@ -73,7 +73,7 @@ class Parts:
             "joint_weights": spec.joint_weights,
         }
         if isinstance(spec, PseudoInverseSpec):
-            return PseudoInverseController(self.robot, tasks, **common)
+            return KinematicController(self.robot, tasks, solver="pseudo_inverse", **common)
         return KinematicController(
             self.robot,
             tasks,

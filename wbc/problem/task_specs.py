@@ -54,7 +54,7 @@ class _Ranked(Section):
 
     priority: int = Field(default=0, ge=0, le=9)
     """Strict level, 0 the most important: a level never gives way to a later one."""
-    singular_below: NonNegative = 0.0
+    singular_threshold: NonNegative = 0.0
     """Singular values of the Jacobian below this are singular, counting the motions that contacts
     and earlier levels leave [unit of the error/s per rad/s]: the task asks for less in their
     directions, so that joints need not race. 0: never."""

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from wbc.errors import InvalidInputError, SolverError, UnknownNameError
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
+from wbc.qp.pseudo_inverse import PseudoInverse
 from wbc.qp.solution import Solution
 
 # What to install for the solvers that are known but optional.
@@ -23,6 +24,8 @@ _NATIVE: dict[str, Callable[..., Backend]] = {
     "proxqp": ProxQP,
     "proxqp_cold": functools.partial(ProxQP, warm=False),
 }
+# Baselines that do not promise an optimum: known by name, but no choice among solvers.
+_BASELINES: dict[str, Callable[..., Backend]] = {"pseudo_inverse": PseudoInverse}
 LOOSEST = 1e-2  # the least accuracy that checks anything
 
 
@@ -54,7 +57,8 @@ def make_backend(name: str, **settings: Any) -> Backend:
     """Return the backend of that name.
 
     ``"proxqp"`` is the native default, ``"proxqp_cold"`` the same without warm start, ``"daqp"``
-    DAQP called directly; any other name is looked up in qpsolvers.
+    DAQP called directly, ``"pseudo_inverse"`` the baseline of the paper's eq. 38; any other name
+    is looked up in qpsolvers.
 
     Parameters
     ----------
@@ -90,8 +94,8 @@ def installed_solvers() -> tuple[str, ...]:
 
 def _maker(name: str) -> Callable[..., Backend]:
     """Return the class of a backend; the optional ones are imported when asked for."""
-    if name in _NATIVE:
-        return _NATIVE[name]
+    if name in _NATIVE or name in _BASELINES:
+        return (_NATIVE | _BASELINES)[name]
     installed = installed_solvers()
     if name not in installed:
         if name in _EXTRAS:

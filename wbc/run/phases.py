@@ -142,7 +142,8 @@ class PhaseExecutor:
     @classmethod
     def single(cls, controller: KinematicController, start: Snapshot) -> PhaseExecutor:
         """Return a run of one phase with one controller, whose targets stay where they are."""
-        phase = Phase("", 0.0, np.inf, lambda _: controller.contacts, {})
+        held = tuple(one for one in controller.contacts if isinstance(one, Contact))
+        phase = Phase("", 0.0, np.inf, lambda _: held, {})
         executor = cls([phase], [], (), lambda *_: controller, start)
         executor.tasks = controller.tasks
         return executor

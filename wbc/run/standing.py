@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.constraints import Contact, PointContact
-from wbc.constraints.support_polygon import support_polygon
+from wbc.constraints.com_support import support_polygon
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 

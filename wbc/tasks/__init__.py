@@ -1,12 +1,13 @@
 """Tasks: what the robot should do, each as an error and its derivatives."""
 
-from wbc.tasks.com import ComTask
-from wbc.tasks.frame import AxisTask, OrientationTask, PoseTask, PositionTask
+from wbc.laws import Residual
+from wbc.tasks.frame import AxisTask, OrientationTask, PoseTask
 from wbc.tasks.inertia import InertiaTask
 from wbc.tasks.momentum import MomentumTask
+from wbc.tasks.point import ComTask, PositionTask
 from wbc.tasks.posture import PostureTask
 from wbc.tasks.principal_inertia import PrincipalInertiaTask
-from wbc.tasks.task import Residual, Task
+from wbc.tasks.task import Task
 
 __all__ = [
     "AxisTask",

@@ -2,59 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
 from wbc.spatial import skew
-from wbc.tasks.point import AXES, PointTask
-from wbc.tasks.task import Law, Residual, Task
+from wbc.tasks.point import AXES
+from wbc.tasks.task import Gains, Task
 from wbc.validate import Array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 TURNS = ("rx", "ry", "rz")
-
-
-class PositionTask(PointTask):
-    """Bring the origin of ``frame`` to ``target`` (3,) [m], world axes.
-
-    ``weight`` is in [1/(m/s)]; see :class:`~wbc.tasks.task.Task` for it, ``gain`` and
-    ``lm_damping``, here and in the other tasks of frames.
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        frame: str,
-        target: ArrayLike,
-        *,
-        axes: Sequence[str] = AXES,
-        name: str | None = None,
-        **law: Unpack[Law],
-    ) -> None:
-        robot.frame_id(frame)  # an unknown frame is an error now, not at the first tick
-        self.frame = frame
-        super().__init__(robot, name or f"{frame} position", target, axes, **law)
-
-    def _place(self, snapshot: Snapshot) -> Array:
-        return snapshot.position(self.frame)
-
-    def _jacobian(self, snapshot: Snapshot) -> Array:
-        return snapshot.jacobian(self.frame)[:3]
-
-    def _acceleration(self, snapshot: Snapshot) -> Array:
-        return snapshot.drift(self.frame)[:3]
-
-    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
-        """Return position minus target [m]."""
-        return (posture.position(self.frame) - self.target)[self._selected]
 
 
 class OrientationTask(Task):
@@ -71,7 +36,7 @@ class OrientationTask(Task):
         target: ArrayLike,
         *,
         name: str | None = None,
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name or f"{frame} orientation", TURNS, **law)
         robot.frame_id(frame)
@@ -115,7 +80,7 @@ class PoseTask(Task):
         rotation: ArrayLike,
         *,
         name: str | None = None,
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name or f"{frame} pose", AXES + TURNS, **law)
         robot.frame_id(frame)
@@ -167,7 +132,7 @@ class AxisTask(Task):
         *,
         axis: ArrayLike = (0, 0, 1),
         name: str | None = None,
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name or f"{frame} axis", AXES, **law)
         robot.frame_id(frame)

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
-from wbc.tasks.task import Law, Residual, Task
+from wbc.tasks.task import Gains, Task
 from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -76,7 +77,7 @@ class InertiaTask(Task):
         per_mass: bool = False,
         second_order: bool = False,
         name: str = "inertia",
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name, components, **law)
         self.second_order = second_order
@@ -109,7 +110,7 @@ class InertiaTask(Task):
         actual = self._selection @ vech(snapshot.inertia_in(self.frame))
         jacobian = self._selection @ snapshot.inertia_jacobian_in(self.frame)
         error = actual - self._wanted
-        pull = self._pull(error) @ self._selection  # the cost's slope by entry
+        pull = self._gradient(error) @ self._selection  # the cost's slope by entry
         if self.second_order:
             return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
         bound = curvature_bound(pull, snapshot.inertia)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Law, Residual, Task
+from wbc.tasks.task import Gains, Task
 from wbc.validate import Array
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class MomentumTask(Task):
         *,
         components: Sequence[str] = LINEAR + ANGULAR,
         name: str = "momentum",
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         for component in components:
             if component not in LINEAR + ANGULAR:

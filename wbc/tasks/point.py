@@ -1,19 +1,23 @@
-"""A point of the robot brought to a place, which may move: what the CoM and frame origins share."""
+"""A point of the robot brought to a place, which may move: its CoM, or a frame's origin."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Law, Residual, Task
+from wbc.tasks.task import Gains, Task
 from wbc.validate import Array
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
 
 AXES = ("x", "y", "z")
 STILL = (0.0, 0.0, 0.0)
@@ -28,7 +32,7 @@ class PointTask(Task):
         name: str,
         target: ArrayLike,
         axes: Sequence[str],
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name, axes, **law)
         self._selected = axis_indices(axes)
@@ -63,7 +67,7 @@ class PointTask(Task):
 
     def _curvature_bound(self, error: Array, lever: float) -> float:
         """Estimate the curvature left out: joints turn the point on levers like this one."""
-        pull = self._pull(error)
+        pull = self._gradient(error)
         return math.sqrt(pull.dot(pull)) * lever
 
     @abstractmethod
@@ -77,6 +81,79 @@ class PointTask(Task):
     @abstractmethod
     def _acceleration(self, snapshot: Snapshot) -> Array:
         """Return its acceleration (3,) at zero acceleration of v."""
+
+
+class ComTask(PointTask):
+    """Bring the CoM to ``target`` (paper eqs. 28, 31).
+
+    Parameters
+    ----------
+    target:
+        (3,) world position [m]; entries of axes that are not controlled are ignored.
+    axes:
+        Which of ``x``, ``y``, ``z`` (world) are controlled.
+    law:
+        ``weight`` [1/(m/s)], ``gain`` and ``lm_damping``; see :class:`~wbc.tasks.task.Task`.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        target: ArrayLike,
+        *,
+        axes: Sequence[str] = AXES,
+        name: str = "com",
+        **law: Unpack[Gains],
+    ) -> None:
+        super().__init__(robot, name, target, axes, **law)
+
+    def _place(self, snapshot: Snapshot) -> Array:
+        return snapshot.com
+
+    def _jacobian(self, snapshot: Snapshot) -> Array:
+        return snapshot.com_jacobian
+
+    def _acceleration(self, snapshot: Snapshot) -> Array:
+        return snapshot.com_drift
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return CoM minus target [m]."""
+        return (posture.com - self.target)[self._selected]
+
+
+class PositionTask(PointTask):
+    """Bring the origin of ``frame`` to ``target`` (3,) [m], world axes.
+
+    ``weight`` is in [1/(m/s)]; see :class:`~wbc.tasks.task.Task` for it, ``gain`` and
+    ``lm_damping``, here and in the other tasks of frames.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        target: ArrayLike,
+        *,
+        axes: Sequence[str] = AXES,
+        name: str | None = None,
+        **law: Unpack[Gains],
+    ) -> None:
+        robot.frame_id(frame)  # an unknown frame is an error now, not at the first tick
+        self.frame = frame
+        super().__init__(robot, name or f"{frame} position", target, axes, **law)
+
+    def _place(self, snapshot: Snapshot) -> Array:
+        return snapshot.position(self.frame)
+
+    def _jacobian(self, snapshot: Snapshot) -> Array:
+        return snapshot.jacobian(self.frame)[:3]
+
+    def _acceleration(self, snapshot: Snapshot) -> Array:
+        return snapshot.drift(self.frame)[:3]
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return position minus target [m]."""
+        return (posture.position(self.frame) - self.target)[self._selected]
 
 
 def _lever(snapshot: Snapshot, place: Array) -> float:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Residual, Task
+from wbc.tasks.task import LawKeywords, Task
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -41,10 +42,8 @@ class PostureTask(Task):
         joints: Mapping[str, float] | None = None,
         name: str = "posture",
         weight: float = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
-        singular_below: float = 0.0,
         priority: int = 0,
+        **law: Unpack[LawKeywords],
     ) -> None:
         factors = _factors(robot, joints or {}, name)
         chosen = np.flatnonzero(factors > 0.0)
@@ -52,16 +51,7 @@ class PostureTask(Task):
             raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
         names = [robot.joint_names[k] for k in chosen]
         weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
-        super().__init__(
-            robot,
-            name,
-            names,
-            weight=weights,
-            gain=gain,
-            lm_damping=lm_damping,
-            singular_below=singular_below,
-            priority=priority,
-        )
+        super().__init__(robot, name, names, weight=weights, priority=priority, **law)
         self._joints = slice(None) if chosen.size == factors.size else chosen
         selection = np.zeros((chosen.size, robot.nv))
         selection[np.arange(chosen.size), 6 + chosen] = 1.0

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import congruence, vech, vech_inverse
 from wbc.tasks.inertia import ALL, FROBENIUS_ROWS, curvature_bound
-from wbc.tasks.task import Law, Residual, Task
+from wbc.tasks.task import Gains, Task
 from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -40,7 +41,7 @@ class PrincipalInertiaTask(Task):
         *,
         per_mass: bool = False,
         name: str = "principal inertia",
-        **law: Unpack[Law],
+        **law: Unpack[Gains],
     ) -> None:
         super().__init__(robot, name, ALL, **law)
         self.per_mass = per_mass
@@ -67,7 +68,7 @@ class PrincipalInertiaTask(Task):
         reshaped = (congruence(V) * vech(kept)) @ congruence(V.T)  # (6, 6)
         jacobian = reshaped @ snapshot.base_inertia_jacobian
         error_rows = self._selection @ vech(error)
-        pull = self._selection.T @ self._pull(error_rows)
+        pull = self._selection.T @ self._gradient(error_rows)
         bound = curvature_bound(pull, snapshot.inertia)
         return Residual(error_rows, self._selection @ jacobian, self._none, curvature_bound=bound)
 

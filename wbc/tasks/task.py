@@ -1,71 +1,67 @@
 """What every task is: an error that should vanish, and how it changes with the velocity.
 
-A task is written once. At the velocity level only :meth:`Task.residual` is used; at the
-acceleration level :meth:`Task.drift` is added. :mod:`wbc.laws` turns either into rows of the QP.
+A task is written once. At the velocity level :meth:`Task.residual` and :attr:`Task.law` are used;
+at the torque level :meth:`Task.drift` and :attr:`Task.acceleration_law` too. A task met exactly
+instead of by its weight is a contact: see :mod:`wbc.constraints.contact`.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError, suggest
+from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
-if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+if TYPE_CHECKING:
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
-class Residual(NamedTuple):
-    """Error of a task at one state and its first derivative: ``rate == jacobian @ v + bias``.
+class LawKeywords(TypedDict, total=False):
+    """The entries of :class:`~wbc.laws.VelocityLaw` and :class:`~wbc.laws.AccelerationLaw`."""
 
-    A named tuple rather than a frozen dataclass: a tick makes a dozen, at a third of the cost.
-
-    Attributes
-    ----------
-    error:
-        (k,) actual minus target.
-    jacobian:
-        (k, nv).
-    bias:
-        (k,) what the error changes by at v = 0: minus the rate of a moving target.
-    curvature:
-        (nv, nv) sum over the rows of weight^2 * error * second derivative of the error, or None:
-        what Gauss-Newton leaves out of the cost's Hessian. Few tasks give it.
-    curvature_bound:
-        A bound on the norm of that sum where it is not given; the law damps by it.
-    """
-
-    error: Array
-    jacobian: Array
-    bias: Array
-    curvature: Array | None = None
-    curvature_bound: float = 0.0
-
-    def rate(self, v: Array) -> Array:
-        """Return the time derivative (k,) of the error at velocity ``v``."""
-        return self.jacobian @ v + self.bias
+    gain: float
+    gain_per_second: float | None
+    lm_damping: float
+    singular_threshold: float
+    curvature_damping: bool
+    kp: float
+    kd: float | None
 
 
-class Law(TypedDict, total=False):
-    """How a task pulls: keywords that every task hands on to :class:`Task`, which explains them."""
+class Gains(LawKeywords, total=False):
+    """Keywords that every kind of task hands on to :class:`Task`, which explains them."""
 
     weight: ArrayLike
-    gain: float
-    lm_damping: float
-    singular_below: float
     priority: int
 
 
-class Task(ABC):
+_FIRST_ORDER = frozenset(field.name for field in fields(VelocityLaw))
+_SECOND_ORDER = frozenset(field.name for field in fields(AccelerationLaw))
+
+
+class _Sealed(ABCMeta):
+    """Attributes of a task are those it has when it is made: a misspelt one is an error."""
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        made = super().__call__(*args, **kwargs)
+        object.__setattr__(made, "_sealed", True)
+        return made
+
+
+class Task(metaclass=_Sealed):
     """A quantity to be driven to its target.
 
-    Attributes
+    Subclasses define :meth:`residual`; for the torque level :meth:`drift` too.
+
+    Parameters
     ----------
     robot:
         The robot whose snapshots it is evaluated on.
@@ -74,27 +70,39 @@ class Task(ABC):
     rows:
         Names of the k entries of the error.
     weight:
-        (k,) factors on the rows before squaring. The cost is 1/2 |weight * (rate - wanted)|^2, so
-        a weight is in [cost^(1/2)] per unit of the error's rate: 1/(m/s) for a position,
-        1/(rad/s) for an angle, 1/(kg m^2/s) for an inertia, 1/(kg m/s) for a momentum.
-    gain:
-        Fraction of the error to remove in one tick, in (0, 1].
-    lm_damping:
-        Levenberg-Marquardt damping: ``lm_damping * |weight * error|`` is added to the diagonal of
-        the cost. Keeps a task with an unreachable target from chattering round its optimum.
-    singular_below:
-        Singular values of the Jacobian below this are singular: along their directions the task
-        asks for less, by (value / this)^2, so that no joint rate above |wanted rate / this| is
-        needed. In the error's unit/s per rad/s; counted are the motions that contacts and more
-        important tasks leave, and that the joints' weights choose. 0 for never. An error that grows
-        meanwhile is asked for when its direction comes back; out of an exactly singular posture
-        only other tasks lead. See :mod:`wbc.controllers.singular`.
+        (k,) factors on the rows before squaring, or one for all. The cost is
+        1/2 |weight * (rate - wanted)|^2, so a weight is in [cost^(1/2)] per unit of the error's
+        rate: 1/(m/s) for a position, 1/(rad/s) for an angle, 1/(kg m^2/s) for an inertia,
+        1/(kg m/s) for a momentum.
     priority:
         Level, 0 the most important: tasks of a level never give way to those of a later one.
         Within a level tasks are weighed against each other.
+    law:
+        ``gain`` or ``gain_per_second``, ``lm_damping``, ``singular_threshold`` and
+        ``curvature_damping`` of the :class:`~wbc.laws.VelocityLaw`; ``kp`` and ``kd`` of the
+        :class:`~wbc.laws.AccelerationLaw`.
+
+    Attributes
+    ----------
+    law:
+        How the velocity level drives it.
+    acceleration_law:
+        How the torque level does.
+
+    Raises
+    ------
+    InvalidInputError
+        A value out of range, or ``gain`` and ``gain_per_second`` both given.
+    UnknownNameError
+        A keyword that no law has.
     """
 
+    law: VelocityLaw
+    acceleration_law: AccelerationLaw
     _goal: Array
+    _sealed = False
+    _kind = "task"  # as error messages call it
+    _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
 
     def __init__(
         self,
@@ -103,24 +111,39 @@ class Task(ABC):
         rows: Iterable[str],
         *,
         weight: ArrayLike = 1.0,
-        gain: float = 0.5,
-        lm_damping: float = 0.0,
-        singular_below: float = 0.0,
         priority: int = 0,
+        **law: Unpack[LawKeywords],
     ) -> None:
         self.robot = robot
         self.name = name
         self.rows = tuple(rows)
         if not self.rows:
-            raise InvalidInputError(f"task {name!r}: no row given; there is nothing to control")
+            raise InvalidInputError(f"{self}: no row given; there is nothing to control")
         self.weight = weight
-        self.gain = gain
-        self.lm_damping = finite_number(f"task {name!r}, lm_damping", lm_damping, least=0.0)
-        self.singular_below = singular_below
-        self.priority = int(finite_number(f"task {name!r}, priority", priority, least=0))
+        self.priority = int(finite_number(f"{self}, priority", priority, least=0))
+        for key in law:
+            if key not in _FIRST_ORDER | _SECOND_ORDER:
+                known = {"weight", "priority", "name"} | _FIRST_ORDER | _SECOND_ORDER
+                raise UnknownNameError(f"keyword of {self}", key, known)
+        if law.get("gain_per_second") is not None and "gain" in law:
+            raise InvalidInputError(f"{self}: give gain or gain_per_second, not both")
+        self.law = VelocityLaw()
+        self.acceleration_law = AccelerationLaw()
+        self._set_law(**law)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, rows={len(self.rows)}, gain={self.gain:g})"
+
+    def __str__(self) -> str:
+        return f"{self._kind} {self.name!r}"
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if self._sealed and not hasattr(self, name):
+            names = [key for key in dir(self) if not key.startswith("_")]
+            raise InvalidInputError(
+                f"{self} has no attribute {name!r}{suggest(name, names, listed=0)}"
+            )
+        object.__setattr__(self, name, value)
 
     @property
     def target(self) -> Array:
@@ -129,7 +152,12 @@ class Task(ABC):
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
-        set_target: Callable[[ArrayLike], None] = getattr(self, "set_target")  # noqa: B009
+        set_target: Callable[[ArrayLike], None] | None = getattr(self, "set_target", None)
+        if set_target is None:
+            raise InvalidInputError(
+                f"{self}: a {type(self).__name__} has no set_target, which assigning "
+                "a target calls; define it"
+            )
         set_target(value)
 
     @property
@@ -144,34 +172,46 @@ class Task(ABC):
     @property
     def gain(self) -> float:
         """Fraction of the error to remove in one tick."""
-        return self._gain
+        return self.law.gain
 
     @gain.setter
     def gain(self, value: float) -> None:
-        gain = finite_number(f"task {self.name!r}, gain", value, above=0.0)
-        if gain > 1.0:
-            raise InvalidInputError(
-                f"task {self.name!r}, gain: {gain:g} is above 1 (the whole error in one tick)"
-            )
-        self._gain = gain
+        self._set_law(gain=value, gain_per_second=None)
 
     @property
-    def singular_below(self) -> float:
-        """Singular values below this are singular; 0 for never."""
-        return self._singular_below
+    def lm_damping(self) -> float:
+        """Levenberg-Marquardt damping; see :class:`~wbc.laws.VelocityLaw`."""
+        return self.law.lm_damping
 
-    @singular_below.setter
-    def singular_below(self, value: float) -> None:
-        what = f"task {self.name!r}, singular_below"
-        self._singular_below = finite_number(what, value, least=0.0)
+    @lm_damping.setter
+    def lm_damping(self, value: float) -> None:
+        self._set_law(lm_damping=value)
+
+    @property
+    def singular_threshold(self) -> float:
+        """Singular values below this are singular; 0 for never."""
+        return self.law.singular_threshold
+
+    @singular_threshold.setter
+    def singular_threshold(self, value: float) -> None:
+        self._set_law(singular_threshold=value)
 
     @abstractmethod
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the error and its first derivative at ``snapshot``."""
 
-    @abstractmethod
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the second time derivative (k,) of the error at zero acceleration of v."""
+        """Return the second time derivative (k,) of the error at zero acceleration of v.
+
+        Raises
+        ------
+        InvalidInputError
+            A task that does not define it; only the torque level asks for it.
+        """
+        raise InvalidInputError(
+            f"{self}: a {type(self).__name__} does not define drift(), its error's "
+            "second derivative at zero acceleration, which the torque level needs"
+        )
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return what diagnostics report as the error (k,), in the task's own units."""
@@ -207,8 +247,21 @@ class Task(ABC):
         """
         return None
 
+    def _set_law(self, **changes: Any) -> None:
+        """Replace entries of either law; errors name the task."""
+        first = {key: value for key, value in changes.items() if key in _FIRST_ORDER}
+        second = {key: value for key, value in changes.items() if key in _SECOND_ORDER}
+        try:
+            law = replace(self.law, **first)
+            acceleration_law = replace(self.acceleration_law, **second)
+        except WbcError as error:
+            raise InvalidInputError(f"{self}, {error}") from error
+        if law.gain == 0.0 and not self._may_rest:
+            raise InvalidInputError(f"{self}, gain: must be greater than 0, got 0")
+        self.law, self.acceleration_law = law, acceleration_law
+
     def _checked_weight(self, weight: ArrayLike) -> Array:
-        what = f"task {self.name!r}, weight"
+        what = f"{self}, weight"
         size = len(self.rows)
         vector = finite_vector(
             what, np.full(size, weight) if np.ndim(weight) == 0 else weight, size
@@ -218,13 +271,13 @@ class Task(ABC):
         return read_only(vector)
 
     def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
-        return read_only(finite_array(f"task {self.name!r}, {what}", value, shape))
+        return read_only(finite_array(f"{self}, {what}", value, shape))
 
-    def _pull(self, error: Array) -> Array:
-        """Return weight^2 * error (k,): the slope of the task's cost by its error."""
-        pull = self._weight * error
-        pull *= self._weight
-        return pull
+    def _gradient(self, error: Array) -> Array:
+        """Return weight^2 * error (k,): the gradient of the task's cost by its error."""
+        gradient = self._weight * error
+        gradient *= self._weight
+        return gradient
 
     def _zeros(self) -> Array:
         return read_only(np.zeros(len(self.rows)))

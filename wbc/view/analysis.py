@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wbc.constraints.support_polygon import support_polygon
+from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.motion import RmpSeries
 from wbc.rmp import Ellipsoid

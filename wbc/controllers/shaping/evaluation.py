@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wbc.constraints import ComSupport
-from wbc.constraints.clearance import SKIN, Clearance
+from wbc.constraints.margin import SKIN, Margin
 from wbc.controllers.shaping.nlp import BuiltNlp, Local, Start
 from wbc.controllers.shaping.outcome import Candidate, Kept, Rejected
 from wbc.controllers.shaping.problem import ShapingProblem, posture_cost, posture_errors
@@ -113,8 +113,8 @@ def violations(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
     names = problem.robot.joint_names
     found |= {names[k]: float(-room[k]) for k in np.flatnonzero(room < 0.0)}
     for one in problem.constraints:
-        gaps = one.gaps(snapshot)
-        left, labels = gaps.room + SKIN, one.labels(gaps)
+        gaps = one.distances(snapshot)
+        left, labels = gaps.clearance + SKIN, one.labels(gaps)
         found |= {_key(one, labels[k]): float(-left[k]) for k in np.flatnonzero(left < 0.0)}
     return found
 
@@ -138,8 +138,8 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
     for one in problem.constraints:
         balance = isinstance(one, ComSupport)
         tolerance = allowed.support if balance else allowed.clearance
-        found = one.gaps(snapshot)
-        left = found.room + SKIN  # of the margin itself
+        found = one.distances(snapshot)
+        left = found.clearance + SKIN  # of the margin itself
         rooms[balance].append(float(left.min(initial=np.inf)))
         labels = one.labels(found)
         beyond = [
@@ -169,5 +169,5 @@ def _joint_room(problem: ShapingProblem, snapshot: Snapshot) -> Array:
     return np.minimum(joints - problem.limits.lower, problem.limits.upper - joints)
 
 
-def _key(constraint: Clearance, label: str) -> str:
+def _key(constraint: Margin, label: str) -> str:
     return f"{constraint.name}: {label}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wbc.constraints import ComSupport, Constraint, Contact, Limits
-from wbc.constraints.clearance import Clearance
+from wbc.constraints.margin import Margin
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import Task
@@ -29,7 +29,7 @@ class ShapingProblem:
     tasks: tuple[Task, ...]
     contacts: tuple[Contact, ...]
     limits: Limits
-    constraints: tuple[Clearance, ...]
+    constraints: tuple[Margin, ...]
 
     @property
     def anchor(self) -> Contact | None:
@@ -67,7 +67,7 @@ def check_parts(
     contacts: Sequence[Contact],
     limits: Limits,
     constraints: Sequence[Constraint],
-) -> tuple[Clearance, ...]:
+) -> tuple[Margin, ...]:
     """Refuse parts of another robot, names given twice, several levels, and no task at all.
 
     Returns
@@ -98,8 +98,8 @@ def check_parts(
     return tuple(_measurable(constraint) for constraint in constraints)
 
 
-def _measurable(constraint: Constraint) -> Clearance:
-    if not isinstance(constraint, Clearance):
+def _measurable(constraint: Constraint) -> Margin:
+    if not isinstance(constraint, Margin):
         raise InvalidInputError(
             f"global shaping: constraint {constraint.name!r} is a {type(constraint).__name__},"
             " which has no margin to measure; leave it to the controller that moves there"

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from wbc.constraints.clearance import USED
+from wbc.constraints.margin import USED
 from wbc.controllers.shaping.nlp import (
     Ipopt,
     Local,

@@ -1,4 +1,4 @@
-"""Contacts as equality rows of the QP, without the rows that only repeat others.
+"""Contacts as equality rows, without the rows that only repeat others.
 
 Four corners of a sole make twelve rows, of which six are independent. Rows that follow from others
 agree with them to first order only; taken together they contradict each other by what a tick's
@@ -17,63 +17,55 @@ from scipy.linalg import qr
 
 from wbc.constraints.contact import Contact, PointContact
 from wbc.constraints.rows import Index
-from wbc.laws import Rows, velocity_law
-from wbc.robot import Snapshot
+from wbc.laws import Rows
 from wbc.rotations import log_rotation
 from wbc.spatial import skew
+from wbc.tasks.task import Task
 from wbc.validate import Array
 
 # Rows count as dependent below this part of the largest, positions measured in the link's size.
 DEPENDENT = 1e-6
-# Anchors of one link may disagree by what held feet drift [m, rad]; beyond, they are in earnest.
+# Anchors of one link may disagree by what held feet drift [m, rad]. A larger disagreement is a real
+# contradiction.
 DRIFT, TURN = 5e-3, 5e-2
 
 
-class Held:
-    """Contacts that are met exactly.
+class ContactRows:
+    """Which rows of the contacts the QP gets.
 
     Contacts on one link keep a largest set of independent rows, chosen where they are anchored,
-    which is where the link is held. All others keep all their rows.
+    which is where the link is held. All other tasks that are held keep all their rows.
 
     Attributes
     ----------
+    contacts:
+        Contacts, or other tasks to be met exactly.
     labels:
         Of the rows, such as ``"left_sole x"``.
     """
 
-    def __init__(self, contacts: Sequence[Contact]) -> None:
-        self._contacts = tuple(contacts)
-        self._kept = _independent_rows(self._contacts)
+    def __init__(self, contacts: Sequence[Task]) -> None:
+        self.contacts = tuple(contacts)
+        self._kept = _independent_rows(self.contacts)
         self.labels = tuple(
-            contact.labels[k]
-            for contact, kept in zip(self._contacts, self._kept, strict=True)
-            for k in (range(len(contact.labels)) if kept is None else kept)
+            f"{contact.name} {contact.rows[k]}"
+            for contact, kept in zip(self.contacts, self._kept, strict=True)
+            for k in (range(len(contact.rows)) if kept is None else kept)
         )
 
-    def rows(self, snapshot: Snapshot, dt: float) -> list[Rows]:
-        """Return the rows of each contact: hold, and take back what has drifted."""
+    def select(self, rows: Sequence[Rows]) -> list[Rows]:
+        """Return the rows that are kept of all rows of each contact."""
         return [
-            _some(contact_rows(contact, snapshot, dt), kept)
-            for contact, kept in zip(self._contacts, self._kept, strict=True)
+            row if kept is None else Rows(row.matrix[kept], row.target[kept], row.weight[kept])
+            for row, kept in zip(rows, self._kept, strict=True)
         ]
 
 
-def contact_rows(contact: Contact, snapshot: Snapshot, dt: float) -> Rows:
-    """Return all rows of one contact by the velocity law."""
-    return velocity_law(contact.residual(snapshot), contact.gain, dt, contact.weight)
-
-
-def _some(rows: Rows, kept: Index | None) -> Rows:
-    if kept is None:
-        return rows
-    return Rows(rows.matrix[kept], rows.target[kept], rows.weight[kept])
-
-
-def _independent_rows(contacts: Sequence[Contact]) -> tuple[Index | None, ...]:
+def _independent_rows(contacts: Sequence[Task]) -> tuple[Index | None, ...]:
     """Return for each contact the rows to keep, increasing; None for all of them."""
     kept: list[Index | None] = [None] * len(contacts)
     for members in _links(contacts):
-        together = [contacts[k] for k in members]
+        together = [contact for k in members if isinstance(contact := contacts[k], Contact)]
         if len(members) < 2 or not all(_agree(a, b) for a, b in combinations(together, 2)):
             continue
         chosen = _independent(together)
@@ -91,11 +83,11 @@ def _agree(a: Contact, b: Contact) -> bool:
     if len(a.rows) < len(b.rows):
         a, b = b, a
     here, there = _frame(a).placement, _frame(b).placement
-    way, apart = there.translation - here.translation, b.position - a.position
+    arm, separation = there.translation - here.translation, b.position - a.position
     if isinstance(a, PointContact):
-        return abs(float(np.linalg.norm(way) - np.linalg.norm(apart))) <= DRIFT
+        return abs(float(np.linalg.norm(arm) - np.linalg.norm(separation))) <= DRIFT
     link = a.rotation @ here.rotation.T
-    if np.linalg.norm(link @ way - apart) > DRIFT:
+    if np.linalg.norm(link @ arm - separation) > DRIFT:
         return False
     turn = link.T @ b.rotation @ there.rotation.T
     return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= TURN
@@ -107,11 +99,12 @@ def _frame(contact: Contact) -> Any:
     return robot.model.frames[robot.frame_id(contact.frame)]
 
 
-def _links(contacts: Sequence[Contact]) -> list[list[int]]:
+def _links(contacts: Sequence[Task]) -> list[list[int]]:
     """Return the numbers of the contacts on each link that moves on its own."""
     found: dict[int, list[int]] = {}
     for k, contact in enumerate(contacts):
-        found.setdefault(int(_frame(contact).parentJoint), []).append(k)
+        if isinstance(contact, Contact):
+            found.setdefault(int(_frame(contact).parentJoint), []).append(k)
     return list(found.values())
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Contact, Limits, PointContact, support
-from wbc.constraints.held import Held
+from wbc.constraints.contact_rows import ContactRows
 from wbc.controllers import KinematicController
+from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask
 
@@ -45,12 +46,16 @@ def contacts_of(here: Snapshot, case: str) -> list[Contact]:
     return held + [PointContact.hold(here, frame) for frame in points]
 
 
+def rows_of(here: Snapshot, contacts: list[Contact]) -> list[Rows]:
+    return [one.law.rows(one.residual(here), one.weight, 0.005) for one in contacts]
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_rows_that_remain_are_independent_and_span_all(here, case) -> None:
     contacts = contacts_of(here, case)
-    held = Held(contacts)
+    held = ContactRows(contacts)
     none = np.zeros((0, here.robot.nv))
-    left = np.concatenate([none, *(rows.matrix for rows in held.rows(here, 0.005))])
+    left = np.concatenate([none, *(rows.matrix for rows in held.select(rows_of(here, contacts)))])
     everything = np.concatenate([none, *(c.residual(here).jacobian for c in contacts)])
     assert len(left) == len(held.labels) == CASES[case][2]
     # The oracle is the rank of the frames' Jacobians, from Pinocchio; 1e-8: rounding is 1e-15.
@@ -100,7 +105,7 @@ def test_one_link_in_two_places_is_still_a_contradiction(here, case) -> None:
     along = contacts[1].position - contacts[0].position
     moved = contacts[1].position + 0.02 * along / np.linalg.norm(along)
     contacts[1] = type(contacts[1])(here.robot, contacts[1].frame, moved, contacts[1].rotation)
-    held = Held(contacts)
+    held = ContactRows(contacts)
     assert len(held.labels) == sum(len(contact.rows) for contact in contacts)
     tick = KinematicController(here.robot, [ComTask(here.robot, here.com)], contacts=contacts).step(
         here

@@ -1,0 +1,124 @@
+"""Limits hold whatever levels, margins and look-ahead do, and nothing outside them is commanded."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from wbc.constraints import Limits, PositionBox, support
+from wbc.controllers import KinematicController
+from wbc.qp.problem import QP
+from wbc.qp.proxqp import ProxQP
+from wbc.qp.solution import Solution, Status
+from wbc.robot import Robot
+from wbc.rotations import exp_rotation
+from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
+
+Load = Callable[[str], Robot]
+DT, HAND = 0.005, "left_rubber_hand"
+
+
+@pytest.mark.parametrize("mode", ["floating", "double"])
+@pytest.mark.parametrize("seed", range(15))
+def test_levels_and_look_ahead_do_not_take_limits_away(
+    mode: str, seed: int, robot_named: Load
+) -> None:
+    """Before: up to 130 rad/s above the limits, status "solved", in 11 of 20 of these states."""
+    robot = robot_named("g1")
+    rng = np.random.default_rng(seed)
+    q = robot.posture("standing")
+    step = np.concatenate((np.zeros(6), rng.normal(scale=0.2, size=robot.nv - 6)))
+    here = robot.snapshot(robot.integrate(q, step, 1.0))
+    limits = Limits(robot)
+    at, away = here.position(HAND), rng.normal(size=(2, 3))
+    box = PositionBox(robot, HAND, at - 0.01, at + 0.01)  # the hand turns: look-ahead adds rows
+    tasks = [
+        OrientationTask(robot, "base", exp_rotation(rng.normal(size=3)), weight=10.0),
+        PositionTask(robot, HAND, here.com + away[1], priority=1),
+        ComTask(robot, here.com + away[0], priority=1),
+        PostureTask(robot, robot.posture("standing"), priority=2),
+    ]
+    controller = KinematicController(
+        robot,
+        tasks,
+        contacts=support(here, mode),
+        limits=limits,
+        constraints=[box],
+        dt=DT,
+    )
+    tick = controller.step(here)
+    lower, upper = limits.box(here, DT)
+    assert (tick.velocity >= lower - 1e-6).all() and (tick.velocity <= upper + 1e-6).all()
+
+
+class Careless(ProxQP):
+    """A solver whose answer is wrong by more than its own residuals admit."""
+
+    def solve(self, qp: QP, workspace="default") -> Solution:
+        solution = super().solve(qp, workspace)
+        return replace(solution, x=3.0 * np.maximum(qp.upper, 1.0))
+
+
+def test_a_command_outside_the_limits_is_never_given(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    tasks = [ComTask(robot, here.com + 0.01)]
+    twist = np.full(6, 0.5)
+    controller = KinematicController(
+        robot, tasks, limits=Limits(robot, base_twist=twist), solver=Careless()
+    )
+    tick = controller.step(here)
+    assert tick.status is Status.CONTRADICTED and tick.policy == "hold"
+    assert not tick.velocity.any()
+    assert "outside its limits" in tick.report()
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_second_level_is_the_lexicographic_optimum(seed: int, robot_named: Load) -> None:
+    """Oracle: SciPy's bounded least squares on what the first level leaves, all rows at once.
+
+    Before, bounds that only damping held became equalities: up to 67 % above the optimum.
+    """
+    robot = robot_named("g1")
+    rng = np.random.default_rng(seed)
+    step = np.concatenate((np.zeros(6), rng.normal(scale=0.2, size=robot.nv - 6)))
+    q = robot.integrate(robot.posture("standing"), step, 1.0)
+    here = robot.snapshot(q, rng.normal(scale=0.5, size=robot.nv))
+    limits = Limits(robot, base_twist=np.full(6, 1.0))
+    away = rng.normal(scale=0.5, size=(2, 3))
+    tasks = [
+        ComTask(robot, here.com + away[0], weight=10.0),
+        PositionTask(robot, HAND, here.position(HAND) + away[1], priority=1),
+        PostureTask(robot, robot.posture("standing"), weight=0.1, priority=1),
+    ]
+    controller = KinematicController(robot, tasks, limits=limits, dt=DT, solver="daqp")
+    tick = controller.step(here)
+    assert tick.ok, tick.report()
+    first = KinematicController(robot, tasks[:1], limits=limits, dt=DT, solver="daqp").step(here)
+    com = tasks[0].residual(here)
+    np.testing.assert_allclose(
+        com.jacobian @ tick.velocity, com.jacobian @ first.velocity, atol=1e-6
+    )
+    # The second level's cost as rows: its tasks, and the damping that its law adds.
+    stacked, wanted, damping = [], [], controller.damping
+    for task in tasks[1:]:
+        rows = task.law.rows(task.residual(here), task.weight, DT)
+        stacked.append(rows.weight[:, None] * rows.matrix)
+        wanted.append(rows.weight * rows.target)
+        damping += rows.damping
+    stacked.append(np.sqrt(damping) * np.eye(robot.nv))
+    wanted.append(np.zeros(robot.nv))
+    J, w = np.concatenate(stacked), np.concatenate(wanted)
+    heavy = 1e5 * com.jacobian
+    lower, upper = limits.box(here, DT)
+    oracle = lsq_linear(
+        np.concatenate((heavy, J)),
+        np.concatenate((heavy @ first.velocity, w)),
+        (lower, upper + 1e-12),
+        method="bvls",
+        tol=1e-14,
+    ).x
+    cost, best = (float(np.sum((J @ v - w) ** 2)) for v in (tick.velocity, oracle))
+    assert cost <= best * (1.0 + 1e-4) + 1e-9

@@ -1,0 +1,251 @@
+"""Margins: distances that must not close, and how fast they may be approached.
+
+A constraint measures distances: how much clearance is left, and how it changes with the velocity,
+``d(clearance)/dt = jacobian v + rate``. One law turns them into rows, the same for bodies,
+obstacles, the CoM over its support and boxes:
+
+* braking: clearance x may be used up at u with ``u dt + u^2 / (2 a) <= x``, as a joint's range is
+  (:mod:`wbc.constraints.limits`), and no faster than ``gain x / dt``: the end is met without
+  oscillation;
+* standing still is always allowed: a row never asks for more than ``C v >= 0``, so no state makes
+  the QP infeasible. (Contacts that take back a drift may ask for a little less; then rows are
+  relaxed, see :func:`wbc.constraints.rows.relax_for_contacts`.) Recovery from inside a margin, or
+  out of a moving obstacle's path, is a dominating cost, met as far as limits and contacts allow;
+* rows are only first-order, so the margins are re-evaluated at the integrated configuration: where
+  one would be violated there, its row at that place is added and the QP solved again (see
+  :mod:`wbc.controllers.look_ahead`).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.braking import stopping_speed
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Bounds, Constraint, Distances, Index, SeparatedPairs, SymbolicRows
+from wbc.errors import InvalidInputError
+from wbc.laws import Rows
+from wbc.robot import Robot, Snapshot
+from wbc.validate import Array, finite_number, read_only
+
+if TYPE_CHECKING:
+    from wbc.robot.symbolic import SymbolicPosture
+
+# Rows keep this much more than the margin asked for [m], so that the margin itself is not violated
+# by what a linear row leaves out. Half of it may be used up by one tick.
+SKIN = 1e-4
+USED = 0.5 * SKIN
+ROUNDING = 1e-7  # m: by how much a violation may grow in one tick
+# Rows being recovered are relaxed by this speed [m/s], or by this part of the recovery speed, to
+# leave the solver an interior.
+INTERIOR, PART = 1e-3, 0.01
+LEVER = 1.0  # m: levers on which joints carry points, for an estimate of curvature
+JOINT_SHARE = 0.5  # of the joints' acceleration that braking before a margin may count on
+
+
+@dataclass(frozen=True)
+class BrakingParameters:
+    """How fast a margin may be approached, and recovered.
+
+    Attributes
+    ----------
+    deceleration:
+        To count on while braking [m/s^2].
+    gain:
+        Largest fraction of the clearance to use up in one tick, in (0, 1].
+    recovery:
+        Fraction of a violation to take back in one tick, in (0, 1].
+    recovery_speed:
+        Largest speed at which a violation is taken back [m/s].
+    """
+
+    deceleration: float = 5.0
+    gain: float = 0.5
+    recovery: float = 0.2
+    recovery_speed: float = 0.1
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            finite_number(f"braking, {field.name}", getattr(self, field.name), above=0.0)
+        for name in ("gain", "recovery"):
+            if getattr(self, name) > 1.0:
+                raise InvalidInputError(f"braking, {name}: {getattr(self, name):g} is above 1")
+
+
+class Margin(Constraint):
+    """A constraint made of distances that must not close.
+
+    Parameters
+    ----------
+    braking:
+        How fast clearance may be used up.
+    limits:
+        If given, braking counts on no more than half of what the joints' accelerations give.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        braking: BrakingParameters | None,
+        limits: Limits | None = None,
+    ) -> None:
+        if limits is not None and limits.robot is not robot:
+            raise InvalidInputError(f"{name}: the limits were made for another robot object")
+        self.robot = robot
+        self.name = name
+        self.braking = braking or BrakingParameters()
+        self._joint_acceleration = (
+            None if limits is None else np.minimum(JOINT_SHARE * limits.acceleration, 1e9)
+        )
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r})"
+
+    @abstractmethod
+    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
+        """Return the distances at ``snapshot``: those of ``keys``, or all that matter."""
+
+    @abstractmethod
+    def labels(self, distances: Distances) -> tuple[str, ...]:
+        """Return the labels of distances."""
+
+    @abstractmethod
+    def curvature_bound(self, distances: Distances, step: Array) -> Array:
+        """Bound how far (m,) clearances end below their linear prediction over ``step`` (nv,)."""
+
+    def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows | SeparatedPairs:
+        """Return what a posture must respect, for searches over postures.
+
+        Margins are kept with their skin, so that the QP can rest at what such a search finds.
+
+        Raises
+        ------
+        InvalidInputError
+            A kind of constraint that does not say what it asks of a posture.
+        """
+        raise InvalidInputError(
+            f"global shaping: constraint {self.name!r} is a {type(self).__name__}, of which no rows"
+            " in terms of the posture are known; leave it to the controller that moves there"
+        )
+
+    def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        """Return one row for each gap; see the module on how it is bounded."""
+        distances = self.distances(snapshot)
+        least = np.negative(self._speed(distances, dt))
+        inside = distances.clearance.size > 0 and np.minimum.reduce(distances.clearance) < 0.0
+        if inside:
+            law = self.braking
+            lost = np.maximum(
+                -SKIN - distances.clearance, 0.0
+            )  # less than the skin is no violation
+            back = np.minimum(law.recovery / dt * lost, law.recovery_speed)
+            least = np.where(distances.clearance < 0.0, back, least)
+        push = None
+        if distances.rate is not None:
+            least -= distances.rate
+        if inside or distances.rate is not None:
+            least, push = _asked(distances, least)
+        return Bounds(
+            self.labels(distances),
+            distances.jacobian,
+            least,
+            _unbounded(least.size),
+            push,
+            distances,
+        )
+
+    def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
+        """Whether some clearance might end below what a tick may use up."""
+        distances = rows.distances
+        if distances is None:
+            return False
+        return bool((self._least(distances, v, dt) < -USED).any())
+
+    def cutting_planes(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
+        """Return the rows, linear about ``there``, of the distances that are violated there.
+
+        A distance may end half a skin inside; one that began further inside may not shrink more.
+        """
+        after = self.distances(there, self._watched(rows, v, dt))
+        start, drift = _matched(rows.distances, after)
+        clearance = after.clearance if after.rate is None else after.clearance + dt * after.rate
+        floor = np.minimum(-USED, start + dt * np.minimum(drift, 0.0) - ROUNDING)
+        violated = np.flatnonzero(clearance < floor)
+        if not violated.size:
+            return None
+        lacking = np.minimum(0.0, start[violated]) - clearance[violated]
+        matrix = after.jacobian[violated]
+        least = np.minimum(matrix @ v + lacking / dt, 0.0)
+        labels = self.labels(after)
+        chosen = tuple(labels[k] for k in violated)
+        return Bounds(chosen, matrix, least, np.full(violated.size, np.inf))
+
+    def _least(self, distances: Distances, v: Array, dt: float) -> Array:
+        """Return an estimate (m,) from below of the clearances where ``v`` leads."""
+        step = dt * v
+        predicted = distances.jacobian @ step
+        predicted += distances.clearance
+        if distances.rate is not None:
+            predicted += dt * distances.rate
+        predicted -= self.curvature_bound(distances, step)
+        return predicted
+
+    def _watched(self, rows: Bounds, v: Array, dt: float) -> Index | None:
+        """Return the keys of the distances to measure where ``v`` leads; None for all there are."""
+        distances = rows.distances
+        # If pairs not measured could have come nearer than the farthest of these, measure all.
+        if distances is None or LEVER * dt * float(np.abs(v).sum()) > np.maximum.reduce(
+            distances.clearance
+        ):
+            return None
+        return distances.keys[self._least(distances, v, dt) < -USED]
+
+    def _speed(self, distances: Distances, dt: float) -> Array:
+        """Return the speed (m,) at which clearances may be used up, 0 where there is none."""
+        clearance = np.maximum(distances.clearance, 0.0)
+        law = self.braking
+        deceleration: Array | float = law.deceleration
+        if self._joint_acceleration is not None:
+            able = np.abs(distances.jacobian[:, 6:]) @ self._joint_acceleration
+            # Where joints hardly change the clearance, their limits do not matter to it either.
+            deceleration = np.minimum(np.where(able > 1e-6, able, deceleration), deceleration)
+        return np.minimum(stopping_speed(clearance, deceleration, dt), law.gain / dt * clearance)
+
+
+def point_curvature_bound(distances: Distances, step: Array) -> Array:
+    """Bound how far (m,) a point ends beside its linear prediction, on levers of a metre."""
+    size = np.abs(step)
+    slide, angle = float(size[:3].sum()), float(size[3:].sum())
+    # A base that turns while it slides bends its own way, on no lever.
+    return np.full(distances.clearance.size, 0.5 * (LEVER * angle + slide) * angle)
+
+
+def _asked(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
+    """Return what is asked for as a bound (m,), and what as a dominating cost."""
+    wanted = least > 0.0
+    if not wanted.any():
+        return least, None
+    push = Rows(distances.jacobian[wanted], least[wanted], np.ones(int(np.count_nonzero(wanted))))
+    return np.where(wanted, -np.minimum(INTERIOR, PART * least), least), push
+
+
+@cache
+def _unbounded(size: int) -> Array:
+    return read_only(np.full(size, np.inf))
+
+
+def _matched(before: Distances | None, after: Distances) -> tuple[Array, Array]:
+    """Return clearance and rate (m,), (m,) that ``after`` had before; infinity and 0 if new."""
+    far, none = np.full(after.keys.size, np.inf), np.zeros(after.keys.size)
+    if before is None or not before.keys.size:
+        return far, none
+    place = np.minimum(np.searchsorted(before.keys, after.keys), before.keys.size - 1)
+    same = before.keys[place] == after.keys
+    clearance = np.where(same, before.clearance[place], far)
+    return clearance, none if before.rate is None else np.where(same, before.rate[place], none)

@@ -1,0 +1,99 @@
+"""Look-ahead: margins re-evaluated at the configuration that a command leads to.
+
+Rows are only first-order. At full speed the second order takes a millimetre in a tick, and between
+parallel surfaces the nearest points jump. So each solution is integrated: where a margin is
+violated there, its rows at that configuration are added as cutting planes and the QP is solved
+again. After a few rounds the step is scaled down; standing still is always allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
+from wbc.controllers.levels import Outcome
+from wbc.controllers.slack import Slacks
+from wbc.laws import Rows
+from wbc.robot import Snapshot
+from wbc.validate import Array
+
+ROUNDS = 3
+SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625)
+
+Box = tuple[Array, Array]
+Solve = Callable[[Bounds, Box | None], Outcome]
+
+
+class MarginRows(NamedTuple):
+    """The inequality rows of all constraints at one snapshot.
+
+    Attributes
+    ----------
+    parts:
+        The rows of each constraint, with slack weights where it may give way.
+    slacks:
+        Which may: where they lead is not looked at.
+    """
+
+    constraints: Sequence[Constraint]
+    slacks: Slacks
+    snapshot: Snapshot
+    dt: float
+    parts: Sequence[Bounds]
+
+    @classmethod
+    def at(
+        cls, snapshot: Snapshot, constraints: Sequence[Constraint], slacks: Slacks, dt: float
+    ) -> MarginRows:
+        """Evaluate the constraints at ``snapshot``."""
+        parts = [slacks.soften(part, part.rows(snapshot, dt)) for part in constraints]
+        return cls(constraints, slacks, snapshot, dt, parts)
+
+    def violated(self, v: Array) -> list[Bounds]:
+        """Return the rows of margins that are violated where ``v`` leads."""
+        doubtful = [
+            (constraint, part)
+            for constraint, part in zip(self.constraints, self.parts, strict=True)
+            if self.slacks.is_hard(constraint.name) and constraint.may_violate(part, v, self.dt)
+        ]
+        if not doubtful:
+            return []
+        robot = self.snapshot.robot
+        there = robot.snapshot(robot.integrate(self.snapshot.q, v, self.dt))
+        found = [
+            constraint.cutting_planes(there, v, self.dt, part) for constraint, part in doubtful
+        ]
+        return [cut for cut in found if cut is not None]
+
+    def step_scale(self, v: Array) -> float:
+        """Return the part of ``v`` that leads to no violation."""
+        return next((scale for scale in SCALES if not self.violated(scale * v)), 0.0)
+
+
+def solve_with_look_ahead(
+    solve: Solve, margins: MarginRows, held: Sequence[Rows]
+) -> tuple[Outcome, float]:
+    """Return the outcome with margins kept where it leads, and the part of it to command.
+
+    Parameters
+    ----------
+    solve:
+        Solves all levels with some inequality rows, in a box on v+ (None: the limits').
+    held:
+        Rows of the contacts: if a QP has no solution, margins are relaxed by what these need.
+    """
+    bounds, cuts = stack(margins.parts), list[Bounds]()
+    outcome = solve(bounds, None)
+    for _ in range(ROUNDS):
+        if not outcome.solved:
+            return solve(relax_for_contacts(bounds, held), outcome.box), 1.0
+        found = margins.violated(outcome.velocity)
+        if not found:
+            return outcome, 1.0
+        cuts += found
+        bounds = stack([*margins.parts, *cuts])
+        outcome = solve(bounds, outcome.box)
+    if not outcome.solved:
+        return solve(relax_for_contacts(bounds, held), outcome.box), 1.0
+    return outcome, margins.step_scale(outcome.velocity)

@@ -1,0 +1,230 @@
+"""What does not change between ticks: the unknowns, the levels and the names of their rows.
+
+A :class:`Plan` is made once for each set of tasks and contacts; a tick then only fills in numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from wbc.constraints.contact_rows import ContactRows
+from wbc.constraints.limits import BASE_ROWS
+from wbc.constraints.rows import Bounds
+from wbc.controllers.slack import Slacks, with_slack
+from wbc.laws import Rows
+from wbc.qp.problem import QP, Labels
+from wbc.robot import Robot
+from wbc.tasks.task import Task
+from wbc.validate import Array, read_only
+
+# Curvatures below this fraction of the largest are raised to it: steps stay finite in flat valleys.
+FLATTEST = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The unknowns x (n,) of a tick: the velocity v+ at its end, then what a level adds.
+
+    The velocity level has v+ alone; a torque level has contact forces behind it. Rows may have nv
+    columns or n: those on v+ are written once for both levels.
+
+    Attributes
+    ----------
+    names:
+        (n,), a bound is named after its unknown.
+    nv:
+        How many of them are v+.
+    damping:
+        (n,) weights of 1/2 x^2 in the cost; they make the optimum unique.
+    lower, upper:
+        (n - nv,) bounds on what is behind v+.
+    """
+
+    names: tuple[str, ...]
+    nv: int
+    damping: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def velocity(cls, robot: Robot, damping: Array) -> Decision:
+        """Return the unknowns of the velocity level."""
+        none = read_only(np.zeros(0))
+        return cls(BASE_ROWS + robot.joint_names, robot.nv, damping, none, none)
+
+    def extended(
+        self, names: Sequence[str], lower: Array, upper: Array, damping: Array
+    ) -> Decision:
+        """Return these unknowns and further ones (m,) behind them."""
+        return Decision(
+            self.names + tuple(names),
+            self.nv,
+            np.concatenate((self.damping, damping)),
+            np.concatenate((self.lower, lower)),
+            np.concatenate((self.upper, upper)),
+        )
+
+    @property
+    def size(self) -> int:
+        """How many unknowns there are, n."""
+        return len(self.names)
+
+    def box(self, velocity_box: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return bounds (n,), (n,) on x from those on v+."""
+        if not self.lower.size:
+            return velocity_box
+        low, high = velocity_box
+        return np.concatenate((low, self.lower)), np.concatenate((high, self.upper))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The levels of a controller.
+
+    Attributes
+    ----------
+    held:
+        The contacts that are met exactly.
+    soft:
+        Those that may give way: costs of the first level, behind the tasks.
+    levels:
+        Indices of each level's costs among the tasks, then the soft contacts.
+    labels:
+        Of each level's QP; those of inequality rows come with the rows.
+    workspace:
+        Names the set of contacts: solvers keep a warm start for each.
+    """
+
+    decision: Decision
+    held: ContactRows
+    soft: tuple[Task, ...]
+    levels: tuple[tuple[int, ...], ...]
+    labels: tuple[Labels, ...]
+    workspace: tuple[object, ...]
+
+    @classmethod
+    def of(
+        cls,
+        decision: Decision,
+        tasks: Sequence[Task],
+        contacts: Sequence[Task],
+        slacks: Slacks,
+        physics: tuple[str, ...] = (),
+    ) -> Plan:
+        """Return the plan; ``physics`` names the equality rows that a level puts before contacts.
+
+        A level's QP keeps what the levels above achieve: its equality rows are the first level's,
+        then the rows of the tasks above that have weight.
+        """
+        hard, soft = slacks.split(contacts)
+        held = ContactRows(hard)
+        first, *lower = by_priority(tasks)
+        levels = ((*first, *range(len(tasks), len(tasks) + len(soft))), *lower)
+        equality = physics + held.labels
+        labels = [Labels(equality, (), decision.names)]
+        costs = (*tasks, *soft)
+        for level in levels[:-1]:
+            equality += tuple(
+                f"{costs[k].name} {row}"
+                for k in level
+                for row, weight in zip(costs[k].rows, costs[k].weight, strict=True)
+                if weight > 0.0
+            )
+            labels.append(Labels(equality, (), decision.names))
+        workspace = tuple(contact.name for contact in contacts), held.labels
+        return cls(decision, held, soft, levels, tuple(labels), workspace)
+
+
+def by_priority(tasks: Sequence[Task]) -> tuple[tuple[int, ...], ...]:
+    """Return the indices of the tasks of each level, the most important level first."""
+    return tuple(
+        tuple(k for k, task in enumerate(tasks) if task.priority == priority)
+        for priority in sorted({task.priority for task in tasks})
+    )
+
+
+def assemble(
+    decision: Decision,
+    costs: Sequence[Rows],
+    equalities: Sequence[Rows],
+    box: tuple[Array, Array],
+    bounds: Bounds | None,
+    labels: Labels,
+) -> QP:
+    """Return a level's QP: costs squared and added, equalities, inequality rows and the box.
+
+    Parameters
+    ----------
+    costs:
+        Rows met in the weighted least-squares sense, with their own damping.
+    equalities:
+        Rows met exactly; their weights are not used.
+    box:
+        Bounds (n,), (n,) on the unknowns.
+    bounds:
+        Inequality rows, or None for none.
+    labels:
+        Names; those of the inequality rows are taken from ``bounds``.
+    """
+    lower, upper = box
+    n = decision.size
+    # Weighted and stacked first: one product is cheaper than one per task.
+    J = stacked([rows.matrix for rows in costs], n)
+    weight = np.concatenate([rows.weight for rows in costs])
+    J *= weight[:, None]
+    wanted = weight * np.concatenate([rows.target for rows in costs])
+    P: Array = J.T @ J
+    curved = [rows.curvature for rows in costs if rows.curvature is not None]
+    if curved:
+        nv = decision.nv
+        P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
+    P.flat[:: n + 1] += decision.damping
+    damping = sum(rows.damping for rows in costs)
+    P.flat[: decision.nv * (n + 1) : n + 1] += damping
+    if equalities:
+        A = stacked([rows.matrix for rows in equalities], n)
+        b = np.concatenate([rows.target for rows in equalities])
+    else:
+        A, b = _no_rows(n).matrix, _no_rows(n).lower
+    if bounds is None:
+        bounds = _no_rows(n)
+    else:
+        labels = Labels(labels.equality, bounds.labels, labels.variables)
+    C = bounds.matrix if bounds.matrix.shape[1] == n else stacked([bounds.matrix], n)
+    qp = QP(P, -(wanted @ J), A, b, C, bounds.lower, bounds.upper, lower, upper, labels)
+    return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+def convexified(H: Array) -> Array:
+    """Return the nearest thing to H (n, n) that a QP can use: its eigenvalues made positive.
+
+    Taking their absolute values keeps the Newton step where H is convex and leaves a saddle by the
+    direction of negative curvature at the same scale (Dauphin et al. 2014, "saddle-free Newton").
+    """
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T))
+    sizes = np.abs(values)
+    np.maximum(sizes, FLATTEST * sizes.max(), out=sizes)
+    half = vectors * np.sqrt(sizes)
+    return half @ half.T
+
+
+def stacked(matrices: Sequence[Array], n: int) -> Array:
+    """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
+    if all(matrix.shape[1] == n for matrix in matrices):
+        return np.concatenate(matrices)
+    rows, begin = np.zeros((sum(map(len, matrices)), n)), 0
+    for matrix in matrices:
+        end = begin + len(matrix)
+        rows[begin:end, : matrix.shape[1]] = matrix
+        begin = end
+    return rows
+
+
+@cache
+def _no_rows(n: int) -> Bounds:
+    """Return no rows for n unknowns."""
+    return Bounds((), read_only(np.zeros((0, n))), read_only(np.zeros(0)), read_only(np.zeros(0)))

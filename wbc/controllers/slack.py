@@ -1,0 +1,123 @@
+"""Which contacts and constraints may give way, and what giving way costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wbc.constraints.rows import Bounds, Constraint
+from wbc.errors import UnknownNameError
+from wbc.laws import Rows
+from wbc.qp.problem import QP, Labels
+from wbc.tasks.task import Task
+from wbc.validate import Array, finite_number
+
+# What the name of a slack variable begins with; the name of its row follows.
+SLACK_OF = "slack of "
+# A slack below this [m/s] is what solvers leave.
+NEGLIGIBLE = 1e-7
+
+
+class Slacks:
+    """Slack weights by the name of a contact (its frame) or constraint; all others are hard.
+
+    A soft contact is a cost: its rows are met as well as their weight against the tasks allows. A
+    soft constraint keeps its rows, each with a slack variable in the QP: as long as it is not
+    overruled it is met exactly, but for (gradient along the row) / weight.
+
+    Parameters
+    ----------
+    weights:
+        Of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
+
+    Raises
+    ------
+    UnknownNameError
+        No contact or constraint of a name.
+    InvalidInputError
+        A weight that is not a positive number.
+    """
+
+    def __init__(
+        self,
+        weights: Mapping[str, float],
+        contacts: Sequence[Task],
+        constraints: Sequence[Constraint],
+    ) -> None:
+        known = [contact.name for contact in contacts] + [part.name for part in constraints]
+        for name in weights:
+            if name not in known:
+                raise UnknownNameError("contact or constraint", name, known)
+        self._weights = {
+            name: finite_number(f"controller, slack of {name!r}", weight, above=0.0)
+            for name, weight in weights.items()
+        }
+
+    def is_hard(self, name: str) -> bool:
+        """Whether a contact or constraint may not give way."""
+        return name not in self._weights
+
+    def split(self, contacts: Sequence[Task]) -> tuple[tuple[Task, ...], tuple[Task, ...]]:
+        """Return the hard contacts and the soft ones."""
+        hard = tuple(contact for contact in contacts if self.is_hard(contact.name))
+        return hard, tuple(contact for contact in contacts if contact not in hard)
+
+    def cost(self, contact: Task, rows: Rows) -> Rows:
+        """Return the rows of a soft contact as a cost."""
+        return rows._replace(weight=np.sqrt(self._weights[contact.name]) * rows.weight)
+
+    def soften(self, constraint: Constraint, bounds: Bounds) -> Bounds:
+        """Return a constraint's rows with their slack weights, if it is soft.
+
+        The dominating cost that recovers a margin is dropped: it would overrule what overrules.
+        """
+        if self.is_hard(constraint.name):
+            return bounds
+        weight = self._weights[constraint.name]
+        return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)
+
+
+def with_slack(qp: QP, weights: Array) -> QP:
+    """Return the QP with a slack variable for each inequality row that may give way.
+
+    ``l <= C x - s <= u`` at the cost of 1/2 weight s^2. The slacks are unknowns behind x, named
+    after their rows.
+
+    Parameters
+    ----------
+    weights:
+        (mi,), infinite for rows that may not give way.
+    """
+    soft = np.flatnonzero(np.isfinite(weights))
+    n, k = qp.g.size, soft.size
+    P = np.zeros((n + k, n + k))
+    P[:n, :n] = qp.P
+    P.flat[n * (n + k + 1) :: n + k + 1] = weights[soft]
+    give = np.zeros((qp.u.size, k))
+    give[soft, np.arange(k)] = -1.0
+    free = np.full(k, np.inf)
+    names = tuple(f"{SLACK_OF}{qp.labels.inequality[row]}" for row in soft)
+    return QP(
+        P=P,
+        g=np.concatenate((qp.g, np.zeros(k))),
+        A=np.concatenate((qp.A, np.zeros((qp.b.size, k))), axis=1),
+        b=qp.b,
+        C=np.concatenate((qp.C, give), axis=1),
+        l=qp.l,
+        u=qp.u,
+        lower=np.concatenate((qp.lower, -free)),
+        upper=np.concatenate((qp.upper, free)),
+        labels=Labels(qp.labels.equality, qp.labels.inequality, qp.labels.variables + names),
+    )
+
+
+def slacks_of(qp: QP, x: Array) -> dict[str, float]:
+    """Return by how much each row that may give way has given way, by its name."""
+    if not qp.labels.variables[-1].startswith(SLACK_OF):  # most ticks: slacks are the last unknowns
+        return {}
+    return {
+        name.removeprefix(SLACK_OF): float(x[k])
+        for k, name in enumerate(qp.labels.variables)
+        if name.startswith(SLACK_OF) and abs(x[k]) > NEGLIGIBLE
+    }
