@@ -100,6 +100,7 @@ def test_imports_go_down(path: Path) -> None:
 
 def test_every_room_has_a_floor() -> None:
     rooms = {room_of(path) for path in FILES} - {"__init__"}
+    assert set(ONLY_IN) <= {name.split(".")[0] for path in FILES for name in imported(path)}
     assert rooms <= set(FLOORS) | set(INNER)
 
 

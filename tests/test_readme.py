@@ -32,17 +32,37 @@ def test_the_yaml_example(tmp_path: Path) -> None:
     assert not result.failures
 
 
-def test_pictures_and_commands() -> None:
-    for picture in re.findall(r"\]\((docs/[^)]+)\)", TEXT):
-        assert (ROOT / picture).is_file(), picture
-    for problem in re.findall(r"wbc run (\S+\.yaml)", TEXT):
+PICTURES = re.findall(r"!\[[^]]*\]\(([^)]+)\)|<img [^>]*?src=\"([^\"]+)\"", TEXT)
+COMMANDS = re.findall(r"wbc run (\S+\.yaml)", TEXT)
+TESTS = re.findall(r"`(test_\w+\.py)", TEXT)
+
+
+def test_every_picture_is_there() -> None:
+    named = {picture for pair in PICTURES for picture in pair if picture}
+    assert len(named) == TEXT.count("![") + TEXT.count("<img ") > 0
+    for picture in named:
+        # An 8-byte signature, and then the width of a picture [pixels].
+        content = (ROOT / picture).read_bytes()
+        assert content.startswith(b"\x89PNG\r\n\x1a\n"), picture
+        assert int.from_bytes(content[16:20], "big") >= 600, picture
+
+
+def test_commands_and_tests_exist() -> None:
+    assert COMMANDS and TESTS
+    for problem in COMMANDS:
         assert (ROOT / problem).is_file(), problem
     tests = {path.name for path in (ROOT / "tests").rglob("test_*.py")}
-    for name in re.findall(r"`(test_\w+\.py)", TEXT):
-        assert name in tests, name
+    assert set(TESTS) <= tests
 
 
-def test_every_problem_says_what_it_is_for_and_is_valid() -> None:
-    for path in sorted((ROOT / "problems").glob("*.yaml")):
-        assert path.read_text(encoding="utf-8").startswith("# "), path.name
-        assert load_problem(path).parts
+PROBLEMS = sorted((ROOT / "problems").glob("*.yaml"))
+
+
+def test_there_are_problems() -> None:
+    assert {ROOT / problem for problem in COMMANDS} <= set(PROBLEMS)
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
+def test_every_problem_says_what_it_is_for_and_is_valid(path: Path) -> None:
+    assert path.read_text(encoding="utf-8").startswith("# ")
+    assert load_problem(path).parts

@@ -1,6 +1,7 @@
 """The velocity-level controller: formulations agree, limits hold, failures are values."""
 
 from collections.abc import Callable
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -209,9 +210,15 @@ def test_diagnostics(robot_named: Load, rng) -> None:
     robot = robot_named("hoap2_like")
     here = stance(robot, rng)
     com = ComTask(robot, here.com + [0.01, 0, 0])
-    tick = KinematicController(robot, [com], limits=Limits(robot)).step(here)
+    control = KinematicController(robot, [com], limits=Limits(robot))
+    began = perf_counter()
+    tick = control.step(here)
+    elapsed = perf_counter() - began
     np.testing.assert_allclose(tick.errors["com"], [-0.01, 0, 0], atol=1e-12)
-    assert tick.times.total > 0
+    stages = (tick.times.tasks, tick.times.assembly, tick.times.solve)
+    assert min(stages) > 0.0
+    assert tick.times.total == pytest.approx(sum(stages))
+    assert tick.times.total <= elapsed
     assert tick.report() == "solved"
     assert tick.qp.labels.variables[6:] == robot.joint_names
     with pytest.raises(ValueError, match="read-only"):

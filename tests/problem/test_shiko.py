@@ -115,6 +115,7 @@ def test_feet_rise_high_and_come_back_to_where_they_were(shiko: Shiko) -> None:
         error = before[foot].actInv(landed)
         assert np.linalg.norm(error.translation) < 1e-4
         assert np.linalg.norm(pin.log3(error.rotation)) < 1e-3  # 0.1 mm on 10 cm
+    assert len(shiko.history.slip) == 2
     for frame, slip in shiko.history.slip.items():
         assert np.nanmax(slip) < 1e-4, frame
 

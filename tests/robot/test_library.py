@@ -58,6 +58,7 @@ def test_every_robot_has_all_limits_and_both_feet(name: str, robot_named: Load) 
 def test_standing_is_flat_on_the_ground(name: str, robot_named: Load) -> None:
     robot = robot_named(name)
     s = robot.snapshot(robot.posture("standing"))
+    assert list(robot.feet) == ["left", "right"]
     for foot in robot.feet.values():
         R, p = s.rotation(foot.frame), s.position(foot.frame)
         corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))]) @ R.T + p

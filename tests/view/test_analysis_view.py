@@ -69,6 +69,7 @@ def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:
         for axes in figure.axes
         if axes.get_legend() is not None
     ]
+    assert len(boxes) > 30
     for k, (name, box) in enumerate(boxes):
         for other, another in boxes[k + 1 :]:
             assert not box.overlaps(another), f"{name!r} over {other!r}"

@@ -14,6 +14,7 @@ from wbc.view import plot_pendulum
 FOLDER = Path(__file__).parents[3] / "problems"
 LAWS = sorted(path.stem for path in FOLDER.glob("rmp_*.yaml"))
 PLANS = sorted(path.stem for path in FOLDER.glob("plan_*.yaml"))
+assert LAWS and PLANS
 
 
 def load(name: str, **overrides: object) -> PendulumProblem:
