@@ -59,6 +59,25 @@ def test_linear_inverted_pendulum_in_closed_form() -> None:
     assert np.abs(v - k.com_velocity[-1, :2]).max() < 2e-3
 
 
+def test_radii_are_bounded_by_default() -> None:
+    """Only the CoM's start and the end at rest are given, and no cost holds the masses."""
+    standing = PlanProblem(
+        SolidRmp(30.0),
+        (Phase("stand", 2.0, SQUARE, 20),),
+        start=State(com=(0.0, 0.0, HEIGHT)),
+        goal=State(com=(0.0, 0.0, HEIGHT), com_velocity=STILL, rotation=STILL, momentum=STILL),
+        weights=Weights(radii=0.0, radius_acceleration=0.0),
+    )
+    plan = solve(standing)
+    assert plan.knots.radii.max() <= 1.0 + 1e-8  # 30 km without bounds
+    seen = check(plan)
+    assert seen.ok
+    assert "radius (greatest)" in [each.quantity for each in seen.limits]
+    with pytest.raises(InvalidInputError, match="radii: 2 is not within"):
+        replace(standing, start=State(radii=(2.0, 2.0, 2.0)))
+    replace(standing, start=State(radii=(2.0, 2.0, 2.0)), limits=Limits(radius=(0.1, np.inf)))
+
+
 def test_walk_repeats_itself(planned: Planned) -> None:
     k = planned("walk").knots
     np.testing.assert_allclose(k.com[-1] - k.com[0], (1.0, 0.0, 0.0), atol=1e-8)

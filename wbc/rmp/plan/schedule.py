@@ -45,7 +45,8 @@ class Limits:
     momentum:
         Greatest size of each component of k_G [kg m^2/s], world axes, > 0.
     radius:
-        (least, greatest) distance of masses from the CoM [m], > 0.
+        (least, greatest) distance of masses from the CoM [m], > 0. Bounded by default: where little
+        is given, nothing else keeps the masses from going kilometres away.
     radius_rate, radius_acceleration:
         Greatest size of r' [m/s] and r'' [m/s^2] of every pair, > 0.
     height:
@@ -64,7 +65,7 @@ class Limits:
     leg_length: Range = (1e-2, FREE)
     torque: float = FREE
     momentum: float = FREE
-    radius: Range = (1e-2, FREE)
+    radius: Range = (1e-2, 1.0)
     radius_rate: float = FREE
     radius_acceleration: float = FREE
     height: Range = (0.0, FREE)

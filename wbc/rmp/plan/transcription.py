@@ -214,8 +214,7 @@ def _guessed_ends(problem: PlanProblem) -> tuple[dict[str, Array], dict[str, Arr
     )
     low, high = problem.limits_of(0).leg_length
     height = (low + high) / 2.0 if np.isfinite(high) else 1.0
-    small, large = problem.limits_of(0).radius
-    r = (small + large) / 2.0 if np.isfinite(large) else max(0.3 * height, small)
+    r = np.clip(0.3 * height, *problem.limits_of(0).radius)
     default: dict[str, Array] = {name: np.zeros(3) for name in STATE}
     default |= {"com": np.array((0.0, 0.0, height)), "radii": np.full(3, r)}
     supports = [np.mean(p.support, axis=0) for p in problem.schedule if p.support is not None]
