@@ -9,7 +9,9 @@ from PIL import Image  # matplotlib brings it
 from benchmarks.push_recovery import largest_impulses
 from benchmarks.region_of_attraction import lean_grid, region_of_attraction
 from wbc.motion import analyse, read_motion
+from wbc.polygon import inset
 from wbc.problem import load_problem
+from wbc.qp import make_backend
 from wbc.rmp.balance.law import Bounds
 from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
@@ -64,10 +66,12 @@ def pendulum_pictures() -> None:
     model = SolidRmp(MASS)
     square = HALF * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
     bounds = Bounds(polygon=square, friction=0.8, wheel_torque=TORQUE, wheel_angle=ANGLE)
-    law = MomentumQp(model, bounds, (0.0, 0.0, HEIGHT), RADII, dt=2e-3)
+    cold = make_backend("proxqp_cold")  # no run depends on the run before it
+    law = MomentumQp(model, bounds, (0.0, 0.0, HEIGHT), RADII, dt=1e-3, backend=cold)
     inertia = MASS * 2 / 3 * RADII[0] ** 2
     wheel = Wheel(inertia, TORQUE, ANGLE)
-    theory = push_limits(compass(16), square, wheel, mass=MASS, height=HEIGHT)
+    sole = inset(square, bounds.cop_margin)
+    theory = push_limits(compass(16), sole, wheel, mass=MASS, height=HEIGHT)
     bracket = np.column_stack((0.5 * theory.wheel, 1.5 * theory.wheel))
     impulses = {
         "ankle only (theory)": theory.ankle,

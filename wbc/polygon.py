@@ -98,6 +98,30 @@ def half_planes(polygon: ArrayLike) -> tuple[Array, Array]:
     return normals, np.einsum("ij,ij->i", normals, corners)
 
 
+def inset(polygon: ArrayLike, margin: float) -> Array:
+    """Return the corners (k, 2) of what lies ``margin`` [m] or more inside, counter-clockwise.
+
+    Raises
+    ------
+    InvalidInputError
+        Nothing does; or see :func:`half_planes`.
+    """
+    corners = checked_polygon(polygon)
+    for normal, offset in zip(*half_planes(polygon), strict=True):
+        out = corners @ normal - (offset - margin)
+        ends = zip(corners, np.roll(corners, -1, axis=0), out, np.roll(out, -1), strict=True)
+        kept = []
+        for a, b, out_a, out_b in ends:
+            if out_a <= 0.0:
+                kept.append(a)
+            if out_a * out_b < 0.0:
+                kept.append(a + out_a / (out_a - out_b) * (b - a))
+        if len(kept) < 3:
+            raise InvalidInputError(f"polygon: nothing of it is {margin:g} m inside its edges")
+        corners = np.array(kept)
+    return convex_hull(np.round(corners, 12))  # without corners on one spot
+
+
 def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
     """Return how far inside a convex polygon points lie (...,) [m]; negative outside.
 

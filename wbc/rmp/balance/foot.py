@@ -26,14 +26,12 @@ from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
 
-# The CoP is kept this far inside the support: rounding, and its way while a command is held [m].
-SKIN = 1e-5
 # Least push of the ground, as a part of the weight: the CoP divides by it.
 LIGHTEST = 0.05
 # Part of a motor's torque that braking counts on; the rest is for what couples the axes.
 COUNTED = 0.95
 # Part of the wheel's angle left as a margin: a slack at its limit gives way by some 1e-5.
-ANGLE_SKIN = 1e-3
+ANGLE_MARGIN = 1e-3
 # How much more than the brake can do is asked of a coordinate that it cannot stop in time: what is
 # lacking shows in the slack.
 INSIST = 2.0
@@ -71,14 +69,15 @@ class Foot:
             self._normals, self._offsets = np.array(((1.0,), (-1.0,))), np.array((high, -low))
         else:
             self._normals, self._offsets = half_planes(polygon)
+        self._margin = bounds.cop_margin
         self._pressure = Evaluator(_pressure(model))
 
     def room(self, q: Array, v: Array, force: Array) -> float:
         """Return how far inside the polygon the CoP is [m]; ``-inf`` if no ground pushes."""
-        return _room(*self._loads(q, v, force))
+        return self._room(*self._loads(q, v, force))
 
     def share(self, q: Array, v: Array, force: Array, torque: Array) -> tuple[float, float]:
-        """Return the largest part s in [0, 1] of ``torque`` for which the CoP stays in the foot.
+        """Return the largest part s in [0, 1] of ``torque`` for which the CoP keeps its margin.
 
         Forces f = force + s torque (nf,). The CoP times the push of the ground is affine in f, so
         each edge of the polygon is a limit on s. If s = 0 is outside, some s is still sought that
@@ -95,17 +94,16 @@ class Foot:
             elif value > 0.0:
                 most = -1.0
         s = most if least <= most else 0.0
-        return s, _room(start + s * (end - start), push + s * (pushed - push))
+        return s, self._room(start + s * (end - start), push + s * (pushed - push))
 
     def _loads(self, q: Array, v: Array, force: Array) -> tuple[Array, float]:
         """Return (n . p - offset) f_z for each edge, not above 0 inside, and f_z."""
         pressure, push = self._pressure(q, v, force)
         f_z = float(push[0, 0])
-        return self._normals @ pressure[:, 0] - (self._offsets - SKIN) * f_z, f_z
+        return self._normals @ pressure[:, 0] - (self._offsets - self._margin) * f_z, f_z
 
-
-def _room(loads: Array, push: float) -> float:
-    return float((-loads / push).min()) + SKIN if push > 0.0 else -np.inf
+    def _room(self, loads: Array, push: float) -> float:
+        return float((-loads / push).min()) + self._margin if push > 0.0 else -np.inf
 
 
 def _pressure(model: Pendulum) -> ca.Function:
@@ -242,7 +240,7 @@ def elastic_rows(rows: Rows, foot: FlatFoot, bounds: Bounds, dt: float) -> None:
     rows.add("length of the leg", (foot.leg_acceleration - slack[0]) / g, low / g, high / g)
     if bounds.wheel_angle < FREE:
         strength = COUNTED * bounds.wheel_torque / foot.inertia
-        edge = (1.0 - ANGLE_SKIN) * bounds.wheel_angle
+        edge = (1.0 - ANGLE_MARGIN) * bounds.wheel_angle
         low, high = acceleration_range(
             foot.angle, foot.angle_rate, (-edge, edge), (strength, strength), dt, INSIST
         )

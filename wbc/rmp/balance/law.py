@@ -29,6 +29,11 @@ class Bounds:
         Support polygon on the ground, world axes: corners (k, 2) [m], anticlockwise, for a solid
         pendulum; (least x, greatest x) (2,) for a planar one. None: a foot without extent, so the
         CoP stays where the leg stands.
+    cop_margin:
+        How far inside the polygon laws keep the CoP [m]; it is judged by the polygon itself. It
+        pays for what the CoP moves while a command is held, and for errors: a torque at the ankle
+        that is wrong by less than ``cop_margin`` M g does not tip a real foot. Of the push that a
+        standing pendulum absorbs it costs M omega ``cop_margin``.
     friction:
         Largest |horizontal| / vertical ground force, > 0.
     leg_force:
@@ -51,6 +56,7 @@ class Bounds:
     """
 
     polygon: ArrayLike | None = None
+    cop_margin: float = 1e-3
     friction: float = FREE
     leg_force: tuple[float, float] = (0.0, FREE)
     leg_length: tuple[float, float] = (1e-3, FREE)
@@ -62,6 +68,7 @@ class Bounds:
     def __post_init__(self) -> None:
         if self.polygon is not None:
             object.__setattr__(self, "polygon", read_only(_support(self.polygon)))
+        finite_number("bounds: cop_margin", self.cop_margin, least=0.0)
         for name in ("friction", "wheel_torque", "wheel_angle", "wheel_rate"):
             if getattr(self, name) != FREE:
                 object.__setattr__(

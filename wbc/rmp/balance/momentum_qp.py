@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.polygon import half_planes
+from wbc.polygon import half_planes, inset
 from wbc.qp import QP, Backend, Labels, make_backend
 from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
-from wbc.rmp.balance.foot import SKIN, FlatFoot, box, elastic_rows, physical_rows
+from wbc.rmp.balance.foot import FlatFoot, box, elastic_rows, physical_rows
 from wbc.rmp.balance.law import FREE, Bounds, Command
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
@@ -193,10 +193,11 @@ def _require_foot(bounds: Bounds) -> None:
 def _require_rest(bounds: Bounds, com: Array, radii: Array) -> None:
     normals, offsets = half_planes(np.asarray(bounds.polygon))
     inside = float((offsets - normals @ com[:2]).min())
-    if inside <= 0.0:
+    if inside <= bounds.cop_margin:
         raise InvalidInputError(
-            "com: must rest above the inside of the support polygon, and is"
-            f" {max(0.0, -inside):.3g} m beyond its edge"
+            f"com: must rest inside the support polygon by more than cop_margin,"
+            f" {bounds.cop_margin:g} m, and is {abs(inside):.3g} m"
+            f" {'inside' if inside > 0.0 else 'beyond'} its edge"
         )
     low, high = bounds.radius
     if not (low <= radii.min() and radii.max() <= high):
@@ -233,7 +234,7 @@ class _Program:
     def __init__(self, law: MomentumQp, com: Array, radii: Array, dt: float) -> None:
         foot, bounds = FlatFoot.of(law.model), law.bounds
         normals, offsets = half_planes(np.asarray(bounds.polygon))
-        rows = physical_rows(foot, bounds, normals, offsets - SKIN)
+        rows = physical_rows(foot, bounds, normals, offsets - bounds.cop_margin)
         elastic_rows(rows, foot, bounds, dt)
         g, most = law.model.gravity, bounds.wheel_torque
         inertia = law.model.mass / 3.0 * (np.sum(radii**2) - radii**2)
@@ -286,7 +287,8 @@ class _Program:
 def _aims(foot: FlatFoot, law: MomentumQp, com: Array, radii: Array) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return the unknowns wanted (13,), those to fall back to (13,), and ``outside``."""
     model, gains, most = law.model, law.gains, law.bounds.wheel_torque
-    support, place, rate = np.asarray(law.bounds.polygon), foot.com, foot.com_rate
+    support = inset(np.asarray(law.bounds.polygon), law.bounds.cop_margin)
+    place, rate = foot.com, foot.com_rate
     omega = ca.sqrt(model.gravity / ca.fmax(place[2], LOWEST * com[2]))
     xi = place[:2] + rate[:2] / omega
     k_G, _ = model.functions["momenta"](foot.q, foot.v)

@@ -70,22 +70,20 @@ class Wheel:
             if getattr(self, name) != FREE:
                 finite_number(f"wheel: {name}", getattr(self, name), above=0.0)
 
-    def reach(self, inertia: ArrayLike, weight: float, omega: float) -> Array:
-        """Return by how much a wheel shifts the capture points that can be caught (...,) [m].
+    def reach(self, weight: float, omega: float) -> Array:
+        """Return by how much each axis shifts the capture points that can be caught (2,) [m].
 
         Full torque for t1, none until t2, full brake: tau/(M g) (1 - e^(-omega t1)) (1 - e^(-omega
         t2)). Where the rate's limit is not met, t1 = t2 = sqrt(angle I / tau): theory's bang-bang.
 
         Parameters
         ----------
-        inertia:
-            Moments of inertia (...,) [kg m^2] of wheels with these limits.
         weight:
             M g [N].
         omega:
             sqrt(g / z) [1/s].
         """
-        I = np.asarray(inertia, dtype=float)  # noqa: E741
+        I = np.asarray(self.inertia)  # noqa: E741
         faster = np.minimum(np.sqrt(self.angle * I / self.torque), self.rate * I / self.torque)
         # Without any limit the wheel just speeds up forever: t1 is infinite, and so is t2.
         with np.errstate(invalid="ignore"):
@@ -105,11 +103,9 @@ class PushLimits:
     ankle:
         With the CoP alone: M omega d (n,), d the way from the CoM's projection to the edge.
     wheel:
-        With a wheel of these limits about the axis across the push, M omega (d + reach) (n,).
-    box:
-        With the limits about x and about y separately, as motors have them (n,): the edge of the
-        support polygon enlarged by a box. Where a push is along x or y and the edge across it, it
-        equals ``wheel``; at corners both motors and both edges work together, and it is larger.
+        With the wheel (n,): M omega times the way to the edge of the support polygon enlarged by
+        the box of what both motors can do, each up to its own limits. Along x or y, with an edge
+        across, M omega (d + reach).
     omega:
         sqrt(g / z) [1/s].
     """
@@ -117,7 +113,6 @@ class PushLimits:
     directions: Array
     ankle: Array
     wheel: Array
-    box: Array
     omega: float
 
 
@@ -159,22 +154,16 @@ def push_limits(
         raise InvalidInputError(
             f"com: its projection is {-room.min():.3g} m outside the polygon; it falls by itself"
         )
-    ankle = _exit(normals, room, along)
-    inertia = np.asarray(wheel.inertia)
-    # About the axis (-e_y, e_x) across the push.
-    across = inertia @ np.square(along[:, ::-1]).T
-    reach = wheel.reach(across, mass * gravity, omega)
     # A turn about x shifts the CMP along y.
-    sides = wheel.reach(inertia[::-1], mass * gravity, omega)
+    sides = wheel.reach(mass * gravity, omega)[::-1]
     edges = np.concatenate((normals, _AXES))
     support = np.concatenate((offsets, (_AXES @ np.asarray(polygon, dtype=float).T).max(axis=1)))
     wider = support + np.abs(edges) @ sides - edges @ np.asarray(com, dtype=float)
     scale = mass * omega
     return PushLimits(
         directions=read_only(along),
-        ankle=read_only(scale * ankle),
-        wheel=read_only(scale * (ankle + reach)),
-        box=read_only(scale * _exit(edges, wider, along)),
+        ankle=read_only(scale * _exit(normals, room, along)),
+        wheel=read_only(scale * _exit(edges, wider, along)),
         omega=omega,
     )
 

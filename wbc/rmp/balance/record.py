@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -12,8 +14,9 @@ from scipy.spatial.transform import Rotation
 from wbc.polygon import polygon_margin
 from wbc.rmp.balance.law import FREE, Bounds, Pendulum
 from wbc.rmp.ground import centre_of_pressure, in_contact
+from wbc.rmp.integrators import runge_kutta
 from wbc.rmp.planar import PlanarRmp
-from wbc.validate import Array, read_only
+from wbc.validate import Array
 
 # By how much a bound may be overstepped, in its unit, before it counts as broken: the accuracy of a
 # QP, for N and N m of the order of a thousand.
@@ -102,88 +105,91 @@ class Simulation:
         Keys are ``cop`` [m] and the names of the other bounds, in their units; ``inf`` for what
         has no bound. For a solid pendulum the wheel's angle is the rotation vector of the masses'
         frame from the world's axes, and its rate is their body rate.
+
+        Judged at the beginning, in the middle and at the end of each step, before any push; but
+        the CoP of a foot without extent at the beginning only: no command held for a while keeps
+        it in a point.
         """
-        b, pushed = self.bounds, ~np.isnan(self.cop[:, 0])
-        level, up = self.ground_force[pushed, :-1], self.ground_force[pushed, -1]
+        b, (q, v, cop, ground_force) = self.bounds, self._samples
+        pushed = ~np.isnan(cop[:, 0])
+        level, up = ground_force[pushed, :-1], ground_force[pushed, -1]
         masses = 1 if isinstance(self.model, PlanarRmp) else 3
-        turned, spin = self._wheel()
+        turned, spin = self._wheel(q, v)
         leg_force = self.force[:, self.model.F.index("f_l")]
         torque = self.force[:, -2 * masses : -masses]
         slope = np.linalg.norm(level, axis=1) / up
         return {
-            "cop": FREE if self.pivot else self._cop_margin(pushed),
+            "cop": FREE if self.pivot else self._cop_margin(cop[pushed]),
             "friction": FREE if self.pivot else _least(b.friction - slope),
             "leg_force": FREE if self.pivot else _within(leg_force, b.leg_force),
-            "leg_length": _within(self.q[:, self.model.Q.index("r_l")], b.leg_length),
+            "leg_length": _within(q[:, self.model.Q.index("r_l")], b.leg_length),
             "wheel_torque": _least(b.wheel_torque - np.abs(torque)),
             "wheel_angle": _least(b.wheel_angle - np.abs(turned)),
             "wheel_rate": _least(b.wheel_rate - np.abs(spin)),
-            "radius": _within(self.q[:, -masses:], b.radius),
+            "radius": _within(q[:, -masses:], b.radius),
         }
 
     def broken(self) -> dict[str, float]:
         """Return the bounds that were broken, and by how much at most, in their units."""
         return {name: -room for name, room in self.margins().items() if room < -KEPT}
 
-    def _wheel(self) -> tuple[Array, Array]:
-        if isinstance(self.model, PlanarRmp):
-            return self.q[:, 3], self.v[:, 3]
-        # The shorter way round: a quaternion and its negative are one orientation.
-        return Rotation.from_quat(self.q[:, 5:9]).as_rotvec(), self.v[:, 5:8]
+    @cached_property
+    def _samples(self) -> tuple[Array, Array, Array, Array]:
+        """q, v at all times, and in the middle and at the end of each step; CoP and f_r there."""
+        states = [np.column_stack((self.q, self.v))]
+        pushes = [(self.cop, self.ground_force)]
+        if len(self.force):
+            inputs = np.column_stack((self.cop_acceleration, self.force))
+            half = runge_kutta(self.model, (self.time[1] - self.time[0]) / 2).map(len(inputs))
+            at = states[0][:-1]
+            for _ in range(2):
+                at = half(at.T, inputs.T)[0].full().T
+                states.append(at)
+                pushes.append(ground_push(self.model, at, inputs))
+        x = np.concatenate(states)
+        cop, force = (np.concatenate(each) for each in zip(*pushes, strict=True))
+        return x[:, : self.q.shape[1]], x[:, self.q.shape[1] :], cop, force
 
-    def _cop_margin(self, pushed: NDArray[np.bool_]) -> float:
-        polygon, cop = self.bounds.polygon, self.cop[pushed]
+    def _wheel(self, q: Array, v: Array) -> tuple[Array, Array]:
+        if isinstance(self.model, PlanarRmp):
+            return q[:, 3], v[:, 3]
+        # The shorter way round: a quaternion and its negative are one orientation.
+        return Rotation.from_quat(q[:, 5:9]).as_rotvec(), v[:, 5:8]
+
+    def _cop_margin(self, cop: Array) -> float:
+        polygon = self.bounds.polygon
         if polygon is None:
-            foot = self.q[:-1][pushed, : cop.shape[1]]
-            return _least(-np.linalg.norm(cop - foot, axis=1))
+            away = self.cop - self.q[:-1, : self.cop.shape[1]]
+            return _least(-np.linalg.norm(away[~np.isnan(away[:, 0])], axis=1))
         if np.ndim(polygon) == 1:
             low, high = np.asarray(polygon).tolist()
             return _within(cop, (low, high))
         return _least(polygon_margin(polygon, cop)) if len(cop) else FREE
 
 
-def record(
-    *,
-    model: Pendulum,
-    bounds: Bounds,
-    pivot: bool,
-    time: Array,
-    states: Array,
-    inputs: Array,
-    ground: Array,
-    driven: int,
-    phase: list[str],
-    ok: NDArray[np.bool_],
-    ending: Ending,
-    note: str,
-) -> Simulation:
-    """Return a Simulation from states (n + 1, nq + nv), inputs (n, nv) and (f_r, k_G') (n, ...)."""
-    nq = len(model.Q)
-    force, moment = ground[:, : driven + 1], ground[:, driven + 1 :]
-    com, _ = model.functions["com"].map(len(states))(states[:, :nq].T, states[:, nq:].T)
-    arrays = {
-        "time": time,
-        "q": states[:, :nq],
-        "v": states[:, nq:],
-        "force": inputs[:, driven:],
-        "cop_acceleration": inputs[:, :driven],
-        "cop": _true_cop(com.full().T[: len(force)], force, moment, model.mass),
-        "ground_force": force,
-    }
-    kept = {name: read_only(array) for name, array in arrays.items()}
-    return Simulation(
-        model=model,
-        bounds=bounds,
-        pivot=pivot,
-        phase=phase,
-        ok=ok,
-        ending=ending,
-        note=note,
-        **kept,
-    )
+def ground_push(model: Pendulum, states: Array, inputs: Array) -> tuple[Array, Array]:
+    """Return the true CoP (n, 1 or 2) [m], NaN where the ground does not push, and f_r [N].
+
+    Parameters
+    ----------
+    states, inputs:
+        (q, v) (n, nq + nv) and (CoP acceleration, f) (n, nv).
+    """
+    nq, nv = len(model.Q), len(model.V)
+    if not len(states):
+        size = nv - len(model.F)
+        return np.zeros((0, size)), np.zeros((0, size + 1))
+    x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
+    rate = model.functions["state_rate"](x, u)
+    push = model.functions["ground_reaction"](x[:nq], x[nq:], rate[nq:])
+    k_G, _ = model.functions["momenta"](x[:nq], x[nq:])
+    com, _ = model.functions["com"](x[:nq], x[nq:])
+    loads = ca.Function("loads", [x, u], [com, push, ca.jtimes(k_G, x, rate)])
+    c, force, moment = (each.full().T for each in loads.map(len(states))(states.T, inputs.T))
+    return _cop(c, force, moment, model.mass), force
 
 
-def _true_cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
+def _cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
     """Return the CoP (n, 1 or 2); a planar pendulum moves in the plane y = 0 of space."""
     if force.shape[1] == 2:
         zero = np.zeros(len(force))
@@ -191,7 +197,7 @@ def _true_cop(com: Array, force: Array, moment: Array, mass: float) -> Array:
         force = np.column_stack((force[:, 0], zero, force[:, 1]))
         # Planar momenta are about -y.
         moment = np.column_stack((zero, -moment[:, 0], zero))
-        return _true_cop(com, force, moment, mass)[:, :1]
+        return _cop(com, force, moment, mass)[:, :1]
     cop = np.full((len(force), 2), np.nan)
     pushed = in_contact(force, mass)
     cop[pushed] = centre_of_pressure(com[pushed], force[pushed], moment[pushed])[:, :2]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, WbcError
 from wbc.rmp.balance.foot import require_support
 from wbc.rmp.balance.law import BalanceLaw, Bounds, Command, Pendulum
-from wbc.rmp.balance.record import Ending, Simulation, record
+from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT, STANDARD_GRAVITY
 from wbc.rmp.integrators import runge_kutta
@@ -133,77 +133,100 @@ def simulate(
     """
     bounds = Bounds() if bounds is None else bounds
     steps = whole_steps(duration, dt)
-    loop = _Loop(law, _plant(law, plant), float(dt), bounds, pivot, fallen)
-    model = loop.model
+    model, fallen = _plant(law, plant), finite_number("fallen", fallen)
     require_support(model, bounds)
     # Also refuses sizes, NaN and configurations that cannot move.
     model.forward_dynamics(q0, v0, np.zeros(len(model.F)))
-    jumps = impulses_by_step(pushes, model, loop.dt, steps)
-    x = np.concatenate((np.array(q0, dtype=float), np.array(v0, dtype=float)))
-    return _finished(loop, _run(loop, x, steps, jumps, stop, progress))
+    jumps = impulses_by_step(pushes, model, dt, steps)
+    start = np.concatenate((np.array(q0, dtype=float), np.array(v0, dtype=float)))
+    run = _Run(law, model, float(dt), bounds, pivot, fallen, [start])
+    end = None
+    for k in range(steps):
+        if progress is not None and k % TOLD == 0:
+            progress(k * run.dt)
+        if k in jumps:
+            run.push(jumps[k])
+        end = run.advance(k * run.dt, stop)
+        if end is not None:
+            break
+    if progress is not None:
+        progress(len(run.commands) * run.dt)
+    return run.recorded(end)
 
 
 @dataclass(eq=False)
-class _Trace:
-    """What has happened so far."""
+class _Run:
+    """A law and a pendulum step by step, and what has happened so far."""
 
+    law: BalanceLaw
+    model: Pendulum
+    dt: float
+    bounds: Bounds
+    pivot: bool
+    fallen: float
     states: list[Array]
     inputs: list[Array] = field(default_factory=list)
-    grounds: list[Array] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
-    ending: Ending | None = None
-    note: str = ""
 
-    def end(self, ending: Ending, note: str) -> None:
-        self.ending, self.note = ending, note
+    def __post_init__(self) -> None:
+        self.nq, self.nv, self.nf = len(self.model.Q), len(self.model.V), len(self.model.F)
+        self._step = Evaluator(_judged_step(self.model, self.dt))
 
+    def push(self, impulse: Array) -> None:
+        """Let an impulse change the velocity."""
+        x = self.states[-1].copy()
+        x[self.nq :] += velocity_jump(self.model, x[: self.nq], impulse)
+        self.states[-1] = x
 
-class _Loop:
-    """One step after the other."""
-
-    def __init__(
-        self,
-        law: BalanceLaw,
-        model: Pendulum,
-        dt: float,
-        bounds: Bounds,
-        pivot: bool,
-        fallen: float,
-    ) -> None:
-        self.law, self.model, self.dt, self.bounds = law, model, dt, bounds
-        self.pivot, self.fallen = pivot, finite_number("fallen", fallen)
-        self.nq, self.nv, self.nf = len(model.Q), len(model.V), len(model.F)
-        masses = 1 if isinstance(model, PlanarRmp) else 3
-        self._radii = slice(self.nq - masses, self.nq)
-        step = _judged_step(model, dt)
-        self.grounds, self._step = step.size1_out(1), Evaluator(step)
-
-    def advance(self, k: int, trace: _Trace, stop: Stop | None) -> None:
-        """Ask the law, take one step and write down what came of it."""
-        x, time = trace.states[-1], k * self.dt
+    def advance(self, time: float, stop: Stop | None) -> tuple[Ending, str] | None:
+        """Ask the law, take one step and write it down; return how the run ends, if it does."""
+        x = self.states[-1]
         q, v = x[: self.nq].copy(), x[self.nq :].copy()
         try:
             command = self.law.command(q, v, time)
         except WbcError as error:
-            return trace.end(Ending.LAW_FAILED, f"at {time:g} s the law refused: {error}")
+            return Ending.LAW_FAILED, f"at {time:g} s the law refused: {error}"
         u = self._input(command)
         if u is None:
             note = f"at {time:g} s the law's command is not finite, or of the wrong size"
-            return trace.end(Ending.LAW_FAILED, note)
+            return Ending.LAW_FAILED, note
         if stop is not None and stop(time, q, v, command):
-            return trace.end(Ending.COMPLETE, f"stopped at {time:g} s as asked")
-        after, ground, leg = (column[:, 0] for column in self._step(x, u))
-        if not (np.abs(after).max() < LARGEST and np.isfinite(ground).all()):
-            return trace.end(Ending.DIVERGED, f"after {time:g} s the state is not finite any more")
-        push = ground[self.nv - self.nf]  # the vertical part: behind one or two level ones
-        if not self.pivot and push <= FLIGHT * STANDARD_GRAVITY * self.model.mass:
-            note = f"at {time:g} s the ground would have to push up with {push:.4g} N"
-            return trace.end(Ending.CONTACT_LOST, note)
-        trace.states.append(after)
-        trace.inputs.append(u)
-        trace.grounds.append(ground)
-        trace.commands.append(command)
-        return self._judge(time + self.dt, leg, trace)
+            return Ending.COMPLETE, f"stopped at {time:g} s as asked"
+        after, push, leg = (column[:, 0] for column in self._step(x, u))
+        if not (np.abs(after).max() < LARGEST and np.isfinite(push).all()):
+            return Ending.DIVERGED, f"after {time:g} s the state is not finite any more"
+        if not self.pivot and push[-1] <= FLIGHT * STANDARD_GRAVITY * self.model.mass:
+            note = f"at {time:g} s the ground would have to push up with {push[-1]:.4g} N"
+            return Ending.CONTACT_LOST, note
+        self.states.append(after)
+        self.inputs.append(u)
+        self.commands.append(command)
+        return self._judged(time + self.dt, *leg.tolist())
+
+    def recorded(self, end: tuple[Ending, str] | None) -> Simulation:
+        """Return the record of a run that ended so, or was carried out to the end."""
+        n, driven = len(self.commands), self.nv - self.nf
+        ending, note = end or (Ending.COMPLETE, "")
+        if not note:
+            note = next((each.note for each in self.commands if not each.ok), "")
+        states, inputs = np.array(self.states), np.array(self.inputs).reshape(n, self.nv)
+        cop, ground_force = ground_push(self.model, states[:n], inputs)
+        return Simulation(
+            model=self.model,
+            bounds=self.bounds,
+            pivot=self.pivot,
+            time=read_only(self.dt * np.arange(n + 1)),
+            q=read_only(states[:, : self.nq]),
+            v=read_only(states[:, self.nq :]),
+            force=read_only(inputs[:, driven:]),
+            cop_acceleration=read_only(inputs[:, :driven]),
+            cop=read_only(cop),
+            ground_force=read_only(ground_force),
+            phase=[each.phase for each in self.commands],
+            ok=np.array([each.ok for each in self.commands], dtype=bool),
+            ending=ending,
+            note=note,
+        )
 
     def _input(self, command: Command) -> Array | None:
         w, f = np.asarray(command.cop_acceleration), np.asarray(command.force)
@@ -212,59 +235,30 @@ class _Loop:
         u: Array = np.concatenate((w, f)).astype(float)
         return u if np.isfinite(u).all() else None
 
-    def _judge(self, time: float, leg_and_height: Array, trace: _Trace) -> None:
-        leg, height = leg_and_height.tolist()
+    def _judged(self, time: float, leg: float, height: float) -> tuple[Ending, str] | None:
         low, high = self.bounds.leg_length
         if not (max(low, 0.0) <= leg <= high):
             note = f"at {time:g} s the leg is {leg:.4g} m long, out of [{low:g}, {high:g}] m"
-            return trace.end(Ending.FELL, note)
+            return Ending.FELL, note
         if not self.pivot and height < leg * math.sin(self.fallen):
             lean = math.degrees(math.asin(height / leg))
-            return trace.end(
-                Ending.FELL, f"at {time:g} s the leg is {lean:.3g} degrees above the ground"
-            )
-        if trace.states[-1][self._radii].min() <= 0.0:
-            return trace.end(Ending.DIVERGED, f"at {time:g} s two masses of a pair meet")
+            return Ending.FELL, f"at {time:g} s the leg is {lean:.3g} degrees above the ground"
+        masses = 1 if isinstance(self.model, PlanarRmp) else 3
+        if self.states[-1][self.nq - masses : self.nq].min() <= 0.0:
+            return Ending.DIVERGED, f"at {time:g} s two masses of a pair meet"
         return None
 
 
-def _run(
-    loop: _Loop,
-    x: Array,
-    steps: int,
-    jumps: dict[int, Array],
-    stop: Stop | None,
-    progress: Callable[[float], None] | None,
-) -> _Trace:
-    trace = _Trace(states=[x])
-    for k in range(steps):
-        if progress is not None and k % TOLD == 0:
-            progress(k * loop.dt)
-        if k in jumps:
-            x = trace.states[-1].copy()
-            x[loop.nq :] += velocity_jump(loop.model, x[: loop.nq], jumps[k])
-            trace.states[-1] = x
-        loop.advance(k, trace, stop)
-        if trace.ending is not None:
-            break
-    if progress is not None:
-        progress((len(trace.states) - 1) * loop.dt)
-    return trace
-
-
 def _judged_step(model: Pendulum, dt: float) -> ca.Function:
-    """Return (x, u) -> (x_next, (f_r, k_G') now, (length of the leg, its height) next)."""
+    """Return (x, u) -> (x_next, f_r now, (length of the leg, its height) next)."""
     nq, nv = len(model.Q), len(model.V)
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
-    rate = model.functions["state_rate"](x, u)
-    push = model.functions["ground_reaction"](x[:nq], x[nq:], rate[nq:])
-    k_G, _ = model.functions["momenta"](x[:nq], x[nq:])
+    acceleration = model.functions["state_rate"](x, u)[nq:]
+    push = model.functions["ground_reaction"](x[:nq], x[nq:], acceleration)
     after, _ = runge_kutta(model, dt)(x, u)
     com, _ = model.functions["com"](after[:nq], after[nq:])
-    leg = after[model.Q.index("r_l")]
-    ground = ca.vertcat(push, ca.jtimes(k_G, x, rate))
-    outputs = [ca.densify(each) for each in (after, ground, ca.vertcat(leg, com[-1]))]
-    return ca.Function("judged_step", [x, u], outputs)
+    outputs = (after, push, ca.vertcat(after[model.Q.index("r_l")], com[-1]))
+    return ca.Function("judged_step", [x, u], [ca.densify(each) for each in outputs])
 
 
 def _plant(law: BalanceLaw, plant: Pendulum | None) -> Pendulum:
@@ -316,25 +310,3 @@ def impulses_by_step(
         impulse = finite_vector(f"the impulse at {push.time:g} s", push.impulse, size)
         jumps[k] = jumps[k] + impulse if k in jumps else impulse
     return jumps
-
-
-def _finished(loop: _Loop, trace: _Trace) -> Simulation:
-    n, driven = len(trace.commands), loop.nv - loop.nf
-    inputs = np.array(trace.inputs).reshape(n, loop.nv)
-    troubles = [each.note for each in trace.commands if not each.ok]
-    states = np.array(trace.states)
-    note = trace.note or (troubles[0] if troubles else "")
-    return record(
-        model=loop.model,
-        bounds=loop.bounds,
-        pivot=loop.pivot,
-        time=loop.dt * np.arange(n + 1),
-        states=states,
-        inputs=inputs,
-        ground=np.array(trace.grounds).reshape(n, loop.grounds),
-        driven=driven,
-        phase=[each.phase for each in trace.commands],
-        ok=np.array([each.ok for each in trace.commands], dtype=bool),
-        ending=Ending.COMPLETE if trace.ending is None else trace.ending,
-        note=note,
-    )
