@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -14,6 +14,43 @@ from wbc.robot.limits import Limits
 from wbc.robot.names import matching
 
 State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
+
+MOST_JOINTS = 160  # moving ones; Pinocchio's memory and time grow with their cube
+
+
+def check_joint_count(count: int, path: Path) -> None:
+    """Refuse a robot that is too large to be computed with.
+
+    Raises
+    ------
+    ModelError
+        More moving joints than :data:`MOST_JOINTS`.
+    """
+    if count > MOST_JOINTS:
+        raise ModelError(f"{path}: {count} moving joints; at most {MOST_JOINTS} are supported")
+
+
+def confirm(model: pin.Model, mass: float | None, joints: Iterable[str], path: Path) -> None:
+    """Compare what Pinocchio read with a reading of the file that shares nothing with it.
+
+    Parameters
+    ----------
+    mass:
+        Sum of the masses in the file [kg], if known.
+    joints:
+        Names of the moving joints in the file.
+
+    Raises
+    ------
+    ModelError
+        Another mass, or other joints.
+    """
+    read = float(pin.computeTotalMass(model))
+    if mass is not None and not abs(read - mass) <= 1e-9 * abs(mass):
+        raise ModelError(f"{path}: the masses sum to {mass:g} kg, but {read:g} kg were read")
+    lost = sorted(set(joints) ^ (set(joints) & set(model.names)))
+    if lost:
+        raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")
 
 
 class GeometrySource(Protocol):

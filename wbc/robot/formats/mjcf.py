@@ -4,33 +4,38 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.description import Description, State
-from wbc.robot.formats.xml import refuse_non_finite
+from wbc.robot.formats.description import Description, State, check_joint_count, confirm
+from wbc.robot.formats.mjcf_document import plain_document
+from wbc.robot.formats.xml import numbers, refuse_non_finite
 
-UNREAD = {"include", "frame", "attach", "replicate", "composite", "flexcomp"}
+UNREAD = {"frame", "attach", "replicate", "composite", "flexcomp"}
 MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
+ERRORS = (ValueError, RuntimeError, LookupError, MemoryError)  # that Pinocchio raises
 QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 
 
 @dataclass(frozen=True)
 class MjcfGeometry:
-    """Shapes of an MJCF file.
+    """Shapes of a plain MJCF document (see :mod:`wbc.robot.formats.mjcf_document`).
 
     Attributes
     ----------
-    path:
-        The MJCF file.
+    text, path:
+        The document, and the file it was made of.
     complete:
         False if a mesh file is missing. Pinocchio reads all shapes of an MJCF file or none, so
         there are none then.
     """
 
+    text: str
     path: Path
     complete: bool
 
@@ -40,10 +45,11 @@ class MjcfGeometry:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         if not self.complete:
             return pin.GeometryModel()
-        try:
-            shapes = pin.buildGeomFromMJCF(model, str(self.path), kind)
-        except (ValueError, RuntimeError) as error:
-            raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
+        with _file_of(self.text) as file:
+            try:
+                shapes = pin.buildGeomFromMJCF(model, file, kind)
+            except ERRORS as error:
+                raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
         # A new model: what `geometryObjects` hands out are references into a vector, which removing
         # an entry would move under them.
         kept = pin.GeometryModel()
@@ -61,18 +67,27 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     Raises
     ------
     ModelError
-        ``<include>`` and the like, several trees, closed loops, inertias from meshes, sliding
-        joints in a file in degrees, numbers not finite, or what Pinocchio itself refuses.
+        ``<frame>`` and the like, several trees, closed loops, inertias from meshes, sliding joints
+        in a file in degrees, numbers not finite, what Pinocchio itself refuses, or masses and
+        joints other than the file says.
     """
+    root = plain_document(root, path)
     _check_structure(root, path)
     refuse_non_finite(root, path)
     coupled = dict(_coupled_joints(root, path))
-    try:
-        model = pin.buildModelFromMJCFAndRootJoint(str(path), pin.JointModelFreeFlyer())
-    except (ValueError, RuntimeError, IndexError) as error:
-        raise ModelError(f"{path}: Pinocchio cannot read this MJCF: {error}") from error
+    joints = root.findall("worldbody//joint")
+    check_joint_count(len(joints), path)
+    text = ET.tostring(root, encoding="unicode")
+    with _file_of(text) as file:
+        try:
+            model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
+        except ERRORS as error:
+            reason = str(error).replace(file, str(path))
+            raise ModelError(f"{path}: Pinocchio cannot read this MJCF: {reason}") from error
+    names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
+    confirm(model, _total_mass(root), [name for name in names if name], path)
     _check_slides(root, model, path)
-    missing = _missing_meshes(root, path)
+    missing = _missing_meshes(root)
     notes: tuple[str, ...] = ()
     if missing:
         some = ", ".join(missing[:3])
@@ -81,12 +96,38 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
         name=root.get("model", path.stem),
         path=path,
         model=model,
-        geometry=MjcfGeometry(path, complete=not missing),
+        geometry=MjcfGeometry(text, path, complete=not missing),
         coupled=coupled,
         states=dict(_key_frames(model)),
         bolted="" if _floats(root) else "the root has no free joint",
         notes=notes,
     )
+
+
+@contextmanager
+def _file_of(text: str) -> Iterator[str]:
+    """Give a document a file for as long as Pinocchio reads it."""
+    with TemporaryDirectory(prefix="wbc-") as folder:
+        file = Path(folder) / "plain.xml"
+        file.write_text(text, encoding="utf-8")
+        yield str(file)
+
+
+def _total_mass(root: ET.Element) -> float | None:
+    """Return the mass that the document says [kg]; None where shapes' volumes give it."""
+    compiler = root.find("compiler")
+    from_shapes = "auto" if compiler is None else compiler.get("inertiafromgeom", "auto")
+    total = 0.0
+    for body in root.findall("worldbody//body"):
+        inertial = body.find("inertial")
+        if inertial is not None and from_shapes != "true":
+            total += numbers(inertial, "mass", 1, f"body {body.get('name', '?')!r}")[0]
+            continue
+        for geom in body.findall("geom"):
+            if "mass" not in geom.attrib:
+                return None
+            total += numbers(geom, "mass", 1, f"body {body.get('name', '?')!r}")[0]
+    return total
 
 
 def _floats(root: ET.Element) -> bool:
@@ -162,10 +203,9 @@ def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, str]]:
         yield constraint.get("joint1", "?"), constraint.get("joint2", "a constant")
 
 
-def _missing_meshes(root: ET.Element, path: Path) -> list[str]:
+def _missing_meshes(root: ET.Element) -> list[str]:
     compiler = root.find("compiler")
-    settings = {} if compiler is None else compiler.attrib
-    folder = path.parent / settings.get("meshdir", settings.get("assetdir", "."))
+    folder = Path("" if compiler is None else compiler.get("meshdir", ""))
     files = [mesh.get("file") for mesh in root.findall("asset/mesh")]
     return [name for name in files if name is not None and not (folder / name).is_file()]
 

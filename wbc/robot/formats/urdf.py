@@ -6,22 +6,24 @@ terminal, names no joint in its exception, and drops a whole inertia when one nu
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.description import Description
+from wbc.robot.formats.description import Description, check_joint_count, confirm
 from wbc.robot.formats.mesh_files import exact_meshes, resolve_meshes
 from wbc.robot.formats.xml import numbers
 from wbc.robot.limits import UNLIMITED
 
 MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
+LONGEST_CHAIN = 1000  # links
 BOLTED = {"world", "base"}  # a root link of such a name is that of an arm, if nothing stands
 LIMITS = ("lower", "upper", "effort", "velocity")
 _SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
@@ -41,7 +43,7 @@ class UrdfGeometry:
         text = self.text if links is None else self._only(links, _SHAPES[kind])
         try:
             shapes = pin.buildGeomFromUrdfString(model, text, kind)
-        except (ValueError, RuntimeError) as error:
+        except (ValueError, RuntimeError, LookupError, MemoryError) as error:
             raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
         exact_meshes(shapes)
         return shapes
@@ -76,10 +78,14 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     notes = resolve_meshes(root, path, package_dirs)
     text = ET.tostring(root, encoding="unicode")
     floats = any(joint.get("type") == "floating" for joint in joints)
+    model = _build(text, path, floats)
+    masses = [float(mass.get("value", 0)) for mass in root.findall("link/inertial/mass")]
+    moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
+    confirm(model, math.fsum(masses), moving, path)
     return Description(
         name=root.get("name", path.stem),
         path=path,
-        model=_build(text, path, floats),
+        model=model,
         geometry=UrdfGeometry(text, path),
         coupled=coupled,
         bolted=f"the root link is called {base!r}" if base in BOLTED and not floats else "",
@@ -92,7 +98,7 @@ def _build(text: str, path: Path, floats: bool) -> pin.Model:
         if floats:
             return pin.buildModelFromXML(text)
         return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, LookupError, MemoryError) as error:
         raise ModelError(f"{path}: Pinocchio cannot read this URDF: {error}") from error
 
 
@@ -118,7 +124,21 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
         named = ", ".join(repr(link.get("name")) for link in roots) or "the joints form a loop"
         raise ModelError(f"{path}: expected one root link, found {len(roots)} ({named})")
     _check_floating(joints, roots[0], path)
+    _check_depth(parents, path)
+    check_joint_count(sum(joint.get("type") in MOVING for joint in joints), path)
     return joints, roots[0].get("name", "")
+
+
+def _check_depth(parents: Mapping[str, str], path: Path) -> None:
+    """Refuse chains on which the parser below Pinocchio, which is recursive, ends its process."""
+    children: dict[str, list[str]] = {}
+    for child, parent in parents.items():
+        children.setdefault(parent, []).append(child)
+    level, depth = [parent for parent in children if parent not in parents], 0
+    while level:
+        level, depth = [child for link in level for child in children.get(link, [])], depth + 1
+        if depth > LONGEST_CHAIN:
+            raise ModelError(f"{path}: a chain of more than {LONGEST_CHAIN} links")
 
 
 def _refuse_repeated(names: list[str], kind: str, path: Path) -> None:

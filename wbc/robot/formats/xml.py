@@ -6,12 +6,15 @@ Pinocchio's parsers drop a whole element when one attribute is not a number, hen
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from wbc.errors import ModelError
 
 _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", "filename", "mesh"}
+MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, DEEPEST = 64 << 20, 100_000, 200, 300
+_EQUALS = re.compile(rb"=\s*[\"']")
 _NOT_FINITE = {"nan", "inf", "infinity"}
 
 
@@ -21,19 +24,46 @@ def read_xml(path: Path) -> ET.Element:
     Raises
     ------
     ModelError
-        File missing or unreadable, still a xacro file, or broken XML.
+        File missing or unreadable, still a xacro file, broken XML, or larger, deeper or with more
+        elements or attributes than any robot needs.
     """
     if path.suffix == ".xacro":
         raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {path.stem}")
-    if not path.is_file():
-        where = "the folder exists" if path.parent.is_dir() else f"no folder {path.parent}"
-        raise ModelError(f"{path}: no such file ({where}); check the path")
     try:
-        return ET.parse(path).getroot()
+        if not path.is_file():
+            where = "the folder exists" if path.parent.is_dir() else f"no folder {path.parent}"
+            raise ModelError(f"{path}: no such file ({where}); check the path")
+        if path.stat().st_size > MOST_BYTES:
+            raise ModelError(f"{path}: larger than {MOST_BYTES >> 20} MB; is it a robot?")
+        data = path.read_bytes()
+        _check_attributes(data, path)
+        root = ET.fromstring(data)
     except ET.ParseError as error:
         raise ModelError(f"{path}: not valid XML: {error}; mend the file there") from error
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, ValueError, LookupError) as error:  # also of encodings that do not exist
         raise ModelError(f"{path}: cannot be read: {error}") from error
+    _check_size(root, path)
+    return root
+
+
+def _check_attributes(data: bytes, path: Path) -> None:
+    """Refuse what takes the XML parser minutes: its time grows as attributes squared."""
+    if b"\0" in data:
+        raise ModelError(f"{path}: not a text file in UTF-8; save it as one")
+    for element in data.split(b"<"):  # which no attribute may hold
+        if len(element) > MOST_ATTRIBUTES and len(_EQUALS.findall(element)) > MOST_ATTRIBUTES:
+            raise ModelError(f"{path}: an element has more than {MOST_ATTRIBUTES} attributes")
+
+
+def _check_size(root: ET.Element, path: Path) -> None:
+    count, depth, level = 0, 0, [root]
+    while level:
+        count, depth = count + len(level), depth + 1
+        if depth > DEEPEST:
+            raise ModelError(f"{path}: elements are nested more than {DEEPEST} deep")
+        if count > MOST_ELEMENTS:
+            raise ModelError(f"{path}: more than {MOST_ELEMENTS} elements")
+        level = [child for element in level for child in element]
 
 
 def numbers(element: ET.Element, key: str, count: int, where: str) -> list[float]:
