@@ -147,6 +147,8 @@ LARGEST = 1e9
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, Field(allow_inf_nan=False, gt=0, le=LARGEST)]
+# Of what is divided by: lengths, masses, durations.
+Size = Annotated[float, Field(allow_inf_nan=False, ge=1e-9, le=LARGEST)]
 NonNegative = Annotated[float, Field(allow_inf_nan=False, ge=0, le=LARGEST)]
 Fraction = Annotated[float, Field(allow_inf_nan=False, gt=0, le=1)]
 PositiveOrInfinite = Annotated[float, Field(gt=0)]

@@ -1,12 +1,18 @@
 """Mistakes in a pendulum's problem: each is answered with its line, its key and what is valid."""
 
 from pathlib import Path
+from time import process_time
 
+import numpy as np
 import pytest
 
-from wbc.errors import ProblemFileError, WbcError
+from wbc.errors import InvalidInputError, ProblemFileError, WbcError
 from wbc.problem import load_problem
-from wbc.rmp.plan import PlanError
+from wbc.problem.pendulum.plan import Planning
+from wbc.problem.pendulum.problem import PendulumProblem
+from wbc.rmp.plan import Plan, PlanError, Stats, check
+from wbc.rmp.plan.planner import first_guess
+from wbc.rmp.plan.transcription import transcribe
 
 LAW = """# A lean.
 model: rmp_planar
@@ -82,6 +88,25 @@ MISTAKES = {
     "start out of reach": (PLAN, "start: {com: [0", "start: {com: [2", "no CoP is possible"),
     "limits crossed": (PLAN, "leg_length: [0.4, 0.9]", "leg_length: [0.9, 0.4]",
                        "p.yaml:12: plan.limits"),
+    "sole without a width": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}",
+                             "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0]}",
+                             "p.yaml:11: plan.schedule.land.support.size[1]: must be at least"),
+    "misspelt sole": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size:",
+                      "land: {duration: 0.5, support: {at: [0, 0], siez:",
+                      "p.yaml:11: plan.schedule.land.support.siez: unknown key; did you mean"),
+    # absurd numbers: once a ZeroDivisionError, OverflowError or RuntimeError of the planner
+    "no mass": (PLAN, "mass: 30.0", "mass: 1e-300", "p.yaml:3: mass: must be at least 1e-09"),
+    "no gravity": (PLAN, "mass: 30.0", "mass: 30.0\ngravity: 5e-324",
+                   "gravity: 4.94066e-324 is out of all proportion; use SI units, 1e-09 to 1e+09"),
+    "no time": (PLAN, "fly: {duration: 0.3", "fly: {duration: 5e-324",
+                "p.yaml:10: plan.schedule.fly.duration: must be at least 1e-09"),
+    "limit without size": (PLAN, "friction: 0.7", "friction: 1e-320",
+                           "limits: friction: 9.99989e-321 is out of all proportion"),
+    "limit beyond all": (PLAN, "normal_force: [10.0, 2000.0]", "normal_force: [1e300, 1e308]",
+                         "limits: normal_force: 1e+300 is out of all proportion"),
+    "support without size": (PLAN, "land: {duration: 0.5, support: {at: [0, 0], size: [0.2, 0.2]}",
+                             "land: {duration: 0.5, support: [[0, 0], [1e-300, 0]]",
+                             "p.yaml:11: plan.schedule.land: phase 'land': support: corners"),
     "law's key with a plan": (PLAN, "plan:", "bounds: {}\nplan:", "belongs to a law"),
 }  # fmt: skip
 
@@ -112,3 +137,30 @@ def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
     assert isinstance(caught.value, WbcError)
     # Two seconds of flight take a take-off at 10 m/s within half a second and half a metre of leg.
     assert any(each.quantity.startswith("leg_length") for each in caught.value.violations)
+
+
+def test_a_plan_that_ipopt_cannot_start_is_typed(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(PLAN)
+    problem = load_problem(path)
+    assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
+    # Past the checks of PlanProblem: the least flying time exceeds the greatest.
+    object.__setattr__(problem.parts.problem.schedule[1], "duration", (2.0, 1.0))
+    with pytest.raises(InvalidInputError, match="IPOPT cannot start"):
+        problem.run()
+
+
+def test_checking_a_plan_with_absurd_numbers_ends(tmp_path: Path) -> None:
+    """At 10^6 turns a second no integration gets from one knot to the next."""
+    path = tmp_path / "p.yaml"
+    path.write_text(PLAN.replace("momentum: [0, 0, 0]", "momentum: [1.0e+7, 0, 0]"))
+    problem = load_problem(path)
+    assert isinstance(problem, PendulumProblem) and isinstance(problem.parts, Planning)
+    guess = first_guess(transcribe(problem.parts.problem))
+    duals = np.zeros(len(guess)), np.zeros(1)
+    plan = Plan(problem.parts.problem, guess, duals, Stats(1, 1, 1, 0.0, 0.0, "", False))
+    began = process_time()
+    checked = check(plan)
+    assert process_time() - began < 10.0
+    assert checked.defect == np.inf
+    assert not checked.ok

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Discriminator, Field, Strict, Tag
 
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
@@ -21,9 +21,10 @@ from wbc.problem.section import (
     KeysOf,
     Name,
     Pair,
-    Positive,
     Quaternion,
     Section,
+    Size,
+    form_of,
     forms,
 )
 from wbc.rmp.ground import centroidal_moment_pivot
@@ -49,9 +50,9 @@ from wbc.rotations import rotations_from
 # Moments between two knots, so that curves look like curves.
 FINER = 4
 
-_Sizes = Annotated[tuple[Positive, ...], Strict(False), Field(min_length=2, max_length=2)]
+_Sizes = Annotated[tuple[Size, ...], Strict(False), Field(min_length=2, max_length=2)]
 _Durations = Annotated[
-    Annotated[Positive, NUMBER] | Annotated[_Sizes, LIST],
+    Annotated[Size, NUMBER] | Annotated[_Sizes, LIST],
     forms("seconds, or [least, greatest]"),
 ]
 _State = Annotated[dict[str, Any], KeysOf(State)]
@@ -82,13 +83,21 @@ class HullSpec(Section):
         return hull(*(sole.corners() for sole in self.hull))
 
 
+def _support_form(value: Any) -> str | None:
+    form = form_of(value)
+    return "(hull)" if form == MAPPING.tag and "hull" in dict(value) else form
+
+
 _Support = Annotated[
     Annotated[Literal["flight"], WORD]
     | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=1), MATRIX]
-    | Annotated[RectangleSpec | HullSpec, MAPPING],
-    forms(
-        "flight, corners [[x, y], ...] anticlockwise, {at: [x, y], size: [length, width]}, or "
-        "{hull: [...]} of several"
+    | Annotated[RectangleSpec, MAPPING]
+    | Annotated[HullSpec, Tag("(hull)")],
+    Discriminator(
+        _support_form,
+        custom_error_type="form",
+        custom_error_message="expected flight, corners [[x, y], ...] anticlockwise, "
+        "{at: [x, y], size: [length, width]}, or {hull: [...]} of several",
     ),
 ]
 

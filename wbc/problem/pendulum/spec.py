@@ -18,6 +18,7 @@ from wbc.problem.section import (
     Pair,
     Positive,
     Section,
+    Size,
     forms,
 )
 from wbc.rmp.balance.law import Bounds
@@ -81,7 +82,7 @@ class PendulumSpec(Section):
     """Version of this format."""
     model: Literal["rmp_planar", "rmp_solid"]
     """Which pendulum."""
-    mass: Positive
+    mass: Size
     """All of its mass [kg]."""
     gravity: NonNegative = 9.81
     """[m/s^2], downward."""

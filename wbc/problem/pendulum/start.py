@@ -10,7 +10,7 @@ from pydantic import Field, Strict
 from scipy.spatial.transform import Rotation
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import LIST, NUMBER, NonNegative, Number, Point, Positive, Section, forms
+from wbc.problem.section import LIST, NUMBER, NonNegative, Number, Point, Section, Size, forms
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
@@ -40,7 +40,7 @@ class RatesSpec(Section):
 class PendulumStartSpec(Section):
     """Where a pendulum starts; upright and at rest unless said otherwise."""
 
-    leg_length: Positive
+    leg_length: Size
     """Length of the leg [m]."""
     inertia: _OneOrThree | None = None
     """Moment of inertia of the masses [kg m^2]: planar one number, solid three about their axes.

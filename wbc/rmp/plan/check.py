@@ -36,6 +36,11 @@ _UNITS = {
     "moment": "N m",
 }
 _TIGHT = 1e-12  # of the integration, relative and absolute
+_MOST_RATES = 20_000  # evaluations in an interval; plans in order take some hundreds
+
+
+class _TooStiff(Exception):
+    """The integration of an interval takes too many steps."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +230,10 @@ def _defects(plan: Plan) -> dict[str, float]:
     knots = plan.knots
     worst = dict.fromkeys(STATE, 0.0)
     for i in np.flatnonzero(np.diff(knots.phase) == 0).tolist():
-        for name, value in _integrated(plan, i).items():
+        integrated = _integrated(plan, i)
+        if integrated is None:
+            return dict.fromkeys(STATE, math.inf)
+        for name, value in integrated.items():
             there = getattr(knots, name)[i + 1]
             if name == "orientation":
                 away = turn_between(value / np.linalg.norm(value), there)
@@ -235,8 +243,11 @@ def _defects(plan: Plan) -> dict[str, float]:
     return worst
 
 
-def _integrated(plan: Plan, i: int) -> dict[str, Array]:
-    """Return the state at knot i + 1, integrated from knot i under linear controls."""
+def _integrated(plan: Plan, i: int) -> dict[str, Array] | None:
+    """Return the state at knot i + 1, integrated from knot i under linear controls.
+
+    None if that cannot be done: absurd forces make the motion stiff beyond any use.
+    """
     knots, mass = plan.knots, plan.problem.mass
     h = float(knots.time[i + 1] - knots.time[i])
     force, cop, moment, acceleration = (
@@ -245,7 +256,13 @@ def _integrated(plan: Plan, i: int) -> dict[str, Array]:
     )
     gravity = np.array((0.0, 0.0, -plan.problem.gravity))
 
+    asked = 0
+
     def rate(t: float, x: Array) -> Array:
+        nonlocal asked
+        asked += 1
+        if asked > _MOST_RATES:
+            raise _TooStiff
         share = np.array((1.0 - t / h, t / h))
         f = share @ force
         q, k, r = x[6:10], x[10:13], x[13:16]
@@ -260,7 +277,13 @@ def _integrated(plan: Plan, i: int) -> dict[str, Array]:
 
     start = [getattr(knots, name)[i] for name in STATE]
     ends = np.cumsum([part.size for part in start])
-    x = solve_ivp(
-        rate, (0.0, h), np.concatenate(start), method="DOP853", rtol=_TIGHT, atol=_TIGHT
-    ).y[:, -1]
-    return dict(zip(STATE, np.split(x, ends[:-1]), strict=True))
+    try:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            done = solve_ivp(
+                rate, (0.0, h), np.concatenate(start), method="DOP853", rtol=_TIGHT, atol=_TIGHT
+            )
+    except (_TooStiff, ArithmeticError, ValueError):
+        return None
+    if not done.success:
+        return None
+    return dict(zip(STATE, np.split(done.y[:, -1], ends[:-1]), strict=True))

@@ -110,7 +110,8 @@ def solve(
     PlanError
         There is none, or it was not found; the error names the limits in the way.
     InvalidInputError
-        Limits that exclude each other, or a warm start with other phases.
+        Limits that exclude each other, a warm start with other phases, or numbers that IPOPT
+        cannot start on.
     """
     if iterations < 1:
         raise InvalidInputError(f"solve: iterations must be 1 at least, got {iterations}")
@@ -158,7 +159,11 @@ def _search(
     }
     if duals is not None:
         given |= {"lam_x0": duals[0], "lam_g0": duals[1]}
-    found, end = solver(**given), solver.stats()
+    try:
+        found, end = solver(**given), solver.stats()
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise InvalidInputError(f"plan: IPOPT cannot start on these numbers: {reason}") from error
     stats = Stats(
         variables=count,
         constraints=len(t.labels),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
@@ -20,6 +21,9 @@ Pendulum = PlanarRmp | SolidRmp
 SLACK = 1e-9
 # Degrees of the orientation's polynomial: below 2 it would not keep up with parabolas.
 DEGREES = (2, 7)
+# Sizes [SI] that are refused outside of this: of no pendulum, and no programme can be scaled to
+# them. Within, products and quotients of a few are far from overflow.
+SIZES = (1e-9, 1e9)
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,7 @@ class PlanProblem:
         if isinstance(self.degree, bool) or self.degree not in range(low, high + 1):
             raise InvalidInputError(f"plan: degree must be an integer from {low} to {high}")
         _check_schedule(self)
+        _check_sizes(self)
         _check_state(self, "start", self.start, self.limits_of(0), self.schedule[0])
         for name, k, state in self.waypoints:
             _check_state(self, name, state, self.limits_of(k), self.schedule[k])
@@ -209,6 +214,33 @@ def _check_schedule(problem: PlanProblem) -> None:
             f"schedule: the plan begins in the flight {schedule[0].name!r}, whose parabola needs"
             " com and com_velocity in the start"
         )
+
+
+def _check_sizes(problem: PlanProblem) -> None:
+    """Raise if a number that may be any size by itself is absurd; infinite limits are none."""
+    sizes: dict[str, ArrayLike] = {"mass": problem.mass, "gravity": problem.gravity}
+    places: dict[str, ArrayLike] = {"periodic": problem.periodic or 0.0}
+    for where, limits in (("", problem.limits), *((p.name, p.limits) for p in problem.schedule)):
+        for each in fields(limits) if limits is not None else ():
+            sizes[f"limits: {each.name}{where and f' of {where}'}"] = getattr(limits, each.name)
+    for phase in problem.schedule:
+        sizes[f"phase {phase.name!r}: duration"] = phase.duration
+        if phase.support is not None:
+            places[f"phase {phase.name!r}: support"] = np.array(phase.support)
+    states = {"start": problem.start, "nominal": problem.nominal}
+    states |= {name: state for name, _, state in problem.waypoints}
+    for which, state in states.items():
+        for name, values in state.values(problem.mass).items():
+            places[f"{which}: {name}"] = np.nan_to_num(np.array(values, dtype=float))
+    for what, given in (sizes | places).items():
+        values = np.abs(np.atleast_1d(np.asarray(given, dtype=float)))
+        small = (values > 0.0) & (values < SIZES[0]) & (what in sizes)
+        large = np.isfinite(values) & (values > SIZES[1])
+        if (small | large).any():
+            raise InvalidInputError(
+                f"{what}: {values[small | large][0]:g} is out of all proportion; use SI units,"
+                f" {SIZES[0]:g} to {SIZES[1]:g}"
+            )
 
 
 def _check_state(

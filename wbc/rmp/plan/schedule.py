@@ -127,6 +127,9 @@ class Phase:
             try:
                 # Corners on a side, or given twice, are left out.
                 support = hull(checked_polygon(np.array(self.support, dtype=float)))
+                sides = np.subtract(support, np.roll(support, 1, axis=0))
+                if len(support) > 1 and np.abs(sides).max(axis=1).min() < TOUCHING:
+                    raise InvalidInputError(f"corners nearer than {TOUCHING:g} m to each other")
                 support_bounds(support)
             except (InvalidInputError, ValueError, TypeError) as error:
                 raise InvalidInputError(f"{where}: support: {error}") from error
