@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import ValidationError
 
-from wbc.controllers.kinematic import FORMULATIONS
+from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.problem.controller_specs import QpSpec
 from wbc.problem.json_schema import json_schema
