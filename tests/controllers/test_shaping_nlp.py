@@ -12,7 +12,8 @@ from wbc.controllers.shaping.nlp import build_nlp
 from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
 from wbc.controllers.shaping.unknowns import Unknowns
 from wbc.errors import InvalidInputError
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
+from wbc.robot.symbolic import SymbolicPosture
 from wbc.tasks import (
     AxisTask,
     ComTask,
@@ -23,6 +24,7 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     PrincipalInertiaTask,
+    Residual,
     Task,
 )
 
@@ -175,3 +177,33 @@ def test_tasks_that_say_nothing_about_postures_are_refused_by_name(robot_named) 
 
     with pytest.raises(InvalidInputError, match="'wish' is a Wish"):
         GlobalShaping(robot, [Wish(robot, "wish", ["row"])])
+
+
+class LevelHands(Task):
+    """A task of the caller's: both hands at one height."""
+
+    hands = ("left_hand", "right_hand")
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        left, right = self.hands
+        error = (snapshot.position(left) - snapshot.position(right))[2:]
+        jacobian = (snapshot.jacobian(left) - snapshot.jacobian(right))[2:3]
+        return Residual(error, jacobian, np.zeros(1))
+
+    def drift(self, snapshot: Snapshot) -> np.ndarray:
+        left, right = self.hands
+        return (snapshot.drift(left) - snapshot.drift(right))[2:3]
+
+    def symbolic_error(self, posture: SymbolicPosture) -> ca.SX:
+        left, right = self.hands
+        return (posture.position(left) - posture.position(right))[2]
+
+
+def test_a_task_of_the_callers_needs_no_more_than_itself(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture("standing", {"left_elbow_pitch": -1.0})
+    task = LevelHands(robot, "level", ["z"])
+    assert abs(task.residual(robot.snapshot(q)).error[0]) > 0.01
+    best = GlobalShaping(robot, [task, PostureTask(robot, q, weight=1e-4)]).solve(q, 2, workers=1)
+    left, right = (robot.snapshot(best.best.q).position(hand) for hand in task.hands)
+    assert left[2] == pytest.approx(right[2], abs=1e-4)

@@ -18,6 +18,7 @@ from wbc.constraints import (
     support,
 )
 from wbc.constraints.margin import Margin
+from wbc.constraints.rows import Distances, SymbolicRows
 from wbc.controllers.shaping import GlobalShaping, NoPostureError, separation
 from wbc.controllers.shaping.nlp import build_nlp
 from wbc.controllers.shaping.planes import UNKNOWNS, Corners, plane_rows
@@ -341,3 +342,26 @@ def test_limits_come_before_standing(robot_named) -> None:
     best = shaping.solve(robot.posture(), 1, workers=1).best
     assert best.kept.limit >= -1e-7
     assert best.kept.clearance >= 0.0
+
+
+def test_a_constraint_of_the_callers_needs_no_more_than_itself(robot_named) -> None:
+    """The left hand in front of the right one, as a box of their difference."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture()
+    hands = ("left_hand", "right_hand")
+
+    class Ahead(PositionBox):
+        def distances(self, snapshot, keys=None):
+            left, right = (snapshot.position(hand) for hand in hands)
+            jacobian = snapshot.jacobian(hands[0])[:1] - snapshot.jacobian(hands[1])[:1]
+            return Distances(np.arange(1), (left - right)[:1] - 0.05 - SKIN, jacobian, None)
+
+        def symbolic_rows(self, posture):
+            ahead = posture.position(hands[0])[0] - posture.position(hands[1])[0]
+            return SymbolicRows(ahead, np.array([0.05 + SKIN]), np.array([np.inf]))
+
+    ahead = Ahead(robot, hands[0], [0.0] * 3, [1.0] * 3)
+    best = shaping_of(robot, [PostureTask(robot, q)], ahead).solve(q, 2, workers=1).best
+    here = robot.snapshot(best.q)
+    left, right = (here.position(hand) for hand in hands)
+    assert left[0] - right[0] == pytest.approx(0.05 + SKIN, abs=1e-6)

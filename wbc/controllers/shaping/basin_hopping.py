@@ -1,16 +1,16 @@
 """Basin hopping: new starts made of the best postures so far.
 
-The valleys of inertia are many, and deep ones lie beside deep ones: a posture that is nearly the
-best one usually needs another arm, not another everything. So a search begins at a mixture of two
-good postures (Deaven and Ho, Phys. Rev. Lett. 75 (1995)), or at a good one of which some joints are
-drawn anew (monotonic basin hopping: Leary, "Global optimization on funneling landscapes", J. Global
-Optim. 18 (2000), after Wales and Doye, J. Phys. Chem. A 101 (1997)). The good ones are several that
-differ, lest all hops stay around one valley (Grosso, Locatelli and Schoen, Math. Program. 110
-(2007)), and every fourth posture is drawn anew altogether.
+The cost has many local minima, and deep ones lie near each other: a posture that is nearly the best
+one usually needs another arm, not another everything. So a search begins at a mixture of two good
+postures (Deaven and Ho, Phys. Rev. Lett. 75 (1995)), or at a good one with some joints resampled
+(monotonic basin hopping: Leary, "Global optimization on funneling landscapes", J. Global Optim. 18
+(2000), after Wales and Doye, J. Phys. Chem. A 101 (1997)). The good ones are several that differ,
+lest all hops stay around one minimum (Grosso, Locatelli and Schoen, Math. Program. 110 (2007)), and
+every fourth posture is sampled whole.
 
-Measured on seven targets with many valleys: of mixtures of postures that differ in eight joints or
+Measured on seven targets with many minima: of mixtures of postures that differ in eight joints or
 more 5 % end lower than anything before, of those that differ in less than four none, of postures
-with joints drawn anew 1 %, of whole ones 1 %.
+with joints resampled 1 %, of whole ones 1 %.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from wbc.controllers.shaping.starts import CLOSED, Sampling, uniform_rotation
 from wbc.robot import Robot
 from wbc.validate import Array
 
-ELITE = 8  # the best so many different postures are hopped from
+ELITE = 8  # postures that are hopped from
 UNLIKE, MUCH = 0.15, 0.05  # part of the joints that differ, and by how much [rad or m]
 MIXED = 0.75  # of the hops from the elite, the part that mixes two
-DRAWN = 0.4  # of the joints, the largest part that is drawn anew
-WHOLE_EVERY = 4  # hops: how often a posture is drawn anew altogether
+RESAMPLED = 0.4  # of the joints, the largest part that is resampled
+WHOLE_EVERY = 4  # hops: how often a whole posture is sampled
 TRIES = 4  # at a hop that can be projected onto the contacts
 
 
@@ -80,14 +80,14 @@ class BasinHopping:
 
     def _posture(self, number: int, elite: Sequence[Candidate], rng: np.random.Generator) -> Array:
         if not elite or number % WHOLE_EVERY == 0:
-            return self._drawn(rng)
+            return self._whole(rng)
         first = elite[int(rng.integers(len(elite)))]
         others = [one for one in elite if one is not first]
         if not others or rng.random() >= MIXED:
-            return self._varied(first.q, rng)
+            return self._resampled(first.q, rng)
         return self._mixed(first.q, others[int(rng.integers(len(others)))].q, rng)
 
-    def _drawn(self, rng: np.random.Generator) -> Array:
+    def _whole(self, rng: np.random.Generator) -> Array:
         sampling = self._sampling
         base = sampling.q_start[:7].copy()
         if sampling.built.turns_base:
@@ -95,11 +95,11 @@ class BasinHopping:
             base[3:] = (turn * Rotation.from_quat(base[3:])).as_quat()
         return sampling.posture(rng.uniform(sampling.lower, sampling.upper), base)
 
-    def _varied(self, q: Array, rng: np.random.Generator) -> Array:
-        """Return a posture with some joints drawn anew."""
+    def _resampled(self, q: Array, rng: np.random.Generator) -> Array:
+        """Return a posture with some joints resampled."""
         sampling = self._sampling
         joints = sampling.robot.limits.joint_positions(q).copy()
-        count = int(rng.integers(1, max(1, round(DRAWN * joints.size)) + 1))
+        count = int(rng.integers(1, max(1, round(RESAMPLED * joints.size)) + 1))
         some = rng.choice(joints.size, count, replace=False)
         joints[some] = rng.uniform(sampling.lower[some], sampling.upper[some])
         return sampling.posture(joints, q[:7])

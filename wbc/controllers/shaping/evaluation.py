@@ -21,27 +21,13 @@ NAMED = 3  # pairs that are named: the worst
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How far beyond a constraint still counts as kept.
+    """How far beyond a constraint still counts as kept."""
 
-    Attributes
-    ----------
-    contact:
-        Distance of a held frame from its anchor [m or rad].
-    limit:
-        Of a joint beyond its limit [rad or m].
-    support:
-        Of the CoM outside a support polygon, less its margin [m].
-    clearance:
-        Of bodies nearer than their margin, and of frames outside their boxes [m].
-    excused:
-        What is allowed beyond that, by frame, joint or pair.
-    """
-
-    contact: float
-    limit: float
-    support: float
-    clearance: float
-    excused: Mapping[str, float] = field(default_factory=dict)
+    contact: float  # distance of a held frame from its anchor [m or rad]
+    limit: float  # of a joint beyond its limit [rad or m]
+    support: float  # of the CoM outside a support polygon, less its margin [m]
+    clearance: float  # of bodies nearer than their margin, and of frames outside their boxes [m]
+    excused: Mapping[str, float] = field(default_factory=dict)  # beyond that, by frame, joint, pair
 
     def excusing(self, broken: Mapping[str, float]) -> Tolerances:
         """Return tolerances with what is broken already, one by one: see :func:`violations`.

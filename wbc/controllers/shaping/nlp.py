@@ -9,7 +9,7 @@ if optimised) to compile, for this problem alone: longer than a search from a hu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -43,41 +43,21 @@ class Start(NamedTuple):
 
 
 class Local(NamedTuple):
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes
-    ----------
-    x:
-        Unknowns that are free.
-    status:
-        IPOPT's own word.
-    optimal:
-        True if IPOPT says that its conditions of optimality hold.
-    iterations:
-        Of IPOPT.
-    """
-
-    x: Array
-    status: str
-    optimal: bool
+    x: Array  # unknowns that are free
+    status: str  # IPOPT's own word
+    optimal: bool  # IPOPT says that its conditions of optimality hold
     iterations: int
 
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """The bodies that a program is to keep apart.
-
-    Attributes
-    ----------
-    placements:
-        (x, p) -> T (12 m, 1), of the bodies' joints as seen from the base.
-    map:
-        From x and p to configurations.
-    """
+    """The bodies that a program is to keep apart."""
 
     bodies: Bodies
-    placements: ca.Function
-    map: ConfigurationMap
+    placements: ca.Function  # (x, p) -> T (12 m, 1), of the bodies' joints as seen from the base
+    map: ConfigurationMap  # from x and p to configurations
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,35 +67,16 @@ class Nlp:
     ``p`` ends with the factor on f and the value of every unknown of
     :class:`~wbc.controllers.shaping.unknowns.Unknowns`, from which those that do not matter are
     taken.
-
-    Attributes
-    ----------
-    functions:
-        (x, p) -> (f, g).
-    lower, upper:
-        Bounds on x.
-    g_lower, g_upper:
-        Bounds on g.
-    closures:
-        How many rows of g, the first ones, are contacts: equalities with 0.
-    separation:
-        Bodies to keep apart, besides; None without.
-    options:
-        Of IPOPT.
     """
 
-    functions: ca.Function
-    lower: Array
+    functions: ca.Function  # (x, p) -> (f, g)
+    lower: Array  # bounds on x
     upper: Array
-    g_lower: Array
+    g_lower: Array  # bounds on g
     g_upper: Array
-    closures: int
-    separation: Separation | None
-    options: Mapping[str, Any]
-
-    def within(self, seconds: float) -> Nlp:
-        """Return the same program with a time limit for each search [s]."""
-        return replace(self, options={**self.options, "max_wall_time": seconds})
+    closures: int  # how many rows of g, the first ones, are contacts: equalities with 0
+    separation: Separation | None  # bodies to keep apart, besides; None without
+    options: Mapping[str, Any]  # of IPOPT
 
 
 class Ipopt:
@@ -156,21 +117,11 @@ def ipopt_options(options: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class BuiltNlp:
-    """A program with the way from and to configurations.
-
-    Attributes
-    ----------
-    nlp:
-        The program.
-    unknowns:
-        All unknowns, also those that nothing depends on.
-    kept:
-        Indices of those that matter: the NLP's own.
-    """
+    """A program with the way from and to configurations."""
 
     nlp: Nlp
-    unknowns: Unknowns
-    kept: tuple[int, ...]
+    unknowns: Unknowns  # all unknowns, also those that nothing depends on
+    kept: tuple[int, ...]  # indices of those that matter: the NLP's own
 
     @property
     def turns_base(self) -> bool:
@@ -194,8 +145,10 @@ class BuiltNlp:
         return self.unknowns.map(self.kept).configuration(x, start.p)
 
 
-def build_nlp(problem: ShapingProblem) -> BuiltNlp:
+def build_nlp(problem: ShapingProblem, seconds: float | None = None) -> BuiltNlp:
     """Return the program of a problem, with targets, weights and obstacles as they are now.
+
+    ``seconds`` limits the time of each search.
 
     Rows are contacts, but for the anchor, which is kept by construction, and what constraints ask
     of the posture. Bodies are kept apart by rows that are there only while they are needed: see
@@ -240,6 +193,6 @@ def build_nlp(problem: ShapingProblem) -> BuiltNlp:
         np.concatenate((still, *(part.upper for part in rows))),
         closure.numel(),
         separation,
-        IPOPT,
+        IPOPT if seconds is None else {**IPOPT, "max_wall_time": seconds},
     )
     return BuiltNlp(nlp, unknowns, kept)

@@ -24,7 +24,7 @@ import numpy as np
 from wbc.constraints.rows import Index, SeparatedPairs
 from wbc.robot import Robot
 from wbc.robot.collision import Body, CollisionModel, HalfSpace
-from wbc.robot.symbolic import Placement, SymbolicPosture
+from wbc.robot.symbolic import SymbolicPosture
 from wbc.validate import Array
 
 UNKNOWNS = 4  # of a plane: n, d
@@ -34,24 +34,14 @@ WORLD = 0  # the joint of what does not hang on the robot
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Bodies of all collision constraints of a problem; can be sent to another process.
-
-    Attributes
-    ----------
-    bodies:
-        Shapes in the frames of their joints; a robot's body is there once for each constraint.
-    pairs:
-        (N, 2) indices of bodies.
-    least:
-        (N,) distance that each pair keeps [m].
-    places:
-        Rotation (3, 3) and origin (3,) of each body that does not hang on the robot.
-    """
+    """Bodies of all collision constraints of a problem; can be sent to another process."""
 
     robot: Robot
+    # Shapes in the frames of their joints; a robot's body is there once for each constraint.
     bodies: tuple[Body, ...]
-    pairs: Index
-    least: Array
+    pairs: Index  # (N, 2) indices of bodies
+    least: Array  # (N,) distance that each pair keeps [m]
+    # Rotation (3, 3) and origin (3,) of each body that does not hang on the robot.
     places: Mapping[int, tuple[Array, Array]]
 
     @classmethod
@@ -92,7 +82,9 @@ class Bodies:
             posture.base.inverse() if joint == WORLD else posture.local.joint(joint)
             for joint in self.joints
         ]
-        return ca.densify(ca.vertcat(*(_by_columns(one) for one in placed)))
+        return ca.densify(
+            ca.vertcat(*(ca.vertcat(ca.vec(one.rotation), one.position) for one in placed))
+        )
 
     def corners(self, body: int) -> Array:
         """Return the points (k, 3) whose rounded hull a body is, in its joint's frame [m]."""
@@ -124,10 +116,6 @@ class Bodies:
         return self.places[body][0] @ shape.normal if body in self.places else shape.normal
 
 
-def _by_columns(place: Placement) -> ca.SX:
-    return ca.vertcat(ca.vec(place.rotation), place.position)
-
-
 class Corners(NamedTuple):
     """Which corners of the two bodies of a pair are in the program."""
 
@@ -136,56 +124,29 @@ class Corners(NamedTuple):
 
 
 class Side(NamedTuple):
-    """A body on one side of a plane.
+    """A body on one side of a plane."""
 
-    Attributes
-    ----------
-    block:
-        Which placement is that of its joint.
-    corners:
-        (k, 3) in that joint's frame [m].
-    away:
-        How far the corners are to be from the plane [m].
-    """
-
-    block: int
-    corners: Array
-    away: float
+    block: int  # which placement is that of its joint
+    corners: Array  # (k, 3) in that joint's frame [m]
+    away: float  # how far the corners are to be from the plane [m]
 
 
 class Slot(NamedTuple):
-    """Two bodies with a plane between them.
-
-    Attributes
-    ----------
-    normal:
-        If the second body is a half-space, its normal (3,), which the plane's then is.
-    """
+    """Two bodies with a plane between them."""
 
     first: Side
     second: Side
-    normal: Array | None
+    normal: Array | None  # (3,) the plane's, if the second body is a half-space
 
 
 class PlaneRows(NamedTuple):
-    """Rows as functions of placements T and planes y, with (a, b) the derivative of a by b.
+    """Rows as functions of placements T and planes y, with (a, b) the derivative of a by b."""
 
-    Attributes
-    ----------
-    value:
-        (T, y) -> rows.
-    jacobian:
-        (T, y) -> (rows, T), (rows, y).
-    hessian:
-        (T, y, multipliers) -> gradient by T (T, 1), (gradient, y), upper triangle of (y, y).
-    lower, upper:
-        Bounds on the rows.
-    """
-
-    value: ca.Function
-    jacobian: ca.Function
+    value: ca.Function  # (T, y) -> rows
+    jacobian: ca.Function  # (T, y) -> (rows, T), (rows, y)
+    # (T, y, multipliers) -> gradient by T (T, 1), (gradient, y), upper triangle of (y, y)
     hessian: ca.Function
-    lower: Array
+    lower: Array  # bounds on the rows
     upper: Array
 
 

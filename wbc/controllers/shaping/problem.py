@@ -15,15 +15,7 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class ShapingProblem:
-    """The parts of a global shaping problem.
-
-    Attributes
-    ----------
-    robot, tasks, contacts, limits:
-        As for :class:`~wbc.controllers.kinematic.KinematicController`.
-    constraints:
-        What the answer must respect besides.
-    """
+    """The parts of a global shaping problem, as for a kinematic controller."""
 
     robot: Robot
     tasks: tuple[Task, ...]

@@ -199,20 +199,11 @@ class SeparatedIpopt:
 
 
 class NlpParts(NamedTuple):
-    """The parts of a program with their derivatives, as functions of x and p.
+    """The parts of a program with their derivatives, as functions of x and p."""
 
-    Attributes
-    ----------
-    values:
-        -> f, g, T.
-    jacobians:
-        -> f, its gradient, g, its Jacobian, T, its Jacobian.
-    hessian:
-        (x, p, factor on f, multipliers of g, of T) -> upper triangle of the Hessian of their sum.
-    """
-
-    values: ca.Function
-    jacobians: ca.Function
+    values: ca.Function  # -> f, g, T
+    jacobians: ca.Function  # -> f, its gradient, g, its Jacobian, T, its Jacobian
+    # (x, p, factor on f, multipliers of g, of T) -> upper triangle of the Hessian of their sum
     hessian: ca.Function
 
     @classmethod

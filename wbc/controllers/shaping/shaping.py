@@ -1,15 +1,14 @@
 """Global inertia shaping: the same tasks as the QP's, minimised over all postures.
 
-The QP goes downhill from where the robot is, and rests in the nearest valley. Here the same cost is
-minimised by IPOPT from many starts; then the QP is run towards the best posture that it can reach,
-so that the answer is a motion.
+The QP descends from where the robot is to the nearest local minimum. Here IPOPT minimises the same
+cost from many starts; then the QP is run towards the best posture that it can reach, so that the
+answer is a motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from time import perf_counter, time
-from typing import overload
 
 from numpy.typing import ArrayLike
 
@@ -38,19 +37,15 @@ class GlobalShaping:
     limits:
         Joint limits, by default ``Limits(robot)``.
     constraints:
-        What the posture and the motion there must respect: any of
-        :class:`~wbc.constraints.SelfCollision`, :class:`~wbc.constraints.Obstacles`,
-        :class:`~wbc.constraints.ComSupport` and :class:`~wbc.constraints.PositionBox`, the very
-        objects that a :class:`~wbc.controllers.kinematic.KinematicController` takes. All are hard
-        here. Bodies are kept apart as their shapes are, capsules, boxes and hulls exactly; a pair
-        enters the program when a search comes too near with it (see :mod:`.separation`). Obstacles
-        are where they are when :meth:`solve` is called; moving ones are refused.
+        What the posture and the motion there must respect: the objects that a
+        :class:`~wbc.controllers.kinematic.KinematicController` takes, here all hard. Bodies are
+        kept apart as their shapes are, capsules, boxes and hulls exactly (see :mod:`.separation`).
+        Obstacles are where they are when :meth:`solve` is called; moving ones are refused.
 
     Raises
     ------
     InvalidInputError
-        Parts that do not fit together, a task that says nothing about postures, or a constraint
-        that is not known here.
+        Parts that do not fit together, or a task or constraint that says nothing about postures.
     """
 
     def __init__(
@@ -79,8 +74,7 @@ class GlobalShaping:
         """Search from the current posture, from others spread over all, and from hops between.
 
         The first two dozen starts are spread evenly over all that is allowed; later ones are made
-        of the best postures found by then, which is monotonic basin hopping with several postures
-        at once; see :mod:`.basin_hopping` for how, and for whose idea it is.
+        of the best postures found by then (:mod:`.basin_hopping`).
 
         The answer depends on ``starts``, ``patience`` and ``seed``, and not on ``workers`` nor on
         which search ends first, unless the time runs out. When four starts have met every task, no
@@ -120,13 +114,13 @@ class GlobalShaping:
         count = _count("global shaping, starts", starts)
         workers = _count("global shaping, workers", workers)
         seconds = _positive("global shaping, seconds", seconds)
-        patience = _count("global shaping, patience", patience)
+        if patience is not None:
+            patience = _count("global shaping, patience", patience)
         seed = _count("global shaping, seed", seed, least=0)
-        built = build_nlp(self.problem)
-        nlp = built.nlp if seconds is None else built.nlp.within(max(seconds, 1.0))
+        built = build_nlp(self.problem, None if seconds is None else max(seconds, 1.0))
         deadline = None if seconds is None else now + seconds
         others = min(workers, count) - 1
-        with WorkerPool(nlp, others, deadline) as pool:  # loads while starts are drawn
+        with WorkerPool(built.nlp, others, deadline) as pool:  # loads while starts are drawn
             multi_start = MultiStart(built, q, count, patience, seed, progress)
             ready = perf_counter()
             searches = search_all(multi_start, pool)
@@ -219,14 +213,7 @@ def _positive(what: str, value: float | None) -> float | None:
     return None if value is None else finite_number(what, value, above=0.0)
 
 
-@overload
-def _count(what: str, value: int, least: int = 1) -> int: ...
-@overload
-def _count(what: str, value: int | None, least: int = 1) -> int | None: ...
-def _count(what: str, value: int | None, least: int = 1) -> int | None:
-    if value is None:
-        return None
-    number = finite_number(what, value, least=least)
-    if not number.is_integer():
+def _count(what: str, value: int, least: int = 1) -> int:
+    if not finite_number(what, value, least=least).is_integer():
         raise InvalidInputError(f"{what}: expected a whole number, got {value!r}")
     return int(value)

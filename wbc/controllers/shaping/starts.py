@@ -1,8 +1,8 @@
 """Where searches begin at first: the current posture, and others spread over all that is allowed.
 
-A Sobol sequence fills the box of the joints (and the turns of the base, where these matter) more
-evenly than random numbers do. With closed chains a sample is projected onto the contacts first.
-More are drawn than searched from: one evaluation costs a hundredth of a search, or less.
+A Sobol sequence fills the box of the joints (and the rotations of the base, where these matter)
+more evenly than random numbers do. With closed chains a sample is projected onto the contacts
+first. More are drawn than searched from: one evaluation costs a hundredth of a search, or less.
 """
 
 from __future__ import annotations
@@ -64,44 +64,27 @@ class ContactProjection:
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Starts in the order in which they are to be tried; the first is the current posture.
+    """Starts in the order in which they are to be tried; the first is the current posture."""
 
-    Attributes
-    ----------
-    starts:
-        Scaled so that the cost is about 1 at a middling sample.
-    scale:
-        The factor on the cost that does it.
-    unclosed:
-        For each sample that could not be projected onto the contacts: how far it stayed away.
-    drawn:
-        How many samples were drawn.
-    """
-
-    starts: tuple[Start, ...]
-    scale: float
-    unclosed: tuple[float, ...]
-    drawn: int
+    starts: tuple[Start, ...]  # scaled so that the cost is about 1 at a middling sample
+    scale: float  # the factor on the cost that does it
+    unclosed: tuple[
+        float, ...
+    ]  # distances of samples that could not be projected onto the contacts
+    drawn: int  # how many samples were drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """Which joint positions (nv-6,) may be drawn, and how a posture of them becomes a start.
-
-    Attributes
-    ----------
-    lower, upper:
-        The joints' ranges; a joint without limits, or with one that is farther off than
-        any that are meant as limits, is moved by pi that way from ``q_start``.
-    projection:
-        Projects starts onto the contacts; None if there are none.
-    """
+    """Which joint positions (nv-6,) may be drawn, and how a posture of them becomes a start."""
 
     built: BuiltNlp
     q_start: Array
+    # The joints' ranges; a joint without limits, or with one that is farther off than any that are
+    # meant as limits, is moved by pi that way from q_start.
     lower: Array
     upper: Array
-    projection: ContactProjection | None
+    projection: ContactProjection | None  # None if the program has no contacts
 
     @classmethod
     def of(cls, built: BuiltNlp, q_start: Array) -> Sampling:
@@ -156,7 +139,7 @@ def make_starts(sampling: Sampling, count: int, seed: int) -> Starts:
 def _chosen(costs: Array, count: int) -> list[int]:
     """Return indices of samples to search from: by turns the cheapest left and the next drawn.
 
-    The cheapest alone would crowd into the widest valley.
+    The cheapest alone would crowd into the widest basin.
     """
     cheapest, drawn = list(np.argsort(costs, kind="stable")), list(range(costs.size))
     chosen = dict.fromkeys(
@@ -166,7 +149,7 @@ def _chosen(costs: Array, count: int) -> list[int]:
 
 
 def _sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:
-    """Return configurations spread over the joints' ranges and, if they matter, the base's turns.
+    """Return configurations spread over the joints' ranges and, if it matters, base rotations.
 
     The base stays where it is in the current posture.
     """
@@ -186,7 +169,7 @@ def _sample_postures(sampling: Sampling, count: int, seed: int) -> list[Array]:
 
 
 def uniform_rotation(u: Array) -> Rotation:
-    """Return the rotation that maps (3,) uniform numbers to uniform rotations (Shoemake 1992)."""
+    """Return the rotation of (3,) uniform numbers that makes them uniform (Shoemake 1992)."""
     inner, outer = np.sqrt(1.0 - u[0]), np.sqrt(u[0])
     a, b = 2.0 * np.pi * u[1:]
     return Rotation.from_quat(

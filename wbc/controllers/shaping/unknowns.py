@@ -23,13 +23,7 @@ from wbc.constraints import Contact
 from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.robot import Robot
 from wbc.robot.names import BASE
-from wbc.robot.symbolic import (
-    LocalRobot,
-    Placement,
-    SymbolicPosture,
-    angle_turns,
-    from_mrp,
-)
+from wbc.robot.symbolic import LocalRobot, Placement, SymbolicPosture, angle_turns, from_mrp
 from wbc.validate import Array
 
 
@@ -39,22 +33,13 @@ class Unknowns:
 
     ``x`` is joints (nv-6), base position (3) and rotation (3), then a rotation (3) for each task
     that leaves one free. ``p`` is the reference (9, by columns) of each rotation.
-
-    Attributes
-    ----------
-    x, p:
-        SX symbols.
-    posture:
-        The robot in terms of them.
-    lower, upper:
-        Bounds on x.
     """
 
     problem: ShapingProblem
     x: ca.SX
     p: ca.SX
-    posture: SymbolicPosture
-    lower: Array
+    posture: SymbolicPosture  # the robot in terms of them
+    lower: Array  # bounds on x
     upper: Array
 
     @classmethod
@@ -106,22 +91,12 @@ class Unknowns:
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationMap:
-    """The map from unknowns to configurations, without expressions.
-
-    Attributes
-    ----------
-    anchor:
-        The contact that the base follows from, or None.
-    kept:
-        Indices of the unknowns that are free.
-    size:
-        How many there are in all: the last entries of p are all their values at the start.
-    """
+    """The map from unknowns to configurations, without expressions."""
 
     robot: Robot
-    anchor: Contact | None
-    kept: tuple[int, ...]
-    size: int
+    anchor: Contact | None  # the contact that the base follows from, or None
+    kept: tuple[int, ...]  # indices of the unknowns that are free
+    size: int  # how many there are in all: the last entries of p are all their values at the start
 
     def configuration(self, x: Array, p: Array) -> Array:
         """Return the configuration q (nq,) of free unknowns x and parameters p."""
