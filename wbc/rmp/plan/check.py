@@ -1,7 +1,7 @@
-"""Whether a plan is what it claims: equations of motion and limits, looked at anew and finer.
+"""Verification of a plan: dynamics and limits, independently of the programme and on a finer grid.
 
-Nothing of the programme is used here but the motion: limits are read from the problem, and each
-interval is integrated again, from its left knot, under the plan's ground force, CoP and moment.
+Of the programme only the motion is used: limits are read from the problem, and each interval is
+integrated again, from its left knot, under the plan's ground force, CoP and moment.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wbc.rmp.plan.plan import Plan, Trajectory
 from wbc.rmp.plan.state import STATE, State
 from wbc.validate import Array
 
-# Largest defect or excess of a plan in order, in the unit of each quantity.
+# Largest defect or excess accepted, in the unit of each quantity.
 TOLERANCE = 1e-6
 # Largest change of the angular momentum in a flight [kg m^2/s].
 DRIFT = 1e-8
@@ -45,7 +45,7 @@ class _TooStiff(Exception):
 
 @dataclass(frozen=True)
 class Excess:
-    """How far a limit of a phase is exceeded at the worst moment; negative is room to spare.
+    """How far a limit of a phase is exceeded at the worst moment; negative is a margin.
 
     ``time`` [s], ``amount`` in ``unit``.
     """
@@ -97,14 +97,14 @@ class Check:
 
     @property
     def excess(self) -> float:
-        """The largest excess; negative if there is room everywhere."""
+        """The largest excess; negative if every limit is kept with a margin."""
         return self.limits[0].amount
 
     @property
     def ok(self) -> bool:
-        """True if dynamics, limits and flights are in order and no contact is lost."""
-        in_order = self.defect < TOLERANCE and self.drift < DRIFT
-        return in_order and not self.violations and not self.lost_contact
+        """True if dynamics and limits are met to the tolerances and no contact is lost."""
+        met = self.defect < TOLERANCE and self.drift < DRIFT
+        return met and not self.violations and not self.lost_contact
 
     def report(self) -> str:
         """Return lines for the user."""
@@ -116,7 +116,7 @@ class Check:
 
 
 def check(plan: Plan, factor: int = 2) -> Check:
-    """Look at a plan at ``factor`` points an interval, and integrate it again.
+    """Evaluate a plan at ``factor`` points an interval, and integrate it again.
 
     Raises
     ------
@@ -163,8 +163,8 @@ def _phase_excesses(plan: Plan, fine: Trajectory, k: int) -> list[Excess]:
     outward = np.abs(fine.radii_accelerations[here])
     most("radius_acceleration", outward, limits.radius_acceleration, "m/s^2")
     most("momentum", np.abs(fine.momentum[here]), limits.momentum, "kg m^2/s")
-    lasting = float(plan.durations[k])
-    between("duration", np.full(len(time), lasting), phase.durations, "s")
+    duration = np.full(len(time), plan.durations[k])
+    between("duration", duration, phase.durations, "s")
     if phase.support is None:
         return out
     f, cop = fine.force[here], fine.cop[here]

@@ -1,7 +1,7 @@
-"""A nonlinear programme made of many small alike pieces, with exact derivatives, for IPOPT.
+"""Sparse nonlinear programme from repeated small blocks, with exact derivatives, for IPOPT.
 
 Each block is one small function of few variables and the places of its copies among all variables.
-Its gradient, Jacobian and Hessian are derived once, symbolically, and added up into sparse ones:
+Its gradient, Jacobian and Hessian are derived once, symbolically, and scattered into sparse ones:
 no graph of the whole programme is ever differentiated, which is what makes a cold start quick.
 """
 
@@ -128,10 +128,10 @@ def assemble(count: int, blocks: Sequence[Block], linear: ca.DM) -> Nlp:
 
 
 def elastic(nlp: Nlp, rows: Indices, price: float) -> Nlp:
-    """Return the programme that may break some rows, at a price: for finding what is in the way.
+    """Return the programme with a slack e in some rows, for price * e^2: to find conflicting ones.
 
-    One free variable e a row is added, to it, for price * e^2. Squares, not sizes, because they
-    regularise the very rows that contradict each other; sizes took IPOPT ten times as long.
+    Squares, not absolute values, because they regularise the very rows that contradict each other;
+    absolute values took IPOPT ten times as long.
     """
     count, slack = nlp.w.numel(), len(rows)
     w = ca.MX.sym("w", count + slack)

@@ -56,10 +56,9 @@ class PlanError(WbcError):
     status:
         IPOPT's verdict.
     violations:
-        What is exceeded in the motion that was found to come nearest to a plan, the worst first: it
-        obeys the equations of motion and breaks limits and goal as little as it can, the sum of
-        squares in sizes of the problem. Small ones everywhere tell of a search that failed, rather
-        than of a contradiction. Empty if nothing is exceeded at all.
+        What is exceeded, the worst first, in the motion that meets the dynamics and violates limits
+        and goal least (sum of squares in the problem's units). Small ones everywhere tell of a
+        search that failed rather than of a contradiction. Empty if nothing is exceeded at all.
     attempt:
         That motion.
     """
@@ -91,7 +90,7 @@ def solve(
     verbose: bool = False,
     iterations: int = ITERATIONS,
 ) -> Plan:
-    """Return the plan of least cost near the straight way from start to goal, or near ``warm``.
+    """Return a locally optimal plan, from a straight-line guess or from ``warm``.
 
     Parameters
     ----------
@@ -108,7 +107,7 @@ def solve(
     Raises
     ------
     PlanError
-        There is none, or it was not found; the error names the limits in the way.
+        There is none, or it was not found; the error names the limits that conflict.
     InvalidInputError
         Limits that exclude each other, a warm start with other phases, or numbers that IPOPT
         cannot start on.
@@ -178,7 +177,7 @@ def _search(
 
 
 def _failure(t: Transcription, status: str) -> PlanError:
-    """Return the error, after a search for the motion that breaks least."""
+    """Return the error, after a search for the least infeasible motion."""
     options = {"ipopt.max_iter": _DIAGNOSIS, "ipopt.print_level": 0}
     softened = elastic(t.nlp, t.soft, _PRICE)
     nearest, _ = _search(t, softened, first_guess(t), None, options, process_time())
@@ -190,7 +189,7 @@ def _failure(t: Transcription, status: str) -> PlanError:
         if defect > _MOTION
     ]
     units = units_of(t.problem)
-    # Newtons and metres are compared in sizes of the problem, not as bare numbers.
+    # Newtons and metres are compared in the problem's units, not as bare numbers.
     size = {
         "N": units["force"],
         "N m": 0.1 * units["force"] * units["com"],

@@ -88,7 +88,7 @@ class PlanProblem:
     start, goal:
         Components of the first and the last state that are given; the rest is free.
     nominal:
-        Components that the cost draws to.
+        Components that the cost pulls the motion towards.
     limits:
         For all phases that have none of their own.
     periodic:

@@ -24,7 +24,7 @@ TURN = 2.7
 class Row:
     """Rows of one constraint: lower <= value <= upper.
 
-    ``hard`` rows are equations of motion, which no search for contradictions may break.
+    ``hard`` rows are equations of motion, which no search for conflicts may relax.
     """
 
     quantity: str
@@ -64,7 +64,7 @@ def boxes(limits: Limits) -> dict[str, tuple[Array, Array]]:
 def dynamics(m: Motion, units: dict[str, float], kept: dict[str, list[int]]) -> list[Row]:
     """Return the equations of motion: each polynomial ends where the next begins.
 
-    ``kept`` names the components that are not implied by others (slice, flight).
+    ``kept`` holds the components that are not implied by others (slice, flight).
     """
     rows = []
     for name, p in m.states.items():
@@ -148,8 +148,8 @@ def running_cost(m: Motion, weights: Weights, nominal: dict[str, Array], mass: f
         cost += weights.force_rate / mass**2 * ca.sumsqr(force_rate)
         cost += weights.cop_rate * ca.sumsqr(cop_rate)
     # 16: sigma is the rotation vector / 4 for small angles.
-    drawn = {"com": weights.com, "radii": weights.radii, "orientation": 16.0 * weights.rotation}
-    for name, weight in drawn.items():
+    towards = {"com": weights.com, "radii": weights.radii, "orientation": 16.0 * weights.rotation}
+    for name, weight in towards.items():
         target = nominal.get(name, np.full(3, np.nan))
         places = np.flatnonzero(np.isfinite(target)).tolist()
         if places:

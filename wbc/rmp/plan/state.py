@@ -1,4 +1,4 @@
-"""Where a plan starts and where it shall end: any components of the pendulum's state."""
+"""Boundary states of a plan: any components of the pendulum's state."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Transcription:
     labels:
         Of rows: "phase: quantity".
     soft:
-        Rows that a search for contradictions may break.
+        Rows that a search for conflicts may relax.
     """
 
     problem: PlanProblem
