@@ -62,10 +62,20 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     """Return the tail of an error message: the nearest valid name and the list of choices."""
     known = sorted(str(choice) for choice in choices)
     folded = {choice.casefold(): choice for choice in known}
-    nearest = difflib.get_close_matches(str(name).casefold(), folded, n=1, cutoff=0.5)
-    hint = f"; did you mean {folded[nearest[0]]!r}?" if nearest else ""
+    alike = [(_likeness(str(name).casefold(), choice), choice) for choice in folded]
+    likeness, nearest = max(alike, default=(0.0, ""))
+    hint = f"; did you mean {folded[nearest]!r}?" if likeness >= 0.5 else ""
     if not known:
         return f"{hint} (there are none to choose from)"
     shown = ", ".join(known[:listed])
     more = f", and {len(known) - listed} more" if len(known) > listed else ""
     return f"{hint} (choose from: {shown}{more})"
+
+
+def _likeness(name: str, choice: str) -> float:
+    """Return how alike two names are, 0 to 1; a long beginning of a choice is nearly the choice."""
+    whole = difflib.SequenceMatcher(None, choice, name).ratio()
+    if len(name) < 5 or len(choice) <= len(name) + 1:
+        return whole
+    beginning = difflib.SequenceMatcher(None, choice[: len(name) + 1], name).ratio()
+    return max(whole, 0.95 * beginning)

@@ -1,12 +1,33 @@
-"""Files that appear whole or not at all."""
+"""Files: written whole or not at all, and arrays read from files that may declare anything."""
 
 from __future__ import annotations
 
+import io
+import math
 import os
 import tempfile
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_ENCRYPTED = 0x1  # flag of a zip entry
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+class ArrayFileError(InvalidInputError):
+    """An NPZ file cannot be read: ``what`` is wrong, in the array ``name`` unless that is None."""
+
+    def __init__(self, path: str | Path, what: str, name: str | None = None) -> None:
+        self.what, self.name = what, name
+        super().__init__(f"{path}: {what if name is None else f'array {name[:60]!r}: {what}'}")
 
 
 def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
@@ -38,3 +59,74 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def read_arrays(
+    path: str | Path,
+    pick: Callable[[list[str]], Collection[str]],
+    kinds: Callable[[str], str],
+    largest: int,
+) -> dict[str, NDArray[Any]]:
+    """Return arrays of an NPZ file by name; what it declares is checked before it is unpacked.
+
+    Parameters
+    ----------
+    pick:
+        From the names of all arrays to those that are wanted.
+    kinds:
+        From a name to the kinds of NumPy types (``dtype.kind``) that its array may have.
+    largest:
+        Of all wanted arrays unpacked [bytes].
+
+    Raises
+    ------
+    ArrayFileError
+        Missing, damaged, encrypted, too large, an array twice, of another kind, or not of the shape
+        that it declares.
+    """
+    try:
+        with zipfile.ZipFile(path) as file:
+            entries = [(one.filename.removesuffix(".npy"), one) for one in file.infolist()]
+            wanted = pick([name for name, _ in entries])
+            entries = [one for one in entries if one[0] in wanted]
+            size = sum(entry.file_size for _, entry in entries)
+            if size > largest:
+                what = f"its arrays have {size} bytes unpacked; at most {largest} can be read"
+                raise ArrayFileError(path, what)
+            arrays = dict[str, NDArray[Any]]()
+            for name, entry in entries:
+                if name in arrays:
+                    raise ArrayFileError(path, "this array is there twice; remove one", name)
+                try:
+                    arrays[name] = _array(file, entry, kinds(name))
+                except InvalidInputError as error:
+                    raise ArrayFileError(path, str(error), name) from error
+            return arrays
+    except ArrayFileError:
+        raise
+    except Exception as error:  # damaged files end in errors of zip, zlib, struct, tokenize, ...
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise ArrayFileError(path, f"cannot be read: {reason[:200]}") from error
+
+
+def _array(file: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str) -> NDArray[Any]:
+    """Return one array, if its header tells what the file holds."""
+    if entry.flag_bits & _ENCRYPTED:
+        raise InvalidInputError("it is encrypted; save it without a password")
+    if entry.compress_type not in _COMPRESSIONS:
+        raise InvalidInputError("unknown compression; save it with numpy.savez")
+    data = file.read(entry)  # no more than what it declares
+    content = io.BytesIO(data)
+    version = npy.read_magic(content)
+    if version not in _HEADERS:
+        raise InvalidInputError(f"unknown version {version} of its header")
+    shape, _, dtype = _HEADERS[version](content)
+    if dtype.kind not in kinds:
+        raise InvalidInputError(
+            "it does not hold real numbers" if "f" in kinds else "it does not hold text"
+        )
+    size = math.prod(shape) * dtype.itemsize  # of any size: an integer of NumPy would overflow
+    if min(shape, default=0) < 0 or size != len(data) - content.tell():
+        raise InvalidInputError(f"its header says shape {shape}, not what the file holds"[:200])
+    content.seek(0)
+    return np.asarray(npy.read_array(content, allow_pickle=False))

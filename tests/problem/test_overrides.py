@@ -44,7 +44,9 @@ def test_paths_as_users_write_them() -> None:
     assert parse_path("tasks.left foot.gain") == ("tasks", "left foot", "gain")
 
 
-@pytest.mark.parametrize("text", ["", ".", "a.", ".a", "a..b", "a[", "a[x]", 'a."b', "a[0]b", "a]"])
+@pytest.mark.parametrize(
+    "text", ["", ".", "a.", ".a", "a..b", "a[", "a[x]", 'a."b', "a[0]b", "a]", f"a[{'9' * 10_000}]"]
+)
 def test_what_is_no_path(text: str) -> None:
     with pytest.raises(ProblemFileError, match="is not a key path"):
         parse_path(text)
@@ -72,7 +74,10 @@ def test_assignments_that_are_none(text: str) -> None:
         parse_override(text)
 
 
-@pytest.mark.parametrize("value", ["[1, 2", "!!python/object:x {}", "{a: 1, a: 2}", "&x [*x]"])
+@pytest.mark.parametrize(
+    "value",
+    ["9" * 10_000, "0x" + "f" * 10_000, "[1, 2", "!!python/object:x {}", "{a: 1, a: 2}", "&x [*x]"],
+)
 def test_values_pass_the_same_checks_as_a_file(value: str) -> None:
     with pytest.raises(ProblemFileError, match=r"^--set a\.b"):
         parse_override(f"a.b={value}")

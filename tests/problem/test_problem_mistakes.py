@@ -152,6 +152,12 @@ MISTAKES = [
     ("axes: [x, y]", "axes: xy", 6, "expected a list such as [x, y], got 'xy'; a mask"),
     ("axes: [x, y]", "axes: [x, x]", 6, "tasks.com.axes: 'x' is named twice"),
     ("axes: [x, y]", "axes: [x, w]", 6, "tasks.com.axes[1]: 'w' does not exist"),
+    ("weight: 2}", "weight: 0,01}", 6, "tasks.com.weight: a decimal comma? write 0.01"),
+    ("weight: 2}", "gain: '0,5'}", 6, "gain: expected a number, got the text '0,5' (write 0.5,"),
+    ("weight: 2}", "weight: '0,5'}", 6, "one for each row of the task, got '0,5' (write 0.5, with"),
+    ("weight: 2}", "weight: -__}", 6, "weight: not a usable number: '-__'; a text needs quotes"),
+    ("weight: 2}", f"weight: 0x{'f' * 5000}}}", 6, "weight: not a usable number: '0xfff"),
+    ("frame: left_hand", "frame: left_kne", 7, "'left_kne'; did you mean 'left_knee_pitch'?"),
     # forms
     ("limits: {margin: 0.01}", "limits:", 10, "limits: expected none, or keys such as margin:"),
     ("limits: {margin: 0.01}", "limits: off", 10, "'off' does not exist (choose from: none)"),
@@ -246,6 +252,7 @@ def test_a_misspelt_key_is_not_also_a_missing_one(file: Path) -> None:
         ),
         ("robot", object(), "robot: expected a robot's name"),
         ("tasks.new", {"type": "com"}, "--set tasks.new: 'target' is missing"),
+        ("tasks.com.axes.0", "x", "'tasks.com.axes' is a list; write tasks.com.axes[0]"),
     ],
 )
 def test_overrides_are_checked_like_the_file(file: Path, path: str, value: Any, words: str) -> None:
@@ -291,3 +298,9 @@ def test_rotations_need_length(file: Path) -> None:
 def test_principal_moments(file: Path, entries: str, words: str) -> None:
     task = f"{{type: inertia, components: principal, {entries}}}"
     assert words in complaint(file, f"robot: hoap2_like\ntasks:\n  shape: {task}\n")
+
+
+def test_a_folder_given_as_a_robot_is_called_one(file: Path) -> None:
+    (file.parent / "robot.urdf").mkdir()
+    message = complaint(file, GOOD.replace("hoap2_like", "./robot.urdf"))
+    assert "robot.urdf: a folder; name a robot file in it" in message

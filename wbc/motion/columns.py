@@ -192,7 +192,9 @@ def check_finite(table: Table, values: Array, columns: Sequence[int], fill: bool
     if wrong.any():
         row, k = (int(part) for part in np.argwhere(wrong)[0])
         infinite = np.isinf(used[row, k])
-        remedy = "correct it" if infinite else "correct it, or have it interpolated (fill)"
+        remedy = (
+            "correct it" if infinite else "correct it, or have it interpolated (fill=True, --fill)"
+        )
         what = f"{'infinite' if infinite else 'NaN or an empty cell'}; {remedy}"
         raise table.error(what, columns[k], row)
 

@@ -6,16 +6,14 @@ Sizes are checked before anything is unpacked or allocated: a file may declare w
 from __future__ import annotations
 
 import csv
-import io
-import zipfile
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.lib import format as npy
 
+from wbc.files import ArrayFileError, read_arrays
 from wbc.motion.errors import RecordingError, shortened
 from wbc.validate import Array
 
@@ -23,9 +21,6 @@ DELIMITERS = (",", ";", "\t")
 NUMBERS = "iuf"  # kinds of arrays: whole numbers and fractions, not complex ones nor truth values
 TEXTS = "US"
 LARGEST = 1 << 30  # bytes of a text file, and of all arrays of an NPZ file unpacked
-COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-ENCRYPTED = 0x1  # flag of a zip entry
-HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,50 +217,15 @@ def read_npz(path: Path, configuration: Sequence[str]) -> Table:
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of a zip file by name; of what ``wbc run`` writes only time and q."""
-    source = str(path)
     try:
-        with zipfile.ZipFile(path) as file:
-            entries = [(entry.filename.removesuffix(".npy"), entry) for entry in file.infolist()]
-            whole_run = any(name == "q" for name, _ in entries)
-            wanted = [one for one in entries if not whole_run or one[0] in ("time", "q")]
-            size = sum(entry.file_size for _, entry in wanted)
-            if size > LARGEST:
-                what = f"its arrays have {size} bytes unpacked; at most {LARGEST} can be read"
-                raise RecordingError(what, source)
-            arrays = dict[str, np.ndarray]()
-            for name, entry in wanted:
-                if name in arrays:
-                    raise RecordingError("this array is there twice; remove one", source, name)
-                arrays[name] = _array(source, file, name, entry)
-            return arrays
-    except RecordingError:
-        raise
-    except Exception as error:  # damaged files end in errors of zip, zlib, struct, tokenize, ...
-        raise _unreadable(path, error) from error
-
-
-def _array(source: str, file: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo) -> np.ndarray:
-    """Return one array, if its header tells what the file holds."""
-    if entry.flag_bits & ENCRYPTED:
-        raise RecordingError("it is encrypted; save it without a password", source, name)
-    if entry.compress_type not in COMPRESSIONS:
-        raise RecordingError("unknown compression; save it with numpy.savez", source, name)
-    data = file.read(entry)
-    content = io.BytesIO(data)
-    version = npy.read_magic(content)
-    if version not in HEADERS:
-        raise RecordingError(f"unknown version {version} of its header", source, name)
-    shape, _, dtype = HEADERS[version](content)
-    if dtype.kind not in NUMBERS + (TEXTS if name == "names" else ""):
-        raise RecordingError("it does not hold real numbers", source, name)
-    count = 1
-    for length in shape:
-        count *= length  # of any size: an integer of NumPy would overflow
-    if min(shape, default=0) < 0 or count * dtype.itemsize != len(data) - content.tell():
-        what = f"its header says shape {shape}, which is not what the file holds"
-        raise RecordingError(shortened(what, 200), source, name)
-    content.seek(0)
-    return np.asarray(npy.read_array(content, allow_pickle=False))
+        return read_arrays(
+            path,
+            lambda names: ("time", "q") if "q" in names else names,
+            lambda name: NUMBERS + (TEXTS if name == "names" else ""),
+            LARGEST,
+        )
+    except ArrayFileError as error:
+        raise RecordingError(error.what, str(path), error.name) from error
 
 
 def _unstacked(path: Path, name: str, array: Array, columns: Sequence[str]) -> dict[str, Array]:

@@ -175,7 +175,7 @@ def _said(detail: Detail, path: KeyPath) -> tuple[KeyPath, str]:
         return _choice(value, detail["ctx"], path)
     speak = _TEXTS.get(kind)
     if speak is None:
-        return path, f"{_lowered(detail['msg'])}, got {shown(value)}"
+        return path, f"{_lowered(detail['msg'])}, got {shown(value)}{decimal_comma(value)}"
     return path, speak(value, detail.get("ctx", {}))
 
 
@@ -194,17 +194,23 @@ def _lowered(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
+def decimal_comma(value: Any) -> str:
+    """Return what to write instead of a number with a comma in it; empty if it is none."""
+    comma = isinstance(value, str) and re.fullmatch(r"[-+]?\d+,\d+", value.strip())
+    return f" (write {value.strip().replace(',', '.')}, with a point)" if comma else ""
+
+
 def _number(value: Any, _: Detail) -> str:
     if isinstance(value, str):
-        return f"expected a number, got the text {shown(value)}{_unquote(value)}"
+        return f"expected a number, got the text {shown(value)}{_remedy(value)}"
     return f"expected a number, got {shown(value)}"
 
 
-def _unquote(value: str) -> str:
+def _remedy(value: str) -> str:
     try:
         float(value)
     except ValueError:
-        return ""
+        return decimal_comma(value)
     return " (leave out the quotes)"
 
 

@@ -94,6 +94,10 @@ def _check_step(inside: Any, step: str | int, so_far: KeyPath, label: str) -> No
             raise ProblemFileError(
                 f"{label}: {here} has {len(inside)} entries, the last is [{len(inside) - 1}]"
             )
+    elif isinstance(inside, list) and step.isdecimal():
+        raise ProblemFileError(
+            f"{label}: {here} is a list; write {written((*so_far, 0))[:-2]}{step}]"
+        )
     elif not isinstance(inside, dict):
         kind = "a list" if isinstance(inside, list) else f"{inside!r}"
         raise ProblemFileError(

@@ -30,6 +30,7 @@ MAX_BYTES = 1_000_000
 MAX_DEPTH = 32
 MAX_ALIASES = 50
 MAX_VALUES = 20_000
+MAX_DIGITS = 400
 
 _CORE = "tag:yaml.org,2002:"
 _PLAIN = {_CORE + kind for kind in ("null", "bool", "int", "float", "str", "seq", "map")}
@@ -161,6 +162,8 @@ class _Walk:
         data: dict[str, Any] = {}
         for key_node, value_node in node.value:
             line = key_node.start_mark.line + 1
+            if data and not value_node.value and str(key_node.value).isdecimal():
+                self._refuse_comma((*path, last := next(reversed(data))), data[last], key_node)
             key = self._key(key_node, path)
             here = (*path, key)
             if key in data:
@@ -170,6 +173,12 @@ class _Walk:
             self.lines[here] = line
             data[key] = self.value(value_node, here)
         return data
+
+    def _refuse_comma(self, path: KeyPath, before: Any, node: Node) -> None:
+        """Refuse ``{weight: 0,01}``, which YAML reads as a weight of 0 and a key 01."""
+        if isinstance(before, int) and not isinstance(before, bool):
+            number = f"{before}.{node.value}"
+            raise self._error(path, f"a decimal comma? write {number}, with a point")
 
     def _key(self, node: Node, path: KeyPath) -> str:
         line = node.start_mark.line + 1
@@ -190,10 +199,16 @@ class _Walk:
     def _scalar(self, node: Node, path: KeyPath) -> Any:
         if node.tag not in _NUMBERS:
             return str(node.value)
+        if len(str(node.value)) > MAX_DIGITS:
+            raise self._error(path, _unusable(node))
         try:
             return self._scalars.construct_object(node)
-        except (ValueError, YAMLError) as error:
-            raise self._error(path, f"not a usable number: {str(node.value)[:40]!r}") from error
+        except (ValueError, IndexError, YAMLError) as error:
+            raise self._error(path, _unusable(node)) from error
 
     def _error(self, path: KeyPath, text: str) -> ProblemFileError:
         return ProblemFileError(Source(self.name, "", None, self.lines).message(path, text))
+
+
+def _unusable(node: Node) -> str:
+    return f"not a usable number: {str(node.value)[:40]!r}; a text needs quotes"

@@ -13,7 +13,7 @@ from wbc.errors import ProblemFileError
 KeyPath = tuple[str | int, ...]
 
 # A step is [3], "any text", 'any text', or text free of the characters that mean something here.
-_STEP = re.compile(r"""\[(\d+)\] | "([^"]+)" | '([^']+)' | ([^.\[\]"']+)""", re.VERBOSE)
+_STEP = re.compile(r"""\[(\d{1,9})\] | "([^"]+)" | '([^']+)' | ([^.\[\]"']+)""", re.VERBOSE)
 
 
 def written(path: KeyPath) -> str:
@@ -55,7 +55,7 @@ def parse_path(text: str) -> KeyPath:
             break
     if at < len(text) or not steps or text.endswith("."):
         raise ProblemFileError(
-            f"{text!r} is not a key path; write the keys with dots between, as in "
+            f"{text[:60]!r} is not a key path; write the keys with dots between, as in "
             "tasks.com.gain or tasks.com.target[0]"
         )
     return tuple(steps)

@@ -1,10 +1,14 @@
 """Problems as data, and plans in files."""
 
 import json
+from io import BytesIO
 from pathlib import Path
+from time import process_time
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
+from numpy.lib.format import write_array_header_1_0
 
 from benchmarks.plan_examples import EXAMPLES
 from wbc.errors import InvalidInputError, UnknownNameError
@@ -46,3 +50,29 @@ def test_plans_are_kept_in_files(tmp_path: Path) -> None:
     for other in (tmp_path / "cut.npz", tmp_path / "none.npz"):
         with pytest.raises(InvalidInputError, match="cannot be read"):
             load_plan(other)
+
+
+def test_a_file_that_unpacks_to_much_more_is_refused_at_once(tmp_path: Path) -> None:
+    """A thousandth of its size packed: what it declares is looked at first."""
+    path = tmp_path / "bomb.npz"
+    chunk = bytes(1 << 24)
+    with (
+        ZipFile(path, "w", ZIP_DEFLATED) as file,
+        file.open("meta.npy", "w", force_zip64=True) as to,
+    ):
+        for _ in range(1 << 4):
+            to.write(chunk)
+    assert path.stat().st_size < 300_000
+    began = process_time()
+    with pytest.raises(InvalidInputError, match="268435456 bytes unpacked; at most"):
+        load_plan(path)
+    assert process_time() - began < 1.0
+
+
+def test_a_file_that_declares_another_shape_is_refused(tmp_path: Path) -> None:
+    header = BytesIO()
+    write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**13,)})
+    with ZipFile(tmp_path / "p.npz", "w") as file:
+        file.writestr("solution.npy", header.getvalue() + bytes(80))
+    with pytest.raises(InvalidInputError, match=r"'solution': its header says shape \(10000000"):
+        load_plan(tmp_path / "p.npz")

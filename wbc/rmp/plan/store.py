@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, fields
 from functools import partial
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.files import write_whole
+from wbc.files import read_arrays, write_whole
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import Pendulum, PlanProblem, Weights
@@ -25,6 +24,7 @@ from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
 FORMAT = "wbc-plan"
+LARGEST = 1 << 26  # of what is read of a file, unpacked [bytes]; a long plan has a few 10^5
 VERSION = 1
 _PENDULUMS = {"solid": SolidRmp, "planar": PlanarRmp}
 _ARRAYS = ("solution", "duals_variables", "duals_rows")
@@ -100,11 +100,16 @@ def load_plan(path: str | Path) -> Plan:
     InvalidInputError
         No such file, not a plan, of a later format, or damaged.
     """
+    found = read_arrays(
+        path,
+        lambda _: ("meta", *_ARRAYS),
+        lambda name: "U" if name == "meta" else "iuf",
+        LARGEST,
+    )
     try:
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            meta = json.loads(str(file["meta"]))
-            arrays = [np.array(file[name], dtype=float) for name in _ARRAYS]
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        meta = json.loads(str(found["meta"]))
+        arrays = [np.array(found[name], dtype=float) for name in _ARRAYS]
+    except (KeyError, ValueError, RecursionError) as error:
         raise InvalidInputError(f"{path}: cannot be read as a plan: {error}") from error
     if not isinstance(meta, dict) or meta.get("format") != FORMAT:
         raise InvalidInputError(f"{path}: is not a plan")
@@ -112,13 +117,16 @@ def load_plan(path: str | Path) -> Plan:
         raise InvalidInputError(
             f"{path}: is of format version {meta.get('version')!r}; this package reads {VERSION}"
         )
-    problem = problem_from_data(meta.get("problem", {}))
+    try:
+        problem = problem_from_data(meta.get("problem", {}))
+        stats = _made("stats", Stats, meta.get("stats"))
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise InvalidInputError(f"{path}: is damaged: {error}") from error
     solution, at_variables, at_rows = arrays
     if {solution.shape, at_variables.shape} != {(lay_out(problem).count,)}:
         raise InvalidInputError(f"{path}: its solution is not one of its problem")
     if not np.isfinite(solution).all():
         raise InvalidInputError(f"{path}: its solution holds NaN or infinity")
-    stats = _made("stats", Stats, meta.get("stats"))
     return Plan(problem, solution, (at_variables, at_rows), stats)
 
 

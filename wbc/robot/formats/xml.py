@@ -30,6 +30,8 @@ def read_xml(path: Path) -> ET.Element:
     if path.suffix == ".xacro":
         raise ModelError(f"{path}: expand the xacro first: xacro {path.name} > {path.stem}")
     try:
+        if path.is_dir():
+            raise ModelError(f"{path}: a folder; name a robot file in it")
         if not path.is_file():
             where = "the folder exists" if path.parent.is_dir() else f"no folder {path.parent}"
             raise ModelError(f"{path}: no such file ({where}); check the path")
