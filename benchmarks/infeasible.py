@@ -185,7 +185,7 @@ def main() -> None:
             continue  # no contradiction after all
         times.append(seconds)
         statuses[f"{family.__name__}: {tick.status.value}"] += 1
-        for fault in judged(tick, limits.stopping_box(here, controller.dt)):
+        for fault in judged(tick, limits.emergency_braking_box(here, controller.dt)):
             faults[f"{family.__name__}: {fault}"] += 1
         if not tick.ok and tick.conflict is not None:
             sizes.append(len(tick.conflict.rows))

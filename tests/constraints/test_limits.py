@@ -54,7 +54,7 @@ def test_rest_is_always_allowed(robot: Robot, rng) -> None:
     for _ in range(50):
         joints = inside(robot, rng) + rng.normal(size=robot.nv - 6)  # often outside
         v = rng.normal(scale=20, size=robot.nv)
-        lower, upper = limits.stopping_box(robot.snapshot(at(robot, joints), v), DT)
+        lower, upper = limits.emergency_braking_box(robot.snapshot(at(robot, joints), v), DT)
         assert (lower <= 0).all()
         assert (upper >= 0).all()
 
@@ -113,7 +113,7 @@ def test_outside_may_only_move_back_and_is_asked_to(robot: Robot) -> None:
     joints[joint] += 0.05
     here = robot.snapshot(at(robot, joints))
     assert limits.box(here, DT)[1][6 + joint] == 0.0
-    rows = limits.recovery_rows(here, DT)
+    rows = limits.box_and_recovery(here, DT)[1]
     assert rows is not None
     assert rows.matrix[:, 6 + joint].tolist() == [1.0]
     # A fifth of the violation in one tick, unless the joint is too slow for that.
@@ -122,7 +122,7 @@ def test_outside_may_only_move_back_and_is_asked_to(robot: Robot) -> None:
     assert limits.worst_margin(here.q)[1] == robot.joint_names[joint]
     assert limits.worst_margin(here.q)[0] == pytest.approx(-0.05)
     joints[joint] -= 0.05
-    assert limits.recovery_rows(robot.snapshot(at(robot, joints - 1e-9)), DT) is None
+    assert limits.box_and_recovery(robot.snapshot(at(robot, joints - 1e-9)), DT)[1] is None
 
 
 def test_bad_limits_are_refused(robot: Robot) -> None:

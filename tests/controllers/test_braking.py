@@ -62,7 +62,7 @@ def on_one_foot(robot: Robot, rng: np.random.Generator, speed: float) -> Snapsho
 
 def gentlest(here: Snapshot, limits: Limits) -> np.ndarray:
     """Return the least change that stops both feet, in parts of the bounds; by another solver."""
-    lower, upper = limits.stopping_box(here, DT)
+    lower, upper = limits.emergency_braking_box(here, DT)
     scale = np.concatenate((np.full(6, 1e2), limits.acceleration * DT))  # the base is nearly free
     weight = scale**-2.0
     feet = np.concatenate([here.jacobian(f"{side}_sole") for side in ("left", "right")])
@@ -128,7 +128,7 @@ def test_what_contradicts_without_the_bound_is_named(robot, rng) -> None:
     assert not tick.velocity.any()
     assert tick.conflict is not None
     assert any(row.label.startswith("left_sole") for row in tick.conflict.rows)
-    nv, (lower, upper) = robot.nv, limits.stopping_box(here, DT)
+    nv, (lower, upper) = robot.nv, limits.emergency_braking_box(here, DT)
     np.testing.assert_array_equal(tick.qp.lower[:nv], lower)
     np.testing.assert_array_equal(tick.qp.upper[:nv], upper)
 

@@ -181,7 +181,7 @@ def test_declared_policies(robot_named: Load, rng) -> None:
     still = stance(robot, rng)
     moving = robot.snapshot(still.q, rng.normal(size=robot.nv))
     damped = contradictory(robot, moving, "damp").step(moving)
-    lower, upper = Limits(robot).stopping_box(moving, DT)
+    lower, upper = Limits(robot).emergency_braking_box(moving, DT)
     np.testing.assert_array_equal(damped.velocity, np.clip(0.5 * moving.v, lower, upper))
     with pytest.raises(ControllerFailure, match="left_foot") as caught:
         contradictory(robot, moving, "raise").step(moving)

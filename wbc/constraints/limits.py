@@ -26,6 +26,7 @@ from wbc.braking import stopping_speed
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
@@ -34,6 +35,7 @@ BRAKING = ("free", "bounded")
 DEFAULT_RISE_TIME = 0.1
 # Stands for the distance to a limit that does not exist: finite, so that no inf/inf can arise.
 FAR = 1e12
+Box = tuple[Array, Array]
 _SIGNS = np.array([[-1.0], [1.0]])  # towards the lower limit, towards the upper one
 
 
@@ -99,48 +101,30 @@ class Limits:
         self._signed_bounds = np.stack((-self.lower, self.upper))
         self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
 
-    def box(self, snapshot: Snapshot, dt: float) -> tuple[Array, Array]:
+    def box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return lower and upper bounds (nv,), (nv,) on the next velocity."""
-        if self.braking == "free":
-            return self.stopping_box(snapshot, dt)
-        most = self._most(snapshot, dt)
-        if snapshot.moving:
-            change = self._after_change(snapshot, dt)
-            # Where a joint's own limit asks for harder braking than its acceleration, it wins.
-            most = np.maximum(np.minimum(most, change), -most[::-1])
-        return self._with_base(most)
+        return self.box_and_recovery(snapshot, dt)[0]
 
-    def stopping_box(self, snapshot: Snapshot, dt: float) -> tuple[Array, Array]:
+    def emergency_braking_box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return the bounds (nv,), (nv,) if joints may stop at once; 0 is always inside."""
-        most = self._most(snapshot, dt)
-        if snapshot.moving:
-            change = self._after_change(snapshot, dt)
-            # A joint that stops may start the other way in the same tick: contacts need that.
-            np.maximum(change, self.acceleration * dt, out=change)
-            np.minimum(most, change, out=most)
-        return self._with_base(most)
+        return self._box(snapshot, self._signed_distance(snapshot), dt, bounded=False)
 
-    def box_and_recovery(
-        self, snapshot: Snapshot, dt: float
-    ) -> tuple[tuple[Array, Array], Rows | None]:
+    def box_and_recovery(self, snapshot: Snapshot, dt: float) -> tuple[Box, Rows | None]:
         """Return :meth:`box`, and unit-weight rows that move joints back into range.
 
         The rows are None if all joints are inside.
         """
-        return self.box(snapshot, dt), self.recovery_rows(snapshot, dt)
-
-    def recovery_rows(self, snapshot: Snapshot, dt: float) -> Rows | None:
-        """Return unit-weight rows that move joints back into range, or None if all are inside."""
-        q = self.robot.limits.joint_positions(snapshot.q)
-        outside = q - np.minimum(np.maximum(q, self.lower), self.upper)
-        if not outside.any():
-            return None
+        distance = self._signed_distance(snapshot)
+        box = self._box(snapshot, distance, dt, bounded=self.braking == "bounded")
+        if np.minimum.reduce(distance, axis=None, initial=0.0) >= 0.0:
+            return box, None
+        outside = np.minimum(distance[0], 0.0) - np.minimum(distance[1], 0.0)
         joints = np.flatnonzero(outside)
-        matrix = np.zeros((joints.size, 6 + q.size))
-        matrix[np.arange(joints.size), 6 + joints] = 1.0
+        matrix = np.zeros((joints.size, BASE_NV + outside.size))
+        matrix[np.arange(joints.size), BASE_NV + joints] = 1.0
         speed = self.speed[joints]
         target = np.clip(-self.recovery / dt * outside[joints], -speed, speed)
-        return Rows(matrix, target, np.ones(joints.size))
+        return box, Rows(matrix, target, np.ones(joints.size))
 
     def worst_margin(self, q: Array) -> tuple[float, str]:
         """Return the smallest distance [rad or m] to a position limit and the joint it is at.
@@ -155,30 +139,31 @@ class Limits:
         worst = int(np.argmin(margin))
         return float(margin[worst]), self.robot.joint_names[worst]
 
-    def _most(self, snapshot: Snapshot, dt: float) -> Array:
-        """Return how fast (2, joints) joints may go down, and up, by position and speed."""
-        distance = self._signed_bounds - _SIGNS * self.robot.limits.joint_positions(snapshot.q)
-        most = self._reach(distance, dt)
-        return np.minimum(most, self.speed, out=most)
+    def _signed_distance(self, snapshot: Snapshot) -> Array:
+        """Return the distances (2, joints) to the lower and upper limits, negative outside."""
+        return self._signed_bounds - _SIGNS * snapshot.joint_positions
 
-    def _after_change(self, snapshot: Snapshot, dt: float) -> Array:
-        """Return how fast (2, joints) joints may go down, and up, by the acceleration limit."""
-        change = _SIGNS * snapshot.v[6:]
-        change += self.acceleration * dt
-        return change
-
-    def _with_base(self, most: Array) -> tuple[Array, Array]:
+    def _box(self, snapshot: Snapshot, distance: Array, dt: float, bounded: bool) -> Box:
+        """Return the bounds on v by position, speed and acceleration."""
+        reach = np.maximum(distance, 0.0)
+        np.minimum(reach, FAR, out=reach)
+        most = stopping_speed(reach, self.acceleration, dt)
+        if self._has_free_joints:
+            most[distance > FAR] = np.inf
+        np.minimum(most, self.speed, out=most)
+        if snapshot.moving:
+            change = _SIGNS * snapshot.v[BASE_NV:]
+            acceleration = self.acceleration * dt
+            change += acceleration
+            if bounded:
+                # Where a joint's own limit asks for harder braking than its acceleration, it wins.
+                most = np.maximum(np.minimum(most, change), -most[::-1])
+            else:
+                # A joint that stops may start the other way in the same tick: contacts need that.
+                np.maximum(change, acceleration, out=change)
+                np.minimum(most, change, out=most)
         lower, upper = self._box_of_base
         return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
-
-    def _reach(self, distance: Array, dt: float) -> Array:
-        """Return the largest speed (2, joints) that still stops within ``distance``."""
-        room = np.maximum(distance, 0.0)
-        np.minimum(room, FAR, out=room)
-        speed = stopping_speed(room, self.acceleration, dt)
-        if self._has_free_joints:
-            speed[distance > FAR] = np.inf
-        return speed
 
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:

@@ -139,7 +139,7 @@ def relax_box(
 
     All the way, if there is no solution even so; None if it is relaxed already. Takes one more QP.
     """
-    lower, upper = widest = limits.stopping_box(snapshot, dt)
+    lower, upper = widest = limits.emergency_braking_box(snapshot, dt)
     nv = lower.size
     if (qp.lower[:nv] <= lower).all() and (qp.upper[:nv] >= upper).all():
         return None

@@ -1,7 +1,7 @@
 """One control tick, for the velocity and the torque level.
 
     snapshot -> rows of tasks (goals), contacts (held), limits and margins (safe)
-             -> levels: assemble, solve -> look ahead -> check -> tick
+             -> levels: assemble, solve -> look ahead -> within limits? -> tick
 
 The unknown begins with the velocity at the end of the tick. What a level adds, the law that it
 applies to tasks, further unknowns and the physics that ties them to the velocity, is said by a
@@ -14,18 +14,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Bounds, Constraint, stack
+from wbc.constraints.rows import Constraint
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
-from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
+from wbc.controllers.levels import NO_PHYSICS, LevelProblem, LevelSolver, Outcome, Physics
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
-from wbc.controllers.parts import check_parts, check_residual, one_of
+from wbc.controllers.parts import check_parts, one_of, verify_parts
 from wbc.controllers.plan import Decision, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import Slacks, slacks_of
@@ -42,27 +42,6 @@ from wbc.validate import Array, finite_number, read_only
 FORMULATIONS = ("equality", "reduced")
 # A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
 TOLERANCE = 1e-6
-
-
-class Physics(NamedTuple):
-    """What ties the unknowns behind v+ to it at one snapshot: nothing at the velocity level.
-
-    Attributes
-    ----------
-    equalities:
-        Rows (k, n) met exactly, in the order of the names given by ``_physics_names``.
-    bounds:
-        Inequality rows (m, n), such as friction cones; None for none.
-    costs:
-        Rows added to the first level.
-    """
-
-    equalities: Sequence[Rows] = ()
-    bounds: Bounds | None = None
-    costs: Sequence[Rows] = ()
-
-
-NO_PHYSICS = Physics()
 
 
 class Controller(ABC):
@@ -139,7 +118,7 @@ class Controller(ABC):
         unlimited = np.full(robot.nv, np.inf)
         self._no_box = read_only(-unlimited), read_only(unlimited)
         self._slack = dict(slack or {})
-        self.contacts: tuple[Task, ...] = ()
+        self._verified = False  # whether the parts were seen to return what they should
         self._plan(tuple(contacts))
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
@@ -159,8 +138,8 @@ class Controller(ABC):
         Raises
         ------
         InvalidInputError
-            Not a snapshot, or one of another robot; or a task returned something else than its
-            residual.
+            Not a snapshot, or one of another robot; or a task or constraint of yours returns
+            something else than it should.
         ControllerFailure
             The QP has no solution and the policy is ``raise``.
         """
@@ -169,43 +148,53 @@ class Controller(ABC):
                 f"controller: expected a snapshot of {self.robot.name}, made by the robot object "
                 f"that the controller was made with; got {snapshot!r}"
             )
+        if not self._verified:
+            verify_parts(snapshot, self.dt, self.tasks, self.contacts, self.constraints)
+            self._verified = True
+        try:
+            return self._step(snapshot)
+        except (AttributeError, IndexError, TypeError, ValueError):
+            verify_parts(snapshot, self.dt, self.tasks, self.contacts, self.constraints)
+            raise
+
+    def _step(self, snapshot: Snapshot) -> Tick:
+        """Return the command: the tick, from top to bottom."""
         start = perf_counter()
         # Goals: rows of tasks, then of contacts that may give way.
-        residuals = [task.residual(snapshot) for task in self.tasks]
-        rows = [
-            self._law(task, check_residual(task, residual, self.robot.nv), snapshot)
-            for task, residual in zip(self.tasks, residuals, strict=True)
-        ]
+        residuals, rows, reduce = [], [], False
+        for task in self.tasks:
+            residual = task.residual(snapshot)
+            row = self._law(task, residual, snapshot)
+            residuals.append(residual)
+            rows.append(row)
+            reduce = reduce or row.singular_threshold > 0.0
         for contact in self.plan.soft:
-            rows.append(self.slacks.cost(contact, self._contact_rows(contact, snapshot)))
+            row = self._law(contact, contact.residual(snapshot), snapshot)
+            rows.append(self.slacks.cost(contact, row))
         # Held: contacts, and the physics of what is behind the velocity.
-        contacts = self.plan.held
-        held = contacts.select([self._contact_rows(one, snapshot) for one in contacts.contacts])
+        contacts = self.plan.held.rows(snapshot, self._law)
         physics = self._physics(snapshot)
-        rows, singular = self._solver.reduce_singular(rows, held, level=0)
+        singular: dict[str, Singularity] = {}
+        if reduce:
+            rows, singular = self._solver.reduce_singular(rows, contacts, level=0)
         # Safe: limits as a box, margins as rows.
         box, recovery = self._no_box, None
         if self.limits is not None:
             box, recovery = self.limits.box_and_recovery(snapshot, self.dt)
-        problem = LevelProblem(
-            snapshot, rows, [*physics.equalities, *held], box, recovery, physics.costs
-        )
-        margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
-        ready = perf_counter()
-
-        def solve(bounds: Bounds | None, box: tuple[Array, Array] | None = None) -> Outcome:
-            parts = [part for part in (physics.bounds, bounds) if part is not None]
-            return self._solver.solve(problem, stack(parts) if parts else None, box)
-
+        problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery)
+        margins = None
         if self.constraints:
-            outcome, step_scale = solve_with_look_ahead(solve, margins, held)
+            margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+        ready = perf_counter()
+        step_scale = 1.0
+        if margins is None:
+            outcome = self._solver.solve(problem)
         else:
-            outcome, step_scale = solve(None), 1.0
-        outcome = self._checked(outcome)
-        spent = perf_counter() - ready
-        times = Times(ready - start, spent - outcome.solve_time, outcome.solve_time)
-        tick = self._tick(snapshot, residuals, outcome, step_scale, times, singular)
-        if not tick.ok and self.on_failure == "raise":
+            solve = partial(self._solver.solve, problem)
+            outcome, step_scale = solve_with_look_ahead(solve, margins, contacts)
+        outcome = self._within_limits(outcome)
+        tick = self._tick(snapshot, residuals, outcome, step_scale, singular, start, ready)
+        if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
 
@@ -236,6 +225,7 @@ class Controller(ABC):
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         """Work out what does not change between ticks."""
         self.contacts = contacts
+        self._verified = False
         self.slacks = Slacks(self._slack, contacts, self.constraints)
         self.plan = Plan.of(
             self._decision(), self.tasks, contacts, self.slacks, self._physics_names()
@@ -250,20 +240,15 @@ class Controller(ABC):
             self.formulation == "reduced",
         )
 
-    def _contact_rows(self, contact: Task, snapshot: Snapshot) -> Rows:
-        residual = check_residual(contact, contact.residual(snapshot), self.robot.nv)
-        return self._law(contact, residual, snapshot)
-
-    def _checked(self, outcome: Outcome) -> Outcome:
+    def _within_limits(self, outcome: Outcome) -> Outcome:
         """Refuse a solution outside the limits in the robot's own units, whatever it rests on.
 
         Residuals are judged relative to the numbers of the QP, which may be huge; joints are not.
         """
-        if not outcome.solved:
+        if outcome.solution.status is not Status.SOLVED:
             return outcome
-        lower, upper = outcome.box
-        v = outcome.velocity
-        excess = np.maximum(lower - v, v - upper)
+        nv, v, first = self.robot.nv, outcome.velocity, outcome.first
+        excess = np.maximum(first.lower[:nv] - v, v - first.upper[:nv])
         worst = int(excess.argmax())
         if excess[worst] <= TOLERANCE:  # NaN is not
             return outcome
@@ -272,7 +257,7 @@ class Controller(ABC):
             status=Status.CONTRADICTED,
             message=(
                 f"{self.plan.decision.names[worst]} at {v[worst]:.6g}, outside its limits "
-                f"[{lower[worst]:.6g}, {upper[worst]:.6g}]: not commanded"
+                f"[{first.lower[worst]:.6g}, {first.upper[worst]:.6g}]: not commanded"
             ),
         )
         return outcome._replace(solution=solution)
@@ -283,28 +268,34 @@ class Controller(ABC):
         residuals: Sequence[Residual],
         outcome: Outcome,
         step_scale: float,
-        times: Times,
         singular: dict[str, Singularity],
+        start: float,
+        ready: float,
     ) -> Tick:
         """Turn the outcome into a command, by the declared policy if there is no solution."""
-        solved = outcome.solved
-        if solved:
-            velocity, slack = outcome.velocity, slacks_of(outcome.qp, outcome.solution.x)
+        solved = outcome.solution.status is Status.SOLVED
+        slack: dict[str, float] = {}
+        if not solved:
+            velocity, slack = self._fallback(snapshot, outcome)
+        else:
+            velocity = outcome.velocity
+            if outcome.qp.g.size > self.plan.decision.size:
+                slack = slacks_of(outcome.qp, outcome.solution.x)
             if step_scale < 1.0:
                 velocity = step_scale * velocity
-        else:
-            velocity, slack = self._fallback(snapshot, outcome)
+        velocity.flags.writeable = False
+        errors = {}
+        for task, residual in zip(self.tasks, residuals, strict=True):
+            errors[task.name] = task.deviation(snapshot, residual)
+        solve = outcome.solve_time
         return Tick(
-            velocity=read_only(velocity),
+            velocity=velocity,
             status=outcome.solution.status,
             policy=None if solved else self.on_failure,
-            errors={
-                task.name: task.deviation(snapshot, residual)
-                for task, residual in zip(self.tasks, residuals, strict=True)
-            },
+            errors=errors,
             solution=outcome.solution,
             qp=outcome.qp,
-            times=times,
+            times=Times(ready - start, perf_counter() - ready - solve, solve),
             step_scale=step_scale,
             slack=slack,
             singular=singular | outcome.singular,

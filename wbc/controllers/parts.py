@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Constraint
+from wbc.constraints.rows import Bounds, Constraint
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
 
 
@@ -54,28 +54,52 @@ def check_parts(
                 raise InvalidInputError(f"controller: two {kind}s are called {name!r}")
 
 
-def check_residual(task: Task, residual: Residual, nv: int) -> Residual:
-    """Return what a task returned as its residual, if it is one.
+def verify_parts(
+    snapshot: Snapshot,
+    dt: float,
+    tasks: Sequence[Task],
+    contacts: Sequence[Task],
+    constraints: Sequence[Constraint],
+) -> None:
+    """Check what the parts return at a snapshot: done once, and when a tick has come to grief.
 
     Raises
     ------
     InvalidInputError
-        Not a residual, or arrays of other shapes than the task's rows and the robot's nv say.
+        A task's residual or a constraint's rows are none, or of other shapes than the task's rows
+        and the robot's nv say; the message names it and the shapes.
     """
-    k = len(task.rows)
-    try:
-        shapes = residual.error.shape, residual.jacobian.shape, residual.bias.shape
-    except AttributeError as error:
-        raise InvalidInputError(
-            f"task {task.name!r}: residual() must return a Residual of arrays (error, jacobian, "
-            f"bias), got {type(residual).__name__}"
-        ) from error
-    if shapes != ((k,), (k, nv), (k,)):
-        raise InvalidInputError(
-            f"task {task.name!r}, which has {k} rows: residual() must return error ({k},), "
-            f"jacobian ({k}, {nv}) and bias ({k},), got {shapes[0]}, {shapes[1]} and {shapes[2]}"
+    nv = snapshot.robot.nv
+    for task in (*tasks, *contacts):
+        k, residual = len(task.rows), task.residual(snapshot)
+        _check_shapes(
+            f"{task}, which has {k} rows: residual()",
+            residual,
+            Residual,
+            {"error": (k,), "jacobian": (k, nv), "bias": (k,)},
         )
-    return residual
+    for constraint in constraints:
+        rows = constraint.rows(snapshot, dt)
+        m = len(getattr(rows, "labels", ()))
+        _check_shapes(
+            f"constraint {constraint.name!r}, which labels {m} rows: rows()",
+            rows,
+            Bounds,
+            {"matrix": (m, nv), "lower": (m,), "upper": (m,)},
+        )
+
+
+def _check_shapes(
+    what: str, given: object, kind: type, wanted: Mapping[str, tuple[int, ...]]
+) -> None:
+    found = {name: getattr(getattr(given, name, None), "shape", None) for name in wanted}
+    if not isinstance(given, kind) or found != dict(wanted):
+        fields = ", ".join(f"{name} {shape}" for name, shape in wanted.items())
+        shapes = ", ".join(f"{name} {shape}" for name, shape in found.items())
+        raise InvalidInputError(
+            f"{what} must return {kind.__name__} with arrays {fields}; got "
+            + (shapes if isinstance(given, kind) else f"{type(given).__name__}: {given!r}")
+        )
 
 
 def one_of(kind: str, value: str, choices: Sequence[str]) -> str:

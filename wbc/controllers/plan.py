@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
 
 import numpy as np
 
-from wbc.constraints.contact_rows import ContactRows
+from wbc.constraints.contact import ContactRows
 from wbc.constraints.limits import BASE_ROWS
 from wbc.constraints.rows import Bounds
 from wbc.controllers.slack import Slacks, with_slack
@@ -73,12 +73,11 @@ class Decision:
         """How many unknowns there are, n."""
         return len(self.names)
 
-    def box(self, velocity_box: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return bounds (n,), (n,) on x from those on v+."""
-        if not self.lower.size:
-            return velocity_box
-        low, high = velocity_box
-        return np.concatenate((low, self.lower)), np.concatenate((high, self.upper))
+    @cached_property
+    def no_rows(self) -> Bounds:
+        """No inequality rows on these unknowns."""
+        none = read_only(np.zeros(0))
+        return Bounds((), read_only(np.zeros((0, self.size))), none, none)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,34 +163,44 @@ def assemble(
     equalities:
         Rows met exactly; their weights are not used.
     box:
-        Bounds (n,), (n,) on the unknowns.
+        Bounds (nv,), (nv,) on the velocity.
     bounds:
         Inequality rows, or None for none.
     labels:
         Names; those of the inequality rows are taken from ``bounds``.
     """
+    n, nv = decision.damping.size, decision.nv
     lower, upper = box
-    n = decision.size
+    if n > nv:
+        lower = np.concatenate((lower, decision.lower))
+        upper = np.concatenate((upper, decision.upper))
+    matrices, targets, weights, curved, damping = [], [], [], [], 0.0
+    for rows in costs:
+        matrices.append(rows.matrix)
+        targets.append(rows.target)
+        weights.append(rows.weight)
+        damping += rows.damping
+        if rows.curvature is not None:
+            curved.append(rows.curvature)
     # Weighted and stacked first: one product is cheaper than one per task.
-    J = stacked([rows.matrix for rows in costs], n)
-    weight = np.concatenate([rows.weight for rows in costs])
+    J, weight = stacked(matrices, n), np.concatenate(weights)
     J *= weight[:, None]
-    wanted = weight * np.concatenate([rows.target for rows in costs])
+    wanted = weight * np.concatenate(targets)
     P: Array = J.T @ J
-    curved = [rows.curvature for rows in costs if rows.curvature is not None]
     if curved:
-        nv = decision.nv
         P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
     P.flat[:: n + 1] += decision.damping
-    damping = sum(rows.damping for rows in costs)
-    P.flat[: decision.nv * (n + 1) : n + 1] += damping
+    P.flat[: nv * (n + 1) : n + 1] += damping
+    none = decision.no_rows
+    A, b = none.matrix, none.lower
     if equalities:
-        A = stacked([rows.matrix for rows in equalities], n)
-        b = np.concatenate([rows.target for rows in equalities])
-    else:
-        A, b = _no_rows(n).matrix, _no_rows(n).lower
+        matrices, targets = [], []
+        for rows in equalities:
+            matrices.append(rows.matrix)
+            targets.append(rows.target)
+        A, b = stacked(matrices, n), np.concatenate(targets)
     if bounds is None:
-        bounds = _no_rows(n)
+        bounds = none
     else:
         labels = Labels(labels.equality, bounds.labels, labels.variables)
     C = bounds.matrix if bounds.matrix.shape[1] == n else stacked([bounds.matrix], n)
@@ -214,7 +223,8 @@ def convexified(H: Array) -> Array:
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:
     """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
-    if all(matrix.shape[1] == n for matrix in matrices):
+    widths = {matrix.shape[1] for matrix in matrices}
+    if widths == {n}:
         return np.concatenate(matrices)
     rows, begin = np.zeros((sum(map(len, matrices)), n)), 0
     for matrix in matrices:
@@ -222,9 +232,3 @@ def stacked(matrices: Sequence[Array], n: int) -> Array:
         rows[begin:end, : matrix.shape[1]] = matrix
         begin = end
     return rows
-
-
-@cache
-def _no_rows(n: int) -> Bounds:
-    """Return no rows for n unknowns."""
-    return Bounds((), read_only(np.zeros((0, n))), read_only(np.zeros(0)), read_only(np.zeros(0)))

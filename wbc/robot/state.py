@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot import inertia as crb
+from wbc.robot.limits import BASE_NQ
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
 from wbc.spatial import commutator_matrix, congruence, skew, vech, vech_inverse
@@ -46,17 +47,27 @@ class KinematicState:
         self.com: Array = read_only(data.oYcrb[0].lever.copy())
         self.inertia: Array = read_only(np.array(data.Ig.inertia))
         self.inertia.flags.writeable = False
+        self._placements: dict[str, tuple[Array, Array]] = {}
+        self._jacobians: dict[str, Array] = {}
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
+
+    @cached_property
+    def joint_positions(self) -> Array:
+        """Positions (nv-6,) of the joints [rad or m]; angles of continuous joints."""
+        limits = self.robot.limits
+        return limits.joint_positions(self.q) if limits.unbounded else self.q[BASE_NQ:]
 
     # ------------------------------------------------------------------ momentum and CoM
 
     @cached_property
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
-        return read_only(self._kinematics().Ag.copy())
+        found = self._kinematics().Ag.copy()
+        found.flags.writeable = False
+        return found
 
     @cached_property
     def momentum(self) -> Array:
@@ -71,7 +82,9 @@ class KinematicState:
     @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
-        return read_only(self.centroidal_map[:3] / self.robot.mass)
+        found = self.centroidal_map[:3] / self.robot.mass
+        found.flags.writeable = False
+        return found
 
     @cached_property
     def com_velocity(self) -> Array:
@@ -200,21 +213,21 @@ class KinematicState:
 
     def position(self, frame: str) -> Array:
         """Origin of a frame in the world (3,) [m]."""
-        return self._placement(frame)[0]
+        return (self._placements.get(frame) or self._placement(frame))[0]
 
     def rotation(self, frame: str) -> Array:
         """Rotation (3, 3) taking the frame's axes to the world's."""
-        return self._placement(frame)[1]
+        return (self._placements.get(frame) or self._placement(frame))[1]
 
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
         found = self._jacobians.get(frame)
         if found is None:
             robot = self.robot
-            found = pin.getFrameJacobian(
-                robot.model, self._kinematics(), robot.frame_id(frame), _ALIGNED
-            )
-            self._jacobians[frame] = read_only(found)
+            index = robot.frame_indices.get(frame) or robot.frame_id(frame)
+            found = pin.getFrameJacobian(robot.model, self._kinematics(), index, _ALIGNED)
+            found.flags.writeable = False
+            self._jacobians[frame] = found
         return found
 
     def drift(self, frame: str) -> Array:
@@ -241,21 +254,13 @@ class KinematicState:
         return read_only(self._kinematics().J.copy())
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
-        found = self._placements.get(frame)
-        if found is None:
-            robot = self.robot
-            pose = pin.updateFramePlacement(robot.model, self._kinematics(), robot.frame_id(frame))
-            found = read_only(pose.translation.copy()), read_only(pose.rotation.copy())
-            self._placements[frame] = found
+        robot = self.robot
+        index = robot.frame_indices.get(frame) or robot.frame_id(frame)
+        pose = pin.updateFramePlacement(robot.model, self._kinematics(), index)
+        position, rotation = pose.translation.copy(), pose.rotation.copy()
+        position.flags.writeable = rotation.flags.writeable = False
+        self._placements[frame] = found = position, rotation
         return found
-
-    @cached_property
-    def _placements(self) -> dict[str, tuple[Array, Array]]:
-        return {}
-
-    @cached_property
-    def _jacobians(self) -> dict[str, Array]:
-        return {}
 
     # ------------------------------------------------------------------ dynamics, on demand
 
@@ -282,11 +287,14 @@ class KinematicState:
 
     @cached_property
     def _com_in_base(self) -> Array:
-        p, R = self._placement(BASE)
+        p, R = self.position(BASE), self.rotation(BASE)
         return R.T @ (self.com - p)
 
     def _kinematics(self) -> pin.Data:
-        return self.robot.workspace.kinematics(self, self.q, self.v)
+        work = self.robot.workspace
+        if work.kinematics_owner is self:
+            return work.kinematics_data
+        return work.kinematics(self, self.q, self.v)
 
     def _rates(self) -> pin.Data:
         return self.robot.workspace.rates(self, self.q, self.v)

@@ -89,10 +89,11 @@ class KinematicTree:
     @property
     def frame_names(self) -> tuple[str, ...]:
         """Every frame: links, joints, soles, and ``base``."""
-        return tuple(self._frames)
+        return tuple(self.frame_indices)
 
     @cached_property
-    def _frames(self) -> dict[str, int]:
+    def frame_indices(self) -> dict[str, int]:
+        """Pinocchio's index of each frame, by name."""
         return frame_table(self.model)
 
     @cached_property
@@ -130,9 +131,9 @@ class KinematicTree:
         UnknownNameError
             No such frame.
         """
-        index = self._frames.get(name)
+        index = self.frame_indices.get(name)
         if index is None:
-            raise UnknownNameError("frame", name, self._frames)
+            raise UnknownNameError("frame", name, self.frame_indices)
         return index
 
     def foot(self, name: str) -> Foot:

@@ -26,9 +26,9 @@ class Workspace:
         self.weightless.gravity = pin.Motion.Zero()
         self.spins = np.zeros((6, model.nv))  # of `inertia.joint_rates`: v of the spinning robot
         self.torques = np.empty((6, model.nv))  # and what holds its joints
-        self._kinematics = model.createData()
-        self._kinematics_owner: Any = None
-        self.placements = JointPlacements(self._kinematics)
+        self.kinematics_data = model.createData()
+        self.kinematics_owner: Any = None
+        self.placements = JointPlacements(self.kinematics_data)
         self._rates = model.createData()
         self._rates_owner: Any = None
         self.scratch = model.createData()
@@ -36,11 +36,11 @@ class Workspace:
 
     def kinematics(self, owner: Any, q: Array, v: Array) -> pin.Data:
         """Return data holding placements, joint Jacobians, centroidal map and inertia at (q, v)."""
-        if self._kinematics_owner is not owner:
-            self._kinematics_owner = None  # an exception half-way must not leave a false claim
-            pin.ccrba(self.model, self._kinematics, q, v)
-            self._kinematics_owner = owner
-        return self._kinematics
+        if self.kinematics_owner is not owner:
+            self.kinematics_owner = None  # an exception half-way must not leave a false claim
+            pin.ccrba(self.model, self.kinematics_data, q, v)
+            self.kinematics_owner = owner
+        return self.kinematics_data
 
     def rates(self, owner: Any, q: Array, v: Array) -> pin.Data:
         """Return data holding body velocities, and accelerations for zero joint acceleration."""

@@ -50,33 +50,32 @@ class PointTask(Task):
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m]."""
         rows = self._selected
-        place = self._place(snapshot)
-        error = (place - self.target)[rows]
-        jacobian, bias = self._jacobian(snapshot)[rows], -self.target_rate[rows]
-        bound = self._curvature_bound(error, _lever(snapshot, place))
-        return Residual(error, jacobian, bias, curvature_bound=bound)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Metres."""
-        return ("m",) * len(self.rows)
+        position, jacobian = self._point(snapshot)
+        error = (position - self._goal)[rows]
+        bound = self._curvature_bound(snapshot, position, error)
+        return Residual(error, jacobian[rows], -self.target_rate[rows], curvature_bound=bound)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the point's acceleration at zero acceleration of v, less the target's [m/s^2]."""
         return (self._acceleration(snapshot) - self.target_acceleration)[self._selected]
 
-    def _curvature_bound(self, error: Array, lever: float) -> float:
-        """Estimate the curvature left out: joints turn the point on levers like this one."""
-        pull = self._gradient(error)
-        return math.sqrt(pull.dot(pull)) * lever
+    def _curvature_bound(self, snapshot: Snapshot, position: Array, error: Array) -> float:
+        """Estimate the curvature left out: the cost's gradient times the lever of far-off joints.
+
+        The lever is the distance from the base and, since a held foot makes the joints near it
+        move everything, one and a half times the robot's radius of gyration more: about the height
+        of its CoM.
+        """
+        arm = position - snapshot.position("base")
+        size = float(snapshot.inertia.trace()) / snapshot.robot.mass
+        lever = math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt(size)
+        gradient = self.weight * error
+        gradient *= self.weight
+        return math.sqrt(gradient.dot(gradient)) * lever
 
     @abstractmethod
-    def _place(self, snapshot: Snapshot) -> Array:
-        """Return where the point is (3,), world axes."""
-
-    @abstractmethod
-    def _jacobian(self, snapshot: Snapshot) -> Array:
-        """Return its Jacobian (3, nv)."""
+    def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
+        """Return where the point is (3,), world axes, and its Jacobian (3, nv)."""
 
     @abstractmethod
     def _acceleration(self, snapshot: Snapshot) -> Array:
@@ -107,11 +106,8 @@ class ComTask(PointTask):
     ) -> None:
         super().__init__(robot, name, target, axes, **law)
 
-    def _place(self, snapshot: Snapshot) -> Array:
-        return snapshot.com
-
-    def _jacobian(self, snapshot: Snapshot) -> Array:
-        return snapshot.com_jacobian
+    def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
+        return snapshot.com, snapshot.com_jacobian
 
     def _acceleration(self, snapshot: Snapshot) -> Array:
         return snapshot.com_drift
@@ -142,11 +138,8 @@ class PositionTask(PointTask):
         self.frame = frame
         super().__init__(robot, name or f"{frame} position", target, axes, **law)
 
-    def _place(self, snapshot: Snapshot) -> Array:
-        return snapshot.position(self.frame)
-
-    def _jacobian(self, snapshot: Snapshot) -> Array:
-        return snapshot.jacobian(self.frame)[:3]
+    def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
+        return snapshot.position(self.frame), snapshot.jacobian(self.frame)[:3]
 
     def _acceleration(self, snapshot: Snapshot) -> Array:
         return snapshot.drift(self.frame)[:3]
@@ -154,17 +147,6 @@ class PositionTask(PointTask):
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m]."""
         return (posture.position(self.frame) - self.target)[self._selected]
-
-
-def _lever(snapshot: Snapshot, place: Array) -> float:
-    """Return how far off the joints may be that move a point [m].
-
-    From the base, and, since a held foot makes the joints near it move everything, one and a half
-    times the robot's radius of gyration more: about the height of its CoM.
-    """
-    arm = place - snapshot.position("base")
-    size = float(np.trace(snapshot.inertia)) / snapshot.robot.mass
-    return math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt(size)
 
 
 def axis_indices(axes: Sequence[str]) -> slice | np.ndarray:

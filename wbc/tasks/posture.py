@@ -66,9 +66,8 @@ class PostureTask(Task):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return joint positions minus target [rad or m], the shorter way round if continuous."""
-        limits = self.robot.limits
-        error = limits.joint_positions(snapshot.q) - self._positions
-        for k in limits.unbounded:
+        error = snapshot.joint_positions - self._positions
+        for k in self.robot.limits.unbounded:
             error[k] = math.remainder(error[k], math.tau)
         return Residual(error[self._joints], self._jacobian, self._none)
 

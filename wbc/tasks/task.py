@@ -84,6 +84,8 @@ class Task(metaclass=_Sealed):
 
     Attributes
     ----------
+    weight:
+        (k,), read-only; assign one number or one per row.
     law:
         How the velocity level drives it.
     acceleration_law:
@@ -143,7 +145,18 @@ class Task(metaclass=_Sealed):
             raise InvalidInputError(
                 f"{self} has no attribute {name!r}{suggest(name, names, listed=0)}"
             )
+        if name == "weight":
+            value = self._checked_weight(value)
         object.__setattr__(self, name, value)
+
+    if TYPE_CHECKING:  # a plain attribute, since it is read in every tick
+
+        @property
+        def weight(self) -> Array:
+            """Factors (k,) on the rows."""
+
+        @weight.setter
+        def weight(self, value: ArrayLike) -> None: ...
 
     @property
     def target(self) -> Array:
@@ -159,15 +172,6 @@ class Task(metaclass=_Sealed):
                 "a target calls; define it"
             )
         set_target(value)
-
-    @property
-    def weight(self) -> Array:
-        """Factors (k,) on the rows; assign one number or one per row."""
-        return self._weight
-
-    @weight.setter
-    def weight(self, value: ArrayLike) -> None:
-        self._weight = self._checked_weight(value)
 
     @property
     def gain(self) -> float:
@@ -260,7 +264,7 @@ class Task(metaclass=_Sealed):
             raise InvalidInputError(f"{self}, gain: must be greater than 0, got 0")
         self.law, self.acceleration_law = law, acceleration_law
 
-    def _checked_weight(self, weight: ArrayLike) -> Array:
+    def _checked_weight(self, weight: Any) -> Array:
         what = f"{self}, weight"
         size = len(self.rows)
         vector = finite_vector(
@@ -275,8 +279,8 @@ class Task(metaclass=_Sealed):
 
     def _gradient(self, error: Array) -> Array:
         """Return weight^2 * error (k,): the gradient of the task's cost by its error."""
-        gradient = self._weight * error
-        gradient *= self._weight
+        gradient = self.weight * error
+        gradient *= self.weight
         return gradient
 
     def _zeros(self) -> Array:

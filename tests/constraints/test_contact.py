@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Contact, Limits, PointContact, support
-from wbc.constraints.contact_rows import ContactRows
+from wbc.constraints.contact import ContactRows
 from wbc.controllers import KinematicController
-from wbc.laws import Rows
+from wbc.laws import Residual, Rows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask
 
@@ -46,8 +46,8 @@ def contacts_of(here: Snapshot, case: str) -> list[Contact]:
     return held + [PointContact.hold(here, frame) for frame in points]
 
 
-def rows_of(here: Snapshot, contacts: list[Contact]) -> list[Rows]:
-    return [one.law.rows(one.residual(here), one.weight, 0.005) for one in contacts]
+def law(contact: Contact, residual: Residual, here: Snapshot) -> Rows:
+    return contact.law.rows(residual, contact.weight, 0.005)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -55,7 +55,7 @@ def test_rows_that_remain_are_independent_and_span_all(here, case) -> None:
     contacts = contacts_of(here, case)
     held = ContactRows(contacts)
     none = np.zeros((0, here.robot.nv))
-    left = np.concatenate([none, *(rows.matrix for rows in held.select(rows_of(here, contacts)))])
+    left = np.concatenate([none, *(rows.matrix for rows in held.rows(here, law))])
     everything = np.concatenate([none, *(c.residual(here).jacobian for c in contacts)])
     assert len(left) == len(held.labels) == CASES[case][2]
     # The oracle is the rank of the frames' Jacobians, from Pinocchio; 1e-8: rounding is 1e-15.
