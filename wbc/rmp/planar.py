@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -115,6 +116,8 @@ class Held:
         The pendulum; M r_l^2 is the leg's inertia about the foot, M r^2 the wheel's.
     length, radius:
         Of leg and wheel [m], > 0.
+    dt:
+        Time that forces are held for [s]; 0 in continuous time.
     length_rate, radius_rate:
         Errors decay as (1 + rate t) e^(-rate t) [1/s], > 0. The radius needs the stiffer hold: the
         centrifugal force of a wheel that gains speed grows while a command is held.
@@ -122,19 +125,27 @@ class Held:
     Raises
     ------
     InvalidInputError
-        Not a planar pendulum, or a number that is not positive.
+        Not a planar pendulum, a number that is not positive, or a ``dt`` too long for the rates.
     """
 
     model: PlanarRmp
     length: float
     radius: float
+    dt: float = 0.0
     length_rate: float = 10.0
     radius_rate: float = 60.0
 
     def __post_init__(self) -> None:
         require_planar(self.model)
+        object.__setattr__(self, "dt", finite_number("dt", self.dt, least=0.0))
         for name in ("length", "radius", "length_rate", "radius_rate"):
             object.__setattr__(self, name, finite_number(name, getattr(self, name), above=0.0))
+        most = 1.0 / max(self.length_rate, self.radius_rate)
+        if self.dt > most:
+            raise InvalidInputError(
+                f"dt: {self.dt:g} s between commands is too long to hold the masses' radius; at"
+                f" most {most:.3g} s"
+            )
 
     @property
     def leg_inertia(self) -> float:
@@ -157,14 +168,24 @@ class Held:
         return float(np.sqrt(self.model.gravity / self.length))
 
     def forces(self, q: Array, v: Array, wheel_torque: float) -> Array:
-        """Return f (4,) with that torque on the wheel and none at the foot (eqs. 20 and 21)."""
-        M, g = self.model.mass, self.model.gravity
+        """Return f (4,) with that torque on the wheel and none at the foot (eqs. 20 and 21).
+
+        Weight and centrifugal forces are those of the middle of the ``dt`` that f is held for:
+        those of its beginning lag by dt/2, and a leg that gives way in step with its swing takes
+        more energy than a weak torque brings.
+        """
+        M, g, half = self.model.mass, self.model.gravity, self.dt / 2.0
         _, theta, length, _, radius = q.tolist()
         _, theta_rate, length_rate, alpha_rate, radius_rate = v.tolist()
+        pull = wheel_torque + M * length * (g * math.cos(theta) + 2.0 * length_rate * theta_rate)
+        spin = theta_rate + alpha_rate
+        spin += half * (wheel_torque / (M * radius**2) - 2.0 * radius_rate / radius * spin)
+        theta += half * theta_rate
+        theta_rate -= half * pull / (M * length**2)
         leg = _return(length - self.length, length_rate, self.length_rate)
         masses = _return(radius - self.radius, radius_rate, self.radius_rate)
-        f_l = M * (leg - length * theta_rate**2 + g * np.sin(theta))
-        f = M * (masses - radius * (theta_rate + alpha_rate) ** 2)
+        f_l = M * (leg - length * theta_rate**2 + g * math.sin(theta))
+        f = M * (masses - radius * spin**2)
         return np.array((0.0, f_l, wheel_torque, f))
 
 

@@ -123,7 +123,7 @@ class SwingUpSpec(LawSpec):
 
     def build(self, on: Setting) -> SwingUp:
         """Return the law."""
-        return SwingUp(on.pendulum, *on.lengths, on.bounds)
+        return SwingUp(on.pendulum, *on.lengths, on.bounds, on.dt)
 
 
 class SpinSpec(LawSpec):

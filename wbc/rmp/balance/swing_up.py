@@ -24,6 +24,8 @@ _LEAN, _LEAN_ANGLE = 0.25, math.radians(0.7)
 _UNSTABLE, _MOMENTUM = 1.0, 4.0
 # At an end of the wheel's rate, the part of the rate over which torque fades.
 _FADE = 0.02
+# Least torque ratio, as a multiple of (w dt)^2: what is lost between commands stays well below it.
+_LEAST = 3.0
 # Leg upright within this [rad]: the phase is "hold".
 _UPRIGHT = math.radians(1.0)
 
@@ -54,7 +56,11 @@ class SwingUp:
     catch begins at |s| < u_max / 2. The momentum is dumped by gravity: the leg leans by
     d / (K_s - 1), at most 0.7 degrees, until the wheel is at rest.
 
-    There is no least torque: every swing gains energy. A smaller one takes longer.
+    In continuous time there is no least torque: every swing gains energy, some 2 pi u_max a period
+    as the leg goes round. Held for ``dt``, forces that keep the length right at mid-step only let
+    it give way by some 0.3 (w dt)^2 of itself in step with the swing, which costs energy in
+    proportion; u_max must be 3 (w dt)^2 at least. Then the bands above are wide enough as well:
+    s passes less than w dt u_max in a step.
 
     Parameters
     ----------
@@ -65,23 +71,27 @@ class SwingUp:
     bounds:
         ``wheel_torque`` (finite) and ``wheel_rate`` are respected; forces along the leg are not
         bounded, since the pivot pulls as well; the wheel may turn without end.
+    dt:
+        Time between commands [s].
 
     Raises
     ------
     InvalidInputError
-        No gravity, no finite torque, a wheel that stops at an angle, or a rate of
-        the wheel that the swinging leg alone exceeds; the message says by how much.
+        No gravity, no finite torque, a wheel that stops at an angle, a rate of the wheel that the
+        swinging leg alone exceeds, or commands too rare for the torque; the message says by how
+        much.
     """
 
     model: PlanarRmp
     length: float
     radius: float
     bounds: Bounds
+    dt: float = 1e-3
     held: Held = field(init=False, repr=False)
     gain: tuple[float, float] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        held = Held(self.model, self.length, self.radius)
+        held = Held(self.model, self.length, self.radius, self.dt)
         _require_means(held, self.bounds)
         object.__setattr__(self, "held", held)
         u = min(self.torque_ratio, 1.0)
@@ -177,4 +187,12 @@ def _require_means(held: Held, bounds: Bounds) -> None:
         raise InvalidInputError(
             f"bounds: wheel_rate must exceed {least:.4g} rad/s, at which the leg itself swings"
             f" through; {bounds.wheel_rate:g} is {least - bounds.wheel_rate:.4g} too little"
+        )
+    lost = _LEAST * (held.frequency * held.dt) ** 2
+    if bounds.wheel_torque < lost * held.weight_torque:
+        most = math.sqrt(bounds.wheel_torque / (_LEAST * held.weight_torque)) / held.frequency
+        raise InvalidInputError(
+            f"dt: with commands every {held.dt:g} s the leg takes more energy than a wheel_torque"
+            f" of {bounds.wheel_torque:g} N m brings; at most {most:.3g} s, or"
+            f" {lost * held.weight_torque:.3g} N m at least"
         )
