@@ -35,17 +35,11 @@ TRIES = 4  # at a hop that can be projected onto the contacts
 
 
 class Elite:
-    """The best few postures of those added that differ in more than a joint or two.
-
-    Attributes
-    ----------
-    best:
-        They, the very best first.
-    """
+    """The best few postures of those added that differ in more than a joint or two."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self.best: list[Candidate] = []
+        self.best: list[Candidate] = []  # the very best first
 
     def add(self, candidate: Candidate) -> None:
         """Take a posture if it is among the best; of those that are alike only the best."""

@@ -95,12 +95,12 @@ def merged(robot: Robot, candidates: Iterable[Candidate]) -> tuple[Candidate, ..
 def violations(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
     """Return by how much each frame, joint and pair of bodies breaks its constraint."""
     found = _off(problem, snapshot)
-    room = _joint_room(problem, snapshot)
+    inside = _joint_margins(problem, snapshot)
     names = problem.robot.joint_names
-    found |= {names[k]: float(-room[k]) for k in np.flatnonzero(room < 0.0)}
+    found |= {names[k]: float(-inside[k]) for k in np.flatnonzero(inside < 0.0)}
     for one in problem.constraints:
-        gaps = one.distances(snapshot)
-        left, labels = gaps.clearance + SKIN, one.labels(gaps)
+        measured = one.distances(snapshot)
+        left, labels = measured.clearance + SKIN, one.labels(measured)
         found |= {_key(one, labels[k]): float(-left[k]) for k in np.flatnonzero(left < 0.0)}
     return found
 
@@ -113,20 +113,20 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
         for frame, gap in off.items()
         if not gap <= allowed.of(frame, allowed.contact)
     ]
-    room = _joint_room(problem, snapshot)
+    inside = _joint_margins(problem, snapshot)
     names = problem.robot.joint_names
     broken += [
-        f"joint {names[k]} is {-room[k]:.2g} beyond its limit"
-        for k in np.flatnonzero(~(room >= -allowed.limit))
-        if not room[k] >= -allowed.of(names[k], allowed.limit)
+        f"joint {names[k]} is {-inside[k]:.2g} beyond its limit"
+        for k in np.flatnonzero(~(inside >= -allowed.limit))
+        if not inside[k] >= -allowed.of(names[k], allowed.limit)
     ]
-    rooms: dict[bool, list[float]] = {True: [], False: []}
+    least: dict[bool, list[float]] = {True: [], False: []}
     for one in problem.constraints:
         balance = isinstance(one, ComSupport)
         tolerance = allowed.support if balance else allowed.clearance
         found = one.distances(snapshot)
         left = found.clearance + SKIN  # of the margin itself
-        rooms[balance].append(float(left.min(initial=np.inf)))
+        least[balance].append(float(left.min(initial=np.inf)))
         labels = one.labels(found)
         beyond = [
             k
@@ -137,9 +137,9 @@ def kept_constraints(problem: ShapingProblem, snapshot: Snapshot, allowed: Toler
         broken += [f"{labels[k]} lacks {-left[k]:.2g} m of {one.name!r}" for k in beyond[:NAMED]]
     return Kept(
         max(off.values(), default=0.0),
-        float(room.min(initial=np.inf)),
-        min(rooms[True], default=None),
-        min(rooms[False], default=None),
+        float(inside.min(initial=np.inf)),
+        min(least[True], default=None),
+        min(least[False], default=None),
         tuple(broken),
     )
 
@@ -149,7 +149,7 @@ def _off(problem: ShapingProblem, snapshot: Snapshot) -> dict[str, float]:
     return {c.frame: float(np.abs(c.residual(snapshot).error).max()) for c in problem.contacts}
 
 
-def _joint_room(problem: ShapingProblem, snapshot: Snapshot) -> Array:
+def _joint_margins(problem: ShapingProblem, snapshot: Snapshot) -> Array:
     """Return how far each joint is inside its limits (nv-6,) [rad or m]."""
     joints = problem.robot.limits.joint_positions(snapshot.q)
     return np.minimum(joints - problem.limits.lower, problem.limits.upper - joints)

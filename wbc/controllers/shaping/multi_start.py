@@ -39,23 +39,14 @@ class StoppingRule:
     patience:
         After how many searches in a row without a better posture there have been enough; None: no
         number is.
-
-    Attributes
-    ----------
-    found:
-        Results by the number of the start.
-    least:
-        The least cost so far, or None.
-    contiguous:
-        How many starts, the first ones, all have a result.
     """
 
     def __init__(self, scale: float, patience: int | None) -> None:
         self._scale, self._patience = scale, patience
         self.found: dict[int, Candidate | Rejected] = {}
         self._met: list[int] = []  # numbers of the starts from which the tasks were met
-        self.least: float | None = None
-        self.contiguous = 0
+        self.least: float | None = None  # cost so far
+        self.contiguous = 0  # how many starts, the first ones, all have a result
         self._record = float("inf")  # of those: the least cost, as of the last that was better
         self._record_at = 0
         self._settled_at: int | None = None

@@ -54,12 +54,8 @@ class Candidate:
         What each task reports as its error, by name.
     kept:
         How well constraints are kept.
-    status:
-        IPOPT's own word.
-    optimal:
-        True if IPOPT says that the conditions of optimality hold.
-    iterations:
-        Of IPOPT.
+    status, optimal, iterations:
+        IPOPT's own word, whether it says that the conditions of optimality hold, and its steps.
     starts:
         Numbers of the starts that led here; 0 is the current posture.
     """

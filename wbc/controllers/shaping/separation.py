@@ -50,15 +50,10 @@ def searcher(nlp: Nlp) -> Ipopt | SeparatedIpopt:
 
 
 class ActivePairs:
-    """Which pairs of bodies are too near at a posture, by the full collision model.
-
-    Attributes
-    ----------
-    used:
-        The pairs that have been too near so far, with their corners that were foremost.
-    """
+    """Which pairs of bodies are too near at a posture, by the full collision model."""
 
     def __init__(self, separation: Separation) -> None:
+        # The pairs that have been too near in a search so far, with their foremost corners.
         self.used: dict[int, Corners] = {}
         self._bodies, self._map = separation.bodies, separation.map
         self._model = self._bodies.model()

@@ -143,7 +143,7 @@ def search_all(multi_start: MultiStart, pool: WorkerPool) -> Searches:
         found[number] = local
         multi_start.record(number, local)
 
-    with _Interruption() as interruption:
+    with _noted_interrupt() as interrupt:
         try:
             here = searcher(pool.nlp)
             while True:
@@ -158,7 +158,8 @@ def search_all(multi_start: MultiStart, pool: WorkerPool) -> Searches:
                     record(number, here.search(starts[number]))
                 elif not pool.waits_for(multi_start.needs):
                     break
-                interruption.check()
+                if interrupt:
+                    raise KeyboardInterrupt
                 results, lost = pool.results(patient=number is None)
                 for result in results:
                     record(*result)
@@ -200,30 +201,18 @@ def _blocked_interrupt() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-class _Interruption:
-    """Keeps Ctrl-C until it is asked for.
+@contextmanager
+def _noted_interrupt() -> Iterator[list[int]]:
+    """Note Ctrl-C instead of raising: inside a search CasADi takes that for a failure of IPOPT.
 
-    Inside a search CasADi turns the exception into a failure of IPOPT and goes on. Only the main
-    thread can be told of signals; elsewhere they are left to it.
+    Only the main thread can be told of signals; elsewhere they are left to it.
     """
-
-    def __init__(self) -> None:
-        self._pressed = False
-        self._before: Any = None
-
-    def __enter__(self) -> _Interruption:
-        if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self._press)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
-
-    def _press(self, *signal_and_frame: object) -> None:
-        self._pressed = True
-
-    def check(self) -> None:
-        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
-        if self._pressed:
-            raise KeyboardInterrupt
+    noted: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
+    before = signal.signal(signal.SIGINT, lambda number, _: noted.append(number))
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
