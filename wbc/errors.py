@@ -78,4 +78,4 @@ def _likeness(name: str, choice: str) -> float:
     if len(name) < 5 or len(choice) <= len(name) + 1:
         return whole
     beginning = difflib.SequenceMatcher(None, choice[: len(name) + 1], name).ratio()
-    return max(whole, 0.95 * beginning)
+    return max(whole, 0.9 * beginning)
