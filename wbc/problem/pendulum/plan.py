@@ -43,6 +43,7 @@ from wbc.rmp.plan import (
     solve,
 )
 from wbc.rmp.plan.problem import DEGREES
+from wbc.rmp.plan.schedule import MOST_INTERVALS
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.rotations import rotations_from
@@ -109,7 +110,7 @@ class PlanPhaseSpec(Section):
     """How long it lasts [s], or [least, greatest] to choose from."""
     support: _Support
     """Where the ground may push, or flight."""
-    intervals: Annotated[int, Field(ge=1, le=1000)] = Phase.intervals
+    intervals: Annotated[int, Field(ge=1, le=MOST_INTERVALS)] = Phase.intervals
     """Number of intervals of the collocation."""
     limits: _Limits = Field(default_factory=dict)
     """What differs from the plan's limits in this phase."""

@@ -225,8 +225,6 @@ def _check_sizes(problem: PlanProblem) -> None:
             sizes[f"limits: {each.name}{where and f' of {where}'}"] = getattr(limits, each.name)
     for phase in problem.schedule:
         sizes[f"phase {phase.name!r}: duration"] = phase.duration
-        if phase.support is not None:
-            places[f"phase {phase.name!r}: support"] = np.array(phase.support)
     states = {"start": problem.start, "nominal": problem.nominal}
     states |= {name: state for name, _, state in problem.waypoints}
     for which, state in states.items():

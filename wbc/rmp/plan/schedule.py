@@ -19,6 +19,9 @@ Range = tuple[float, float]
 FREE = math.inf
 # Polygons closer than this share a point [m].
 TOUCHING = 1e-9
+MOST_INTERVALS = 1000  # of a phase
+# Corners farther from the origin are refused [m]: squares of their distances overflow.
+FARTHEST = 1e9
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class Phase:
         Corners (k, 2) [m] of the support polygon on the ground z = 0, anticlockwise, world axes;
         two corners are an edge and one is a point. None is flight.
     intervals:
-        Number of equal intervals of time, >= 1; knots are their ends.
+        Number of equal intervals of time, 1 to 1000; knots are their ends.
     limits:
         In place of the problem's for this phase.
     end:
@@ -122,11 +125,16 @@ class Phase:
             raise InvalidInputError(f"{where}: intervals must be an integer")
         if self.intervals < 1:
             raise InvalidInputError(f"{where}: intervals must be 1 at least, got {self.intervals}")
+        if self.intervals > MOST_INTERVALS:
+            raise InvalidInputError(f"{where}: intervals must be {MOST_INTERVALS} at most")
         object.__setattr__(self, "duration", _duration(where, self.duration))
         if self.support is not None:
             try:
                 # Corners on a side, or given twice, are left out.
-                support = hull(checked_polygon(np.array(self.support, dtype=float)))
+                corners = np.array(self.support, dtype=float)
+                if np.abs(corners).max(initial=0.0) > FARTHEST:
+                    raise InvalidInputError(f"a corner farther away than {FARTHEST:g} m")
+                support = hull(checked_polygon(corners))
                 sides = np.subtract(support, np.roll(support, 1, axis=0))
                 if len(support) > 1 and np.abs(sides).max(axis=1).min() < TOUCHING:
                     raise InvalidInputError(f"corners nearer than {TOUCHING:g} m to each other")
