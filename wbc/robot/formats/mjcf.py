@@ -14,10 +14,20 @@ import pinocchio as pin
 from wbc.errors import ModelError
 from wbc.robot.formats.description import Description, State, check_joint_count, confirm
 from wbc.robot.formats.mjcf_document import plain_document
-from wbc.robot.formats.xml import numbers, refuse_non_finite
+from wbc.robot.formats.xml import check_magnitude, numbers, refuse_non_finite
 
 UNREAD = {"frame", "attach", "replicate", "composite", "flexcomp"}
 MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
+NUMBERED = {"joint", "geom", "site", "inertial"}
+COUNTS = {
+    **dict.fromkeys(("pos", "euler", "zaxis", "axis", "diaginertia"), 3),
+    **dict.fromkeys(("quat", "axisangle", "rgba"), 4),
+    **dict.fromkeys(("xyaxes", "fullinertia", "fromto"), 6),
+    **dict.fromkeys(("range", "actuatorfrcrange"), 2),
+    **dict.fromkeys(("mass", "density", "armature", "ref", "damping", "frictionloss"), 1),
+}
+DIRECTIONS = {"quat", "zaxis", "axis", "xyaxes", "fromto"}
+SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "plane": 3}
 ERRORS = (ValueError, RuntimeError, LookupError, MemoryError)  # that Pinocchio raises
 QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 
@@ -74,6 +84,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     root = plain_document(root, path)
     _check_structure(root, path)
     refuse_non_finite(root, path)
+    _check_numbers(root, path)
     coupled = dict(_coupled_joints(root, path))
     joints = root.findall("worldbody//joint")
     check_joint_count(len(joints), path)
@@ -85,7 +96,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
             reason = str(error).replace(file, str(path))
             raise ModelError(f"{path}: Pinocchio cannot read this MJCF: {reason}") from error
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
-    confirm(model, _total_mass(root), [name for name in names if name], path)
+    confirm(model, _total_mass(root, path), [name for name in names if name], path)
     _check_slides(root, model, path)
     missing = _missing_meshes(root)
     notes: tuple[str, ...] = ()
@@ -113,20 +124,46 @@ def _file_of(text: str) -> Iterator[str]:
         yield str(file)
 
 
-def _total_mass(root: ET.Element) -> float | None:
+def _check_numbers(root: ET.Element, path: Path) -> None:
+    """Refuse attributes with too few numbers, for which Pinocchio takes what is in its memory."""
+    for body in root.findall("worldbody//body"):
+        for element in (body, *(child for child in body if child.tag in NUMBERED)):
+            where = f"{path}: body {body.get('name', '?')!r}"
+            for key, count in COUNTS.items():
+                if key in element.attrib:
+                    values = numbers(element, key, count, where)
+                    check_magnitude(element, key, values, where)
+                    if key in DIRECTIONS and not any(values):
+                        raise ModelError(f"{where}: <{element.tag} {key}> is all 0")
+            if element.tag == "geom":
+                _check_size(element, where)
+
+
+def _check_size(geom: ET.Element, where: str) -> None:
+    kind = geom.get("type", "sphere")
+    least = 1 if "fromto" in geom.attrib else SIZES.get(kind, 0)
+    count = len(geom.get("size", "").split())
+    values = numbers(geom, "size", count, where) if count else []
+    if count < least or any(value < 0.0 for value in values):
+        raise ModelError(f"{where}: <geom size> of a {kind} needs {least} numbers, none negative")
+    check_magnitude(geom, "size", values, where)
+
+
+def _total_mass(root: ET.Element, path: Path) -> float | None:
     """Return the mass that the document says [kg]; None where shapes' volumes give it."""
     compiler = root.find("compiler")
     from_shapes = "auto" if compiler is None else compiler.get("inertiafromgeom", "auto")
     total = 0.0
     for body in root.findall("worldbody//body"):
+        where = f"{path}: body {body.get('name', '?')!r}"
         inertial = body.find("inertial")
         if inertial is not None and from_shapes != "true":
-            total += numbers(inertial, "mass", 1, f"body {body.get('name', '?')!r}")[0]
+            total += numbers(inertial, "mass", 1, where)[0]
             continue
         for geom in body.findall("geom"):
             if "mass" not in geom.attrib:
                 return None
-            total += numbers(geom, "mass", 1, f"body {body.get('name', '?')!r}")[0]
+            total += numbers(geom, "mass", 1, where)[0]
     return total
 
 

@@ -40,8 +40,9 @@ def _joint_values(group: ET.Element, srdf: Path) -> Iterable[tuple[str, tuple[fl
                 f"{srdf}: state {group.get('name')!r}, joint {joint.get('name')!r}: {text!r} is"
                 " not made of numbers"
             ) from error
-        norm = math.fsum(value * value for value in values)
-        if not math.isfinite(norm) or (len(values) == BASE_NQ and not any(values[3:])):
+        norm = sum(value * value for value in values)  # infinite where it overflows
+        wrong = len(values) not in (1, 2, BASE_NQ) or not math.isfinite(norm)
+        if wrong or (len(values) == BASE_NQ and math.hypot(*values[3:]) < 1e-3):
             raise ModelError(
                 f"{srdf}: state {group.get('name')!r}, joint {joint.get('name')!r}: {text!r} is"
                 " not a configuration (x, y, z, quaternion x, y, z, w for the base)"

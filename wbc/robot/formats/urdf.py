@@ -18,11 +18,18 @@ import pinocchio as pin
 from wbc.errors import ModelError
 from wbc.robot.formats.description import Description, check_joint_count, confirm
 from wbc.robot.formats.mesh_files import exact_meshes, resolve_meshes
-from wbc.robot.formats.xml import numbers
+from wbc.robot.formats.xml import check_magnitude, numbers
 from wbc.robot.limits import UNLIMITED
 
 MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
+SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+}
 LONGEST_CHAIN = 1000  # links
 BOLTED = {"world", "base"}  # a root link of such a name is that of an arm, if nothing stands
 LIMITS = ("lower", "upper", "effort", "velocity")
@@ -71,7 +78,9 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     """
     joints, base = _checked_tree(root, path)
     for link in root.findall("link"):
-        _check_inertial(link, f"{path}: link {link.get('name')!r}")
+        where = f"{path}: link {link.get('name')!r}"
+        _check_inertial(link, where)
+        _check_shapes(link, where)
     for joint in joints:
         _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
     coupled = dict(_coupled_joints(joints))
@@ -110,9 +119,9 @@ def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
         raise ModelError(f"{path}: no <link>; a robot needs at least one")
     _refuse_repeated(links, "link", path)
     _refuse_repeated([joint.get("name", "") for joint in joints], "joint", path)
-    parents: dict[str, str] = {}
+    known, parents = set(links), dict[str, str]()
     for joint in joints:
-        parent, child = _ends(joint, links, path)
+        parent, child = _ends(joint, known, path)
         if child in parents:
             raise ModelError(
                 f"{path}: link {child!r} hangs on both {parents[child]!r} and {parent!r};"
@@ -148,7 +157,7 @@ def _refuse_repeated(names: list[str], kind: str, path: Path) -> None:
             raise ModelError(f"{path}: {what}; give each its own name")
 
 
-def _ends(joint: ET.Element, links: list[str], path: Path) -> tuple[str, str]:
+def _ends(joint: ET.Element, links: Collection[str], path: Path) -> tuple[str, str]:
     ends = []
     for tag in ("parent", "child"):
         element = joint.find(tag)
@@ -183,15 +192,33 @@ def _check_inertial(link: ET.Element, where: str) -> None:
     inertial = link.find("inertial")
     if inertial is None:
         return
+    for element, tag in ((link, "inertial"), (inertial, "mass"), (inertial, "inertia")):
+        if len(element.findall(tag)) > 1:
+            raise ModelError(f"{where}: <{tag}> is given twice; leave one")
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
         raise ModelError(f"{where}: <inertial> needs <mass> and <inertia>; add the missing one")
     value = numbers(mass, "value", 1, where)[0]
+    check_magnitude(mass, "value", [value], where)
     if value < 0.0:
         raise ModelError(f"{where}: negative mass {value:g} kg; correct it")
     for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-        numbers(inertia, key, 1, where)
+        check_magnitude(inertia, key, numbers(inertia, key, 1, where), where)
     _check_origin(inertial, where)
+
+
+def _check_shapes(link: ET.Element, where: str) -> None:
+    """Refuse shapes that the parser would print about and leave out."""
+    for shape in (*link.findall("collision"), *link.findall("visual")):
+        _check_origin(shape, where)
+        for solid in shape.findall("geometry/*"):
+            for key, count in SIZES.get(solid.tag, {}).items():
+                if solid.tag == "mesh" and key not in solid.attrib:
+                    continue
+                values = numbers(solid, key, count, where)
+                check_magnitude(solid, key, values, where)
+                if solid.tag != "mesh" and min(values) < 0.0:
+                    raise ModelError(f"{where}: <{solid.tag} {key}> is negative; correct it")
 
 
 def _check_joint(joint: ET.Element, where: str) -> None:
@@ -208,13 +235,17 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     if axis is not None and not any(numbers(axis, "xyz", 3, where)):
         raise ModelError(f"{where}: its axis is 0 0 0; give a direction")
     _complete_limit(joint, where)
+    dynamics = joint.find("dynamics")
+    for key in ("damping", "friction"):
+        if dynamics is not None and key in dynamics.attrib:
+            check_magnitude(dynamics, key, numbers(dynamics, key, 1, where), where)
 
 
 def _check_origin(element: ET.Element, where: str) -> None:
     origin = element.find("origin")
     for key in ("xyz", "rpy"):
         if origin is not None and key in origin.attrib:
-            numbers(origin, key, 3, where)
+            check_magnitude(origin, key, numbers(origin, key, 3, where), where)
 
 
 def _complete_limit(joint: ET.Element, where: str) -> None:

@@ -14,6 +14,7 @@ from wbc.errors import ModelError
 
 _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", "filename", "mesh"}
 MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, DEEPEST = 64 << 20, 100_000, 200, 300
+LARGEST = 1e9  # of a length [m], a mass [kg] or an inertia [kg m^2]
 _EQUALS = re.compile(rb"=\s*[\"']")
 _NOT_FINITE = {"nan", "inf", "infinity"}
 
@@ -82,11 +83,26 @@ def numbers(element: ET.Element, key: str, count: int, where: str) -> list[float
     try:
         values = [float(word) for word in text.split()]
     except ValueError as error:
-        raise ModelError(f"{where}: <{element.tag} {key}={text!r}> is not a number") from error
+        shown = text if len(text) < 100 else f"{text[:100]}..."
+        raise ModelError(f"{where}: <{element.tag} {key}={shown!r}> is not a number") from error
     if len(values) != count or not all(math.isfinite(value) for value in values):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
         raise ModelError(f"{where}: <{element.tag} {key}={text!r}>: expected {wanted}")
     return values
+
+
+def check_magnitude(element: ET.Element, key: str, values: list[float], where: str) -> None:
+    """Refuse lengths, masses and inertias whose products overflow.
+
+    Raises
+    ------
+    ModelError
+        A number beyond :data:`LARGEST` in magnitude.
+    """
+    if any(abs(value) > LARGEST for value in values):
+        raise ModelError(
+            f"{where}: <{element.tag} {key}={element.get(key)!r}> is larger than {LARGEST:g}"
+        )
 
 
 def refuse_non_finite(root: ET.Element, path: Path) -> None:
