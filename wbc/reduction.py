@@ -174,21 +174,6 @@ def reduce(
     gap = finite_number("gap", gap, above=0.0)
     momentum_rate = _momentum_rate(snapshot, acceleration, wrenches)
     polygon = None if feet is None else support_polygon(snapshot, feet)
-    quasi_static = acceleration is None and wrenches is None
-    return _state(snapshot, momentum_rate, quasi_static, polygon, density, previous, height, gap)
-
-
-def _state(
-    snapshot: Snapshot,
-    momentum_rate: Array,
-    quasi_static: bool,
-    polygon: Array | None,
-    density: float | None,
-    previous: RmpState | None,
-    height: float,
-    gap: float,
-) -> RmpState:
-    """Return the pendulum of a robot whose momentum changes at ``momentum_rate`` (6,)."""
     mass, inertia = snapshot.robot.mass, snapshot.inertia
     force = momentum_rate[:3] - mass * snapshot.robot.model.gravity.linear
     cop, cmp, moment = _pivots(snapshot, force, momentum_rate[3:], height)
@@ -204,7 +189,7 @@ def _state(
         com_velocity=snapshot.com_velocity,
         momentum=snapshot.momentum,
         momentum_rate=momentum_rate,
-        quasi_static=quasi_static,
+        quasi_static=acceleration is None and wrenches is None,
         ground_force=force,
         ground_moment=moment,
         cop=cop,

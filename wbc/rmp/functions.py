@@ -41,11 +41,11 @@ class Evaluator:
             self._memory.set_res(k, memoryview(matrix.data))
 
     def __call__(self, *arguments: Array) -> tuple[Array, ...]:
-        """Return the results (rows, columns) for columns of numbers; sizes are not checked."""
+        """Return the results, (rows,) or (rows, columns); sizes of arguments are not checked."""
         for place, argument in zip(self._inputs, arguments, strict=True):
             place[:] = argument
         self._evaluate()
-        return tuple(result.T.copy() for result in self._outputs)
+        return tuple(out[0].copy() if len(out) == 1 else out.T.copy() for out in self._outputs)
 
 
 class CompilerError(WbcError):

@@ -72,16 +72,16 @@ class Foot:
         self._margin = bounds.cop_margin
         self._pressure = Evaluator(_pressure(model))
 
-    def room(self, q: Array, v: Array, force: Array) -> float:
+    def cop_margin(self, q: Array, v: Array, force: Array) -> float:
         """Return how far inside the polygon the CoP is [m]; ``-inf`` if no ground pushes."""
-        return self._room(*self._loads(q, v, force))
+        return self._least(*self._loads(q, v, force))
 
-    def share(self, q: Array, v: Array, force: Array, torque: Array) -> tuple[float, float]:
+    def torque_scale(self, q: Array, v: Array, force: Array, torque: Array) -> tuple[float, float]:
         """Return the largest part s in [0, 1] of ``torque`` for which the CoP keeps its margin.
 
         Forces f = force + s torque (nf,). The CoP times the push of the ground is affine in f, so
         each edge of the polygon is a limit on s. If s = 0 is outside, some s is still sought that
-        brings the CoP back; if there is none, s is 0. The second number is :meth:`room` at s.
+        brings the CoP back; if there is none, s is 0. The second number is :meth:`cop_margin` at s.
         """
         start, push = self._loads(q, v, force)
         end, pushed = self._loads(q, v, force + torque)
@@ -94,15 +94,15 @@ class Foot:
             elif value > 0.0:
                 most = -1.0
         s = most if least <= most else 0.0
-        return s, self._room(start + s * (end - start), push + s * (pushed - push))
+        return s, self._least(start + s * (end - start), push + s * (pushed - push))
 
     def _loads(self, q: Array, v: Array, force: Array) -> tuple[Array, float]:
         """Return (n . p - offset) f_z for each edge, not above 0 inside, and f_z."""
         pressure, push = self._pressure(q, v, force)
-        f_z = float(push[0, 0])
-        return self._normals @ pressure[:, 0] - (self._offsets - self._margin) * f_z, f_z
+        f_z = float(push[0])
+        return self._normals @ pressure - (self._offsets - self._margin) * f_z, f_z
 
-    def _room(self, loads: Array, push: float) -> float:
+    def _least(self, loads: Array, push: float) -> float:
         return float((-loads / push).min()) + self._margin if push > 0.0 else -np.inf
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, solve_continuous_are
+from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import Foot
 from wbc.rmp.balance.law import Bounds, Command, Pendulum
-from wbc.rmp.frames import rotation_rows
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
@@ -90,8 +90,9 @@ class Lqr:
         foot = Foot(self.model, self.bounds) if self.foot else None
         _require_rest(self.model, q0, rest, foot)
         A, B = _open_loop(self.model, q0, rest, self.foot)
-        errors = finite_vector("errors", _or(self.errors, _errors(self.model, q0)), len(A))
-        efforts = _or(self.efforts, _efforts(self.model, q0)[-B.shape[1] :])
+        errors = _errors(self.model, q0) if self.errors is None else self.errors
+        efforts = _efforts(self.model, q0)[-B.shape[1] :] if self.efforts is None else self.efforts
+        errors = finite_vector("errors", errors, len(A))
         K, P = riccati_gain(A, B, errors, finite_vector("efforts", efforts, B.shape[1]))
         found = {"q0": q0, "gain": K, "cost": P, "open_loop": (A, B), "_rest": rest, "_foot": foot}
         for name, value in found.items():
@@ -114,9 +115,9 @@ class Lqr:
         v = finite_vector("v", v, len(self.model.V))
         places = q - self.q0
         if isinstance(self.model, SolidRmp):
-            turn = _turn(self.q0[5:9], q[5:9])
-            places = np.concatenate((places[:5], _vector(turn), places[9:]))
-            v[5:8] = np.array(rotation_rows(*turn)) @ v[5:8]
+            turn = self._turn(q)
+            places = np.concatenate((places[:5], turn.as_rotvec(), places[9:]))
+            v[5:8] = turn.apply(v[5:8])
         return np.concatenate((places[self._driven :], v[self._driven :]))
 
     def command(self, q: Array, v: Array, time: float) -> Command:
@@ -125,29 +126,32 @@ class Lqr:
         wanted = self._rest.copy()
         wanted[len(wanted) - len(self.gain) :] -= self.gain @ self.state(q, v)
         if isinstance(self.model, SolidRmp):
-            back = np.array(rotation_rows(*_turn(self.q0[5:9], q[5:9]))).T
-            wanted[3:6] = back @ wanted[3:6]
+            wanted[3:6] = self._turn(q).inv().apply(wanted[3:6])
         given = self._clipped(wanted)
         force = given.copy()
         force[:driven] = 0.0
         if isinstance(self.model, SolidRmp):
             force += self.model.hip_torque(q, given[3:6]) * _REACTION
-        share, note = 1.0, ""
+        scale, note = 1.0, ""
         if self._foot is not None:
             torque = np.zeros(len(force))
             torque[:driven] = given[:driven]
-            share, room = self._foot.share(q, v, force, torque)
-            force += share * torque
-            if room == -np.inf:
+            scale, margin = self._foot.torque_scale(q, v, force, torque)
+            force += scale * torque
+            if margin == -np.inf:
                 note = "the ground would have to pull"
-            elif room < 0.0:
-                note = f"the CoP would leave the support by {-room:.4g} m"
-        clipped = share < 1.0 or not np.array_equal(given, wanted)
+            elif margin < 0.0:
+                note = f"the CoP would leave the support by {-margin:.4g} m"
+        clipped = scale < 1.0 or not np.array_equal(given, wanted)
         return Command(force, np.zeros(driven), "clipped" if clipped else "hold", not note, note)
 
     @property
     def _driven(self) -> int:
         return len(self.model.V) - len(self.model.F)
+
+    def _turn(self, q: Array) -> Rotation:
+        """Return the rotation of the masses from rest, in their axes at rest."""
+        return Rotation.from_quat(self.q0[5:9]).inv() * Rotation.from_quat(q[5:9])
 
     def _clipped(self, wanted: Array) -> Array:
         given, leg = wanted.copy(), self._driven
@@ -203,7 +207,7 @@ def _require_stabilisable(a: Array, b: Array) -> None:
 def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: Foot | None) -> None:
     driven = len(model.V) - len(model.F)
     if foot is not None:
-        out = -foot.room(q0, np.zeros(len(model.V)), rest)
+        out = -foot.cop_margin(q0, np.zeros(len(model.V)), rest)
         if out > 0.0:
             raise InvalidInputError(
                 f"q0: no equilibrium; the CoP would be {out:.4g} m out of the support"
@@ -253,18 +257,3 @@ def _efforts(model: Pendulum, q0: Array) -> Array:
 
 def _or(given: ArrayLike | None, default: Array) -> ArrayLike:
     return default if given is None else given
-
-
-def _turn(start: Array, end: Array) -> Array:
-    """Return the quaternion start^-1 end, x y z w, with a scalar part that is not negative."""
-    scalar = float(start @ end)
-    vector = start[3] * end[:3] - end[3] * start[:3] - np.cross(start[:3], end[:3])
-    return np.array((*vector, scalar)) * (1.0 if scalar >= 0.0 else -1.0)
-
-
-def _vector(turn: Array) -> Array:
-    """Return the rotation vector (3,) of a quaternion, the shorter way."""
-    size = float(np.linalg.norm(turn[:3]))
-    # The limit of angle / sine at zero is two.
-    ratio = 2.0 * np.arctan2(size, turn[3]) / size if size > 0.0 else 2.0
-    return np.asarray(ratio * turn[:3])

@@ -264,24 +264,14 @@ class _Program:
 
     def force(self, q: Array, v: Array, x: Array) -> Array:
         """Return f (9,) for unknowns x (13,), not scaled."""
-        return self._force(q, v, x)[0][:, 0]
+        force: Array = self._force(q, v, x)[0]
+        return force
 
     def __call__(self, q: Array, v: Array) -> _Tick:
         """Return the QP at q (12,), v (11,), which are not checked."""
         g, C, l, u, lower, upper, fallback, outside, turned = self._tick(q, v)  # noqa: E741
-        qp = QP(
-            P=self._P,
-            g=g[:, 0],
-            A=self._A,
-            b=self._b,
-            C=C,
-            l=l[:, 0],
-            u=u[:, 0],
-            lower=lower[:, 0],
-            upper=upper[:, 0],
-            labels=self._labels,
-        )
-        return _Tick(qp, fallback[:, 0], float(outside[0, 0]), float(turned[0, 0]))
+        qp = QP(self._P, g, self._A, self._b, C, l, u, lower, upper, self._labels)
+        return _Tick(qp, fallback, float(outside[0]), float(turned[0]))
 
 
 def _aims(foot: FlatFoot, law: MomentumQp, com: Array, radii: Array) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -192,7 +192,7 @@ class _Run:
             return Ending.LAW_FAILED, note
         if stop is not None and stop(time, q, v, command):
             return Ending.COMPLETE, f"stopped at {time:g} s as asked"
-        after, push, leg = (column[:, 0] for column in self._step(x, u))
+        after, push, leg = self._step(x, u)
         if not (np.abs(after).max() < LARGEST and np.isfinite(push).all()):
             return Ending.DIVERGED, f"after {time:g} s the state is not finite any more"
         if not self.pivot and push[-1] <= FLIGHT * STANDARD_GRAVITY * self.model.mass:

@@ -156,9 +156,9 @@ class SpinChange:
         force[:driven] = 0.0
         note = ""
         if self._foot is not None:
-            share, _ = self._foot.share(q, v, force, lean)
-            force += share * lean
-            if share < 1.0:
+            scale, _ = self._foot.torque_scale(q, v, force, lean)
+            force += scale * lean
+            if scale < 1.0:
                 note = "the foot is too short to hold the leg"
         phase = "change" if time < self.duration else "hold"
         return Command(force, np.zeros(driven), phase, not note, note)

@@ -144,7 +144,7 @@ class PointStabiliser:
             Wrong sizes or not finite.
         """
         q, v = finite_vector("q", q, 12), finite_vector("v", v, 11)
-        return Command(self._call(q, v)[0][:, 0], np.zeros(2), "balance")
+        return Command(self._call(q, v)[0], np.zeros(2), "balance")
 
 
 def _force(
