@@ -9,7 +9,7 @@ import pytest
 from wbc.constraints import SelfCollision
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
-from wbc.problem.global_checks import global_shaping
+from wbc.problem.global_search import global_shaping
 
 SHIPPED = Path(__file__).parents[2] / "problems" / "global_small_g1.yaml"
 TEXT = """robot: hoap2_like
@@ -79,7 +79,7 @@ def test_what_may_give_way_is_left_to_the_motion(tmp_path: Path) -> None:
     one = problem(tmp_path, {"constraints.low.slack": 10.0})
     shaping = global_shaping(one.parts, one.spec, one.spec.controller)
     assert [constraint.name for constraint in shaping.problem.constraints] == [
-        "bodies", "room", "balance",
+        "bodies", "balance", "room",
     ]  # fmt: skip
 
 

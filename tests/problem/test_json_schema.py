@@ -1,22 +1,29 @@
 """The JSON Schema says what the models say; checked by a small validator of its own."""
 
+import inspect
+import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
+import wbc
+from wbc.constraints.limits import BRAKING
 from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
-from wbc.problem.controller_specs import QpSpec
+from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.json_schema import json_schema
 from wbc.problem.reading import parse, read_source
 from wbc.problem.spec import ProblemSpec
 from wbc.rmp.plan import Weights
+from wbc.robot.collision.bodies import FITS
+from wbc.run.global_shaping import shape_globally
 
 PROBLEMS = sorted((Path(__file__).parents[2] / "problems").glob("*.yaml"))
 SCHEMA = json_schema()
@@ -178,10 +185,64 @@ def test_planning_weights_default_to_the_planner_s() -> None:
     assert {name: key["default"] for name, key in keys.items()} == asdict(Weights())
 
 
-def test_choices_are_those_of_the_controller() -> None:
-    fields = QpSpec.model_fields
-    assert get_args(fields["formulation"].annotation) == FORMULATIONS
-    assert get_args(fields["on_failure"].annotation) == POLICIES
+@pytest.mark.parametrize(
+    ("section", "key", "words"),
+    [
+        ("QpSpec", "formulation", FORMULATIONS),
+        ("QpSpec", "on_failure", POLICIES),
+        ("LimitsSpec", "braking", BRAKING),
+        ("SelfCollisionSpec", "fit", FITS),
+    ],
+)
+def test_choices_are_those_of_the_classes(section: str, key: str, words: tuple[str, ...]) -> None:
+    assert SCHEMA["$defs"][section]["properties"][key]["enum"] == list(words)
+
+
+def test_the_search_s_defaults_are_those_for_python_users() -> None:
+    # Not read from it, for it loads CasADi.
+    given = inspect.signature(shape_globally).parameters
+    spec = GlobalSpec(method="global")
+    assert {key: given[key].default for key in spec.search} == spec.search
+
+
+NEW_KIND = """
+from typing import Literal
+from wbc.problem.kinds.com import ComSpec
+from wbc.problem.task_spec import ErrorTaskSpec
+
+class HighSpec(ErrorTaskSpec):
+    '''The CoM, somewhat higher.'''
+    type: Literal["high"]
+    target: float
+    weight: float = 1.0
+
+    def build(self, name, start):
+        target = {"offset": (0.0, 0.0, self.target)}
+        com = ComSpec.model_validate({"type": "com", "target": target, "gain": self.gain})
+        return com.build(name, start)
+"""
+USE_IT = """
+import sys
+from wbc.problem import json_schema, load_problem
+parts = load_problem(sys.argv[1]).parts
+(task,) = parts.tasks
+assert abs(task.target - task.robot.snapshot(parts.start).com - (0, 0, 0.01)).max() < 1e-12
+assert task.gain == 0.3
+assert "HighSpec" in json_schema()["$defs"]
+"""
+
+
+def test_a_new_kind_of_task_is_its_file_and_nothing_else(tmp_path: Path) -> None:
+    shutil.copytree(
+        Path(wbc.__file__).parent, tmp_path / "wbc", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    (tmp_path / "wbc/problem/kinds/high.py").write_text(NEW_KIND)
+    file = tmp_path / "p.yaml"
+    file.write_text("robot: hoap2_like\ntasks:\n  up: {type: high, target: 0.01, gain: 0.3}\n")
+    run = [sys.executable, "-c", USE_IT, str(file)]
+    home = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(run, check=False, capture_output=True, text=True, cwd=tmp_path, env=home)
+    assert done.returncode == 0, done.stderr
 
 
 def test_problems_of_robots_do_not_wait_for_casadi() -> None:

@@ -77,7 +77,7 @@ MISTAKES = [
     ("frame: left_hand", "frame: left_hnd", 7, "tasks.hand.frame: unknown frame 'left_hnd'; did"),
     ('"*_hip_*"', "waist_pich", 8, "tasks.calm.joints.waist_pich: unknown joint 'waist_pich'; did"),
     ("type: com,", "type: comm,", 6, "tasks.com.type: 'comm' does not exist; did you mean 'com'?"),
-    ("type: com,", "", 6, "tasks.com: 'type' is missing (choose from: inertia, com, frame"),
+    ("type: com,", "", 6, "tasks.com: 'type' is missing (choose from: com, frame, inertia"),
     (
         "control: position",
         "control: positon",

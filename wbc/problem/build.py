@@ -13,18 +13,16 @@ import numpy as np
 from wbc.constraints import Contact, Limits
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.problem.build_constraints import surroundings
-from wbc.problem.build_tasks import build_task
-from wbc.problem.controller_specs import GlobalSpec, QpSettings
-from wbc.problem.global_checks import check_global, global_shaping
+from wbc.problem.constraint_spec import surroundings
+from wbc.problem.controller_spec import GlobalSpec, QpSettings
+from wbc.problem.global_search import check_global, global_shaping
 from wbc.problem.mistakes import Mistakes
-from wbc.problem.part_specs import LimitsSpec, RobotSpec, StartSpec
-from wbc.problem.parts import Parts, backend_of
+from wbc.problem.parts import Parts
 from wbc.problem.plan import plan
+from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import contacts_of, slack_by_frame
-from wbc.robot import FootSpec, Robot
 from wbc.run.ramps import TargetedTask
 
 MAX_TICKS = 1_000_000
@@ -39,29 +37,32 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         With every mistake found, each with its line and key path.
     """
     mistakes = Mistakes(source)
-    robot = mistakes.require(("robot",), partial(_robot, spec.robot, folder))
-    _check_start(spec.start, robot, mistakes)
+    robot_spec = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
+    robot = mistakes.require(("robot",), partial(robot_spec.load, folder))
+    spec.start.check(robot, mistakes)
     mistakes.raise_any()
     q = robot.posture(spec.start.posture, spec.start.joints)
     start = robot.snapshot(q, np.zeros(robot.nv))
     built = dict[str, TargetedTask]()
-    for name, task_spec in spec.tasks.items():
+    for name, task in spec.tasks.items():
         with mistakes.at("tasks", name):
-            built[name] = build_task(name, task_spec, start)
+            built[name] = task.build(name, start)
     contacts = list[Contact]()
     with mistakes.at("support"):
         contacts += contacts_of(spec.support, start)
     phases = plan(spec, built, start, source, mistakes)
     if isinstance(spec.controller, QpSettings):
         with mistakes.at("controller"):
-            backend_of(spec.controller)
+            spec.controller.backend()
     for pattern in spec.controller.joint_weights:
         with mistakes.at("controller", "joint_weights", pattern):
             moved_by(robot, pattern)
     _check_stop(spec, mistakes)
     if isinstance(spec.controller, GlobalSpec):
         check_global(spec, mistakes)
-    limits = mistakes.require(("limits",), partial(_limits, spec.limits, robot))
+    limits: Limits | None = None
+    if not isinstance(spec.limits, str):
+        limits = mistakes.require(("limits",), partial(spec.limits.build, robot))
     around = surroundings(spec.constraints, start, limits, mistakes)
     mistakes.raise_any()
     supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
@@ -81,47 +82,6 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         search = partial(global_shaping, parts, spec, spec.controller)
         mistakes.require(("controller",), search)
     return parts
-
-
-def _robot(choice: str | RobotSpec, folder: Path) -> Robot:
-    spec = RobotSpec(model=choice) if isinstance(choice, str) else choice
-    feet = None
-    if spec.feet is not None:
-        feet = {name: FootSpec(**foot.model_dump()) for name, foot in spec.feet.items()}
-    return Robot.load(
-        _located(spec.model, folder),
-        locked=spec.locked,
-        feet=feet,
-        base=spec.base,
-        srdf=None if spec.srdf is None else folder / Path(spec.srdf).expanduser(),
-        package_dirs=[folder / Path(name).expanduser() for name in spec.package_dirs or ()],
-    )
-
-
-def _located(model: str, folder: Path) -> str | Path:
-    """Return a name as it is, and a file (it has a folder or an ending) relative to ``folder``."""
-    path = Path(model).expanduser()
-    return folder / path if "/" in model or path.suffix else model
-
-
-def _check_start(spec: StartSpec, robot: Robot, mistakes: Mistakes) -> None:
-    with mistakes.at("start", "posture"):
-        robot.posture(spec.posture)
-    for pattern, value in spec.joints.items():  # one by one, so that each mistake has its line
-        with mistakes.at("start", "joints", pattern):
-            robot.posture(joints={pattern: value})
-
-
-def _limits(spec: str | LimitsSpec, robot: Robot) -> Limits | None:
-    if isinstance(spec, str):
-        return None
-    values = spec.model_dump(exclude={"acceleration"})
-    if isinstance(spec.acceleration, float | int | None):
-        return Limits(robot, acceleration=spec.acceleration, **values)
-    acceleration = Limits(robot, **values).acceleration.copy()
-    for pattern, value in spec.acceleration.items():
-        acceleration[np.array(robot.joint_indices(pattern)) - 6] = value
-    return Limits(robot, acceleration=acceleration, **values)
 
 
 def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from wbc.constraints import Contact, Limits
 from wbc.controllers import KinematicController
-from wbc.problem.build_constraints import Surroundings
-from wbc.problem.controller_specs import PseudoInverseSpec, QpSettings
-from wbc.qp.backend import Backend, make_backend
+from wbc.problem.constraint_spec import Surroundings
+from wbc.problem.controller_spec import ControllerSpec
 from wbc.robot import Robot, Snapshot
 from wbc.run.phases import Phase
 from wbc.run.ramps import TargetedTask
@@ -32,6 +30,8 @@ class Parts:
         What is held in the first phase.
     phases:
         What happens, in order; a run without phases is one.
+    contact_slack:
+        Weights of the contacts that may give way, by frame.
     """
 
     robot: Robot
@@ -50,7 +50,7 @@ class Parts:
 
     def controller(
         self,
-        spec: QpSettings | PseudoInverseSpec,
+        spec: ControllerSpec,
         tasks: Sequence[Task],
         contacts: Sequence[Contact],
         snapshot: Snapshot,
@@ -60,31 +60,13 @@ class Parts:
         CoM supports are those of the contacts as they are at ``snapshot``.
         """
         constraints = self.surroundings.around(snapshot, contacts)
-        frames = [contact.frame for contact in contacts]
+        frames = {contact.frame for contact in contacts}
         slack = {frame: w for frame, w in self.contact_slack.items() if frame in frames}
-        slack |= self.surroundings.slack_of(constraints)
-        common: dict[str, Any] = {
-            "contacts": contacts,
-            "constraints": constraints,
-            "slack": slack,
-            "limits": self.limits,
-            "dt": spec.dt,
-            "damping": spec.damping,
-            "joint_weights": spec.joint_weights,
-        }
-        if isinstance(spec, PseudoInverseSpec):
-            return KinematicController(self.robot, tasks, solver="pseudo_inverse", **common)
-        return KinematicController(
+        return spec.build(
             self.robot,
             tasks,
-            solver=backend_of(spec),
-            formulation=spec.formulation,
-            on_failure=spec.on_failure,
-            **common,
+            contacts=contacts,
+            constraints=constraints,
+            slack={**slack, **self.surroundings.slack_of(constraints)},
+            limits=self.limits,
         )
-
-
-def backend_of(spec: QpSettings) -> Backend:
-    """Return the QP solver that a problem asks for."""
-    settings = {} if spec.eps is None else {"eps": spec.eps}
-    return make_backend(spec.solver, **settings)

@@ -13,15 +13,11 @@ from pydantic import ValidationError
 
 from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.problem.build_tasks import build_task
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
-from wbc.problem.phase_specs import PhaseSpec, PhaseTaskSpec
 from wbc.problem.source import Source
-from wbc.problem.spec import ProblemSpec
+from wbc.problem.spec import PhaseSpec, PhaseTaskSpec, ProblemSpec
 from wbc.problem.support import contacts_of
-from wbc.problem.target_specs import Over
-from wbc.problem.targets import feet_under
-from wbc.problem.task_specs import ComSpec, TaskSpec
+from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.phases import Change, Phase
 from wbc.run.ramps import TargetedTask
@@ -132,9 +128,9 @@ class _Planner:
         spec = self._merged(("phases", phase, "tasks", name), self._specs[name], given)
         if spec is None:
             return {}
-        if isinstance(spec, ComSpec) and isinstance(spec.target, Over) and "target" in given:
-            _check_over(spec.target, self._start, contacts)
-        self._built[name] = build_task(name, spec, self._start)
+        if "target" in given:
+            _check_feet_below(spec, self._start, contacts)
+        self._built[name] = spec.build(name, self._start)
         self._specs[name] = spec
         return {name: self._built[name]} if "target" in given else {}
 
@@ -186,14 +182,13 @@ class _Planner:
 
     def _carrier(self, name: str) -> int | None:
         """Return the joint that carries the frame of a task; None if the task has no frame."""
-        frame = getattr(self._specs[name], "frame", None)
-        is_frame = self._specs[name].type == "frame"
-        return carrier(self._start.robot, frame) if is_frame and frame is not None else None
+        frame = self._specs[name].moved_frame
+        return None if frame is None else carrier(self._start.robot, frame)
 
 
-def _check_over(target: Over, start: Snapshot, contacts: Iterable[Contact]) -> None:
+def _check_feet_below(spec: TaskSpec, start: Snapshot, contacts: Iterable[Contact]) -> None:
     standing = Standing.on("", tuple(contacts)).feet
-    for foot in feet_under(target, start.robot):
+    for foot in spec.feet_below(start.robot):
         if foot not in standing:
             raise Misplaced(
                 f"the {foot} foot does not stand in this phase (standing: "

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.problem.build import build
-from wbc.problem.controller_specs import GlobalSpec
-from wbc.problem.global_checks import global_shaping
+from wbc.problem.controller_spec import GlobalSpec
+from wbc.problem.global_search import global_shaping
 from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.parts import Parts

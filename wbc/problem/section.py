@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field as DataclassField
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, get_args
@@ -56,11 +56,22 @@ class Section(BaseModel):
 
 
 @dataclass(frozen=True)
-class OneOf:
-    """Annotates a union of sections that are told apart by the word under a key of theirs.
+class Words:
+    """Annotates a text that must be one of some words, such as those that a class knows."""
 
+    words: tuple[str, ...]
+
+    def __get_pydantic_core_schema__(self, _: Any, __: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.literal_schema(list(self.words))
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Annotates sections that are told apart by the word under a key of theirs.
+
+    They are the members of a union, or of a base class all subclasses that have none themselves.
     The words are those of the sections' own ``Literal``; a section in which the key has a default
-    is meant where the key is left out. Members may be such unions themselves.
+    is meant where the key is left out.
 
     Parameters
     ----------
@@ -68,27 +79,42 @@ class OneOf:
         Such as ``type``.
     example:
         A mapping, as messages show it.
+    then:
+        The key that tells sections of the same word apart.
     """
 
     key: str
     example: str
+    then: str = ""
 
-    def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        choices, words, default = dict[Any, CoreSchema](), dict[str, str](), None
-        for member in get_args(union):
-            schema = handler.generate_schema(member)
-            for section in _sections(member):
-                field = section.model_fields[self.key]
-                default = default if field.is_required() else field.default
-                for word in get_args(field.annotation):
-                    words[word] = f"({word})"
-                    choices[words[word]] = schema
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        parts = get_args(source) or (source,)
+        return self._schema([section for part in parts for section in leaves(part)], handler)
+
+    def _schema(self, sections: list[type[BaseModel]], handler: GetCoreSchemaHandler) -> CoreSchema:
+        members, default = dict[str, list[type[BaseModel]]](), None
+        for section in sections:
+            field = section.model_fields[self.key]
+            default = default if field.is_required() else field.default
+            for word in get_args(field.annotation):
+                members.setdefault(word, []).append(section)
+        nested = OneOf(self.then, self.example)
+        choices: dict[Any, CoreSchema] = {
+            f"({word})": handler.generate_schema(same[0])
+            if len(same) == 1
+            else nested._schema(same, handler)
+            for word, same in members.items()
+        }
 
         def tag(value: Any) -> str | None:
+            word = default
             if isinstance(value, BaseModel):
-                return words.get(getattr(value, self.key, ""))
-            word = value.get(self.key, default) if isinstance(value, Mapping) else None
-            return words.get(word) if isinstance(word, str) else None
+                word = getattr(value, self.key, None)
+            elif isinstance(value, Mapping):
+                word = value.get(self.key, default)
+            return f"({word})" if isinstance(word, str) and word in members else None
 
         return core_schema.tagged_union_schema(
             choices,
@@ -97,19 +123,26 @@ class OneOf:
             custom_error_message=f"expected keys and values such as {self.example}",
             custom_error_context={
                 "key": self.key,
-                "words": ", ".join(words),
+                "words": ", ".join(members),
                 "example": self.example,
             },
         )
 
 
-def _sections(member: Any) -> Iterator[type[BaseModel]]:
-    """Yield the sections of a union's member: itself, or those of an annotated union."""
-    parts = get_args(member)
-    if parts:
-        yield from (section for part in parts for section in _sections(part))
-    elif isinstance(member, type):
-        yield member
+def leaves(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield the subclasses of a section that have none themselves; itself if it has none."""
+    subclasses = section.__subclasses__()
+    if not subclasses:
+        yield section
+    for subclass in subclasses:
+        yield from leaves(subclass)
+
+
+def default_of(maker: Callable[..., Any], parameter: str) -> Any:
+    """Return the default that a class or function gives a parameter: sections repeat none."""
+    if isinstance(maker, type):  # whatever its metaclass calls
+        maker = maker.__init__  # type: ignore[misc]
+    return inspect.signature(maker).parameters[parameter].default
 
 
 def form_of(value: Any) -> str | None:

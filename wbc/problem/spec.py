@@ -2,23 +2,80 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
-from pydantic import Field
+from pydantic import Field, GetCoreSchemaHandler, StringConstraints
+from pydantic_core import CoreSchema, core_schema
 
-from wbc.problem.constraint_specs import ConstraintSpec
-from wbc.problem.controller_specs import ControllerChoice, QpSpec
-from wbc.problem.part_specs import (
-    LimitsChoice,
-    LimitsSpec,
-    RobotChoice,
-    StartSpec,
-    StopSpec,
-)
-from wbc.problem.phase_specs import Phases, PlainName
-from wbc.problem.section import Section
+import wbc.problem.kinds  # noqa: F401
+from wbc.problem.constraint_spec import ConstraintSpec
+from wbc.problem.controller_spec import ControllerSpec, QpSpec
+from wbc.problem.robot_spec import LimitsChoice, LimitsSpec, RobotChoice, StartSpec
+from wbc.problem.section import Name, OneOf, Positive, Section, Weight, default_of, leaves
 from wbc.problem.support import Support
-from wbc.problem.task_specs import TaskSpec
+from wbc.problem.task_spec import TaskSpec
+from wbc.run.stopping import Stop
+
+# The kinds that are imported above.
+AnyTask = Annotated[TaskSpec, OneOf("type", "{type: com, target: [0, 0, 0.3]}", then="control")]
+AnyConstraint = Annotated[ConstraintSpec, OneOf("type", "{type: box, upper: [null, null, 1]}")]
+AnyController = Annotated[ControllerSpec, OneOf("method", "{solver: proxqp}")]
+
+# Free of dots and brackets, so that `--set tasks.NAME.gain=...` reads a name in one piece.
+PlainName = Annotated[str, StringConstraints(pattern=r"^\w[\w -]*$")]
+
+
+class AnyTarget:
+    """Annotates a target in any form that a kind of task takes.
+
+    Which of these it must be depends on the task, so it is checked with the task at hand.
+    """
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        hints = (get_type_hints(kind, include_extras=True) for kind in leaves(TaskSpec))
+        return core_schema.no_info_wrap_validator_function(
+            lambda value, _: value,
+            core_schema.union_schema([handler.generate_schema(each["target"]) for each in hints]),
+            serialization=core_schema.plain_serializer_function_ser_schema(lambda value: value),
+        )
+
+
+class PhaseTaskSpec(Section):
+    """What a phase changes about a task."""
+
+    target: Annotated[Any, AnyTarget()] | None = None
+    """Where the task's target should be at the end of the phase, in any form that the task itself
+    takes; what is relative is relative to the start of the run. It moves smoothly from where it is,
+    or from where the robot is if the task was off."""
+    weight: Weight | None = None
+    """Weight at the end of the phase; it changes smoothly."""
+    active: bool | None = None
+    """Whether the task is in use from this phase on. Its weight rises or falls smoothly within the
+    phase; at once if the task's frame is let go or put down at its beginning."""
+
+
+class PhaseSpec(Section):
+    """A part of a run."""
+
+    duration: Positive
+    """How long it takes [s]."""
+    support: Support | None = None
+    """What is held in this phase, as in the problem's own support. A foot that was in the air must
+    have come to the ground, and is held where it is."""
+    tasks: dict[PlainName, PhaseTaskSpec] = Field(default_factory=dict)
+    """What changes, by the names of the problem's tasks."""
+
+
+class StopSpec(Section):
+    """When a run ends, and what must hold then."""
+
+    duration: Positive = default_of(Stop, "duration")
+    """Longest time to run [s]."""
+    speed: Positive | None = default_of(Stop, "speed")
+    """The robot is at rest, and the run over, when no velocity is above this [rad/s, m/s] for ten
+    ticks in a row; null: always run for the whole duration."""
+    accept: dict[Name, Positive] = Field(default_factory=dict)
+    """Tolerance on the norm of a task's error at the end, by the task's name."""
 
 
 class ProblemSpec(Section):
@@ -33,16 +90,16 @@ class ProblemSpec(Section):
     support: Support = "floating"
     """What is held where it is at the start: nothing (floating), a foot, both feet (double), or a
     list of frames."""
-    tasks: Annotated[dict[PlainName, TaskSpec], Field(min_length=1)]
+    tasks: Annotated[dict[PlainName, AnyTask], Field(min_length=1)]
     """What the robot should do, by names of your choice."""
-    phases: Phases | None = None
+    phases: Annotated[dict[PlainName, PhaseSpec], Field(min_length=1)] | None = None
     """The parts of the run by names of your choice, in order; the run ends after the last. Without
     phases everything is as it is at the start, until the run stops."""
     limits: LimitsChoice = LimitsSpec()
     """What joints and base may do, or none."""
-    constraints: dict[PlainName, ConstraintSpec] = Field(default_factory=dict)
+    constraints: dict[PlainName, AnyConstraint] = Field(default_factory=dict)
     """What else the robot must respect, by names of your choice."""
-    controller: ControllerChoice = QpSpec()
+    controller: AnyController = QpSpec()
     """How the tasks are turned into motion."""
     stop: StopSpec = StopSpec()
     """When the run ends, and what counts as success."""

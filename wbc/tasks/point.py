@@ -55,6 +55,11 @@ class PointTask(Task):
         bound = self._curvature_bound(snapshot, position, error)
         return Residual(error, jacobian[rows], -self.target_rate[rows], curvature_bound=bound)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Metres."""
+        return ("m",) * len(self.rows)
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the point's acceleration at zero acceleration of v, less the target's [m/s^2]."""
         return (self._acceleration(snapshot) - self.target_acceleration)[self._selected]

@@ -1,11 +1,16 @@
-"""Robot, start, support, limits and stop as a problem file describes them."""
+"""The robot, where it starts, and what its joints may do: as a file describes them, and made."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, Strict
 
+from wbc.constraints import Limits
+from wbc.constraints.limits import BRAKING
+from wbc.problem.mistakes import Mistakes
 from wbc.problem.section import (
     MAPPING,
     NUMBER,
@@ -19,18 +24,21 @@ from wbc.problem.section import (
     Positive,
     PositiveOrInfinite,
     Section,
+    Words,
+    default_of,
     forms,
 )
+from wbc.robot import FootSpec, Robot
 
 
-class FootSpec(Section):
+class FootSection(Section):
     """A foot: the link that stands on the ground, and its sole."""
 
     link: Name
     """The foot's link, or any frame fixed to it."""
     polygon: Annotated[tuple[Pair, ...], Strict(False), Field(min_length=3)] | None = None
     """Corners [x, y] of the sole [m] in that frame; found from the collision shapes if missing."""
-    height: Number = 0.0
+    height: Number = default_of(FootSpec, "height")
     """How far the frame's origin is above the sole [m]; used with polygon only."""
 
 
@@ -41,7 +49,7 @@ class RobotSpec(Section):
     """A name that `wbc robots` lists, or a .urdf or .xml file, relative to this file."""
     locked: dict[Name, Number] = Field(default_factory=dict)
     """Joints to hold rigid, by name or pattern, and their values [rad or m]."""
-    feet: dict[Name, FootSpec] | None = None
+    feet: dict[Name, FootSection] | None = None
     """The feet by name (left, right, ...); guessed from the names of the links if missing."""
     base: Literal["floating", "fixed"] | None = None
     """fixed: bolted to the world; left out: fixed if nothing stands and the root link is called
@@ -50,6 +58,26 @@ class RobotSpec(Section):
     """File with named postures, relative to this file."""
     package_dirs: Names | None = None
     """Folders to look for package:// meshes in, relative to this file."""
+
+    def load(self, folder: Path) -> Robot:
+        """Return the robot; relative paths start from ``folder``.
+
+        Raises
+        ------
+        WbcError
+            No such robot, or one that cannot be used.
+        """
+        path = Path(self.model).expanduser()
+        is_file = "/" in self.model or path.suffix != ""
+        feet = {name: FootSpec(**foot.model_dump()) for name, foot in (self.feet or {}).items()}
+        return Robot.load(
+            folder / path if is_file else self.model,
+            locked=self.locked,
+            feet=None if self.feet is None else feet,
+            base=self.base,
+            srdf=None if self.srdf is None else folder / Path(self.srdf).expanduser(),
+            package_dirs=[folder / Path(name).expanduser() for name in self.package_dirs or ()],
+        )
 
 
 RobotChoice = Annotated[
@@ -66,15 +94,23 @@ class StartSpec(Section):
     joints: dict[Name, Number] = Field(default_factory=dict)
     """Joint values [rad or m] by name or pattern, over those of the posture."""
 
+    def check(self, robot: Robot, mistakes: Mistakes) -> None:
+        """Note a posture or joints that ``robot`` does not have."""
+        with mistakes.at("start", "posture"):
+            robot.posture(self.posture)
+        for pattern, value in self.joints.items():  # one by one, so that each mistake has its line
+            with mistakes.at("start", "joints", pattern):
+                robot.posture(joints={pattern: value})
+
 
 class LimitsSpec(Section):
     """What joints and base may do; on by default."""
 
-    position: bool = True
+    position: bool = default_of(Limits, "position")
     """Keep joints inside the model's position limits."""
-    margin: NonNegative = 0.0
+    margin: NonNegative = default_of(Limits, "margin")
     """Distance to keep from them [rad or m]."""
-    velocity: Positive | None = 1.0
+    velocity: Positive | None = default_of(Limits, "velocity")
     """Factor on the model's velocity limits; null: no velocity limit."""
     acceleration: (
         Annotated[
@@ -85,7 +121,7 @@ class LimitsSpec(Section):
     ) = None
     """Largest acceleration [rad/s^2 or m/s^2], one number or by joint name or pattern; where none
     is given, the velocity limit divided by 0.1 s."""
-    braking: Annotated[Literal["free", "bounded"], WORD] = "free"
+    braking: Annotated[str, Words(BRAKING)] = default_of(Limits, "braking")
     """free: a joint may stop in one tick; bounded: it slows down by no more than the acceleration,
     except where limits, contacts or margins leave nothing else, and far from their targets tasks
     pull with lower gains, so that they do not overshoot."""
@@ -95,23 +131,27 @@ class LimitsSpec(Section):
     ) = None
     """Largest base velocity in base axes, three linear [m/s] then three angular [rad/s]; .inf: no
     limit."""
-    recovery: Fraction = 0.2
+    recovery: Fraction = default_of(Limits, "recovery")
     """Fraction of a violation to take back in one tick, in (0, 1]."""
+
+    def build(self, robot: Robot) -> Limits:
+        """Return the limits.
+
+        Raises
+        ------
+        WbcError
+            A joint that does not exist, or a margin that leaves no range.
+        """
+        values = self.model_dump(exclude={"acceleration"})
+        if isinstance(self.acceleration, float | int | None):
+            return Limits(robot, acceleration=self.acceleration, **values)
+        acceleration = Limits(robot, **values).acceleration.copy()
+        for pattern, value in self.acceleration.items():
+            acceleration[np.array(robot.joint_indices(pattern)) - 6] = value
+        return Limits(robot, acceleration=acceleration, **values)
 
 
 LimitsChoice = Annotated[
     Annotated[Literal["none"], WORD] | Annotated[LimitsSpec, MAPPING],
     forms("none, or keys such as margin: and velocity: (leave limits out for the defaults)"),
 ]
-
-
-class StopSpec(Section):
-    """When a run ends, and what must hold then."""
-
-    duration: Positive = 20.0
-    """Longest time to run [s]."""
-    speed: Positive | None = 1e-5
-    """The robot is at rest, and the run over, when no velocity is above this [rad/s, m/s] for ten
-    ticks in a row; null: always run for the whole duration."""
-    accept: dict[Name, Positive] = Field(default_factory=dict)
-    """Tolerance on the norm of a task's error at the end, by the task's name."""

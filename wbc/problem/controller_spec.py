@@ -1,41 +1,78 @@
-"""Controllers as a problem file describes them."""
+"""Controllers: as a problem file describes them, and made."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from wbc.problem.section import Name, NonNegative, OneOf, Positive, Section
+from wbc.controllers import KinematicController
+from wbc.controllers.controller import FORMULATIONS
+from wbc.controllers.tick import POLICIES
+from wbc.problem.section import Name, NonNegative, Positive, Section, Words, default_of
+from wbc.qp.backend import Backend, make_backend
+from wbc.robot import Robot
+from wbc.tasks import Task
 
 TimeStep = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1.0)]
 
 
-class ControllerSettings(Section):
+class ControllerSpec(Section):
     """What all methods have in common."""
 
-    dt: TimeStep = 0.005
+    dt: TimeStep = default_of(KinematicController, "dt")
     """Time step [s]."""
     joint_weights: dict[Name, Positive] = Field(default_factory=dict)
     """Factors on the damping by joint name or pattern, base for the base ({"*wrist*": 10, base:
     100}): which joints move where the tasks leave the choice. Others: 1. A posture task leaves
     none to the joints that it controls, unless damping is near the squares of weights."""
+    damping: Positive
+
+    @abstractmethod
+    def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
+        """Return a new controller; for ``parts`` see :class:`~wbc.controllers.KinematicController`.
+
+        Raises
+        ------
+        WbcError
+            Parts that do not fit together, or a solver that is not installed.
+        """
 
 
-class QpSettings(ControllerSettings):
+class QpSettings(ControllerSpec):
     """What methods that solve a quadratic program per tick have in common."""
 
-    solver: Name = "proxqp"
+    solver: Name = default_of(KinematicController, "solver")
     """The QP solver: proxqp, or any that qpsolvers finds installed."""
     eps: Positive | None = None
     """Accuracy asked of the solver; null: its default here."""
-    formulation: Literal["equality", "reduced"] = "equality"
+    formulation: Annotated[str, Words(FORMULATIONS)] = default_of(
+        KinematicController, "formulation"
+    )
     """equality: contacts are rows of the QP; reduced: they are eliminated first."""
-    damping: Positive = 1e-6
+    damping: Positive = default_of(KinematicController, "damping")
     """Weight of 1/2 |v|^2: picks one among equally good velocities."""
-    on_failure: Literal["hold", "damp", "closest", "raise"] = "hold"
+    on_failure: Annotated[str, Words(POLICIES)] = default_of(KinematicController, "on_failure")
     """When a QP has no solution: stand still, slow down, miss the rows by as little as can be, or
     end the run."""
+
+    def backend(self) -> Backend:
+        """Return the solver.
+
+        Raises
+        ------
+        WbcError
+            It is not installed, or does not take this accuracy.
+        """
+        return make_backend(self.solver, **({} if self.eps is None else {"eps": self.eps}))
+
+    def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
+        """Return a new controller."""
+        keys = {"dt", "joint_weights", "damping", "formulation", "on_failure"}
+        settings = self.model_dump(include=keys)
+        return KinematicController(robot, tasks, solver=self.backend(), **settings, **parts)
 
 
 class QpSpec(QpSettings):
@@ -76,14 +113,14 @@ class GlobalSpec(QpSettings):
         return self.model_dump(include=own - {"method", "support_margin"})
 
 
-class PseudoInverseSpec(ControllerSettings):
+class PseudoInverseSpec(ControllerSpec):
     """The damped pseudo-inverse of the paper, a baseline: limits are met by clipping."""
 
     method: Literal["pseudo_inverse"]
     damping: Positive = 1e-3
     """Weight of 1/2 |v|^2; the tasks' rows nearly lose rank, so it must not be tiny."""
 
-
-ControllerChoice = Annotated[
-    QpSpec | GlobalSpec | PseudoInverseSpec, OneOf("method", "{solver: proxqp}")
-]
+    def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
+        """Return a new controller."""
+        settings = self.model_dump(exclude={"method"})
+        return KinematicController(robot, tasks, solver="pseudo_inverse", **settings, **parts)

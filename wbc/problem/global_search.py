@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 from wbc.constraints import ComSupport, Contact, Limits
 from wbc.errors import InvalidInputError
-from wbc.problem.controller_specs import GlobalSpec
+from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.parts import Parts
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.task_specs import MomentumSpec
 from wbc.robot import Snapshot
 from wbc.run.standing import held_feet
 
@@ -28,20 +27,15 @@ def check_global(spec: ProblemSpec, mistakes: Mistakes) -> None:
                 "give another controller.method"
             )
     for name, constraint in spec.constraints.items():
-        for thing, obstacle in getattr(constraint, "things", {}).items():
-            with mistakes.at("constraints", name, "things", thing, "velocity"):
-                if any(obstacle.velocity):
-                    raise InvalidInputError(
-                        "method global looks for a posture to rest in, and where this will be then "
-                        "is not known; leave the velocity out, or give another controller.method"
-                    )
+        for mistake in constraint.not_in_search():
+            mistakes.note(("constraints", name), mistake)
     used = {name: task for name, task in spec.tasks.items() if task.active}
     level = next((task.priority for task in used.values()), 0)
     for name, task in used.items():
         with mistakes.at("tasks", name, "type"):
-            if isinstance(task, MomentumSpec):
+            if task.no_posture:
                 raise InvalidInputError(
-                    "method global: momentum is about velocities, a posture has none; "
+                    f"method global: {task.no_posture}; "
                     "give active: false, or another controller.method"
                 )
         with mistakes.at("tasks", name, "priority"):

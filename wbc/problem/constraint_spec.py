@@ -1,0 +1,110 @@
+"""What all constraints of a problem file have in common; each kind is a file in ``kinds``."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from wbc.constraints import Constraint, Contact, Limits
+from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.section import Positive, Section
+from wbc.robot import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltConstraint:
+    """A constraint, ready for any contacts and any time.
+
+    Attributes
+    ----------
+    during:
+        Returns the constraint while contacts are held that begin at a state; None for none.
+    move_to:
+        Puts what moves by itself where it is at a time [s].
+    """
+
+    during: Callable[[Snapshot, Sequence[Contact]], Constraint | None]
+    move_to: Callable[[float], None] | None = None
+
+
+class ConstraintSpec(Section):
+    """What all constraints have in common.
+
+    A kind of constraint is a subclass with a ``type`` of its own and :meth:`build`.
+    """
+
+    type: str
+    slack: Positive | None = None
+    """Weight of the squared slack [1/(m/s)^2] of a constraint that may give way; left out: hard.
+    The search of method global knows those that are hard."""
+
+    @abstractmethod
+    def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
+        """Return the constraint, for a robot that starts at ``start``.
+
+        Raises
+        ------
+        WbcError
+            An unknown name, or numbers that do not fit.
+        """
+
+    def not_in_search(self) -> Iterator[Misplaced]:
+        """Yield what a search over postures has no use for."""
+        return iter(())
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a robot must respect beside its limits, ready for any contacts and any time.
+
+    Attributes
+    ----------
+    constraints:
+        By name.
+    slack:
+        Weights of those that may give way, by name.
+    """
+
+    constraints: Mapping[str, BuiltConstraint]
+    slack: Mapping[str, float]
+
+    def around(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Constraint]:
+        """Return the constraints while ``contacts`` are held, from ``snapshot`` on.
+
+        Raises
+        ------
+        InvalidInputError
+            A margin that leaves nothing of a support polygon.
+        """
+        found = list[Constraint]()
+        for name, built in self.constraints.items():
+            constraint = built.during(snapshot, contacts)
+            if constraint is not None:
+                constraint.name = name
+                found.append(constraint)
+        return found
+
+    def slack_of(self, constraints: Sequence[Constraint]) -> dict[str, float]:
+        """Return the slack weights of those that may give way."""
+        names = {constraint.name for constraint in constraints}
+        return {name: weight for name, weight in self.slack.items() if name in names}
+
+    def move_to(self, time: float) -> None:
+        """Put what moves by itself where it is at ``time`` [s]."""
+        for built in self.constraints.values():
+            if built.move_to is not None:
+                built.move_to(time)
+
+
+def surroundings(
+    specs: Mapping[str, ConstraintSpec], start: Snapshot, limits: Limits | None, mistakes: Mistakes
+) -> Surroundings:
+    """Return the constraints of a problem; mistakes are noted at their places."""
+    made = dict[str, BuiltConstraint]()
+    for name, spec in specs.items():
+        with mistakes.at("constraints", name):
+            made[name] = spec.build(start, limits)
+    return Surroundings(
+        made, {name: spec.slack for name, spec in specs.items() if spec.slack is not None}
+    )

@@ -1,0 +1,115 @@
+"""The centre of mass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Discriminator, Tag
+
+from wbc.errors import UnknownNameError
+from wbc.problem.section import (
+    LIST,
+    MAPPING,
+    START,
+    Name,
+    Number,
+    Point,
+    Positive,
+    Section,
+    Weight,
+    default_of,
+    form_of,
+)
+from wbc.problem.targets import Axes, Offset, Start, point
+from wbc.problem.task_spec import ErrorTaskSpec
+from wbc.robot import Robot, Snapshot
+from wbc.robot.feet import NO_FEET
+from wbc.run.ramps import VECTORS, TargetedTask
+from wbc.tasks import ComTask
+from wbc.validate import Array
+
+OVER = Tag("(over)")
+DOUBLE = ("left", "right")
+
+
+class Over(Section):
+    """A place of the CoM above what the robot stands on."""
+
+    over: Name
+    """A foot, or double for left and right together: the middle of its sole, or half way between
+    the two, where they are when the target is set."""
+    height: Number | None = None
+    """Height above the ground [m]; as it was if left out."""
+
+
+def _form(value: object) -> str | None:
+    """Tell the two mappings apart by the key that their first key is nearest to."""
+    if isinstance(value, BaseModel):
+        return OVER.tag if isinstance(value, Over) else MAPPING.tag
+    if not isinstance(value, Mapping):
+        return form_of(value)
+    near = [get_close_matches(str(key), ("offset", "over", "height"), n=1) for key in value]
+    return MAPPING.tag if ["offset"] in near or not any(near) else OVER.tag
+
+
+ComTarget = Annotated[
+    Annotated[Point, LIST]
+    | Annotated[Offset, MAPPING]
+    | Annotated[Over, OVER]
+    | Annotated[Start, START],
+    Discriminator(
+        _form,
+        custom_error_type="form",
+        custom_error_message="expected [x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, or "
+        "start",
+    ),
+]
+
+
+class ComSpec(ErrorTaskSpec):
+    """The centre of mass."""
+
+    type: Literal["com"]
+    axes: Axes = default_of(ComTask, "axes")
+    """Which world axes are controlled."""
+    target: ComTarget
+    """Wanted place [m], world axes; {over: left} puts it above a foot."""
+    weight: Weight = 1.0
+    """Weight of the task, one number or one per axis [1/(m/s)]."""
+    ramp: Positive | None = None
+    """Time [s] in which the target moves smoothly from the place at the start."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+
+        def goal(now: Snapshot, before: Array) -> Array:
+            if not isinstance(self.target, Over):
+                return point(self.target, start.com)
+            place = sole_middle(now, self.feet_below(now.robot))
+            place[2] = before[2] if self.target.height is None else self.target.height
+            return place
+
+        settings = self.settings(self.axes)
+        task = ComTask(start.robot, goal(start, start.com), axes=self.axes, name=name, **settings)
+        return TargetedTask(task, goal, lambda now: now.com, VECTORS, task.set_target, self.ramp)
+
+    def feet_below(self, robot: Robot) -> tuple[str, ...]:
+        """Return the feet that the target is above, all of which exist."""
+        if not isinstance(self.target, Over):
+            return ()
+        feet = DOUBLE if self.target.over == "double" else (self.target.over,)
+        for foot in feet:
+            if foot not in robot.feet:
+                choices = [*robot.feet, *(["double"] if set(DOUBLE) <= set(robot.feet) else [])]
+                remedy = "" if robot.feet else NO_FEET
+                raise UnknownNameError(f"foot of {robot.name}", self.target.over, choices, remedy)
+        return feet
+
+
+def sole_middle(snapshot: Snapshot, feet: tuple[str, ...]) -> Array:
+    """Return the mean (3,) of the middles of the soles, which is where their frames are."""
+    places = [snapshot.position(snapshot.robot.feet[foot].frame) for foot in feet]
+    return np.asarray(np.mean(places, axis=0))

@@ -1,0 +1,157 @@
+"""Frames of the robot: position, orientation, both, or where an axis points."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from wbc.problem.section import (
+    LIST,
+    MAPPING,
+    START,
+    Name,
+    Point,
+    Positive,
+    Section,
+    Weight,
+    default_of,
+    forms,
+)
+from wbc.problem.targets import Axes, PointTarget, RotationTarget, Start, point, rotation
+from wbc.problem.task_spec import ErrorTaskSpec
+from wbc.robot import Snapshot
+from wbc.run.ramps import (
+    DIRECTIONS,
+    PLACEMENTS,
+    ROTATIONS,
+    VECTORS,
+    TargetedTask,
+    fixed_goal,
+    placement,
+    value_only,
+)
+from wbc.tasks import AxisTask, OrientationTask, PoseTask, PositionTask
+from wbc.tasks.frame import TURNS
+from wbc.tasks.point import AXES
+from wbc.validate import Array
+
+
+class FrameSpec(ErrorTaskSpec):
+    """What tasks of a frame have in common."""
+
+    type: Literal["frame"]
+    frame: Name
+    """A link, joint or other frame of the robot."""
+    weight: Weight = 1.0
+    """Weight of the task, one number or one per row [1/(m/s)] or [1/(rad/s)]."""
+
+    @property
+    def moved_frame(self) -> str | None:
+        """The frame."""
+        return self.frame
+
+
+class PositionSpec(FrameSpec):
+    """The position of a frame's origin."""
+
+    control: Literal["position"]
+    axes: Axes = default_of(PositionTask, "axes")
+    """Which world axes are controlled."""
+    target: PointTarget
+    """Wanted place [m], world axes."""
+    ramp: Positive | None = None
+    """Time [s] in which the target moves smoothly from the place at the start."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        start.robot.frame_id(self.frame)
+        goal = point(self.target, start.position(self.frame))
+        settings = self.settings(self.axes)
+        task = PositionTask(start.robot, self.frame, goal, axes=self.axes, name=name, **settings)
+
+        def current(now: Snapshot) -> Array:
+            return now.position(self.frame)
+
+        return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
+
+
+class OrientationSpec(FrameSpec):
+    """The orientation of a frame."""
+
+    control: Literal["orientation"]
+    target: RotationTarget
+    """Wanted orientation."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        start.robot.frame_id(self.frame)
+        goal = rotation(self.target, start.rotation(self.frame))
+        task = OrientationTask(start.robot, self.frame, goal, name=name, **self.settings(TURNS))
+
+        def current(now: Snapshot) -> Array:
+            return now.rotation(self.frame)
+
+        return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, value_only(task))
+
+
+class PlacementTarget(Section):
+    """Position and orientation of a frame."""
+
+    position: PointTarget = "start"
+    """Where its origin should be [m], world axes."""
+    orientation: RotationTarget = "start"
+    """How it should be turned."""
+
+
+class PoseSpec(FrameSpec):
+    """Position and orientation of a frame at once."""
+
+    control: Literal["pose"]
+    target: Annotated[
+        Annotated[PlacementTarget, MAPPING] | Annotated[Start, START],
+        forms("{position: ..., orientation: ...}, or start"),
+    ]
+    """Wanted position and orientation."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        start.robot.frame_id(self.frame)
+        wanted = PlacementTarget() if isinstance(self.target, str) else self.target
+        position = point(wanted.position, start.position(self.frame))
+        turned = rotation(wanted.orientation, start.rotation(self.frame))
+        settings = self.settings(AXES + TURNS)
+        task = PoseTask(start.robot, self.frame, position, turned, name=name, **settings)
+
+        def current(now: Snapshot) -> Array:
+            return placement(now.position(self.frame), now.rotation(self.frame))
+
+        def set_target(value: Array, _: Array, __: Array) -> None:
+            task.set_target(value[:, 3], value[:, :3])
+
+        goal = fixed_goal(placement(position, turned))
+        return TargetedTask(task, goal, current, PLACEMENTS, set_target)
+
+
+class AxisSpec(FrameSpec):
+    """The direction in which one axis of a frame points; it may turn about that axis."""
+
+    control: Literal["axis"]
+    axis: Point = tuple(float(entry) for entry in default_of(AxisTask, "axis"))
+    """The axis, in the frame's own axes."""
+    target: Annotated[
+        Annotated[Point, LIST] | Annotated[Start, START], forms("a direction [x, y, z], or start")
+    ]
+    """Wanted direction, world axes; its length does not matter."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        start.robot.frame_id(self.frame)
+        goal = point(self.target, start.rotation(self.frame) @ np.array(self.axis))
+        settings = self.settings(AXES)
+        task = AxisTask(start.robot, self.frame, goal, axis=self.axis, name=name, **settings)
+
+        def current(now: Snapshot) -> Array:
+            return now.rotation(self.frame) @ task.axis
+
+        return TargetedTask(task, fixed_goal(task.target), current, DIRECTIONS, value_only(task))

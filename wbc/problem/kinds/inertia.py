@@ -1,0 +1,186 @@
+"""The centroidal composite-rigid-body inertia: entries, trace or principal moments."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.errors import InvalidInputError
+from wbc.problem.mistakes import Misplaced
+from wbc.problem.section import (
+    LIST,
+    MAPPING,
+    MATRIX,
+    NUMBER,
+    START,
+    WORD,
+    Distinct,
+    Name,
+    NonNegative,
+    Number,
+    Point,
+    Positive,
+    Section,
+    Weight,
+    Words,
+    default_of,
+    forms,
+)
+from wbc.problem.targets import Start
+from wbc.problem.task_spec import ErrorTaskSpec
+from wbc.robot import Snapshot
+from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, value_only
+from wbc.spatial import DIAGONAL, vech
+from wbc.tasks import InertiaTask, PrincipalInertiaTask
+from wbc.tasks.inertia import ALL, DIAGONAL_COMPONENTS, TRACE, vech_target
+from wbc.validate import Array
+
+COMPONENTS = {"all": ALL, "diagonal": DIAGONAL_COMPONENTS, "trace": TRACE}
+PRINCIPAL = "principal"
+
+Components = Annotated[
+    Annotated[str, Words((*COMPONENTS, PRINCIPAL)), WORD]
+    | Annotated[
+        tuple[Annotated[str, Words(ALL)], ...], Strict(False), Field(min_length=1), Distinct, LIST
+    ],
+    forms(f"{', '.join((*COMPONENTS, PRINCIPAL))}, or a list of {' '.join(ALL)}"),
+]
+
+
+class Scale(Section):
+    """An inertia given by factors on the one at the start."""
+
+    scale: Annotated[
+        Annotated[NonNegative, NUMBER]
+        | Annotated[
+            tuple[NonNegative, ...], Strict(False), Field(min_length=3, max_length=3), LIST
+        ],
+        forms("one factor, or three for the diagonal entries (or the principal moments)"),
+    ]
+    """One factor for every component, or three for xx, yy, zz (or the principal moments)."""
+
+
+InertiaTarget = Annotated[
+    Annotated[Number, NUMBER]
+    | Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=6), LIST]
+    | Annotated[tuple[Point, ...], Strict(False), Field(min_length=3, max_length=3), MATRIX]
+    | Annotated[Scale, MAPPING]
+    | Annotated[Start, START],
+    forms(
+        "numbers in kg m^2 (three diagonal entries or principal moments, six entries xx xy xz yy "
+        "yz zz, a 3x3 matrix, or one number for the trace), {scale: factor}, or start"
+    ),
+]
+
+
+class InertiaSpec(ErrorTaskSpec):
+    """The robot's centroidal (composite-rigid-body) inertia: size and shape of the whole robot."""
+
+    type: Literal["inertia"]
+    components: Components = "all"
+    """Which entries of the matrix: all six, the diagonal, the trace, the principal moments, or a
+    list of entries."""
+    frame: Name = default_of(InertiaTask, "frame")
+    """Whose axes: world, base (the joints alone then decide) or any frame of the robot."""
+    target: InertiaTarget
+    """Wanted inertia [kg m^2], or {scale: ...} of the one at the start."""
+    weight: Weight = 1.0
+    """Weight of the task, one number or one per row [1/(kg m^2/s)]."""
+    per_mass: bool = default_of(InertiaTask, "per_mass")
+    """Divide the error by the robot's mass, so that a weight means the same on every robot."""
+    second_order: bool = default_of(InertiaTask, "second_order")
+    """Use the curvature of the inertia: for a target out of reach, where it converges much faster
+    (about 0.2 ms more per tick). Not for principal moments."""
+    ramp: Positive | None = None
+    """Time [s] in which the target moves smoothly from the inertia at the start."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        if self.components == PRINCIPAL:
+            return self._principal(name, start)
+        rows = COMPONENTS.get(self.components) if isinstance(self.components, str) else None
+        rows = rows or tuple(self.components)
+
+        def current(now: Snapshot) -> Array:
+            return vech(now.inertia_in(self.frame))
+
+        if self.frame != "world":
+            start.robot.frame_id(self.frame)
+        goal = self._goal(rows, current(start))
+        task = InertiaTask(
+            start.robot,
+            goal,
+            components=rows,
+            frame=self.frame,
+            per_mass=self.per_mass,
+            second_order=self.second_order,
+            name=name,
+            **self.settings(rows),
+        )
+
+        def set_target(value: Array, rate: Array, _: Array) -> None:
+            task.set_target(value, rate)
+
+        return TargetedTask(task, fixed_goal(goal), current, VECTORS, set_target, self.ramp)
+
+    def _goal(self, rows: tuple[str, ...], start: Array) -> Array:
+        """Return the wanted inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
+        if isinstance(self.target, str):
+            return start
+        if isinstance(self.target, Scale):
+            if isinstance(self.target.scale, float | int):
+                return self.target.scale * start
+            if not set(rows) <= {*DIAGONAL_COMPONENTS, *TRACE}:
+                raise Misplaced(
+                    "three factors fit the diagonal only (components: diagonal); give one factor",
+                    "target",
+                    "scale",
+                )
+            scaled = start.copy()
+            scaled[DIAGONAL] *= self.target.scale
+            return scaled
+        try:
+            entries = vech_target("inertia", np.array(self.target), rows)
+        except InvalidInputError as error:
+            raise Misplaced(str(error).removeprefix("inertia: "), "target") from None
+        _check_moments(entries[DIAGONAL])
+        return entries
+
+    def _principal(self, name: str, start: Snapshot) -> TargetedTask:
+        if "frame" in self.model_fields_set:
+            raise Misplaced(
+                "principal moments are the same in every frame; leave this out", "frame"
+            )
+        if self.second_order:
+            raise Misplaced("there is no second order for principal moments", "second_order")
+        if not isinstance(self.weight, float | int):
+            raise Misplaced("principal moments take one weight, not a list", "weight")
+
+        def current(now: Snapshot) -> Array:
+            return np.linalg.eigvalsh(now.inertia)
+
+        goal = self._principal_goal(current(start))
+        task = PrincipalInertiaTask(
+            start.robot, goal, per_mass=self.per_mass, name=name, **self.settings()
+        )
+        set_target = value_only(task)
+        return TargetedTask(task, fixed_goal(goal), current, VECTORS, set_target, self.ramp)
+
+    def _principal_goal(self, start: Array) -> Array:
+        """Return the wanted principal moments (3,) [kg m^2], smallest first."""
+        if isinstance(self.target, str):
+            return start
+        if isinstance(self.target, Scale):
+            return np.sort(start * np.array(self.target.scale))
+        if np.shape(self.target) != (3,):
+            raise Misplaced("expected the three principal moments, or {scale: ...}", "target")
+        wanted = np.sort(np.array(self.target, dtype=float))
+        _check_moments(wanted)
+        return wanted
+
+
+def _check_moments(moments: Array) -> None:
+    if (moments < 0.0).any():
+        raise Misplaced("a moment of inertia is not negative", "target")

@@ -1,0 +1,68 @@
+"""Centroidal momentum."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.problem.mistakes import Misplaced
+from wbc.problem.section import LIST, WORD, Distinct, Number, Weight, Words, default_of, forms
+from wbc.problem.task_spec import TaskSpec
+from wbc.robot import Snapshot
+from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, value_only
+from wbc.tasks import MomentumTask
+from wbc.tasks.momentum import ANGULAR, LINEAR
+from wbc.validate import Array
+
+ROWS = LINEAR + ANGULAR
+COMPONENTS = {"all": ROWS, "linear": LINEAR, "angular": ANGULAR}
+
+Components = Annotated[
+    Annotated[str, Words(tuple(COMPONENTS)), WORD]
+    | Annotated[
+        tuple[Annotated[str, Words(ROWS)], ...], Strict(False), Field(min_length=1), Distinct, LIST
+    ],
+    forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
+]
+
+
+class MomentumSpec(TaskSpec):
+    """Centroidal momentum; a rate already, so there is no error to remove by a gain."""
+
+    no_posture: ClassVar[str] = "momentum is about velocities, a posture has none"
+
+    type: Literal["momentum"]
+    components: Components = "all"
+    """linear (lx ly lz), angular about the centre of mass (kx ky kz), all, or a list of these."""
+    target: Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=6)] = (
+        default_of(MomentumTask, "target")
+    )
+    """Wanted momentum, linear [kg m/s] then angular [kg m^2/s], world axes: six numbers, or one for
+    each component."""
+    weight: Weight = 1.0
+    """Weight of the task, one number or one per row [1/(kg m/s)] or [1/(kg m^2/s)]."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        rows = COMPONENTS.get(self.components) if isinstance(self.components, str) else None
+        rows = rows or tuple(self.components)
+        goal = self._goal(rows)
+        settings = self.settings(rows)
+        task = MomentumTask(start.robot, goal, components=rows, name=name, **settings)
+        set_target = value_only(task)
+        return TargetedTask(task, fixed_goal(goal), lambda now: now.momentum, VECTORS, set_target)
+
+    def _goal(self, rows: tuple[str, ...]) -> Array:
+        if len(self.target) == len(ROWS):
+            return np.array(self.target, dtype=float)
+        if len(self.target) != len(rows):
+            raise Misplaced(
+                f"needs {len(rows)} entries ({', '.join(rows)}) or all {len(ROWS)}, "
+                f"got {len(self.target)}",
+                "target",
+            )
+        goal = np.zeros(len(ROWS))
+        goal[[ROWS.index(row) for row in rows]] = self.target
+        return goal

@@ -1,0 +1,121 @@
+"""The robot kept away from things around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.constraints import Limits, Obstacles
+from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
+from wbc.problem.mistakes import Misplaced
+from wbc.problem.section import (
+    Name,
+    Names,
+    NonNegative,
+    Point,
+    Positive,
+    Section,
+    Words,
+    default_of,
+)
+from wbc.robot import Snapshot
+from wbc.robot.collision import Obstacle
+from wbc.robot.collision.bodies import FITS
+
+SHAPES = ("sphere", "capsule", "box", "half_space")
+
+
+class ObstacleSpec(Section):
+    """Something that the robot must keep away from: one of sphere, capsule, box, half_space."""
+
+    sphere: Positive | None = None
+    """Radius [m], about its position."""
+    capsule: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=2, max_length=2)] | (
+        None
+    ) = None
+    """Radius and length [m] of the segment, upright about its position."""
+    box: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=3, max_length=3)] | (
+        None
+    ) = None
+    """Sides [m] along x, y, z about its position."""
+    half_space: Point | None = None
+    """Outward normal of a wall through its position."""
+    position: Point = (0.0, 0.0, 0.0)
+    """Where it is [m]."""
+    velocity: Point = (0.0, 0.0, 0.0)
+    """How it moves [m/s], world axes; with method global it must not."""
+
+    def build(self, name: str) -> Obstacle:
+        """Return the obstacle about the origin of its own frame.
+
+        Raises
+        ------
+        Misplaced
+            No shape, or several.
+        """
+        given = [shape for shape in SHAPES if getattr(self, shape) is not None]
+        if len(given) != 1:
+            raise Misplaced(f"needs one of {', '.join(SHAPES)}, and only one", "things", name)
+        centre = np.zeros(3)
+        if self.sphere is not None:
+            return Obstacle.sphere(name, centre, self.sphere)
+        if self.capsule is not None:
+            radius, length = self.capsule
+            half = np.array((0.0, 0.0, 0.5 * length))
+            return Obstacle.capsule(name, -half, half, radius)
+        if self.box is not None:
+            return Obstacle.box(name, self.box)
+        return Obstacle.half_space(name, np.array(self.half_space), 0.0)
+
+    def move_to(self, obstacle: Obstacle, time: float) -> None:
+        """Put the obstacle where it is at ``time`` [s]."""
+        velocity = np.array(self.velocity)
+        obstacle.move(np.eye(3), np.array(self.position) + time * velocity, velocity)
+
+
+class ObstaclesSpec(ConstraintSpec):
+    """The robot is kept away from things around it."""
+
+    type: Literal["obstacles"]
+    things: Annotated[dict[Name, ObstacleSpec], Field(min_length=1)]
+    """What is around, by name."""
+    margin: NonNegative = default_of(Obstacles, "margin")
+    """Distance that is kept [m]."""
+    links: Names = default_of(Obstacles, "links")
+    """Links that must keep away, by name or pattern."""
+    pairs: Annotated[int, Field(ge=1, le=1000)] = default_of(Obstacles, "pairs")
+    """How many pairs, the nearest of all, get a row in each tick."""
+    fit: Annotated[str, Words(FITS)] = default_of(Obstacles, "fit")
+    """What meshes are replaced by; hulls are closer and slower."""
+
+    def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:
+        """Return the constraint, its obstacles where they are at the start."""
+        things = [(spec, spec.build(name)) for name, spec in self.things.items()]
+        for spec, obstacle in things:
+            spec.move_to(obstacle, 0.0)
+        settings = self.model_dump(exclude={"type", "slack", "things"})
+        constraint = Obstacles(
+            start.robot, [obstacle for _, obstacle in things], **settings, limits=limits
+        )
+        moving = [(spec, obstacle) for spec, obstacle in things if any(spec.velocity)]
+
+        def move_to(time: float) -> None:
+            for spec, obstacle in moving:
+                spec.move_to(obstacle, time)
+
+        return BuiltConstraint(lambda *_: constraint, move_to)
+
+    def not_in_search(self) -> Iterator[Misplaced]:
+        """Yield obstacles that move."""
+        for name, thing in self.things.items():
+            if any(thing.velocity):
+                yield Misplaced(
+                    "method global looks for a posture to rest in, and where this will be then "
+                    "is not known; leave the velocity out, or give another controller.method",
+                    "things",
+                    name,
+                    "velocity",
+                )

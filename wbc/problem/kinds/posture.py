@@ -1,0 +1,65 @@
+"""The joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field
+
+from wbc.problem.section import MAPPING, WORD, Name, NonNegative, Number, form_of
+from wbc.problem.task_spec import ErrorTaskSpec
+from wbc.robot import Robot, Snapshot
+from wbc.run.ramps import Configurations, TargetedTask, fixed_goal, value_only
+from wbc.tasks import PostureTask
+from wbc.validate import Array
+
+
+def _form(value: object) -> str | None:
+    return WORD.tag if isinstance(value, str) else form_of(value)
+
+
+# "start" is a word like the names of postures: as a form of its own it would match twice in the
+# JSON Schema.
+PostureTarget = Annotated[
+    Annotated[dict[Name, Number], MAPPING] | Annotated[Name, WORD],
+    Discriminator(
+        _form,
+        custom_error_type="form",
+        custom_error_message="expected the name of a posture, {joint: value}, or start",
+    ),
+]
+
+
+class PostureSpec(ErrorTaskSpec):
+    """The joints: at a low weight, where to be as far as the other tasks leave it open."""
+
+    type: Literal["posture"]
+    target: PostureTarget = "start"
+    """A posture of the robot by name, or joint values [rad or m] by name or pattern; joints that
+    are not named keep the value at the start."""
+    joints: dict[Name, NonNegative] = Field(default_factory=dict)
+    """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
+    weight: NonNegative = 1.0
+    """Weight of the task [1/(rad/s)]."""
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        robot = start.robot
+        if isinstance(self.target, str):
+            goal = start.q if self.target == "start" else robot.posture(self.target)
+        else:
+            goal = with_joints(robot, start.q, self.target)
+        task = PostureTask(robot, goal, joints=self.joints, name=name, **self.settings())
+        space = Configurations(robot)
+        return TargetedTask(task, fixed_goal(goal), lambda now: now.q, space, value_only(task))
+
+
+def with_joints(robot: Robot, q: Array, joints: Mapping[str, float]) -> Array:
+    """Return ``q`` with joints, by name or pattern, at the given values [rad or m]."""
+    named = robot.posture("neutral", joints)
+    chosen = sorted({index for pattern in joints for index in robot.joint_indices(pattern)})
+    step = np.zeros(robot.nv)
+    step[chosen] = robot.difference(q, named)[chosen]
+    return robot.integrate(q, step, 1.0)
