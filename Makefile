@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint lowest bench clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
@@ -16,6 +16,14 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The tests with the lowest versions that pyproject.toml allows, in an environment of their own.
+lowest:
+	$(PYTHON) -m venv build/lowest
+	build/lowest/bin/pip install -qq uv
+	build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
+		--editable '.[robots,plot,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
+	build/lowest/bin/python -m pytest -n auto
 
 bench: $(VENV)/dev.stamp
 	$(BIN)/python benchmarks/tick.py
