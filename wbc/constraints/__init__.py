@@ -4,17 +4,20 @@ from wbc.constraints.collision import SelfCollision
 from wbc.constraints.com_support import ComSupport
 from wbc.constraints.contact import Contact, PointContact, support
 from wbc.constraints.limits import Limits
-from wbc.constraints.margin import BrakingParameters
+from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.obstacles import Obstacles
 from wbc.constraints.position_box import PositionBox
-from wbc.constraints.rows import Constraint
+from wbc.constraints.rows import Bounds, Constraint, Distances
 
 __all__ = [
+    "Bounds",
     "BrakingParameters",
     "ComSupport",
     "Constraint",
     "Contact",
+    "Distances",
     "Limits",
+    "Margin",
     "Obstacles",
     "PointContact",
     "PositionBox",
