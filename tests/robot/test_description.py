@@ -109,13 +109,31 @@ REFUSED_URDFS = {
     "planar": (link("a") + link("b") + joint("j", "a", "b", "planar"), ("'j'", "planar")),
     "spherical": (link("a") + link("b") + joint("j", "a", "b", "ball"), ("'j'", "ball")),
     "floating inside": (link("a") + link("b") + joint("j", "a", "b", "floating"), ("'j'", "root")),
-    "mimic": (
+    "mimic in a circle": (
+        link("a")
+        + link("b")
+        + link("c")
+        + joint("j", "a", "b", inside=LIMIT + '<mimic joint="k"/>')
+        + joint("k", "b", "c", inside=LIMIT + '<mimic joint="j"/>'),
+        ("'j'", "'k'", "in a circle", "locked={'j': 0.0, 'k': 0.0}"),
+    ),
+    "mimic of nothing": (
+        link("a") + link("b") + joint("j", "a", "b", inside=LIMIT + '<mimic joint="x"/>'),
+        ("'j'", "'x'", "not supported"),
+    ),
+    "mimic that turns": (
         link("a")
         + link("b")
         + link("c")
         + joint("j", "a", "b")
-        + joint("k", "b", "c", inside=LIMIT + '<mimic joint="j"/>'),
-        ("'k'", "'j'", "mimic", "locked={'j': 0.0, 'k': 0.0}"),
+        + joint("k", "b", "c", "continuous", LIMIT + '<mimic joint="j"/>'),
+        ("'k'", "'j'", "turn without end"),
+    ),
+    "mimic text": (
+        link("a")
+        + link("b")
+        + joint("j", "a", "b", inside=LIMIT + '<mimic joint="x" offset="pi"/>'),
+        ("'j'", "offset", "pi"),
     ),
     "no mass": (link("a") + '<link name="b"/>' + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
     "zero mass": (link("a") + link("b", "0") + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
@@ -261,8 +279,9 @@ def test_locking_checks_names_and_limits(tmp_path: Path) -> None:
 
 
 def test_locking_rescues_what_would_be_refused(tmp_path: Path) -> None:
-    content, _ = REFUSED_URDFS["mimic"]
+    content, _ = REFUSED_URDFS["mimic in a circle"]
     assert Robot.load(write(tmp_path, content), locked={"j": 0.0, "k": 0.0}).nv == 6
+    content, _ = REFUSED_URDFS["mimic that turns"]
     assert Robot.load(write(tmp_path, content), locked={"k": 0.0}).joint_names == ("j",)
     content, _ = REFUSED_URDFS["zero mass"]
     assert Robot.load(write(tmp_path, content), locked={"j": 0.0}).nv == 6

@@ -56,6 +56,8 @@ def urdf() -> str:
             parts.append(
                 JOINT.format(name=name, kind=kind, parent=parent, child=child, y=y if k == 0 else 0)
             )
+    mimic = '<mimic joint="left_j0" multiplier="-1" offset="0.01"/></joint>'
+    parts[-3] = parts[-3].replace("</joint>", mimic)  # right_j0
     return f'<robot name="toy">{"".join(parts)}</robot>'
 
 
@@ -76,6 +78,7 @@ def mjcf() -> str:
         '</default></default><worldbody><geom type="plane" size="1 1 1"/>'
         '<body name="pelvis" pos="0 0 1"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/>'
         f'{legs}</body></worldbody><actuator><motor joint="left_hip"/></actuator>'
+        '<equality><joint joint1="left_ankle" joint2="right_ankle" polycoef="0 -1"/></equality>'
         '<keyframe><key name="home" qpos="0 0 1 1 0 0 0 0 0 0 0 0 0"/></keyframe></mujoco>'
     )
 

@@ -20,6 +20,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.constraints.limits import Limits
+from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
@@ -224,6 +225,7 @@ class Controller(ABC):
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         """Work out what does not change between ticks."""
+        contacts = mechanics_of(self.robot, contacts)
         self.contacts = contacts
         self._verified = False
         self.slacks = Slacks(self._slack, contacts, self.constraints)

@@ -23,7 +23,15 @@ from wbc.robot.library import find_robot
 from wbc.robot.limits import Limits
 from wbc.robot.model_checks import check_supported
 from wbc.robot.names import add_base_frame
-from wbc.robot.postures import STANDING, grounded, named_postures, set_joints, settled
+from wbc.robot.postures import (
+    NEUTRAL,
+    STANDING,
+    follow,
+    grounded,
+    named_postures,
+    set_joints,
+    settled,
+)
 from wbc.robot.state import KinematicState
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, read_only
@@ -110,12 +118,15 @@ class Robot(KinematicTree):
         known = found.known
         folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
         description = read_description(found.path, folders)
-        model = lock_joints(description, {**(known.locked if known else {}), **(locked or {})})
+        rigid = {**(known.locked if known else {}), **(locked or {})}
+        model, couplings = lock_joints(description, rigid)
         notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         states = {**description.states, **(read_states(states_file) if states_file else {})}
         postures, posture_notes = named_postures(limits, pin.neutral(model), states, known)
+        for q in (q for key, q in postures.items() if key != NEUTRAL):
+            follow(limits, q, couplings)
         specs = _foot_specs(feet, None if known is None else known.feet)
         if base == "fixed" and specs is None:
             specs = {}
@@ -137,6 +148,7 @@ class Robot(KinematicTree):
             limits=limits,
             feet=soles,
             fixed_base=fixed,
+            couplings=couplings,
             postures=postures,
             notes=(known.notes if known else ()) + notes + posture_notes + foot_notes,
             srdf=states_file,
@@ -168,7 +180,8 @@ class Robot(KinematicTree):
         Parameters
         ----------
         joints:
-            Joint names, or patterns such as ``*_knee*``, and their values [rad or m].
+            Joint names, or patterns such as ``*_knee*``, and their values [rad or m]. Mimic joints
+            follow their drivers.
         on_ground:
             Put the lowest corner of the soles at z = 0; otherwise the base stays where it is in
             the named posture.
@@ -184,6 +197,7 @@ class Robot(KinematicTree):
             raise UnknownNameError("posture", reference, self.postures)
         q = self.postures[reference].copy()
         set_joints(self.limits, q, joints or {})
+        follow(self.limits, q, self.couplings)
         return grounded(self.model, q, self.feet) if on_ground else q
 
     def snapshot(self, q: ArrayLike, v: ArrayLike | None = None) -> Snapshot:

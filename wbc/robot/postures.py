@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.polygon import centroid, convex_hull, polygon_margin
 from wbc.robot.feet import Foot
-from wbc.robot.formats.description import State
+from wbc.robot.formats.description import Coupling, State
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.names import frame_table, matches, matching
@@ -83,6 +83,15 @@ def set_joints(limits: Limits, q: Array, joints: Mapping[str, float]) -> None:
     for pattern, value in joints.items():
         for k in matching(pattern, limits.names):
             limits.set_joint(q, limits.names[k], value)
+
+
+def follow(limits: Limits, q: Array, couplings: Mapping[str, Coupling]) -> None:
+    """Put mimic joints in ``q`` where their drivers put them, as far as their limits allow."""
+    for joint, coupling in couplings.items():
+        driver = q[limits.starts[limits.names.index(coupling.driver)]]
+        k = limits.names.index(joint)
+        value = coupling.ratio * float(driver) + coupling.offset
+        q[limits.starts[k]] = min(max(value, float(limits.lower[k])), float(limits.upper[k]))
 
 
 def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:

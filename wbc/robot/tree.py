@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.feet import NO_FEET, Foot
+from wbc.robot.formats.description import Coupling
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
@@ -42,8 +43,11 @@ class KinematicTree:
     feet:
         Feet by name, such as ``left``; empty if none were found.
     fixed_base:
-        Whether the base is bolted to the world. It has its place in q and v all the same, and
-        :func:`wbc.constraints.support` holds it there.
+        Whether the base is bolted to the world. It has its place in q and v all the same;
+        controllers hold it.
+    couplings:
+        Mimic joints, and what they follow; controllers hold them to it (see
+        :mod:`wbc.constraints.mechanics`).
     """
 
     name: str
@@ -52,8 +56,10 @@ class KinematicTree:
     limits: Limits
     feet: Mapping[str, Foot]
     fixed_base: bool
+    couplings: Mapping[str, Coupling]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "couplings", MappingProxyType(dict(self.couplings)))
         object.__setattr__(self, "feet", MappingProxyType(dict(self.feet)))
 
     def __repr__(self) -> str:

@@ -12,10 +12,20 @@ import pinocchio as pin
 from wbc.errors import ModelError
 from wbc.robot.limits import Limits
 from wbc.robot.names import matching
+from wbc.validate import finite_number
 
 State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
 
 MOST_JOINTS = 160  # moving ones; Pinocchio's memory and time grow with their cube
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that follows another one: ``ratio * driver + offset`` [rad or m]."""
+
+    driver: str
+    ratio: float = 1.0
+    offset: float = 0.0
 
 
 def check_joint_count(count: int, path: Path) -> None:
@@ -86,7 +96,7 @@ class Description:
     geometry:
         Loads the collision or visual shapes when asked.
     coupled:
-        Joints that the file ties to another one, and to which; they must be locked.
+        Joints that the file ties to another one (mimic or equality).
     states:
         Named configurations the file holds (MJCF key frames).
     bolted:
@@ -99,14 +109,18 @@ class Description:
     path: Path
     model: pin.Model
     geometry: GeometrySource
-    coupled: Mapping[str, str] = field(default_factory=dict)
+    coupled: Mapping[str, Coupling] = field(default_factory=dict)
     states: Mapping[str, State] = field(default_factory=dict)
     bolted: str = ""
     notes: tuple[str, ...] = ()
 
 
-def lock_joints(description: Description, locked: Mapping[str, float]) -> pin.Model:
-    """Return a new model in which the given joints are rigid.
+def lock_joints(
+    description: Description, locked: Mapping[str, float]
+) -> tuple[pin.Model, dict[str, Coupling]]:
+    """Return a new model in which the given joints are rigid, and the couplings of its joints.
+
+    A joint that follows a locked one is locked too. Couplings name drivers that follow none.
 
     Parameters
     ----------
@@ -120,7 +134,7 @@ def lock_joints(description: Description, locked: Mapping[str, float]) -> pin.Mo
     InvalidInputError
         A value that is not finite or outside the joint's limits.
     ModelError
-        A joint coupled to another one is left free.
+        A coupling that is not linear, in a circle, or of joints that turn without end.
     """
     model = description.model
     names = [name for name, nv in zip(model.names, model.nvs, strict=True) if nv == 1]
@@ -129,24 +143,44 @@ def lock_joints(description: Description, locked: Mapping[str, float]) -> pin.Mo
         for pattern, value in locked.items()
         for k in matching(pattern, names, "joint to lock")
     }
-    _refuse_coupled(description, locked)
+    couplings = dict[str, Coupling]()
+    for joint in description.coupled:
+        if joint in locked:
+            continue
+        coupling = _driven(description, joint, locked)
+        if coupling.driver in locked:
+            value = finite_number(f"joint {coupling.driver!r}", locked[coupling.driver])
+            locked[joint] = coupling.ratio * value + coupling.offset
+        else:
+            couplings[joint] = coupling
     if not locked:
-        return model.copy()
+        return model.copy(), couplings
     reference = pin.neutral(model)
     limits = Limits.of(model)
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
     ids = [model.getJointId(name) for name in locked]
-    return pin.buildReducedModel(model, ids, reference)
+    return pin.buildReducedModel(model, ids, reference), couplings
 
 
-def _refuse_coupled(description: Description, locked: Mapping[str, float]) -> None:
-    free = {name: by for name, by in description.coupled.items() if name not in locked}
-    if not free:
-        return
-    name, by = next(iter(free.items()))
-    remedy = ", ".join(f"{joint!r}: 0.0" for joint in sorted({*free, *free.values()} - {*locked}))
-    raise ModelError(
-        f"{description.path}: joint {name!r} is coupled to {by!r} (mimic or equality), which is not"
-        f" supported; lock every such joint: locked={{{remedy}}}"
-    )
+def _driven(description: Description, joint: str, locked: Mapping[str, float]) -> Coupling:
+    """Return what a joint follows in the end: a joint that follows none, or a locked one."""
+    model, found, seen = description.model, Coupling(joint), [joint]
+    while found.driver in description.coupled and found.driver not in locked:
+        step = description.coupled[found.driver]
+        found = Coupling(
+            step.driver, found.ratio * step.ratio, found.ratio * step.offset + found.offset
+        )
+        usable = model.existJointName(step.driver) and step.driver not in seen
+        ends = [model.getJointId(name) for name in (joint, step.driver)] if usable else []
+        if not usable or any((model.nqs[k], model.nvs[k]) != (1, 1) for k in ends):
+            tied = sorted({*description.coupled, step.driver} & {*model.names} - {*locked})
+            remedy = ", ".join(f"{name!r}: 0.0" for name in tied)
+            raise ModelError(
+                f"{description.path}: joint {joint!r} is coupled to {step.driver!r} (mimic or"
+                " equality) in a way that is not supported: not linear, in a circle, or of joints"
+                " that turn without end or are not there; lock every such joint:"
+                f" locked={{{remedy}}}"
+            )
+        seen.append(step.driver)
+    return found

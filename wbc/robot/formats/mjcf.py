@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.description import Description, State, check_joint_count, confirm
+from wbc.robot.formats.description import Coupling, Description, State, check_joint_count, confirm
 from wbc.robot.formats.mjcf_document import plain_document
 from wbc.robot.formats.xml import check_magnitude, numbers, refuse_non_finite
 
@@ -229,7 +229,8 @@ def _check_slides(root: ET.Element, model: pin.Model, path: Path) -> None:
             )
 
 
-def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, str]]:
+def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Coupling]]:
+    zeroed = {joint.get("name") for joint in root.iter("joint") if float(joint.get("ref", 0)) == 0}
     for constraint in root.findall("equality/*"):
         if constraint.tag != "joint":
             raise ModelError(
@@ -237,7 +238,16 @@ def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, str]]:
                 f" name={constraint.get('name', '')!r}>: closed loops are not supported;"
                 " remove it and describe an open tree"
             )
-        yield constraint.get("joint1", "?"), constraint.get("joint2", "a constant")
+        if constraint.get("active") == "false":
+            continue
+        joint, driver = constraint.get("joint1", "?"), constraint.get("joint2", "a constant")
+        where = f"{path}: equality constraint of joint {joint!r}"
+        count = len(constraint.get("polycoef", "").split())
+        powers = numbers(constraint, "polycoef", count, where) if count else []
+        offset, ratio, *curved = (*powers, *(0.0, 1.0, 0.0, 0.0, 0.0)[len(powers) :])
+        if any(curved) or not {joint, driver} <= zeroed:
+            driver = f"a polynomial of {driver}"
+        yield joint, Coupling(driver, ratio, offset)
 
 
 def _missing_meshes(root: ET.Element) -> list[str]:

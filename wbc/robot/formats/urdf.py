@@ -16,7 +16,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.description import Description, check_joint_count, confirm
+from wbc.robot.formats.description import Coupling, Description, check_joint_count, confirm
 from wbc.robot.formats.mesh_files import exact_meshes, resolve_meshes
 from wbc.robot.formats.xml import check_magnitude, numbers
 from wbc.robot.limits import UNLIMITED
@@ -83,7 +83,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         _check_shapes(link, where)
     for joint in joints:
         _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
-    coupled = dict(_coupled_joints(joints))
+    coupled = dict(_coupled_joints(joints, path))
     notes = resolve_meshes(root, path, package_dirs)
     text = ET.tostring(root, encoding="unicode")
     floats = any(joint.get("type") == "floating" for joint in joints)
@@ -268,9 +268,14 @@ def _complete_limit(joint: ET.Element, where: str) -> None:
         limit.attrib.setdefault(key, "0")
 
 
-def _coupled_joints(joints: list[ET.Element]) -> Iterator[tuple[str, str]]:
+def _coupled_joints(joints: list[ET.Element], path: Path) -> Iterator[tuple[str, Coupling]]:
     for joint in joints:
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") in MOVING:
-            yield joint.get("name", ""), mimic.get("joint", "")
+            where = f"{path}: joint {joint.get('name')!r}"
+            ratio, offset = (
+                numbers(mimic, key, 1, where)[0] if key in mimic.attrib else default
+                for key, default in (("multiplier", 1.0), ("offset", 0.0))
+            )
+            yield joint.get("name", ""), Coupling(mimic.get("joint", ""), ratio, offset)
             joint.remove(mimic)

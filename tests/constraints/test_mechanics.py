@@ -1,0 +1,103 @@
+"""Mimic joints are driven as their gear says, and a fixed base stays, without being asked to."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc import KinematicController, PositionTask, PostureTask, load_problem
+from wbc.constraints.limits import Limits
+from wbc.robot import Robot
+
+BODY = (
+    '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
+    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>'
+)
+# c follows b at -2 b + 0.1, d follows c at 0.5 c, so at -b + 0.05.
+GEARS = {
+    "c": '<mimic joint="b" multiplier="-2" offset="0.1"/>',
+    "d": '<mimic joint="c" multiplier="0.5"/>',
+}
+
+
+def arm(folder: Path) -> Path:
+    parts = [f'<link name="world">{BODY}</link>']
+    parent = "world"
+    for name in "abcd":
+        parts.append(
+            f'<link name="link_{name}">{BODY}</link><joint name="{name}" type="revolute">'
+            f'<parent link="{parent}"/><child link="link_{name}"/><origin xyz="0 0 0.2"/>'
+            f'<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" velocity="2"/>'
+            f"{GEARS.get(name, '')}</joint>"
+        )
+        parent = f"link_{name}"
+    path = folder / "arm.urdf"
+    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    return path
+
+
+def joints(robot: Robot, q: np.ndarray) -> dict[str, float]:
+    return dict(zip(robot.joint_names, robot.limits.joint_positions(q).tolist(), strict=True))
+
+
+def test_postures_follow_the_gears(tmp_path: Path) -> None:
+    robot = Robot.load(arm(tmp_path))
+    found = joints(robot, robot.posture("neutral", {"a": 0.3, "b": 0.4}))
+    assert found == pytest.approx({"a": 0.3, "b": 0.4, "c": -0.7, "d": -0.35})
+    found = joints(robot, robot.posture("standing"))
+    assert found == pytest.approx({"a": 0.0, "b": 0.0, "c": 0.1, "d": 0.05})
+
+
+def test_controllers_hold_the_gears(tmp_path: Path) -> None:
+    robot = Robot.load(arm(tmp_path))
+    q = robot.posture("neutral", {"a": 0.3, "b": 0.4})
+    target = robot.snapshot(robot.posture("neutral", {"a": 0.6, "b": 0.1})).position("link_d")
+    tasks = [PositionTask(robot, "link_d", target), PostureTask(robot, q, weight=0.01)]
+    controller = KinematicController(robot, tasks, limits=Limits(robot), dt=0.01)
+    controller.set_contacts(controller.contacts)  # which holds them once all the same
+    held = ["bolted base", "gear of c", "gear of d"]
+    assert [contact.name for contact in controller.contacts] == held
+    start = q
+    for _ in range(50):
+        q = robot.integrate(q, controller.step(robot.snapshot(q)).velocity, 0.01)
+        now = joints(robot, q)
+        assert now["c"] == pytest.approx(-2 * now["b"] + 0.1, abs=1e-6)
+        assert now["d"] == pytest.approx(-now["b"] + 0.05, abs=1e-6)
+        np.testing.assert_allclose(q[:7], start[:7], atol=1e-9)
+    assert abs(now["b"] - 0.4) > 0.01
+
+
+def test_problem_files_hold_the_gears(tmp_path: Path) -> None:
+    arm(tmp_path)
+    path = tmp_path / "reach.yaml"
+    path.write_text(
+        "robot: arm.urdf\nstart: {posture: neutral, joints: {a: 0.3, b: 0.4}}\n"
+        "tasks:\n  tip: {type: frame, frame: link_d, control: position,"
+        " target: {offset: [0.05, 0, -0.05]}}\nstop: {duration: 0.5}\n"
+    )
+    history = load_problem(path).run().history
+    _, b, c, d = history.q[:, 7:].T
+    np.testing.assert_allclose(c, -2 * b + 0.1, atol=1e-6)
+    np.testing.assert_allclose(d, -b + 0.05, atol=1e-6)
+    assert np.ptp(b) > 0.01
+
+
+def test_what_follows_a_locked_joint_is_locked(tmp_path: Path) -> None:
+    robot = Robot.load(arm(tmp_path), locked={"b": 0.4})
+    assert robot.joint_names == ("a",)
+    whole = Robot.load(arm(tmp_path))
+    q, other = whole.posture("neutral", {"b": 0.4}), robot.posture("neutral")
+    np.testing.assert_allclose(whole.snapshot(q).com, robot.snapshot(other).com, atol=1e-12)
+
+
+def test_an_equality_of_joints_is_a_gear(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco model="arm"><worldbody><body name="stand"><geom size="0.1" mass="1"/>'
+        '<body name="one"><joint name="a" axis="0 1 0"/><geom size="0.1" mass="1"/>'
+        '<body name="two"><joint name="b" axis="0 1 0"/><geom size="0.1" mass="1"/>'
+        '</body></body></body></worldbody><equality><joint joint1="b" joint2="a"'
+        ' polycoef="0.1 3 0 0 0"/></equality></mujoco>'
+    )
+    robot = Robot.load(path)
+    assert joints(robot, robot.posture("neutral", {"a": 0.2}))["b"] == pytest.approx(0.7)
