@@ -295,7 +295,7 @@ def test_plan_files_with_other_contents(plan: Path, tmp_path: Path) -> None:
             for step in above:
                 inside = inside[step]
             if rng.random() < 0.8 or not isinstance(inside, dict):
-                inside[last] = rng.choice(values)
+                inside[last] = copy.deepcopy(rng.choice(values))
             else:
                 inside[f"{last}x"] = inside.pop(last)
         if rng.random() < 0.2:

@@ -129,7 +129,7 @@ class PlanProblem:
             stride = finite_vector("plan: periodic", self.periodic, 2)
             object.__setattr__(self, "periodic", tuple(stride.tolist()))
         reference = finite_vector("plan: reference", self.reference, 4)
-        if abs(np.linalg.norm(reference) - 1.0) > UNIT:
+        if np.abs(reference).max() > 2.0 or abs(np.linalg.norm(reference) - 1.0) > UNIT:
             raise InvalidInputError("plan: reference must be a unit quaternion (x, y, z, w)")
         object.__setattr__(self, "reference", tuple(reference.tolist()))
         low, high = DEGREES
