@@ -113,6 +113,8 @@ MISTAKES = {
                    " 1]}}", "only one"),
     "unknown link": (BOX, "type: self_collision, exclude: [[hed, base]]",
                      "constraints.one.exclude"),
+    "nothing left of what stands": (BOX, "type: com_support, margin: 0.5",
+                                    "p.yaml:9: constraints.one: com support, margin"),
     "no polygon left": (BOX, "type: com_support, margin: 1.0, feet: [left]",
                         "leaves nothing"),
     "unknown foot": (BOX, "type: com_support, feet: [lleft]",

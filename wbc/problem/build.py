@@ -76,6 +76,10 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         surroundings=around,
         contact_slack=slack_by_frame(supports),
     )
+    for name, one in around.constraints.items():  # what stands is now known
+        with mistakes.at("constraints", name):
+            one.during(start, parts.contacts)
+    mistakes.raise_any()
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     mistakes.require(("controller",), make)
     if isinstance(spec.controller, GlobalSpec):
