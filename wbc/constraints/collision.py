@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, USED, BrakingParameters, Margin
@@ -11,7 +13,7 @@ from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -29,8 +31,7 @@ class SelfCollision(Margin):
     fit:
         What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
     include, exclude:
-        Pairs of patterns of links; see :func:`wbc.robot.collision.select_pairs`. Pairs nearer than
-        the margin when standing are left out; :attr:`excluded` names them and all others.
+        Pairs of patterns of links; see :func:`wbc.robot.collision.select_pairs`.
     model:
         Bodies and pairs made elsewhere, instead of ``fit``, ``include`` and ``exclude``.
     braking, limits:
@@ -38,8 +39,13 @@ class SelfCollision(Margin):
 
     Attributes
     ----------
+    margins:
+        (N,) distance that each pair of the model keeps [m]: ``margin``, or half of what there is
+        when standing, where that is less.
     excluded:
         The pairs that are not watched, and why.
+    finer:
+        The pairs that have finer shapes than ``fit`` says, and how near these stand.
 
     Raises
     ------
@@ -68,13 +74,18 @@ class SelfCollision(Margin):
             raise InvalidInputError(f"self-collision, pairs: at least 1, got {pairs}")
         self.count = int(pairs)
         self.excluded: dict[str, str] = {}
+        self.finer: dict[str, str] = {}
+        margins: Sequence[float] = ()
         if model is None:
             bodies = robot_bodies(robot, fit)
             chosen = select_pairs(
                 robot, bodies, include=include, exclude=exclude, clearance=self.margin
             )
-            model = CollisionModel(robot, bodies, chosen.pairs)
-            self.excluded = dict(chosen.excluded)
+            model = CollisionModel(robot, chosen.bodies, chosen.pairs)
+            margins = chosen.margins
+            self.excluded, self.finer = dict(chosen.excluded), dict(chosen.finer)
+        self.margins = read_only(np.array(margins or [self.margin] * len(model.pairs)))
+        self._kept = self.margins + SKIN
         if model.robot is not robot:
             raise InvalidInputError("self-collision: the model was made for another robot object")
         self.model = model
@@ -85,12 +96,12 @@ class SelfCollision(Margin):
         found = (
             model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
         )
-        clearance = found.distance - (self.margin + SKIN)
+        clearance = found.distance - self._kept.take(found.pairs)
         return Distances(found.pairs, clearance, model.rows(snapshot, found), None, found)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""
-        return SeparatedPairs(self.model, self.margin + SKIN, {})
+        return SeparatedPairs(self.model, self._kept, {})
 
     def labels(self, distances: Distances) -> tuple[str, ...]:
         """Return labels such as ``"left_hand vs pelvis"``."""

@@ -92,13 +92,13 @@ class SeparatedPairs(NamedTuple):
     model:
         Bodies and pairs.
     distance:
-        What every pair keeps [m].
+        What every pair, or each of them (N,), keeps [m].
     places:
         Rotation (3, 3) and origin (3,) of each body that does not hang on the robot, by index.
     """
 
     model: CollisionModel
-    distance: float
+    distance: float | Array
     places: Mapping[int, tuple[Array, Array]]
 
 

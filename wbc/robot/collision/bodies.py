@@ -42,6 +42,23 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     """
     if fit not in FITS:
         raise UnknownNameError("fit", fit, FITS)
+    bodies = []
+    for name, link, shape in named_shapes(robot):
+        found = simple_shape(shape.geometry, fit, f"{robot.path}: link {link!r}")
+        pose = shape.placement
+        placed = moved(found.shape, np.array(pose.rotation), np.array(pose.translation))
+        bodies.append(Body(name, link, int(shape.parentJoint), placed, found.bulge))
+    return tuple(bodies)
+
+
+def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
+    """Return name, link and raw shape of each body, as :func:`robot_bodies` has them.
+
+    Raises
+    ------
+    ModelError
+        See :func:`robot_bodies`.
+    """
     shapes = robot.collision_model
     _refuse_missing(robot, shapes)
     if not shapes.ngeoms:
@@ -52,18 +69,15 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     objects = [shape for shape in shapes.geometryObjects if shape.parentJoint > 0]
     links = [str(robot.model.frames[shape.parentFrame].name) for shape in objects]
     several, seen = Counter(links), Counter[str]()
-    bodies = []
+    named = []
     for link, shape in zip(links, objects, strict=True):
         seen[link] += 1
         name = link if several[link] == 1 else f"{link}#{seen[link]}"
-        found = _simple(shape.geometry, fit, f"{robot.path}: link {link!r}")
-        pose = shape.placement
-        placed = moved(found.shape, np.array(pose.rotation), np.array(pose.translation))
-        bodies.append(Body(name, link, int(shape.parentJoint), placed, found.bulge))
-    return tuple(bodies)
+        named.append((name, link, shape))
+    return named
 
 
-def _simple(geometry: object, fit: str, where: str) -> Fit:
+def simple_shape(geometry: object, fit: str, where: str) -> Fit:
     """Return a coal shape as a body's shape, in its own frame."""
     match geometry:
         case coal.Sphere():

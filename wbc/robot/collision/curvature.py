@@ -49,7 +49,8 @@ class CurvatureBounds:
         self._radii = np.array([body.shape.radius for body in bodies])
         flat = np.array([isinstance(body.shape, HalfSpace) for body in bodies])
         self._least = np.where(flat, np.inf, 0.0)  # half-spaces have no corners to go by
-        most = max(len(body.shape.core) for body in bodies)
+        self._counts = np.array([len(body.shape.core) for body in bodies])
+        most = int(self._counts.max())
         # (bodies, most, 3): those with fewer corners repeat their last.
         self._corners = np.stack([_filled(body.shape.core, most) for body in bodies])
 
@@ -73,6 +74,18 @@ class CurvatureBounds:
         contact:
             Normals (k, 3) from the second to the first body, nearest points (k, 3) on both.
         """
+        bound = np.empty(len(pairs))
+        # Capsules by themselves: they have few corners.
+        round_ones = self._counts[self._pairs.take(pairs, axis=0)].max(axis=1) <= 2
+        for some in (np.flatnonzero(round_ones), np.flatnonzero(~round_ones)):
+            if some.size:
+                parts = tuple(part.take(some, axis=0) for part in contact)
+                bound[some] = self._by_corners(places, pairs.take(some), parts, step)
+        return bound
+
+    def _by_corners(
+        self, places: Placements, pairs: Index, contact: tuple[Array, ...], step: Array
+    ) -> Array:
         angle, curvature = self._angles(pairs, step)
         normal, first, second = contact
         bodies = self._pairs.take(pairs, axis=0).T.ravel()  # all first ones, then all second ones
@@ -81,7 +94,8 @@ class CurvatureBounds:
         R, origins = (part.take(joints, axis=0) for part in places)
         origins -= np.concatenate((first, second))
         origins -= self._radii.take(bodies)[:, None] * outward
-        x = np.matmul(self._corners.take(bodies, axis=0), R.transpose(0, 2, 1))
+        most = int(self._counts.take(bodies).max())
+        x = np.matmul(self._corners[:, :most].take(bodies, axis=0), R.transpose(0, 2, 1))
         x += origins[:, None]
         ahead = np.matmul(x, outward[:, :, None])[:, :, 0]
         phi = np.concatenate((angle, angle))[:, None]

@@ -132,6 +132,10 @@ class ShapePairs:
     def __init__(self, robot: Robot, bodies: Sequence[Body], pairs: Index) -> None:
         self._shapes = pin.GeometryModel()
         self._places: list[pin.SE3] = []  # of the shapes in their bodies' frames
+        used, numbers = np.unique(pairs, return_inverse=True)
+        pairs = numbers.reshape(-1, 2)
+        self._numbers = {body: k for k, body in enumerate(used.tolist())}
+        bodies = [bodies[k] for k in used.tolist()]
         for k, body in enumerate(bodies):
             geometry, placement = _geometry(body)
             geometry.computeLocalAABB()
@@ -162,7 +166,9 @@ class ShapePairs:
 
     def place(self, body: int, pose: tuple[Array, Array]) -> None:
         """Move a body that hangs on no joint to a rotation and origin in the world."""
-        self._shapes.geometryObjects[body].placement = pin.SE3(*pose) * self._places[body]
+        k = self._numbers.get(body)
+        if k is not None:
+            self._shapes.geometryObjects[k].placement = pin.SE3(*pose) * self._places[k]
 
     def distances(self, snapshot: Snapshot, chosen: Index) -> Array:
         """Return the distances (k,) [m] of the chosen pairs, negative inside each other."""

@@ -28,6 +28,7 @@ from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array
 
 DIRECTIONS = 128  # in which a hull keeps the farthest vertex
+FEW = 8  # and with which a close hull begins
 ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
 THINNEST = 1e-4  # m: flat points get a box of this thickness
 _SAMPLES = 400
@@ -83,7 +84,32 @@ def fit_hull(points: Array, pad: float = 0.0) -> Fit:
     corners = _corners(points)
     if _is_flat(corners):
         corners = _thick_box(corners)
-    kept = _corners(_farthest(corners, _directions(DIRECTIONS)))
+    return _rounded_hull(_farthest(corners, _directions(DIRECTIONS)), corners, pad)
+
+
+def fit_close_hull(points: Array, tolerance: float) -> Fit:
+    """Return a rounded hull of few corners whose radius is about ``tolerance`` [m], or less.
+
+    To the farthest points in a few directions those are added that stick out most of a face.
+    """
+    corners = _corners(points)
+    if _is_flat(corners):
+        corners = _thick_box(corners)
+    kept = _farthest(corners, _directions(FEW))
+    while not _is_flat(kept):
+        planes = ConvexHull(kept).equations
+        outside = corners @ planes[:, :3].T + planes[:, 3]  # (corners, faces)
+        beyond = outside.max(axis=0) > tolerance
+        if not beyond.any():
+            break
+        farthest = np.unique(outside[:, beyond].argmax(axis=0))
+        apart = farthest[np.argsort(-outside[farthest].max(axis=1))][: max(len(kept) // 2, 1)]
+        kept = np.concatenate((kept, corners[apart]))
+    return _rounded_hull(kept, corners, 0.0)
+
+
+def _rounded_hull(kept: Array, corners: Array, pad: float) -> Fit:
+    kept = _corners(kept)
     if _is_flat(kept):
         kept = _thick_box(corners)
     excess = float(_to_hull(corners, kept).max())

@@ -95,18 +95,17 @@ class CollisionModel:
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[self._first]] - moves[joints[self._second]]  # (pairs, nv)
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
-        self._solids = self._split()
-
-    def _split(self) -> ShapePairs | None:
-        """Return what measures the pairs if some shape is no capsule; None if all are."""
         flat = np.array([isinstance(body.shape, HalfSpace) for body in self.bodies])
         if flat[self._first].any():
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self._flat = np.flatnonzero(flat[self._second])
+        # Pairs of capsules are measured as segments, the others by coal.
         solid = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
-        if not solid[self.pairs].any():
-            return None
-        return ShapePairs(self.robot, self.bodies, self.pairs)
+        self._solid = solid[self.pairs].any(axis=1)  # (pairs,)
+        self._solid_number = np.cumsum(self._solid) - 1
+        self._solids = None
+        if self._solid.any():
+            self._solids = ShapePairs(robot, self.bodies, self.pairs[self._solid])
 
     def __repr__(self) -> str:
         return (
@@ -141,21 +140,16 @@ class CollisionModel:
             return self._nearest(snapshot, None, self._every, count)
         placed = self._placed(snapshot)
         lower = self._lower_bounds(placed)
-        if self._solids is not None:
-            near = np.argpartition(lower, tried)[:tried]
-            lower[near] = self._closer_bounds(placed, near, lower.take(near))
-            tried = NARROWED * count
         order = np.argpartition(lower, tried)
-        candidates = order[:tried]
-        candidates.sort()
-        found = self._nearest(snapshot, placed, candidates, count)
+        near = order[:tried]
+        near.sort()
+        found = self._nearest(snapshot, placed, near, count)
         farthest = np.maximum.reduce(found.distance)
-        if lower[order[tried]] < farthest:  # one that was left out may be nearer
-            left = order[tried:]
-            more = np.concatenate((found.pairs, left[lower[left] < farthest]))
-            more.sort()
-            return self._nearest(snapshot, placed, more, count)
-        return found
+        if lower[order[tried]] >= farthest:
+            return found
+        left = order[tried:]  # one that was left out may be nearer
+        more = np.sort(left[lower[left] < farthest])
+        return _merged(found, self._nearest(snapshot, placed, more, count, float(farthest)), count)
 
     def rows(self, snapshot: Snapshot, found: PairDistances) -> Array:
         """Return the derivative (k, nv) of the distances by the velocity.
@@ -233,32 +227,70 @@ class CollisionModel:
             bounds[self._flat] = heights - self._reaches[self._flat]
         return bounds
 
-    def _closer_bounds(self, placed: Array, chosen: Index, lower: Array) -> Array:
-        """Return ``lower`` or, where more, the distance (k,) of capsules round the shapes."""
-        covers, _, _ = self._capsules(placed, chosen)
-        if self._flat.size:
-            covers[np.isin(chosen, self._flat)] = -np.inf  # nothing is round a plane
-        return np.maximum(covers, lower, out=covers)
-
     def _nearest(
-        self, snapshot: Snapshot, placed: Array | None, tried: Index, count: int
+        self,
+        snapshot: Snapshot,
+        placed: Array | None,
+        tried: Index,
+        count: int,
+        farthest: float = np.inf,
     ) -> PairDistances:
-        """Return the ``count`` nearest of the pairs ``tried``, measured exactly."""
-        solids = self._solids
-        if solids is None:
-            placed = self._placed(snapshot) if placed is None else placed
-            distance, normal, point = self._capsules(placed, tried)
-            if count < len(tried):
-                best = _smallest(distance, count)
-                tried, distance = tried.take(best), distance.take(best)
-                normal, point = normal.take(best, axis=1), point.take(best, axis=1)
+        """Return the ``count`` nearest of the pairs ``tried``, or all, measured exactly.
+
+        Those beyond ``farthest`` need not be exact.
+        """
+        solids, solid = self._solids, self._solid.take(tried)
+        some = count < len(tried)
+        if solids is not None and not some and solid.all():
+            numbers = self._solid_number.take(tried)
+            distance = solids.distances(snapshot, numbers)
+            normal, point = solids.witnesses(numbers)
             return PairDistances(tried, distance, normal.T, point.T, snapshot)
-        distance = solids.distances(snapshot, tried)
-        if count < len(tried):
+        placed = self._placed(snapshot) if placed is None else placed
+        distance, normal, point = self._capsules(placed, tried)
+        if solids is not None and solid.any():
+            solid = self._measured(snapshot, tried, distance, solid, count, farthest)
+        if some:
             best = _smallest(distance, count)
-            tried, distance = tried.take(best), distance.take(best)
-        normal, point = solids.witnesses(tried)
+            tried, distance, solid = tried.take(best), distance.take(best), solid.take(best)
+            normal, point = normal.take(best, axis=1), point.take(best, axis=1)
+        where = np.flatnonzero(solid)
+        if solids is not None and where.size:
+            numbers = self._solid_number.take(tried.take(where))
+            normal[:, where], point[:, where] = solids.witnesses(numbers)
         return PairDistances(tried, distance, normal.T, point.T, snapshot)
+
+    def _measured(
+        self,
+        snapshot: Snapshot,
+        tried: Index,
+        distance: Array,
+        solid: NDArray[np.bool_],
+        count: int,
+        farthest: float,
+    ) -> NDArray[np.bool_]:
+        """Replace capsules' distances by those of the shapes inside, where these may be nearest.
+
+        First those nearest by their capsules, then what may still be among the ``count`` nearest.
+        Returns which were measured.
+        """
+        assert self._solids is not None
+        if self._flat.size:
+            distance[np.isin(tried, self._flat)] = -np.inf  # nothing is round a plane
+        done = np.zeros_like(solid)
+        reach, first = farthest, NARROWED * count
+        if first < len(tried):
+            reach = min(farthest, float(np.partition(distance, first)[first]))
+        while True:
+            where = np.flatnonzero(solid & ~done & (distance <= reach))
+            if where.size:
+                numbers = self._solid_number.take(tried.take(where))
+                distance[where] = self._solids.distances(snapshot, numbers)
+                done[where] = True
+            if count >= len(tried) or (not where.size and first < 0):
+                return done
+            reach = min(farthest, float(np.partition(distance, count - 1)[count - 1]))
+            first = -1
 
     def _capsules(self, placed: Array, chosen: Index) -> tuple[Array, Array, Array]:
         """Return distances (k,), normals (3, k) and points on the first bodies (3, k).
@@ -276,6 +308,17 @@ class CollisionModel:
         distance -= self._of(self._thickness, chosen)
         point -= self._of(self._first_radius, chosen) * normal
         return distance, normal, point
+
+
+def _merged(one: PairDistances, two: PairDistances, count: int) -> PairDistances:
+    """Return the ``count`` nearest of both, in the order of the pairs."""
+    distance = np.concatenate((one.distance, two.distance))
+    pairs = np.concatenate((one.pairs, two.pairs))
+    best = _smallest(distance, count)
+    best = best[np.argsort(pairs.take(best))]
+    normal = np.concatenate((one.normal, two.normal)).take(best, axis=0)
+    point = np.concatenate((one.point, two.point)).take(best, axis=0)
+    return PairDistances(pairs.take(best), distance.take(best), normal, point, one.snapshot)
 
 
 def _smallest(values: Array, count: int) -> Index:

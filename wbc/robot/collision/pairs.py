@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.errors import ModelError
 from wbc.robot.collision.model import CollisionModel
+from wbc.robot.collision.refine import FinerPair, FinerShapes
 from wbc.robot.collision.shapes import Body
 from wbc.robot.formats.xml import read_xml
 from wbc.robot.model import Robot
@@ -19,6 +20,10 @@ from wbc.validate import Array, finite_number
 SAMPLES = 200  # random postures
 ALWAYS = 0.95  # of them: pairs that touch this often cannot be kept apart
 SEED = 0
+TOUCHING = 1e-3  # m: raw shapes that stand nearer than this are in contact by design
+RESOLVED = 0.75  # part of the raw distance that finer shapes should leave
+SPARE = 1e-3  # m, by which they should leave more than the clearance
+KEPT = 0.5  # part of its distance when standing that a pair keeps which stands within the clearance
 Pattern = tuple[str, str]
 Pair = tuple[int, int]
 
@@ -29,14 +34,23 @@ class Selection:
 
     Attributes
     ----------
+    bodies:
+        Those given, and after them finer ones, for pairs that stand nearer than simple shapes tell.
     pairs:
         Indices of bodies.
+    margins:
+        Distance that each pair can keep [m]: the clearance, or half of what there is when standing.
     excluded:
         Every other pair of different joints, by its label, and the reason.
+    finer:
+        Pairs with finer shapes, by label, and how far these and the raw shapes stand apart.
     """
 
+    bodies: tuple[Body, ...]
     pairs: tuple[Pair, ...]
+    margins: tuple[float, ...]
     excluded: Mapping[str, str]
+    finer: Mapping[str, str]
 
 
 def select_pairs(
@@ -51,16 +65,18 @@ def select_pairs(
     """Return the pairs of bodies that can and may meet.
 
     Left out, in this order: what ``exclude`` names; pairs of a joint and its parent; those that
-    the robot's SRDF disables; those nearer than ``clearance`` when standing; those that touch in
-    95 % of 200 random postures (always the same ones); those that never come near. ``include``
-    brings back whatever it names but ``exclude`` does not.
+    the robot's SRDF disables; those whose raw shapes (meshes as they are) touch when standing;
+    those that touch in 95 % of 200 random postures (always the same ones); those that never come
+    near. ``include`` brings back whatever it names but ``exclude`` does not. Pairs that only the
+    simple shapes show nearer than ``clearance``, or almost always touching, get finer ones: see
+    :mod:`wbc.robot.collision.refine`.
 
     Parameters
     ----------
     include, exclude:
         Two names or patterns of links each, such as ``("left_wrist*", "torso*")``, in any order.
     clearance:
-        Distance that the pairs kept have in the posture ``standing`` [m].
+        Distance to be kept [m].
     never_closer:
         Leave out pairs that are never nearer than this in the random postures [m]; None: keep.
 
@@ -89,34 +105,106 @@ def select_pairs(
             reasons[a, b] = "adjacent"
         elif frozenset(links) in disabled:
             reasons[a, b] = "disabled in the SRDF"
-    left = [pair for pair in pairs if pair not in reasons]
-    model = CollisionModel(robot, bodies, left)
-    for k, reason in _unfit(model, clearance, never_closer).items():
-        reasons[left[k]] = reason
+    left = _Candidates(robot, bodies, [pair for pair in pairs if pair not in reasons], clearance)
+    reasons |= left.refine() | left.unfit(never_closer)
     for (a, b), reason in list(reasons.items()):
         if reason != "excluded by name" and frozenset((bodies[a].link, bodies[b].link)) in wanted:
             del reasons[a, b]
-    return Selection(
-        tuple(pair for pair in pairs if pair not in reasons),
-        {f"{bodies[a].name} vs {bodies[b].name}": why for (a, b), why in reasons.items()},
-    )
+    chosen = {pair: left.finer.get(pair) for pair in pairs if pair not in reasons}
+    return _selection(bodies, chosen, reasons, clearance)
 
 
-def _unfit(model: CollisionModel, clearance: float, never_closer: float | None) -> dict[int, str]:
-    """Return the pairs that postures speak against, and why."""
-    if not len(model.pairs):
-        return {}
-    robot = model.robot
-    standing = model.nearest(robot.snapshot(robot.postures[STANDING])).distance
-    sampled = np.stack([model.nearest(robot.snapshot(q)).distance for q in _postures(robot)])
-    touches = (sampled < 0.0).mean(axis=0) >= ALWAYS
-    reasons = dict.fromkeys(np.flatnonzero(touches).tolist(), "almost always touching")
-    for k in np.flatnonzero(standing < clearance).tolist():
-        reasons[k] = f"{standing[k] * 1e3:.1f} mm apart when standing"
-    if never_closer is not None:
-        far = np.minimum(sampled.min(axis=0), standing) > never_closer
-        reasons.update(dict.fromkeys(np.flatnonzero(far).tolist(), "never near"))
-    return reasons
+class _Candidates:
+    """Pairs that nothing but their distances speaks against, and finer shapes for some of them."""
+
+    def __init__(
+        self, robot: Robot, bodies: Sequence[Body], pairs: list[Pair], clearance: float
+    ) -> None:
+        self._robot, self._bodies, self._pairs, self._clearance = robot, bodies, pairs, clearance
+        self._postures = [robot.snapshot(robot.postures[STANDING])]
+        self._postures += [robot.snapshot(q) for q in _postures(robot)] if pairs else []
+        # (1 + SAMPLES, pairs), of the posture "standing" first
+        self._distance = self._measured(CollisionModel(robot, bodies, pairs))
+        self.finer: dict[Pair, FinerPair] = {}
+
+    def _measured(self, model: CollisionModel) -> Array:
+        return np.stack([model.nearest(here).distance for here in self._postures])
+
+    def refine(self) -> dict[Pair, str]:
+        """Give finer shapes to the pairs that need them; return those that touch, and how."""
+        distance, touching = self._distance, {}
+        near = (distance[0] < self._clearance) | ((distance[1:] < 0.0).mean(axis=0) >= ALWAYS)
+        shapes = FinerShapes(self._robot, self._bodies) if near.any() else None
+        for k in np.flatnonzero(near).tolist():
+            pair = self._pairs[k]
+            if shapes is None or not shapes.know(pair):
+                touching[pair] = f"{distance[0, k] * 1e3:.1f} mm apart when standing"
+                continue
+            raw = shapes.raw_distance(pair)
+            if raw < TOUCHING:
+                touching[pair] = "in contact when standing"
+                continue
+            found = shapes.pair(pair, min(self._clearance + SPARE, RESOLVED * raw))
+            if found.distance < KEPT * TOUCHING:
+                touching[pair] = f"{raw * 1e3:.1f} mm apart when standing, too near to tell"
+                continue
+            self.finer[pair] = found
+            bodies = (*found.first, *found.second)
+            model = CollisionModel(self._robot, bodies, _across(found, 0))
+            distance[:, k] = self._measured(model).min(axis=1)
+        return touching
+
+    def unfit(self, never_closer: float | None) -> dict[Pair, str]:
+        """Return the pairs that random postures speak against, and why."""
+        touches = (self._distance[1:] < 0.0).mean(axis=0) >= ALWAYS
+        reasons = {self._pairs[k]: "almost always touching" for k in np.flatnonzero(touches)}
+        if never_closer is not None:
+            far = self._distance.min(axis=0) > never_closer
+            reasons |= {self._pairs[k]: "never near" for k in np.flatnonzero(far)}
+        return reasons
+
+
+def _across(finer: FinerPair, start: int) -> list[Pair]:
+    """Return each first with each second body of a finer pair, numbered from ``start`` on."""
+    middle = start + len(finer.first)
+    seconds = range(middle, middle + len(finer.second))
+    return [(a, b) for a in range(start, middle) for b in seconds]
+
+
+def _selection(
+    bodies: Sequence[Body],
+    chosen: Mapping[Pair, FinerPair | None],
+    reasons: Mapping[Pair, str],
+    clearance: float,
+) -> Selection:
+    every, numbers = list(bodies), {}
+    pairs, margins, finer = [], [], {}
+
+    def number(body: Body) -> int:
+        if body not in numbers:
+            numbers[body] = len(every)
+            every.append(body)
+        return numbers[body]
+
+    def label(pair: Pair) -> str:
+        return f"{bodies[pair[0]].name} vs {bodies[pair[1]].name}"
+
+    for pair, found in chosen.items():
+        if found is None:
+            pairs.append(pair)
+            margins.append(clearance)
+            continue
+        margin = clearance if found.distance >= clearance else KEPT * found.distance
+        several = [(number(one), number(two)) for one in found.first for two in found.second]
+        pairs += several
+        margins += [margin] * len(several)
+        finer[label(pair)] = (
+            f"{len(found.first)} x {len(found.second)} hulls, {found.distance * 1e3:.1f} mm apart"
+            f" when standing ({found.raw * 1e3:.1f} mm by their raw shapes)"
+            + ("" if margin == clearance else f"; they keep {margin * 1e3:.1f} mm")
+        )
+    excluded = {label(pair): why for pair, why in reasons.items()}
+    return Selection(tuple(every), tuple(pairs), tuple(margins), excluded, finer)
 
 
 def _postures(robot: Robot) -> list[Array]:
@@ -127,8 +215,7 @@ def _postures(robot: Robot) -> list[Array]:
     neutral = robot.postures["neutral"]
     start = limits.joint_positions(neutral)
     steps = rng.uniform(lower, upper, (SAMPLES, lower.size)) - start
-    base = np.zeros(6)
-    return [robot.integrate(neutral, np.concatenate((base, step)), 1.0) for step in steps]
+    return [robot.integrate(neutral, np.concatenate((np.zeros(6), step)), 1.0) for step in steps]
 
 
 def _links(bodies: Sequence[Body], patterns: Iterable[Pattern]) -> set[frozenset[str]]:

@@ -1,0 +1,174 @@
+"""Finer shapes for bodies that stand nearer to each other than their simple shapes can tell.
+
+The raw shapes, meshes as they are, say how far two bodies are apart when the robot stands. Where
+the simple shapes leave less than the margin, the pair gets hulls; where these leave too little, the
+meshes are cut in halves where they are nearest, again and again, and the hulls of the parts, which
+hold every triangle, follow what is not convex.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.robot.collision.bodies import named_shapes, simple_shape
+from wbc.robot.collision.fitting import Fit, cached_fit, convex, fit_close_hull
+from wbc.robot.collision.shapes import Body, Hull, moved
+from wbc.robot.geometry import triangulated
+from wbc.robot.model import Robot
+from wbc.robot.postures import STANDING
+from wbc.validate import Array
+
+TOLERANCES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)  # m, of hulls: the coarsest that will do is used
+Pair = tuple[int, int]
+MOST_PAIRS = 32  # of parts, for one pair of bodies
+SMALLEST = 5e-3  # m: parts are not cut any further
+
+
+class FinerPair(NamedTuple):
+    """Bodies to be kept apart, each first from each second, in place of one pair.
+
+    Attributes
+    ----------
+    distance:
+        The least of them when standing [m].
+    raw:
+        That of the raw shapes [m].
+    """
+
+    first: tuple[Body, ...]
+    second: tuple[Body, ...]
+    distance: float
+    raw: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of a raw shape: triangles (m, 3, 3) in its own frame, none if it cannot be cut."""
+
+    fit: Fit
+    triangles: Array
+    geometry: coal.ShapeBase
+
+    @classmethod
+    def of(cls, triangles: Array, tolerance: float) -> _Part:
+        make = partial(fit_close_hull, tolerance=tolerance)
+        fit = cached_fit(f"close {tolerance}", make, triangles.reshape(-1, 3))
+        return cls(fit, triangles, convex(fit.shape.core))
+
+    @property
+    def size(self) -> float:
+        """Length of its longest side [m]; 0 if it cannot be cut."""
+        if len(self.triangles) < 2:
+            return 0.0
+        return float(np.ptp(self.triangles.reshape(-1, 3), axis=0).max())
+
+    @property
+    def radius(self) -> float:
+        """Radius that coal does not know of [m]."""
+        return self.fit.shape.radius if isinstance(self.fit.shape, Hull) else 0.0
+
+    def halves(self) -> list[_Part]:
+        """Return two parts, cut across the longest side; a triangle goes where its middle is."""
+        axis = int(np.argmax(np.ptp(self.triangles.reshape(-1, 3), axis=0)))
+        middles = self.triangles.mean(axis=1)[:, axis]
+        order = np.argsort(middles, kind="stable")
+        cut = int(np.searchsorted(middles[order], 0.5 * (middles.min() + middles.max())))
+        cut = min(max(cut, 1), len(order) - 1)
+        halves = self.triangles[order[:cut]], self.triangles[order[cut:]]
+        return [_Part.of(half, TOLERANCES[-1]) for half in halves]
+
+
+class FinerShapes:
+    """The raw shapes of a robot when standing, and finer ones for the pairs that need them."""
+
+    def __init__(self, robot: Robot, bodies: Sequence[Body]) -> None:
+        self._bodies = bodies
+        self._shapes = {name: shape for name, _, shape in named_shapes(robot)}
+        self._standing = robot.snapshot(robot.postures[STANDING])
+        self._whole: dict[tuple[str, float], _Part] = {}
+        self._made: dict[_Part, Body] = {}
+        self._cut = Counter[str]()  # parts made of each body
+
+    def know(self, pair: Pair) -> bool:
+        """Whether both bodies stand for shapes of the robot's description."""
+        return all(self._bodies[k].name in self._shapes for k in pair)
+
+    @cached_property
+    def _placements(self) -> list[pin.SE3]:
+        R, p = self._standing.joint_placements
+        return [pin.SE3(*pose) for pose in zip(R, p, strict=True)]
+
+    def raw_distance(self, pair: Pair) -> float:
+        """Return the distance [m] of two bodies' raw shapes when standing; 0 where they meet."""
+        shapes = [self._shapes[self._bodies[k].name].geometry for k in pair]
+        return max(self._distance(pair, shapes), 0.0)
+
+    def pair(self, pair: Pair, wanted: float) -> FinerPair:
+        """Return finer bodies that stand ``wanted`` apart, or as far as parts of 5 mm leave."""
+        a, b = pair
+        for tolerance in TOLERANCES:
+            sides = [[self._all_of(a, tolerance)], [self._all_of(b, tolerance)]]
+            if self._apart(pair, sides[0][0], sides[1][0]) >= wanted:
+                break
+        while True:
+            distance, *nearest = min(
+                (self._apart(pair, one, two), i, j)
+                for i, one in enumerate(sides[0])
+                for j, two in enumerate(sides[1])
+            )
+            larger = int(sides[1][nearest[1]].size > sides[0][nearest[0]].size)
+            part = sides[larger][nearest[larger]]
+            full = (len(sides[larger]) + 1) * len(sides[1 - larger]) > MOST_PAIRS
+            if distance >= wanted or part.size < SMALLEST or full:
+                first, second = self._named(a, sides[0]), self._named(b, sides[1])
+                return FinerPair(first, second, distance, self.raw_distance(pair))
+            sides[larger][nearest[larger] : nearest[larger] + 1] = part.halves()
+
+    def _apart(self, pair: Pair, one: _Part, two: _Part) -> float:
+        """Return the distance [m] of parts of two bodies."""
+        return self._distance(pair, (one.geometry, two.geometry)) - one.radius - two.radius
+
+    def _distance(self, pair: Pair, shapes: Sequence[coal.CollisionGeometry]) -> float:
+        """Return the distance [m] of two geometries placed as two bodies' shapes are."""
+        arguments: list[object] = []
+        for k, geometry in zip(pair, shapes, strict=True):
+            shape = self._shapes[self._bodies[k].name]
+            place = self._placements[shape.parentJoint] * shape.placement
+            arguments += [geometry, coal.Transform3s(place.rotation, place.translation)]
+        return float(coal.distance(*arguments, coal.DistanceRequest(), coal.DistanceResult()))
+
+    def _all_of(self, body: int, tolerance: float) -> _Part:
+        """Return the hull of all of a body's raw shape; what is round stays as it is."""
+        name = self._bodies[body].name
+        key = name, tolerance
+        if key not in self._whole:
+            geometry = self._shapes[name].geometry
+            if isinstance(geometry, coal.BVHModelBase):
+                surface = triangulated(geometry)
+                self._whole[key] = _Part.of(surface.vertices[surface.faces], tolerance)
+            else:
+                fit = simple_shape(geometry, "hull", name)
+                core = convex(fit.shape.core) if isinstance(fit.shape, Hull) else geometry
+                self._whole[key] = _Part(fit, np.zeros((0, 3, 3)), core)
+        return self._whole[key]
+
+    def _named(self, body: int, parts: Sequence[_Part]) -> tuple[Body, ...]:
+        """Return parts as bodies; one that several pairs share is one body."""
+        coarse = self._bodies[body]
+        pose = self._shapes[coarse.name].placement
+        place = np.array(pose.rotation), np.array(pose.translation)
+        for part in parts:
+            if part not in self._made:
+                self._cut[coarse.name] += len(parts) > 1
+                name = f"{coarse.name}/{self._cut[coarse.name]}" if len(parts) > 1 else coarse.name
+                shape = moved(part.fit.shape, *place)
+                self._made[part] = Body(name, coarse.link, coarse.joint, shape, part.fit.bulge)
+        return tuple(self._made[part] for part in parts)
