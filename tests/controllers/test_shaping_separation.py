@@ -39,14 +39,21 @@ def small(robot: Robot) -> InertiaTask:
 
 
 def true_distance(robot: Robot, q: np.ndarray, watched: SelfCollision) -> float:
-    """Least distance of the description's own shapes, over the pairs that are watched."""
+    """Least distance of the description's own shapes, over the pairs that are watched.
+
+    Those that stand within the margin of 1 cm may be nearer by what their own margins are less.
+    """
     geometry = robot.collision_model.copy()
     numbers = [k for k, one in enumerate(geometry.geometryObjects) if one.parentJoint > 0]
-    for a, b in watched.model.pairs.tolist():
-        geometry.addCollisionPair(pin.CollisionPair(numbers[a], numbers[b]))
+    bodies = watched.model.bodies  # as many as shapes, then finer ones of the same names
+    shape = {body.name: k for body, k in zip(bodies, numbers, strict=False)}
+    for pair in watched.model.pairs.tolist():
+        a, b = (bodies[k].name.partition("/")[0] for k in pair)
+        geometry.addCollisionPair(pin.CollisionPair(shape[a], shape[b]))
     data, placed = robot.model.createData(), geometry.createData()
     pin.computeDistances(robot.model, data, geometry, placed, q)
-    return min(found.min_distance for found in placed.distanceResults)
+    found = np.array([result.min_distance for result in placed.distanceResults])
+    return float((found + 0.01 - watched.margins).min())
 
 
 def shaping_of(robot: Robot, tasks: Sequence[Task], *constraints: Constraint) -> GlobalShaping:

@@ -47,12 +47,12 @@ def least_room(one: Problem, q: np.ndarray, margins: dict[str, float]) -> dict[s
     """Of each kind, by the library's distances, which tests of their own hold to coal's."""
     robot = one.parts.robot
     here = robot.snapshot(q)
-    bodies = SelfCollision(robot, margin=margins["bodies"]).model
+    bodies = SelfCollision(robot, margin=margins["bodies"])
     reach = max(
         here.position(frame.name)[0] for frame in robot.model.frames if "hand" in frame.name
     )
     return {
-        "bodies": float(bodies.nearest(here, 1).distance.min()) - margins["bodies"],
+        "bodies": float((bodies.model.nearest(here).distance - bodies.margins).min()),
         "low": float(here.position("base")[2]) - margins["low"],
         "wall": 0.1 - 0.02 - reach,
     }
@@ -108,11 +108,12 @@ def test_the_shipped_problem_folds_its_arms_without_touching(tmp_path: Path) -> 
     told = one.run()
     assert told.status is RunStatus.CONVERGED, told.reason
     robot = one.parts.robot
-    model = SelfCollision(robot, margin=0.01).model
-    assert model.nearest(robot.snapshot(told.q), 1).distance.min() >= 0.01 - 1e-6
+    bodies = SelfCollision(robot, margin=0.01)
+    left = bodies.model.nearest(robot.snapshot(told.q)).distance - bodies.margins
+    assert left.min() >= -1e-6
     start, end = (robot.snapshot(q).inertia for q in (one.parts.start, told.q))
     assert np.trace(end) < 0.5 * np.trace(start)
     blind = load_problem(SHIPPED, {**quick, "constraints.bodies.slack": 1.0})
     shaping = global_shaping(blind.parts, blind.spec, blind.spec.controller)
     free = shaping.solve(blind.parts.start, 2, workers=1).best
-    assert model.nearest(robot.snapshot(free.q), 1).distance.min() < -0.05
+    assert bodies.model.nearest(robot.snapshot(free.q), 1).distance.min() < -0.05
