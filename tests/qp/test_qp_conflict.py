@@ -257,3 +257,10 @@ def test_barely_feasible_is_not_called_infeasible(room):
         solution = make_backend(name).solve(qp)
         assert solution.solved, solution.describe()
         np.testing.assert_allclose(solution.x, 0.5, atol=room + 1e-6)
+
+
+@pytest.mark.parametrize(("scale", "named"), [(1e-8, False), (1e-6, True), (1.0, True)])
+def test_a_conflict_must_show_in_the_rows_own_units(scale: float, named: bool) -> None:
+    """x0 = 3 against x0 <= 1, by a row in units so large that 2e-8 of them are missed."""
+    qp = QP.build(np.eye(2), [-2.0, 0.0], A=[[scale, 0.0]], b=[3.0 * scale], upper=[1.0, 9.0])
+    assert (find_conflict(qp) is not None) == named

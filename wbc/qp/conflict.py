@@ -30,8 +30,9 @@ from wbc.validate import Array
 _SHARE = 1e-3
 # Part of the conflict's own size, |s|^2, that must survive rounding for a certificate to count.
 _SURVIVING = 0.5
+_ROUNDING = 1e-13  # relative to the terms of a sum
 # Unknowns without bounds are assumed to stay within this multiple of the least violation's.
-REACH = 1e3
+REACH = 1e6
 _EPS, _MAX_ITERATIONS = 1e-8, 200
 # Larger conflicts are not reduced: each row costs one more linear program.
 MOST_ROWS = 80
@@ -61,7 +62,7 @@ def find_conflict(qp: QP, tolerance: float = 1e-7) -> Conflict | None:
         if np.abs(violation).max() <= tolerance * (1.0 + np.abs(point).max()):
             return None
         box = -violation @ rows.matrix  # (n,)
-        if _is_certificate(qp, rows, violation, box, np.abs(point).max()):
+        if _is_certificate(qp, rows, violation, box, np.abs(point).max(), tolerance):
             return _named(qp, rows, violation, box)
     return None
 
@@ -153,15 +154,27 @@ def _polished(qp: QP, rows: _UnitRows, x: Array) -> Array:
     return np.clip(polished, qp.lower, qp.upper)
 
 
-def _is_certificate(qp: QP, rows: _UnitRows, violation: Array, box: Array, size: float) -> bool:
-    """Whether the certificate proves that no x can exist (within reach, where x is unbounded)."""
+def _is_certificate(
+    qp: QP, rows: _UnitRows, violation: Array, box: Array, size: float, tolerance: float
+) -> bool:
+    """Whether the certificate proves that no x can exist (within reach, where x is unbounded).
+
+    It must hold in the QP's own numbers: with every row and bound relaxed by ``tolerance`` in its
+    own units, relative to its end, and whatever rounding did to the sum.
+    """
     target = np.where(violation > 0.0, rows.upper, rows.lower)
     bound = np.where(box > 0.0, qp.upper, qp.lower)
     bounded = np.isfinite(bound)
     weighted = violation != 0.0
     total = violation[weighted] @ target[weighted] + box[bounded] @ bound[bounded]
     leak = np.abs(box[~bounded]).sum() * REACH * (1.0 + size)
-    return bool(total + leak <= -_SURVIVING * (violation @ violation))
+    weight, weight_box = np.abs(violation[weighted]), np.abs(box[bounded])
+    ends, ends_box = np.abs(target[weighted]), np.abs(bound[bounded])
+    own = weight @ (1.0 / rows.norms[weighted] + ends) + weight_box @ (1.0 + ends_box)
+    cancelled = weight @ np.abs(rows.matrix[weighted])[:, bounded]  # what box was summed from
+    rounding = _ROUNDING * (weight @ ends + weight_box @ ends_box + cancelled @ ends_box)
+    lost = leak + tolerance * own + rounding
+    return bool(total + lost <= -_SURVIVING * (violation @ violation))
 
 
 def _named(qp: QP, rows: _UnitRows, violation: Array, box: Array) -> Conflict:

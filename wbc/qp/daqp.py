@@ -91,7 +91,9 @@ class Daqp:
         )
         multipliers = info["lam"]
         claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
-        if not np.isfinite(multipliers).all():  # it grows them without end on infeasible QPs
+        if not (
+            np.isfinite(multipliers).all() and np.isfinite(x).all()
+        ):  # it grows them without end on infeasible QPs
             return RawSolution.none(qp, claim, message)
         return RawSolution(
             x=x,

@@ -147,7 +147,7 @@ class OneSided:
 
 def _answer(qp: QP, rows: OneSided, found: Any) -> RawSolution:
     """Return what qpsolvers found with multipliers of our rows; their signs agree with ours."""
-    if found.x is None:
+    if found.x is None or not np.isfinite(found.x).all():
         return RawSolution.none(qp, Status.FAILED, "no solution found")
     z, z_box = rows.two_sided(qp, _sized(found.z, rows.h.size))
     if found.z_box is not None and np.size(found.z_box):

@@ -17,9 +17,9 @@ class Status(StrEnum):
 
     ``SOLVED``: our own KKT residuals are small. ``INFEASIBLE``: a certificate that we checked
     says that no point meets every row (see ``Solution.conflict``). ``ITERATION_LIMIT``: the
-    solver ran out of iterations. ``CONTRADICTED``: the solver claims a result (solved, or
-    infeasible) that our residuals or our conflict analysis disagree with. ``FAILED``: the solver
-    returned nothing, or gave up.
+    solver ran out of iterations. ``CONTRADICTED``: evidence beyond the QP refutes a solution (a
+    command outside the robot's limits). ``FAILED``: the solver returned nothing, gave up, or
+    claims a result for which we found no evidence.
     """
 
     SOLVED = "solved"

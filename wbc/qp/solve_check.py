@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 from wbc.qp.conflict import find_conflict
@@ -40,13 +40,17 @@ class SolveCheck:
     def judge(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution:
         """Return the final verdict: accepted, refuted, or the status that is left.
 
-        A claim without evidence is contradicted; otherwise the solver's own status stands.
+        A claim that the evidence does not support is a failure, and the message says so; otherwise
+        the solver's own status stands.
         """
         settled = self.accept(qp, raw, attempts) or self.refute(qp, raw, attempts)
         if settled is not None:
             return settled
-        unfounded = raw.claim in (Status.SOLVED, Status.INFEASIBLE)
-        status = Status.CONTRADICTED if unfounded else raw.claim
+        status = raw.claim
+        if raw.claim in (Status.SOLVED, Status.INFEASIBLE):
+            said = f", and said {raw.message!r}" if raw.message else ""
+            message = f"claimed {raw.claim.value!r}, for which there is no evidence{said}"
+            raw, status = replace(raw, message=message), Status.FAILED
         return self._solution(raw, status, self._residuals(qp, raw), attempts)
 
     @staticmethod
