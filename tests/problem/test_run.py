@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
@@ -185,3 +186,18 @@ def test_failed_ticks_end_as_qp_failed(
     assert result.failures[0].tick == 0
     assert "contradicted" in result.failures[0].report
     assert np.isnan(result.worst_kkt)
+
+
+def test_a_gain_per_second_means_the_same_at_every_time_step(tmp_path: Path) -> None:
+    text = """\
+robot: hoap2_like
+tasks: {joint: {type: posture, target: {left_hip_roll: 0.01}, gain_per_second: 5.0}}
+stop: {duration: 0.2, speed: null}
+"""
+    for dt in (0.005, 0.01):
+        result = problem(tmp_path, text, {"controller.dt": dt}).run()
+        first = float(np.linalg.norm(result.history.errors["joint"][0]))
+        # exp(-5/s 0.2 s); the QP's damping of 1e-6 takes that part of each tick.
+        assert result.tasks["joint"].norm == pytest.approx(np.exp(-1.0) * first, rel=1e-4)
+    with pytest.raises(ProblemFileError, match=r"joint.gain_per_second: give gain or gain_per_sec"):
+        problem(tmp_path, text, {"tasks.joint.gain": 0.5})

@@ -13,8 +13,8 @@ from wbc.run.ramps import (
     PLACEMENTS,
     ROTATIONS,
     VECTORS,
-    Configurations,
     MinimumJerk,
+    configurations,
     placement,
 )
 
@@ -81,7 +81,7 @@ CASES: dict[str, tuple[Any, Any]] = {
     "rotations": (ROTATIONS, rotation),
     "placements": (PLACEMENTS, lambda rng: placement(rng.standard_normal(3), rotation(rng))),
     "directions": (DIRECTIONS, direction),
-    "configurations": (Configurations(ROBOT), configuration),
+    "configurations": (configurations(ROBOT), configuration),
 }
 
 

@@ -53,26 +53,10 @@ class Problem:
     def run(self, progress: Progress | None = None, observe: Observe | None = None) -> Result:
         """Run the problem from its start until it is at rest, out of time, or has failed.
 
-        The robot moves exactly as commanded: each tick's velocity is integrated over one time
-        step. A run starts afresh, so a second one gives the same result.
-
-        Parameters
-        ----------
-        progress:
-            Called every ten ticks and at the end with ticks done, ticks at most, and a mapping
-            with ``time`` [s], ``speed`` (largest velocity), ``errors`` (norm by task) and
-            ``failed`` (ticks without solution).
-            With the method ``global``, while it searches: searches done, searches in all, and a
-            mapping with ``cost`` (the least so far, or None); then as above for the motion, with
-            ``posture`` (the rank of the one it is led to).
-        observe:
-            Called with every tick: its QP, solution and errors.
-
-        Notes
-        -----
-        The method ``global`` starts other processes: a script that runs such a problem needs the
-        usual ``if __name__ == "__main__"`` guard. Ctrl-C ends its search, and the motion goes to
-        the best found until then.
+        For ``progress`` and ``observe`` see :func:`wbc.run.simulate`, and
+        :func:`wbc.run.global_shaping.shape_globally` for the method ``global``, which starts other
+        processes: a script needs the usual ``if __name__ == "__main__"`` guard. A run starts
+        afresh, so a second one gives the same result.
 
         Raises
         ------

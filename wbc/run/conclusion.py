@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.robot import Snapshot
-from wbc.run.history import Measured, Record, Recorder
+from wbc.run.history import History, Measured, Recorder
 from wbc.run.result import (
     Failure,
     InertiaReading,
@@ -57,9 +57,9 @@ def conclude(
         for task in tasks
     }
     norms = {name: task.norm for name, task in results.items()}
-    records = recorder.records
-    status, reason = ending(stop, at_rest, recorder.failed, len(records), norms, broken_off)
-    states = [*(record.measured for record in records), final]
+    ticks, history = len(recorder.states), recorder.history()
+    status, reason = ending(stop, at_rest, len(recorder.failures), ticks, norms, broken_off)
+    states = [*recorder.states, final]
     return Result(
         robot=end.robot,
         status=status,
@@ -77,14 +77,10 @@ def conclude(
         },
         margin=_worst_margin(states),
         slip=_worst_slip(states),
-        balance=_worst_balance(states, [record.phase for record in records]),
-        phases=_phase_results(records),
-        failures=tuple(
-            Failure(k, record.report)
-            for k, record in enumerate(records)
-            if record.report is not None
-        ),
-        history=recorder.history(),
+        balance=_worst_balance(states, history),
+        phases=_phase_results(history),
+        failures=tuple(Failure(k, report) for k, report in recorder.failures.items()),
+        history=history,
         provenance=provenance or {},
     )
 
@@ -121,25 +117,19 @@ def _worst_slip(states: list[Measured]) -> Worst | None:
     return max(slips, key=lambda slip: slip.value, default=None)
 
 
-def _worst_balance(states: list[Measured], phases: list[str]) -> Worst | None:
+def _worst_balance(states: list[Measured], history: History) -> Worst | None:
     margins = np.array([state.balance for state in states])
     if np.isnan(margins).all():
         return None
     tick = int(np.nanargmin(margins))
-    return Worst(float(margins[tick]), phases[min(tick, len(phases) - 1)], tick)
+    return Worst(float(margins[tick]), str(history.phase[min(tick, len(history) - 1)]), tick)
 
 
-def _phase_results(records: list[Record]) -> dict[str, PhaseResult]:
+def _phase_results(history: History) -> dict[str, PhaseResult]:
     """Return what each phase came to; none if the run has no phases."""
-    parts: dict[str, list[Record]] = {}
-    for record in records:
-        if record.phase:
-            parts.setdefault(record.phase, []).append(record)
-    return {
-        name: PhaseResult(
-            begins=part[0].time,
-            support=part[0].support,
-            balance=min(record.measured.balance for record in part),
-        )
-        for name, part in parts.items()
-    }
+    results = {}
+    for name in filter(None, dict.fromkeys(history.phase.tolist())):
+        part = np.flatnonzero(history.phase == name)
+        begins, support = float(history.time[part[0]]), str(history.support[part[0]])
+        results[name] = PhaseResult(begins, support, float(history.balance[part].min()))
+    return results

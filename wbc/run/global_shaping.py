@@ -106,9 +106,9 @@ def shape_globally(
         recorder.add(now, standing, errors)
         if observe is not None:
             observe(now.tick)
-        done = len(recorder.records)
+        done = len(recorder.states)
         if progress is not None and (done - 1) % PROGRESS_EVERY == 0:
-            info = progress_info(now, errors, recorder.failed)
+            info = progress_info(now, errors, len(recorder.failures))
             progress(done, total, {**info, "posture": attempt + 1})
 
     motion = shaping.reach(
@@ -124,7 +124,7 @@ def shape_globally(
     )
     reach_seconds = perf_counter() - began
     recorder = recorders[_led_to(outcome, motion)]
-    end = problem.robot.snapshot(motion.q[-1], recorder.records[-1].v)
+    end = problem.robot.snapshot(motion.q[-1], recorder.history().v[-1])
     at_rest = motion.at_rest
     result = conclude(tasks, stop, recorder, standing, end, at_rest, provenance=provenance)
     done = outcome.statistics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,37 +105,22 @@ class Measured(NamedTuple):
     balance: float  # NaN unless feet stand
 
 
-class Record(NamedTuple):
-    """What is kept of one tick: not the snapshot and the QP, which are a hundred times larger."""
-
-    time: float
-    phase: str
-    support: str
-    q: Array
-    v: Array
-    measured: Measured
-    errors: Mapping[str, Array]
-    status: str
-    kkt: float
-    report: str | None  # why there was no solution
-    seconds: float
-    cpu_seconds: float
-
-
 class Recorder:
     """Measures states and collects ticks.
 
     Attributes
     ----------
-    records:
-        Every tick so far.
-    failed:
-        How many of them had no solution.
+    states:
+        What was measured when each tick began.
+    failures:
+        Why there was no solution, by tick.
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
-        self.records: list[Record] = []
-        self.failed = 0
+        self.states: list[Measured] = []
+        self.failures: dict[int, str] = {}
+        # By tick what the history keeps: not snapshots and QPs, which are a hundred times larger.
+        self._rows: list[dict[str, Any]] = []
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
         self._frames = {
             task.name: task.frame if isinstance(task, InertiaTask) else "base"
@@ -153,23 +138,24 @@ class Recorder:
         errors:
             Of the tasks, by name; by default those that the tick reports.
         """
-        tick = now.tick
-        self.failed += not tick.ok
-        self.records.append(
-            Record(
-                time=now.time,
-                phase=standing.phase,
-                support=standing.label,
-                q=now.snapshot.q,
-                v=tick.velocity,
-                measured=self.measure(now.snapshot, standing),
-                errors=tick.errors if errors is None else errors,
-                status=tick.status.value,
-                kkt=_kkt_residual(tick),
-                report=None if tick.ok else tick.report(),
-                seconds=now.seconds,
-                cpu_seconds=now.cpu_seconds,
-            )
+        tick, state = now.tick, self.measure(now.snapshot, standing)
+        if not tick.ok:
+            self.failures[len(self.states)] = tick.report()
+        self.states.append(state)
+        self._rows.append(
+            {
+                **state._asdict(),
+                "time": now.time,
+                "phase": standing.phase,
+                "support": standing.label,
+                "q": now.snapshot.q,
+                "v": tick.velocity,
+                "errors": tick.errors if errors is None else errors,
+                "kkt": _kkt_residual(tick),
+                "tick_time": now.seconds,
+                "tick_cpu_time": now.cpu_seconds,
+                "status": tick.status.value,
+            }
         )
 
     def measure(self, snapshot: Snapshot, standing: Standing) -> Measured:
@@ -191,27 +177,8 @@ class Recorder:
 
     def history(self) -> History:
         """Return everything recorded, as arrays."""
-        records = self.records
-        measured = [record.measured for record in records]
-        return History(
-            time=np.array([record.time for record in records]),
-            phase=np.array([record.phase for record in records]),
-            support=np.array([record.support for record in records]),
-            q=np.array([record.q for record in records]),
-            v=np.array([record.v for record in records]),
-            com=np.array([state.com for state in measured]),
-            inertia=np.array([state.inertia for state in measured]),
-            task_inertia=_by_name([state.task_inertia for state in measured]),
-            errors=_by_name([record.errors for record in records]),
-            slip=_by_name([state.slip for state in measured]),
-            turn=_by_name([state.turn for state in measured]),
-            margin=np.array([state.margin for state in measured]),
-            balance=np.array([state.balance for state in measured]),
-            kkt=np.array([record.kkt for record in records]),
-            tick_time=np.array([record.seconds for record in records]),
-            tick_cpu_time=np.array([record.cpu_seconds for record in records]),
-            status=np.array([record.status for record in records]),
-        )
+        names = (part.name for part in fields(History))
+        return History(**{name: _column([row[name] for row in self._rows]) for name in names})
 
 
 def _kkt_residual(tick: Tick) -> float:
@@ -219,8 +186,10 @@ def _kkt_residual(tick: Tick) -> float:
     return max(residuals.primal, residuals.dual, residuals.complementarity) if tick.ok else np.nan
 
 
-def _by_name(rows: Sequence[Mapping[str, Array | float]]) -> dict[str, Array]:
-    """Return one array per name, NaN in the rows that do not have it."""
+def _column(rows: Sequence[Any]) -> Any:
+    """Return an array, or one array per name, NaN in the rows that do not have it."""
+    if not isinstance(rows[0], Mapping):
+        return np.array(rows)
     shapes = {name: np.shape(value) for row in rows for name, value in row.items()}
     return {
         name: np.array([row.get(name, np.full(shape, np.nan)) for row in rows])

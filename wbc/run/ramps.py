@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,98 +25,73 @@ SetTarget = Callable[[Array, Array, Array], None]
 Goal = Callable[[Snapshot, Array], Array]
 
 
-class Space(Protocol):
+class Space(NamedTuple):
     """Where targets of one kind live: ``moved(start, difference(start, end)) == end``.
 
     Parts of a displacement add up: ``moved(moved(x, s d), t d) == moved(x, (s + t) d)``.
+
+    Attributes
+    ----------
+    difference:
+        Returns the displacement, a vector, from one value to another.
+    moved:
+        Returns the value at the end of a displacement.
     """
 
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return the displacement (k,) from one value to another."""
-        ...
-
-    def moved(self, start: Array, displacement: Array) -> Array:
-        """Return the value at the end of a displacement."""
-        ...
+    difference: Callable[[Array, Array], Array]
+    moved: Callable[[Array, Array], Array]
 
 
-class Vectors:
-    """Plain numbers."""
-
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return ``end - start``."""
-        return end - start
-
-    def moved(self, start: Array, displacement: Array) -> Array:
-        """Return ``start + displacement``."""
-        return start + displacement
-
-
-class Rotations:
-    """Rotation matrices (3, 3); displacements are rotation vectors in the rotating axes."""
-
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return log(start' end) (3,) [rad]."""
-        return log_rotation(start.T @ end)
-
-    def moved(self, start: Array, displacement: Array) -> Array:
-        """Return start exp(displacement)."""
-        return start @ exp_rotation(displacement)
-
-
-class Placements:
-    """A rotation and a position side by side, (3, 4); the position moves on a straight line."""
-
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return the difference of the positions [m] above the rotation vector [rad] (6,)."""
-        rotation = ROTATIONS.difference(start[:, :3], end[:, :3])
-        return np.concatenate((end[:, 3] - start[:, 3], rotation))
-
-    def moved(self, start: Array, displacement: Array) -> Array:
-        """Return the placement at the end of a displacement."""
-        rotation = ROTATIONS.moved(start[:, :3], displacement[3:])
-        return placement(start[:, 3] + displacement[:3], rotation)
-
-
-class Directions:
-    """Unit vectors (3,), turned about the axis at right angles to both; world axes."""
-
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return the rotation vector (3,) [rad] that turns one direction into another."""
-        a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
-        axis = np.cross(a, b)
-        sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
-        if sine < 1e-9:  # the same or opposite: any axis at right angles will do for half a turn
-            axis = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
-            sine = 0.0
-        return float(np.arctan2(sine, cosine)) * axis / np.linalg.norm(axis)
-
-    def moved(self, start: Array, displacement: Array) -> Array:
-        """Return the turned direction."""
-        return exp_rotation(displacement) @ start
-
-
-@dataclass(frozen=True, eq=False)
-class Configurations:
-    """Configurations (nq,) of a robot; continuous joints turn the shorter way."""
-
-    robot: Robot
-
-    def difference(self, start: Array, end: Array) -> Array:
-        """Return the displacement (nv,)."""
-        return self.robot.difference(start, end)
-
-    def moved(self, start: Array, displacement: Array) -> Array:
-        """Return the configuration at the end of a displacement."""
-        return self.robot.integrate(start, displacement, 1.0)
-
-
-VECTORS, ROTATIONS, PLACEMENTS, DIRECTIONS = Vectors(), Rotations(), Placements(), Directions()
+def configurations(robot: Robot) -> Space:
+    """Return the space of configurations (nq,); continuous joints turn the shorter way."""
+    return Space(robot.difference, lambda q, displacement: robot.integrate(q, displacement, 1.0))
 
 
 def placement(position: Array, rotation: Array) -> Array:
-    """Return a position (3,) and a rotation (3, 3) as one value (3, 4) of :class:`Placements`."""
+    """Return a position (3,) and a rotation (3, 3) side by side, as one value (3, 4)."""
     return np.column_stack((rotation, position))
+
+
+def _rotation_between(start: Array, end: Array) -> Array:
+    """Return log(start' end) (3,) [rad]."""
+    return log_rotation(start.T @ end)
+
+
+def _rotated(start: Array, displacement: Array) -> Array:
+    return start @ exp_rotation(displacement)
+
+
+def _between_placements(start: Array, end: Array) -> Array:
+    """Return the difference of the positions [m] above the rotation vector [rad] (6,)."""
+    rotation = _rotation_between(start[:, :3], end[:, :3])
+    return np.concatenate((end[:, 3] - start[:, 3], rotation))
+
+
+def _moved_placement(start: Array, displacement: Array) -> Array:
+    rotation = _rotated(start[:, :3], displacement[3:])
+    return placement(start[:, 3] + displacement[:3], rotation)
+
+
+def _between_directions(start: Array, end: Array) -> Array:
+    """Return the rotation vector (3,) [rad], world axes, that turns one direction into another."""
+    a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    axis = np.cross(a, b)
+    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+    if sine < 1e-9:  # the same or opposite: any axis at right angles will do for half a turn
+        axis = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+        sine = 0.0
+    return float(np.arctan2(sine, cosine)) * axis / np.linalg.norm(axis)
+
+
+VECTORS = Space(lambda start, end: end - start, lambda start, displacement: start + displacement)
+# Rotation matrices (3, 3); displacements are rotation vectors in the rotating axes.
+ROTATIONS = Space(_rotation_between, _rotated)
+# A rotation and a position side by side, (3, 4); the position moves on a straight line.
+PLACEMENTS = Space(_between_placements, _moved_placement)
+# Unit vectors (3,), turned about the axis at right angles to both.
+DIRECTIONS = Space(
+    _between_directions, lambda start, displacement: exp_rotation(displacement) @ start
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,24 +51,12 @@ def save_result(
     OSError
         The file cannot be written.
     """
+    text = json_text(summary)
     if result_format(path) == ".npz":
-        save_npz(Path(path), summary, arrays())
+        entries: dict[str, Any] = {"summary": np.array(text), **arrays()}
+        write_whole(Path(path), lambda file: np.savez_compressed(file, **entries))
     else:
-        save_json(Path(path), summary)
-
-
-def save_json(path: Path, summary: Mapping[str, Any]) -> None:
-    """Write a summary; OSError if that fails."""
-    content = json_text(summary).encode()
-    write_whole(path, lambda file: file.write(content))
-
-
-def save_npz(
-    path: Path, summary: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]
-) -> None:
-    """Write a summary and arrays; OSError if that fails."""
-    entries: dict[str, Any] = {"summary": np.array(json_text(summary)), **arrays}
-    write_whole(path, lambda file: np.savez_compressed(file, **entries))
+        write_whole(Path(path), lambda file: file.write(text.encode()))
 
 
 def json_text(summary: Mapping[str, Any]) -> str:

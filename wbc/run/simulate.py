@@ -70,10 +70,10 @@ def simulate(
         if observe is not None:
             observe(now.tick)
         at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
-        done = len(recorder.records)
+        done = len(recorder.states)
         over = at_rest or now.gave_up or done == total
         if progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or over):
-            progress(done, total, progress_info(now, now.tick.errors, recorder.failed))
+            progress(done, total, progress_info(now, now.tick.errors, len(recorder.failures)))
         if over:
             break
     phases.move_to(done * dt)
