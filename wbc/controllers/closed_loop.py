@@ -4,27 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from time import perf_counter, thread_time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.controllers.controller import Controller
 from wbc.controllers.tick import Tick
 from wbc.errors import ControllerFailure
-from wbc.robot import Robot, Snapshot
+from wbc.robot import Snapshot
 from wbc.validate import Array
-
-
-class Controller(Protocol):
-    """From a snapshot to a command."""
-
-    robot: Robot
-    dt: float
-
-    def step(self, snapshot: Snapshot) -> Tick:
-        """Return the command for ``snapshot``."""
-        ...
-
 
 # Called before each tick with its number and the state; returns the controller in charge, or None
 # to end the loop.

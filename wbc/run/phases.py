@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.constraints import Contact
-from wbc.controllers import KinematicController
-from wbc.controllers.closed_loop import Controller
+from wbc.controllers import Controller
 from wbc.robot import Snapshot
 from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
 from wbc.run.standing import Standing, keep_anchors, off_the_ground, touchdowns
@@ -140,7 +139,7 @@ class PhaseExecutor:
         self._begin(first, start, tuple(first.hold(start)))
 
     @classmethod
-    def single(cls, controller: KinematicController, start: Snapshot) -> PhaseExecutor:
+    def single(cls, controller: Controller, start: Snapshot) -> PhaseExecutor:
         """Return a run of one phase with one controller, whose targets stay where they are."""
         held = tuple(one for one in controller.contacts if isinstance(one, Contact))
         phase = Phase("", 0.0, np.inf, lambda _: held, {})

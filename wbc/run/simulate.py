@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.controllers import KinematicController, Tick
+from wbc.controllers import Controller, Tick
 from wbc.controllers.closed_loop import LoopTick, closed_loop
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder
@@ -27,7 +27,7 @@ DEFAULT_STOP = Stop()
 
 
 def simulate(
-    controller: KinematicController | PhaseExecutor,
+    controller: Controller | PhaseExecutor,
     q: ArrayLike,
     stop: Stop = DEFAULT_STOP,
     progress: Progress | None = None,

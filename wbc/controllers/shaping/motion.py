@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.controllers.closed_loop import Controller, LoopTick, closed_loop
+from wbc.controllers.closed_loop import LoopTick, closed_loop
+from wbc.controllers.controller import Controller
 from wbc.controllers.shaping.evaluation import Tolerances, kept_constraints, violations
 from wbc.controllers.shaping.outcome import Attempt, Candidate, Kept, Motion, ShapingOutcome
 from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
