@@ -232,3 +232,31 @@ def test_python_m_wbc_is_wbc() -> None:
         env={**os.environ, "PYTHONPATH": str(Path(wbc.__file__).parents[1])},
     )
     assert answer.stdout == f"wbc {wbc.__version__}\n"
+
+
+def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(
+    tmp_path: Path,
+) -> None:
+    """iCub's shins stand in its feet."""
+    pair, why = "l_lower_leg vs l_foot", "in contact when standing"
+    answer = wbc_command("collisions", "icub")
+    assert answer.exit_code == 0
+    assert f"  {pair}: {why}" in answer.output
+    assert "  l_hip_1 vs torso_1: " in answer.output  # watched, with finer shapes
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "robot: icub\n"
+        "tasks:\n"
+        "  com: {type: com, target: {offset: [0, 0, -0.001]}}\n"
+        "constraints:\n"
+        "  bodies: {type: self_collision}\n"
+        "stop: {duration: 0.01}\n"
+    )
+    output = tmp_path / "out.json"
+    answer = wbc_command("run", path, "--output", output)
+    told = json.loads(output.read_text())["unwatched_pairs"]
+    assert told["bodies"][pair] == why
+    assert all(
+        reason not in ("adjacent", "disabled in the SRDF") for reason in told["bodies"].values()
+    )
+    assert "not watched" in answer.output

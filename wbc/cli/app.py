@@ -1,4 +1,4 @@
-"""The command line: ``wbc run``, ``wbc analyze``, ``wbc codegen``, ``wbc schema``, ``wbc robots``.
+"""The command line: ``wbc run``, ``analyze``, ``codegen``, ``schema``, ``robots``, ``collisions``.
 
 Only typer is imported on top: ``wbc --help`` must not wait for the robotics libraries.
 """
@@ -211,6 +211,26 @@ def codegen(
             library = compile_c(source, compiler)
             difference = largest_difference(pendulum, library, names)
             typer.echo(f"{library}: differs from CasADi by {difference:.1e} at most (relative)")
+
+
+@app.command()
+def collisions(
+    robot: Annotated[str, typer.Argument(help="Name or file of a robot.")],
+    margin: Annotated[float, typer.Option(help="Distance that bodies keep [m].")] = 0.01,
+    fit: Annotated[str, typer.Option(help="capsule or hull")] = "capsule",
+) -> None:
+    """List the pairs of a robot's bodies that self-collision does not watch, and why."""
+    with errors_in_one_line():
+        from wbc.constraints import SelfCollision
+        from wbc.robot import Robot
+
+        margins = SelfCollision(Robot.load(robot), margin=margin, fit=fit)
+        typer.echo(f"{len(margins.model.pairs)} pairs are watched; with finer shapes:")
+        for pair, why in margins.finer.items():
+            typer.echo(f"  {pair}: {why}")
+        typer.echo(f"{len(margins.excluded)} pairs are not watched:")
+        for pair, why in sorted(margins.excluded.items(), key=lambda both: both[1]):
+            typer.echo(f"  {pair}: {why}")
 
 
 app.command()(analyze)

@@ -117,6 +117,9 @@ def _rest(result: Result) -> Table:
         table.add_row(
             "balance", Text(f"CoM {size} the soles at worst ({phase}tick {balance.tick})")
         )
+    for name, pairs in result.provenance.get("unwatched_pairs", {}).items():
+        told = "; ".join(f"{pair}: {why}" for pair, why in pairs.items())
+        table.add_row("not watched", Text(f"{told} ({name})"))
     table.add_row("QP", Text(_qp(result)))
     table.add_row("tick time", _times(result))
     for name, text in search_rows(result.shaping) if result.shaping is not None else ():

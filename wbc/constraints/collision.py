@@ -13,6 +13,7 @@ from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
+from wbc.robot.collision.pairs import BY_DESCRIPTION
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
@@ -89,6 +90,11 @@ class SelfCollision(Margin):
         if model.robot is not robot:
             raise InvalidInputError("self-collision: the model was made for another robot object")
         self.model = model
+
+    @property
+    def in_contact(self) -> dict[str, str]:
+        """Pairs that nobody asked to leave out and that are not watched, with the reason."""
+        return {pair: why for pair, why in self.excluded.items() if why not in BY_DESCRIPTION}
 
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the nearest pairs, or those given by their numbers."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from wbc.constraints import Constraint, Contact, Limits
 from wbc.problem.mistakes import Misplaced, Mistakes
@@ -22,10 +22,13 @@ class BuiltConstraint:
         Returns the constraint while contacts are held that begin at a state; None for none.
     move_to:
         Puts what moves by itself where it is at a time [s].
+    unwatched:
+        Pairs of bodies that are in contact by design and therefore not watched, with the reason.
     """
 
     during: Callable[[Snapshot, Sequence[Contact]], Constraint | None]
     move_to: Callable[[float], None] | None = None
+    unwatched: Mapping[str, str] = field(default_factory=dict)
 
 
 class ConstraintSpec(Section):
@@ -84,6 +87,14 @@ class Surroundings:
                 constraint.name = name
                 found.append(constraint)
         return found
+
+    def unwatched_pairs(self) -> dict[str, dict[str, str]]:
+        """Return the pairs of bodies that constraints do not watch, by the constraint's name."""
+        return {
+            name: dict(built.unwatched)
+            for name, built in self.constraints.items()
+            if built.unwatched
+        }
 
     def slack_of(self, constraints: Sequence[Constraint]) -> dict[str, float]:
         """Return the slack weights of those that may give way."""

@@ -66,6 +66,7 @@ class Problem:
         spec, parts, controller = self.spec, self.parts, self.spec.controller
         stop = Stop(**spec.whole_stop.model_dump())
         made_with = {"problem": self.provenance(), "versions": versions()}
+        made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
         start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
         if isinstance(controller, GlobalSpec):
             from wbc.run.global_shaping import shape_globally  # only now: it loads CasADi

@@ -35,4 +35,4 @@ class SelfCollisionSpec(ConstraintSpec):
         """Return the constraint."""
         settings = self.model_dump(exclude={"type", "slack"})
         constraint = SelfCollision(start.robot, **settings, limits=limits)
-        return BuiltConstraint(lambda *_: constraint)
+        return BuiltConstraint(lambda *_: constraint, unwatched=constraint.in_contact)

@@ -24,6 +24,8 @@ TOUCHING = 1e-3  # m: raw shapes that stand nearer than this are in contact by d
 RESOLVED = 0.75  # part of the raw distance that finer shapes should leave
 SPARE = 1e-3  # m, by which they should leave more than the clearance
 KEPT = 0.5  # part of its distance when standing that a pair keeps which stands within the clearance
+BY_NAME, ADJACENT, DISABLED = "excluded by name", "adjacent", "disabled in the SRDF"
+BY_DESCRIPTION = (BY_NAME, ADJACENT, DISABLED)  # reasons that no posture was asked for
 Pattern = tuple[str, str]
 Pair = tuple[int, int]
 
@@ -100,15 +102,16 @@ def select_pairs(
     for a, b in pairs:
         links, joints = (bodies[a].link, bodies[b].link), (bodies[a].joint, bodies[b].joint)
         if frozenset(links) in unwanted:
-            reasons[a, b] = "excluded by name"
+            reasons[a, b] = BY_NAME
         elif parents[joints[0]] == joints[1] or parents[joints[1]] == joints[0]:
-            reasons[a, b] = "adjacent"
+            reasons[a, b] = ADJACENT
         elif frozenset(links) in disabled:
-            reasons[a, b] = "disabled in the SRDF"
+            reasons[a, b] = DISABLED
     left = _Candidates(robot, bodies, [pair for pair in pairs if pair not in reasons], clearance)
-    reasons |= left.refine() | left.unfit(never_closer)
+    touching = left.refine()
+    reasons |= left.unfit(never_closer) | touching
     for (a, b), reason in list(reasons.items()):
-        if reason != "excluded by name" and frozenset((bodies[a].link, bodies[b].link)) in wanted:
+        if reason != BY_NAME and frozenset((bodies[a].link, bodies[b].link)) in wanted:
             del reasons[a, b]
     chosen = {pair: left.finer.get(pair) for pair in pairs if pair not in reasons}
     return _selection(bodies, chosen, reasons, clearance)
