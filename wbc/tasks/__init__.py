@@ -7,6 +7,7 @@ from wbc.tasks.momentum import MomentumTask
 from wbc.tasks.point import ComTask, PositionTask
 from wbc.tasks.posture import PostureTask
 from wbc.tasks.principal_inertia import PrincipalInertiaTask
+from wbc.tasks.relative_pose import RelativePoseTask
 from wbc.tasks.task import Task
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "PositionTask",
     "PostureTask",
     "PrincipalInertiaTask",
+    "RelativePoseTask",
     "Residual",
     "Task",
 ]

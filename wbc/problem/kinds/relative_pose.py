@@ -1,0 +1,78 @@
+"""Pose of one frame as seen from another."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.problem.kinds.frame import PlacementTarget
+from wbc.problem.section import MAPPING, START, Distinct, Name, Weight, Words, default_of, forms
+from wbc.problem.targets import Start, point, rotation
+from wbc.problem.task_spec import ErrorTaskSpec
+from wbc.robot import Snapshot
+from wbc.run.ramps import PLACEMENTS, TargetedTask, fixed_goal, placement
+from wbc.tasks import RelativePoseTask
+from wbc.tasks.frame import TURNS
+from wbc.tasks.point import AXES
+from wbc.validate import Array
+
+
+class RelativePoseSpec(ErrorTaskSpec):
+    """Where a frame is, and how it is turned, as seen from another frame of the robot."""
+
+    type: Literal["relative_pose"]
+    frame: Name
+    """A link, joint or other frame of the robot."""
+    relative_to: Name
+    """The frame that it is seen from."""
+    components: Annotated[
+        tuple[Annotated[str, Words(AXES + TURNS)], ...],
+        Strict(False),
+        Field(min_length=1),
+        Distinct,
+    ] = default_of(RelativePoseTask, "components")
+    """Which of x y z rx ry rz are controlled, in axes of ``relative_to``."""
+    target: Annotated[
+        Annotated[PlacementTarget, MAPPING] | Annotated[Start, START],
+        forms("{position: ..., orientation: ...}, or start"),
+    ] = "start"
+    """Wanted position [m] and orientation, in axes of ``relative_to``."""
+    weight: Weight = 1.0
+    """Weight of the task, one number or one per row [1/(m/s)] or [1/(rad/s)]."""
+
+    @property
+    def moved_frame(self) -> str | None:
+        """The frame."""
+        return self.frame
+
+    def build(self, name: str, start: Snapshot) -> TargetedTask:
+        """Return the task."""
+        for frame in (self.frame, self.relative_to):
+            start.robot.frame_id(frame)
+        here = self._current(start)
+        wanted = PlacementTarget() if isinstance(self.target, str) else self.target
+        position = point(wanted.position, here[:, 3])
+        turned = rotation(wanted.orientation, here[:, :3])
+        task = RelativePoseTask(
+            start.robot,
+            self.frame,
+            self.relative_to,
+            position,
+            turned,
+            components=self.components,
+            name=name,
+            **self.settings(self.components),
+        )
+
+        def set_target(value: Array, _: Array, __: Array) -> None:
+            task.set_target(value[:, 3], value[:, :3])
+
+        goal = fixed_goal(placement(position, turned))
+        return TargetedTask(task, goal, self._current, PLACEMENTS, set_target)
+
+    def _current(self, now: Snapshot) -> Array:
+        Ra = now.rotation(self.relative_to)
+        arm = now.position(self.frame) - now.position(self.relative_to)
+        return placement(np.asarray(Ra.T @ arm), Ra.T @ now.rotation(self.frame))

@@ -1,0 +1,92 @@
+"""Distance between the origins of two frames, such as two hands."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Unpack
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.laws import Residual
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.task import Gains, Task
+from wbc.validate import Array, finite_number, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
+
+# Nearer than this [m] the direction from one to the other is not defined: z is taken.
+TOGETHER = 1e-9
+_UP = read_only(np.array((0.0, 0.0, 1.0)))
+
+
+class DistanceTask(Task):
+    """Bring the origins of ``frame`` and ``other`` to a distance from each other, whatever the way.
+
+    Parameters
+    ----------
+    frame, other:
+        Two frames of the robot.
+    target:
+        Wanted distance [m], >= 0.
+
+    Raises
+    ------
+    UnknownNameError
+        No such frame.
+    InvalidInputError
+        The two frames are one, or the distance is negative.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        other: str,
+        target: float,
+        *,
+        name: str | None = None,
+        **law: Unpack[Gains],
+    ) -> None:
+        super().__init__(robot, name or f"{frame} to {other}", ("distance",), **law)
+        if robot.frame_id(frame) == robot.frame_id(other):
+            raise InvalidInputError(f"{self}: {frame!r} has no distance from itself")
+        self.frame, self.other = frame, other
+        self.set_target(target)
+
+    def set_target(self, target: float, rate: float = 0.0) -> None:
+        """Set the wanted distance [m] and, for a moving target, its rate [m/s]."""
+        wanted = finite_number(f"{self}, target", target, least=0.0)
+        speed = finite_number(f"{self}, target rate", rate)
+        self._goal = read_only(np.array([wanted]))
+        self._bias = read_only(np.array([-speed]))
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return distance minus target [m]."""
+        direction, distance = self._direction(snapshot)
+        relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
+        jacobian = (direction @ relative)[None]
+        return Residual(np.array([distance]) - self._goal, jacobian, self._bias)
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return the second derivative of the distance at zero acceleration of v [m/s^2]."""
+        direction, distance = self._direction(snapshot)
+        relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
+        velocity = relative @ snapshot.v
+        acceleration = snapshot.drift(self.frame)[:3] - snapshot.drift(self.other)[:3]
+        along = float(direction @ velocity)
+        across = float(velocity @ velocity) - along * along
+        return np.array([direction @ acceleration + across / max(distance, TOGETHER)])
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return distance minus target [m]."""
+        arm = posture.position(self.frame) - posture.position(self.other)
+        # Smooth where the two meet; elsewhere off by less than 1e-12 m.
+        return (arm.T @ arm + TOGETHER**2) ** 0.5 - self._goal
+
+    def _direction(self, snapshot: Snapshot) -> tuple[Array, float]:
+        """Return the unit vector (3,) from ``other`` to ``frame`` and the distance [m]."""
+        arm = snapshot.position(self.frame) - snapshot.position(self.other)
+        distance = math.sqrt(float(arm @ arm))
+        return (arm / distance if distance > TOGETHER else _UP), distance
