@@ -1,6 +1,7 @@
 """Tasks: what the robot should do, each as an error and its derivatives."""
 
 from wbc.laws import Residual
+from wbc.tasks.distance import DistanceTask
 from wbc.tasks.frame import AxisTask, OrientationTask, PoseTask
 from wbc.tasks.inertia import InertiaTask
 from wbc.tasks.momentum import MomentumTask
@@ -13,6 +14,7 @@ from wbc.tasks.task import Task
 __all__ = [
     "AxisTask",
     "ComTask",
+    "DistanceTask",
     "InertiaTask",
     "MomentumTask",
     "OrientationTask",

@@ -69,6 +69,11 @@ class DistanceTask(Task):
         jacobian = (direction @ relative)[None]
         return Residual(np.array([distance]) - self._goal, jacobian, self._bias)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Metres."""
+        return ("m",)
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the distance at zero acceleration of v [m/s^2]."""
         direction, distance = self._direction(snapshot)
