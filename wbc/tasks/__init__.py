@@ -1,6 +1,7 @@
 """Tasks: what the robot should do, each as an error and its derivatives."""
 
 from wbc.laws import Residual
+from wbc.tasks.damping import DampingTask
 from wbc.tasks.distance import DistanceTask
 from wbc.tasks.frame import AxisTask, OrientationTask, PoseTask
 from wbc.tasks.inertia import InertiaTask
@@ -14,6 +15,7 @@ from wbc.tasks.task import Task
 __all__ = [
     "AxisTask",
     "ComTask",
+    "DampingTask",
     "DistanceTask",
     "InertiaTask",
     "MomentumTask",

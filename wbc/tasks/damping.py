@@ -71,6 +71,11 @@ class DampingTask(Task):
         """Return a zero error whose rate is the velocity."""
         return Residual(self._still, self._jacobian, self._still)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of velocities: base, then joints."""
+        return ("m/s or rad/s",) * len(self.rows)
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: velocities are coordinates."""
         return self._still
