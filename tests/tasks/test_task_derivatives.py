@@ -15,6 +15,7 @@ from wbc.rotations import exp_rotation
 from wbc.tasks import (
     AxisTask,
     ComTask,
+    DistanceTask,
     InertiaTask,
     MomentumTask,
     OrientationTask,
@@ -22,6 +23,7 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     PrincipalInertiaTask,
+    RelativePoseTask,
     Task,
 )
 
@@ -68,6 +70,13 @@ MAKERS: dict[str, Callable[[Robot, Snapshot, str], Task]] = {
     "orientation at target": lambda r, s, f: OrientationTask(r, f, s.rotation(f)),
     "pose": lambda r, s, f: PoseTask(r, f, [0.5, -0.2, 0.3], near(s.rotation(f))),
     "axis": lambda r, s, f: AxisTask(r, f, [0.3, -0.5, 1.0], axis=[1, 1, 0]),
+    "relative pose": lambda r, s, f: RelativePoseTask(
+        r, f, "base", [0.2, 0.1, -0.3], near(s.rotation("base").T @ s.rotation(f))
+    ),
+    "relative pose of a frame": lambda r, s, f: RelativePoseTask(
+        r, "base", f, [0.2, 0.1, -0.3], np.eye(3), components=("z", "x")
+    ),
+    "distance": lambda r, s, f: DistanceTask(r, f, "base", 0.3),
     "posture": lambda r, s, f: PostureTask(r, r.postures["neutral"], joints={"*": 2.0}),
 }
 

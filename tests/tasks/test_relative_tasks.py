@@ -1,0 +1,156 @@
+"""Tasks between frames and at rest: in controllers, held exactly, in files and in the search."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import wbc
+from wbc.constraints import Limits, support
+from wbc.controllers import KinematicController
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.robot.symbolic import LocalRobot, Placement, SymbolicPosture, configuration_turns
+from wbc.robot.symbolic.chain import configuration_angles
+from wbc.robot.symbolic.placement import from_quaternion
+from wbc.tasks import ComTask, DampingTask, DistanceTask, PositionTask, RelativePoseTask
+
+Load = Callable[[str], Robot]
+LEFT, RIGHT = "left_palm", "right_palm"
+YAML = """# Relative tasks in a file.
+robot: hoap2_like
+start: {{posture: standing}}
+support: double
+tasks:
+  hands: {{type: {kind}, {keys}}}
+  com: {{type: com, target: start}}
+{more}
+stop: {{duration: {seconds}}}
+"""
+
+
+def run(controller: KinematicController, q: np.ndarray, ticks: int):
+    v = np.zeros(controller.robot.nv)
+    for _ in range(ticks):
+        tick = controller.step(controller.robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        v = tick.velocity
+        q = controller.robot.integrate(q, v, controller.dt)
+    return controller.robot.snapshot(q), tick
+
+
+def test_hands_come_to_a_distance(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    task = DistanceTask(robot, LEFT, RIGHT, 0.12, gain=0.1)
+    controller = KinematicController(
+        robot, [task, DampingTask(robot, weight=0.01)], contacts=support(here, "double"),
+        limits=Limits(robot),
+    )  # fmt: skip
+    there, _ = run(controller, here.q, 400)
+    distance = np.linalg.norm(there.position(LEFT) - there.position(RIGHT))
+    assert distance == pytest.approx(0.12, abs=1e-4)
+
+
+def test_two_hands_carry_one_object_exactly(robot_named: Load) -> None:
+    """Held as a contact, the relative pose stays while one hand is moved: the other follows."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.8}))
+    Ra = here.rotation(RIGHT)
+    arm = Ra.T @ (here.position(LEFT) - here.position(RIGHT))
+    carried = RelativePoseTask(
+        robot, LEFT, RIGHT, arm, Ra.T @ here.rotation(LEFT), components=("x", "y", "z")
+    )
+    task = PositionTask(robot, RIGHT, here.position(RIGHT) + [0.02, 0.0, 0.02], gain=0.1)
+    controller = KinematicController(
+        robot, [task, DampingTask(robot, weight=0.01)],
+        contacts=[*support(here, "double"), carried], limits=Limits(robot),
+    )  # fmt: skip
+    there, tick = run(controller, here.q, 300)
+    moved = there.rotation(RIGHT).T @ (there.position(LEFT) - there.position(RIGHT))
+    np.testing.assert_allclose(moved, arm, atol=1e-5)
+    assert np.linalg.norm(tick.errors[f"{RIGHT} position"]) < 2e-3
+    assert f"{LEFT} in {RIGHT} x" in tick.qp.labels.equality
+
+
+def test_damping_slows_what_no_task_needs(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"), 0.1 * np.ones(robot.nv))
+    com = ComTask(robot, here.com + 0.01, weight=10.0)
+    speeds = [
+        np.linalg.norm(KinematicController(robot, tasks, damping=1e-9).step(here).velocity)
+        for tasks in ([com], [com, DampingTask(robot)])
+    ]
+    assert speeds[1] < speeds[0]
+    task = DampingTask(robot, joints={"*": 0.0, "head_*": 2.0}, base=False)
+    assert all(row.startswith("head_") for row in task.rows) and (task.weight == 2.0).all()
+    tick = KinematicController(robot, [task]).step(here)
+    np.testing.assert_allclose(tick.errors["damping"], 0.1)  # the measured velocities
+
+
+@pytest.mark.parametrize("case", ["relative", "masked", "distance", "damping"])
+def test_symbolic_errors_are_the_residuals(case: str, robot_named: Load, rng) -> None:
+    """Oracle: the residual by Pinocchio at random configurations."""
+    robot = robot_named("g1_27")
+    frames = "left_rubber_hand", "torso_link"
+    R = robot.snapshot(robot.posture("standing")).rotation("pelvis")
+    task = {
+        "relative": lambda: RelativePoseTask(robot, *frames, [0.1, 0.2, 0.3], R),
+        "masked": lambda: RelativePoseTask(robot, *frames, [0.1, 0, 0], R, components=("rz", "x")),
+        "distance": lambda: DistanceTask(robot, *frames, 0.2),
+        "damping": lambda: DampingTask(robot),
+    }[case]()
+    q = ca.SX.sym("q", robot.nq)
+    local = LocalRobot(robot, configuration_turns(robot, q))
+    base = Placement(from_quaternion(q[3:7]), q[:3])
+    posture = SymbolicPosture(local, base, configuration_angles(robot, q))
+    error = ca.Function("error", [q], [task.symbolic_error(posture)])
+    for _ in range(5):
+        step = np.concatenate((rng.normal(size=6), rng.normal(scale=0.5, size=robot.nv - 6)))
+        here = robot.snapshot(robot.integrate(robot.posture("standing"), step, 1.0))
+        found = np.asarray(error(here.q)).ravel()
+        np.testing.assert_allclose(found, task.residual(here).error, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys"),
+    [
+        ("distance", "frame: left_palm, other: right_palm, target: 0.2, ramp: 0.5"),
+        (
+            "relative_pose",
+            "frame: left_palm, relative_to: base, components: [x, y, z], "
+            "target: {position: {offset: [0.01, 0, 0.02]}}",
+        ),
+        ("damping", "weight: 0.1, joints: {'*head*': 5}"),
+    ],
+)
+@pytest.mark.parametrize("search", [False, True])
+def test_in_files_and_in_the_global_search(
+    kind: str, keys: str, search: bool, tmp_path: Path
+) -> None:
+    if search and kind == "distance":
+        keys = keys.replace(", ramp: 0.5", "")
+    more = "controller: {method: global, starts: 2, workers: 1}" if search else ""
+    path = tmp_path / "relative.yaml"
+    text = YAML.format(kind=kind, keys=keys, more=more, seconds=5.0 if search else 1.0)
+    path.write_text(text, encoding="utf-8")
+    result = wbc.load_problem(path).run()
+    assert not result.failures
+    if kind != "damping":
+        assert np.abs(result.tasks["hands"].error).max() < 2e-3
+
+
+def test_what_makes_no_sense_is_refused(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    with pytest.raises(InvalidInputError, match="has no distance from itself"):
+        DistanceTask(robot, LEFT, LEFT, 0.1)
+    with pytest.raises(InvalidInputError, match="target: must be at least 0"):
+        DistanceTask(robot, LEFT, RIGHT, -0.1)
+    with pytest.raises(InvalidInputError, match="never moves as seen from itself"):
+        RelativePoseTask(robot, LEFT, LEFT, np.zeros(3), np.eye(3))
+    with pytest.raises(UnknownNameError, match="component of a pose 'r'"):
+        RelativePoseTask(robot, LEFT, RIGHT, np.zeros(3), np.eye(3), components=("r",))
+    with pytest.raises(InvalidInputError, match="nothing left to damp"):
+        DampingTask(robot, joints={"*": 0.0}, base=False)
