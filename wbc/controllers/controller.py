@@ -228,6 +228,7 @@ class Controller(ABC):
         contacts = mechanics_of(self.robot, contacts)
         self.contacts = contacts
         self._verified = False
+        self._reports_residual = [type(task).deviation is Task.deviation for task in self.tasks]
         self.slacks = Slacks(self._slack, contacts, self.constraints)
         self.plan = Plan.of(
             self._decision(), self.tasks, contacts, self.slacks, self._physics_names()
@@ -287,8 +288,10 @@ class Controller(ABC):
                 velocity = step_scale * velocity
         velocity.flags.writeable = False
         errors = {}
-        for task, residual in zip(self.tasks, residuals, strict=True):
-            errors[task.name] = task.deviation(snapshot, residual)
+        for task, residual, plain in zip(
+            self.tasks, residuals, self._reports_residual, strict=True
+        ):
+            errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
         solve = outcome.solve_time
         return Tick(
             velocity=velocity,

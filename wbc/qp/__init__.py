@@ -6,10 +6,10 @@ on residuals and certificates recomputed here.
 
 from wbc.qp.backend import Backend, SolverNotInstalledError, installed_solvers, make_backend
 from wbc.qp.conflict import find_conflict
-from wbc.qp.kkt import KktResiduals, kkt_residuals
+from wbc.qp.kkt import kkt_residuals
 from wbc.qp.problem import QP, Labels, check_qp
 from wbc.qp.proxqp import ProxQP
-from wbc.qp.solution import Conflict, ConflictRow, Solution, Status
+from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, Solution, Status
 
 __all__ = [
     "QP",

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 
 from wbc.qp.native import Workspace
 from wbc.qp.problem import QP, Labels
@@ -255,6 +254,8 @@ def _feasible(qp: QP, members: Sequence[ConflictRow]) -> bool:
     equal = named(names.equality, "equality")
     least = np.where(named(names.variables, "lower bound"), qp.lower, -np.inf)
     most = np.where(named(names.variables, "upper bound"), qp.upper, np.inf)
+    from scipy.optimize import linprog  # a quarter of a second to import, seldom needed
+
     answer = linprog(
         np.zeros(qp.g.size),
         A_ub=np.concatenate((C[above], -C[below])),

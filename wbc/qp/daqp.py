@@ -16,9 +16,9 @@ from time import perf_counter
 import numpy as np
 
 from wbc.errors import SolverError
+from wbc.qp.kkt import SolveCheck
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
-from wbc.qp.solve_check import SolveCheck
 from wbc.validate import finite_number
 
 _EQUALITY = 5  # DAQP's code for a row that always holds

@@ -1,31 +1,20 @@
-"""How far a point and its multipliers are from optimal, recomputed from the QP in plain NumPy.
+"""From a solver's claim to a status that rests on evidence: the same check for every backend.
 
-No status of any solver is believed: each has claimed "solved" or "infeasible" wrongly somewhere.
+How far a point and its multipliers are from optimal is recomputed from the QP in plain NumPy. No
+status of any solver is believed: each has claimed "solved" or "infeasible" wrongly somewhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 
+from wbc.qp.conflict import find_conflict
 from wbc.qp.problem import QP
+from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array
-
-
-@dataclass(frozen=True, slots=True)
-class KktResiduals:
-    """Largest absolute violation of each optimality condition, in the QP's own units.
-
-    ``primal``: of a row or bound. ``dual``: of P x + g + A'y + C'z + z_box = 0.
-    ``complementarity``: over rows and bounds, the smaller of |multiplier| and the distance to the
-    bound that the multiplier's sign points at. The smaller one, and not the product, because a
-    bound may be infinite: there the multiplier itself is what is wrong. NaN anywhere stays NaN.
-    """
-
-    primal: float
-    dual: float
-    complementarity: float
 
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
@@ -43,7 +32,7 @@ def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResi
         gradient += y.dot(qp.A)
         rows = qp.A.dot(x)
         rows -= qp.b
-        missed = _largest(rows)
+        missed = float(np.maximum.reduce(np.abs(rows, out=rows)))
     if z.size:
         gradient += z.dot(qp.C)
         values, multipliers = np.concatenate((x, qp.C.dot(x))), np.concatenate((z_box, z))
@@ -57,7 +46,7 @@ def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResi
     return KktResiduals(
         # `outside` first: max(nan, a) is nan, but max(a, nan) is a.
         primal=max(outside, missed, 0.0),
-        dual=_largest(gradient),
+        dual=float(np.maximum.reduce(np.abs(gradient, out=gradient))),
         complementarity=float(np.maximum.reduce(clash)),
     )
 
@@ -102,3 +91,75 @@ def _within(rows: Array, x: Array, lower: Array, upper: Array, eps: float) -> bo
 def _largest(vector: Array) -> float:
     """Return the largest absolute entry, 0 for an empty vector."""
     return float(np.maximum.reduce(np.abs(vector), initial=0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class SolveCheck:
+    """One call of a backend: which solver, what accuracy is promised, and when it started."""
+
+    solver: str
+    eps: float
+    started: float  # perf_counter() at the call
+
+    def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
+        """Return the solution when its KKT residuals are small, else None."""
+        x, y, z, z_box = raw.x, raw.y, raw.z, raw.z_box
+        residuals, eps = kkt_residuals(qp, x, y, z, z_box), self.eps
+        small = max(residuals.primal, residuals.dual, residuals.complementarity) <= eps
+        if not small and not acceptable(residuals, eps, qp, x, y, z, z_box):
+            return None
+        return self._solution(raw, Status.SOLVED, residuals, attempts)
+
+    def refute(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
+        """Return the "infeasible" verdict, with the rows in conflict, when a certificate exists.
+
+        A point that meets every row shows that the QP is feasible, and nothing is searched.
+        """
+        residuals = self._residuals(qp, raw)
+        conflict = None if residuals.primal <= self.eps else find_conflict(qp)
+        if conflict is None:
+            return None
+        return self._solution(raw, Status.INFEASIBLE, residuals, attempts, conflict)
+
+    def judge(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution:
+        """Return the final verdict: accepted, refuted, or the status that is left.
+
+        A claim that the evidence does not support is a failure, and the message says so; otherwise
+        the solver's own status stands.
+        """
+        settled = self.accept(qp, raw, attempts) or self.refute(qp, raw, attempts)
+        if settled is not None:
+            return settled
+        status = raw.claim
+        if raw.claim in (Status.SOLVED, Status.INFEASIBLE):
+            said = f", and said {raw.message!r}" if raw.message else ""
+            message = f"claimed {raw.claim.value!r}, for which there is no evidence{said}"
+            raw, status = replace(raw, message=message), Status.FAILED
+        return self._solution(raw, status, self._residuals(qp, raw), attempts)
+
+    @staticmethod
+    def _residuals(qp: QP, raw: RawSolution) -> KktResiduals:
+        return kkt_residuals(qp, raw.x, raw.y, raw.z, raw.z_box)
+
+    def _solution(
+        self,
+        raw: RawSolution,
+        status: Status,
+        residuals: KktResiduals,
+        attempts: int,
+        conflict: Conflict | None = None,
+    ) -> Solution:
+        return Solution(
+            x=raw.x,
+            y=raw.y,
+            z=raw.z,
+            z_box=raw.z_box,
+            status=status,
+            residuals=residuals,
+            iterations=raw.iterations,
+            solve_time=perf_counter() - self.started,
+            solver=self.solver,
+            conflict=conflict,
+            attempts=attempts,
+            message=raw.message,
+        )

@@ -121,19 +121,8 @@ def check_qp(qp: QP) -> None:
         A field has another shape than the rest, holds NaN (or infinity, where that is no bound),
         or a lower bound lies above its upper bound; the message names the field or the row.
     """
-    if not (
-        _shapes_agree(qp)
-        and _is_finite(qp)
-        and _is_interval(qp.lower, qp.upper)
-        and (not qp.u.size or _is_interval(qp.l, qp.u))
-    ):
-        raise InvalidInputError(next(_faults(qp), "QP: entries too large to be squared"))
-
-
-def _shapes_agree(qp: QP) -> bool:
-    n, me, mi = qp.g.size, qp.b.size, qp.u.size
-    names = qp.labels
-    return (
+    n, me, mi, names = qp.g.size, qp.b.size, qp.u.size, qp.labels
+    if (
         qp.P.shape == (n, n)
         and qp.A.shape == (me, n)
         and qp.C.shape == (mi, n)
@@ -141,28 +130,25 @@ def _shapes_agree(qp: QP) -> bool:
         and qp.l.shape == qp.u.shape == (mi,)
         and qp.b.shape == (me,)
         and (len(names.variables), len(names.equality), len(names.inequality)) == (n, me, mi)
-    )
-
-
-def _is_finite(qp: QP) -> bool:
-    # A sum of squares is finite exactly when every entry is; three times cheaper than
-    # np.isfinite(...).all(), and unlike a plain sum it never meets inf - inf.
-    return math.isfinite(
-        np.vdot(qp.P, qp.P)
-        + np.vdot(qp.A, qp.A)
-        + np.vdot(qp.C, qp.C)
-        + np.vdot(qp.g, qp.g)
-        + np.vdot(qp.b, qp.b)
-    )
-
-
-def _is_interval(lower: Array, upper: Array) -> bool:
-    # NaN fails the comparison; the extremes refuse +inf as lower and -inf as upper bound.
-    return bool(
-        np.logical_and.reduce(lower <= upper)
-        and np.maximum.reduce(lower) < np.inf
-        and np.minimum.reduce(upper) > -np.inf
-    )
+        # A sum of squares is finite exactly when every entry is; three times cheaper than
+        # np.isfinite(...).all(), and unlike a plain sum it never meets inf - inf.
+        and math.isfinite(
+            np.vdot(qp.P, qp.P)
+            + np.vdot(qp.A, qp.A)
+            + np.vdot(qp.C, qp.C)
+            + np.vdot(qp.g, qp.g)
+            + np.vdot(qp.b, qp.b)
+        )
+        # NaN fails the comparison; the extremes refuse +inf as lower and -inf as upper bound.
+        and np.logical_and.reduce(qp.lower <= qp.upper)
+        and np.maximum.reduce(qp.lower) < np.inf
+        and np.minimum.reduce(qp.upper) > -np.inf
+        and (not mi or np.logical_and.reduce(qp.l <= qp.u))
+        and (not mi or np.maximum.reduce(qp.l) < np.inf)
+        and (not mi or np.minimum.reduce(qp.u) > -np.inf)
+    ):
+        return
+    raise InvalidInputError(next(_faults(qp), "QP: entries too large to be squared"))
 
 
 def _faults(qp: QP) -> Iterator[str]:

@@ -6,11 +6,11 @@ from collections.abc import Hashable
 from dataclasses import replace
 from time import perf_counter
 
+from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
 from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import RawSolution, Solution
-from wbc.qp.solve_check import SolveCheck
 from wbc.validate import finite_number
 
 # How far above eps the residuals of a last resort may be.

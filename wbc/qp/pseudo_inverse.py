@@ -9,9 +9,8 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.qp.elimination import eliminate
-from wbc.qp.kkt import KktResiduals
 from wbc.qp.problem import QP, check_qp
-from wbc.qp.solution import Solution, Status
+from wbc.qp.solution import KktResiduals, Solution, Status
 
 
 class PseudoInverse:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from wbc.errors import SolverError
+from wbc.qp.kkt import SolveCheck
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
-from wbc.qp.solve_check import SolveCheck
 from wbc.validate import Array, finite_number
 
 Index = NDArray[np.intp]

@@ -7,7 +7,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from wbc.qp.kkt import KktResiduals
 from wbc.qp.problem import QP
 from wbc.validate import Array
 
@@ -27,6 +26,21 @@ class Status(StrEnum):
     ITERATION_LIMIT = "iteration_limit"
     CONTRADICTED = "contradicted"
     FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class KktResiduals:
+    """Largest absolute violation of each optimality condition, in the QP's own units.
+
+    ``primal``: of a row or bound. ``dual``: of P x + g + A'y + C'z + z_box = 0.
+    ``complementarity``: over rows and bounds, the smaller of |multiplier| and the distance to the
+    bound that the multiplier's sign points at. The smaller one, and not the product, because a
+    bound may be infinite: there the multiplier itself is what is wrong. NaN anywhere stays NaN.
+    """
+
+    primal: float
+    dual: float
+    complementarity: float
 
 
 @dataclass(frozen=True, slots=True)

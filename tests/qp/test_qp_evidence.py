@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import linprog
 
 from wbc.qp import QP, ProxQP, Status, make_backend
+from wbc.qp.kkt import SolveCheck
 from wbc.qp.solution import RawSolution
-from wbc.qp.solve_check import SolveCheck
 
 # min 1/2 |x|^2 - 2 x0 with x0 <= 1: x = (1, 0), z_box = (1, 0).
 FEASIBLE = QP.build(np.eye(2), [-2.0, 0.0], upper=[1.0, 9.0])
