@@ -59,6 +59,31 @@ def finite_number(
     return number
 
 
+def check_fields(
+    instance: Any,
+    what: str,
+    *names: str,
+    above: float = -math.inf,
+    least: float = -math.inf,
+    unlimited: bool = False,
+) -> None:
+    """Make fields of a dataclass, frozen or not, the :func:`finite_number` that each holds.
+
+    ``what`` begins the messages, before the field's name. With ``unlimited`` infinity passes too.
+    """
+    for name in names:
+        value = getattr(instance, name)
+        if not (unlimited and value == math.inf):
+            number = finite_number(f"{what}{name}", value, above=above, least=least)
+            object.__setattr__(instance, name, number)
+
+
+def set_fields(instance: Any, **values: Any) -> None:
+    """Set fields of a frozen dataclass while it is being made."""
+    for name, value in values.items():
+        object.__setattr__(instance, name, value)
+
+
 def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, float]:
     """Return ``value`` as (least, greatest), 0 <= least < greatest; infinity is no upper limit.
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, check_fields, finite_array, finite_number, read_only, set_fields
 
 # How far numbers may be off from a physical inertia, as a fraction of its largest entry or moment:
 # files hold nine digits or so.
@@ -56,10 +56,8 @@ class Ellipsoid:
                 "ellipsoid: axes must be the columns of a rotation matrix; these are"
                 + (f" off by {skewness:.2g}" if skewness > ROUNDING else " left-handed")
             )
-        mass = finite_number("ellipsoid: mass", self.mass, above=0.0)
-        object.__setattr__(self, "semi_axes", read_only(semi_axes))
-        object.__setattr__(self, "axes", read_only(axes))
-        object.__setattr__(self, "mass", mass)
+        check_fields(self, "ellipsoid: ", "mass", above=0.0)
+        set_fields(self, semi_axes=read_only(semi_axes), axes=read_only(axes))
 
     @property
     def volume(self) -> float:

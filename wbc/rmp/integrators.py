@@ -14,10 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.frames import leg_direction, quaternion_product
 from wbc.rmp.pendulum import ReactionMassPendulum
-from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+from wbc.rmp.solid import SolidRmp, leg_direction, quaternion_product
+from wbc.validate import (
+    Array,
+    check_fields,
+    finite_array,
+    finite_number,
+    finite_vector,
+    read_only,
+    set_fields,
+)
 
 # Rounds of fixed-point iteration of an implicit step. Each multiplies the error by about dt times
 # the fastest rate (rad/s) over two, so that 16 reach rounding for dt * rate up to 0.2.
@@ -52,12 +59,10 @@ class Springs:
     masses_rest: Array
 
     def __post_init__(self) -> None:
-        for name in ("leg", "leg_rest", "masses"):
-            value = finite_number(f"springs: {name}", getattr(self, name), least=0.0)
-            object.__setattr__(self, name, value)
+        check_fields(self, "springs: ", "leg", "leg_rest", "masses", least=0.0)
         size = np.size(self.masses_rest)
         rest = finite_vector("springs: masses_rest", self.masses_rest, size)
-        object.__setattr__(self, "masses_rest", read_only(rest))
+        set_fields(self, masses_rest=read_only(rest))
 
     def rest_of(self, model: ReactionMassPendulum) -> Array:
         """Return ``masses_rest`` for each of the model's radii, (1,) or (3,).
@@ -67,27 +72,25 @@ class Springs:
         InvalidInputError
             There are neither as many nor one.
         """
-        count = 1 if "r" in model.Q else 3
-        if self.masses_rest.size not in (1, count):
+        if self.masses_rest.size not in (1, model.RADII):
             raise InvalidInputError(
                 f"springs: masses_rest holds {self.masses_rest.size} lengths, but a"
-                f" {type(model).__name__} has {count} radii"
+                f" {type(model).__name__} has {model.RADII} radii"
             )
-        return np.broadcast_to(self.masses_rest, (count,))
+        return np.broadcast_to(self.masses_rest, (model.RADII,))
 
     def forces(self, model: ReactionMassPendulum, q: ca.SX) -> ca.SX:
         """Return the springs' generalised forces (nf,) at symbols or numbers q (nq,)."""
         rest = self.rest_of(model)
         f = type(q).zeros(len(model.F))
-        f[model.F.index("f_l")] = -self.leg * (q[model.Q.index("r_l")] - self.leg_rest)
-        for k in range(-rest.size, 0):
-            f[len(model.F) + k] = -self.masses * (q[len(model.Q) + k] - rest[k])
+        f[model.F.index("f_l")] = -self.leg * (q[model.LEG] - self.leg_rest)
+        f[-model.RADII :] = -self.masses * (q[-model.RADII :] - ca.DM(rest))
         return f
 
     def energy(self, model: ReactionMassPendulum, q: Array) -> Array:
         """Return the energy stored at configurations q (..., nq) [J], one each."""
         rest = self.rest_of(model)
-        leg = q[..., model.Q.index("r_l")] - self.leg_rest
+        leg = q[..., model.LEG] - self.leg_rest
         masses = q[..., -rest.size :] - rest
         stored: Array = 0.5 * self.leg * leg**2 + 0.5 * self.masses * (masses**2).sum(axis=-1)
         return stored
@@ -110,10 +113,9 @@ def runge_kutta(model: ReactionMassPendulum, dt: float, springs: Springs = SLACK
     dt = finite_number("dt", dt, above=0.0)
     nq, nv = len(model.Q), len(model.V)
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
-    driven = nv - len(model.F)
 
     def rate(at: ca.SX) -> ca.SX:
-        passive = ca.vertcat(ca.SX.zeros(driven), springs.forces(model, at[:nq]))
+        passive = ca.vertcat(ca.SX.zeros(model.COP), springs.forces(model, at[:nq]))
         return model.functions["state_rate"](at, u + passive)
 
     k1 = rate(x)

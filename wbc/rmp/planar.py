@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.lagrangian import Mechanism, com_velocity
-from wbc.rmp.pendulum import ReactionMassPendulum
-from wbc.validate import Array, finite_number, finite_vector
+from wbc.rmp.pendulum import Mechanism, ReactionMassPendulum
+from wbc.validate import Array, check_fields, finite_vector
+
+# Errors of a held length decay as (1 + rate t) e^(-rate t) [1/s]. The radius needs the stiffer
+# hold: the centrifugal force of a wheel that gains speed grows while a command is held.
+LENGTH_RATE, RADIUS_RATE = 10.0, 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,9 @@ class PlanarRmp(ReactionMassPendulum):
     Q: ClassVar = ("x_cop", "theta", "r_l", "alpha", "r")
     V: ClassVar = Q
     F: ClassVar = ("tau_theta", "f_l", "tau", "f")
+    COP: ClassVar = 1
+    LEG: ClassVar = 2
+    RADII: ClassVar = 1
 
     def momenta(self, q: ArrayLike, v: ArrayLike) -> tuple[float, float]:
         """Return the angular momenta (k_G, k_P) about the CoM and the CoP [kg m^2/s].
@@ -73,30 +79,21 @@ class PlanarRmp(ReactionMassPendulum):
         _, theta_rate, _, alpha_rate, r_rate = ca.vertsplit(v)
         com = ca.vertcat(x_cop + r_l * ca.cos(theta), r_l * ca.sin(theta))
         spin = theta_rate + alpha_rate
-        T = 0.5 * self.mass * (ca.sumsqr(com_velocity(com, q, v)) + r_rate**2 + (r * spin) ** 2)
+        T = 0.5 * self.mass * (ca.sumsqr(ca.jtimes(com, q, v)) + r_rate**2 + (r * spin) ** 2)
         momentum = ca.gradient(T, v)
         return Mechanism(
             q=q,
             v=v,
             rate=v,
-            coordinates=tuple(range(5)),
-            places=tuple(range(5)),
-            spin=(),
-            driven=1,
+            coordinates=list(range(5)),
+            places=list(range(5)),
+            spin=[],
             com=com,
             kinetic=T,
             potential=self.mass * self.gravity * com[1],
             # Turning alpha alone turns the masses about the CoM, turning theta all about the CoP.
             momenta=(momentum[3], momentum[1]),
         )
-
-    def _checked(self, q: ArrayLike) -> Array:
-        q = finite_vector("q", q, 5)
-        if q[2] <= 0.0:
-            raise InvalidInputError(f"q: r_l, the leg's length, must be positive, got {q[2]:g} m")
-        if q[4] < 0.0:
-            raise InvalidInputError(f"q: r must not be negative, got {q[4]:g} m")
-        return q
 
     def _require_inertia(self, q: Array) -> None:
         if q[4] == 0.0:
@@ -118,29 +115,23 @@ class Held:
         Of leg and wheel [m], > 0.
     dt:
         Time that forces are held for [s]; 0 in continuous time.
-    length_rate, radius_rate:
-        Errors decay as (1 + rate t) e^(-rate t) [1/s], > 0. The radius needs the stiffer hold: the
-        centrifugal force of a wheel that gains speed grows while a command is held.
 
     Raises
     ------
     InvalidInputError
-        Not a planar pendulum, a number that is not positive, or a ``dt`` too long for the rates.
+        Not a planar pendulum, a number that is not positive, or a ``dt`` too long for the hold.
     """
 
     model: PlanarRmp
     length: float
     radius: float
     dt: float = 0.0
-    length_rate: float = 10.0
-    radius_rate: float = 60.0
 
     def __post_init__(self) -> None:
         require_planar(self.model)
-        object.__setattr__(self, "dt", finite_number("dt", self.dt, least=0.0))
-        for name in ("length", "radius", "length_rate", "radius_rate"):
-            object.__setattr__(self, name, finite_number(name, getattr(self, name), above=0.0))
-        most = 1.0 / max(self.length_rate, self.radius_rate)
+        check_fields(self, "", "dt", least=0.0)
+        check_fields(self, "", "length", "radius", above=0.0)
+        most = 1.0 / max(LENGTH_RATE, RADIUS_RATE)
         if self.dt > most:
             raise InvalidInputError(
                 f"dt: {self.dt:g} s between commands is too long to hold the masses' radius; at"
@@ -182,8 +173,8 @@ class Held:
         spin += half * (wheel_torque / (M * radius**2) - 2.0 * radius_rate / radius * spin)
         theta += half * theta_rate
         theta_rate -= half * pull / (M * length**2)
-        leg = _return(length - self.length, length_rate, self.length_rate)
-        masses = _return(radius - self.radius, radius_rate, self.radius_rate)
+        leg = _return(length - self.length, length_rate, LENGTH_RATE)
+        masses = _return(radius - self.radius, radius_rate, RADIUS_RATE)
         f_l = M * (leg - length * theta_rate**2 + g * math.sin(theta))
         f = M * (masses - radius * spin**2)
         return np.array((0.0, f_l, wheel_torque, f))

@@ -1,29 +1,36 @@
-"""The solid reaction mass pendulum: three pairs of masses on turning rails (paper 4.1, Table 1)."""
+"""The solid reaction mass pendulum: three pairs of masses on turning rails (paper 4.1, Table 1).
+
+At the end are the directions and rotations that it is made of, most for numbers and for symbols.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.frames import leg_axes, leg_direction, quaternion_product, rotation_rows, turn
-from wbc.rmp.lagrangian import Mechanism
-from wbc.rmp.pendulum import ReactionMassPendulum
+from wbc.rmp.pendulum import Mechanism, ReactionMassPendulum
 from wbc.validate import Array, finite_vector
 
 # Closest to a singular direction of an angle, as a cosine: 1e-6 rad leaves ten digits.
 SINGULAR = 1e-6
 # How far a quaternion's norm may be off.
 UNIT = 1e-6
+# Below this sine of half the angle, squared, a series of two terms is exact to rounding.
+_SMALL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
 class _SolidPendulum(ReactionMassPendulum):
     """What both descriptions of the solid pendulum share: leg, radii and checks on them."""
+
+    COP: ClassVar = 2
+    LEG: ClassVar = 4
+    RADII: ClassVar = 3
 
     def momenta(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
         """Return the angular momenta (k_G, k_P) about CoM and CoP (3,) [kg m^2/s], world axes.
@@ -44,27 +51,23 @@ class _SolidPendulum(ReactionMassPendulum):
         return self.mass * 2.0 / 3.0 * (products.sum() - products)
 
     def _assemble(
-        self, q: ca.SX, v: ca.SX, rate: ca.SX, rotation: ca.SX, w: ca.SX, spin: tuple[int, ...]
+        self, q: ca.SX, v: ca.SX, rate: ca.SX, R: ca.SX, w: ca.SX, spin: list[int]
     ) -> Mechanism:
-        """Return the mechanism for a rotation and its body rate w, however they are described."""
+        """Return the mechanism for a rotation R and its body rate w, however they are described."""
         nq = q.numel()
-        coordinates = (0, 1, 2, 3, 4, nq - 3, nq - 2, nq - 1) if spin else tuple(range(nq))
-        places = (0, 1, 2, 3, 4, 8, 9, 10) if spin else tuple(range(nq))
-        cop = ca.vertcat(q[0], q[1], 0.0)
         leg = q[4] * leg_direction(q[2], q[3])
-        com = cop + leg
+        com = ca.vertcat(q[0], q[1], 0.0) + leg
         com_rate = ca.jtimes(com, q[:5], v[:5])
         squares, slide = q[nq - 3 :] ** 2, v[8:]
         inertia = self.mass / 3.0 * (ca.sum1(squares) - squares)
-        k_G = rotation @ (inertia * w)
+        k_G = R @ (inertia * w)
         return Mechanism(
             q=q,
             v=v,
             rate=rate,
-            coordinates=coordinates,
-            places=places,
+            coordinates=[*range(5), nq - 3, nq - 2, nq - 1] if spin else list(range(nq)),
+            places=[*range(5), 8, 9, 10] if spin else list(range(nq)),
             spin=spin,
-            driven=2,
             com=com,
             kinetic=0.5 * self.mass * ca.sumsqr(com_rate)
             + 0.5 * ca.dot(w, inertia * w)
@@ -72,14 +75,6 @@ class _SolidPendulum(ReactionMassPendulum):
             potential=self.mass * self.gravity * com[2],
             momenta=(k_G, k_G + ca.cross(leg, self.mass * com_rate)),
         )
-
-    def _checked(self, q: ArrayLike) -> Array:
-        q = finite_vector("q", q, len(self.Q))
-        if q[4] <= 0.0:
-            raise InvalidInputError(f"q: r_l, the leg's length, must be positive, got {q[4]:g} m")
-        if q[-3:].min() < 0.0:
-            raise InvalidInputError(f"q: r_1, r_2, r_3 must not be negative, got {q[-3:]} m")
-        return q
 
     def _require_inertia(self, q: Array) -> None:
         if abs(np.cos(q[3])) < SINGULAR:
@@ -174,12 +169,8 @@ class SolidRmp(_SolidPendulum):
 
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 12), ca.SX.sym("v", 11)
-        x, y, z, s = ca.vertsplit(q[5:9])
-        w = v[5:8]
-        quat_rate = 0.5 * quaternion_product(q[5:9], ca.vertcat(w, 0.0))
-        rate = ca.vertcat(v[:5], quat_rate, v[8:])
-        rotation = ca.vertcat(*(ca.horzcat(*row) for row in rotation_rows(x, y, z, s)))
-        return self._assemble(q, v, rate, rotation, w, spin=(5, 6, 7))
+        rate = ca.vertcat(v[:5], quaternion_rate(q[5:9], v[5:8]), v[8:])
+        return self._assemble(q, v, rate, rotation(q[5:9]), v[5:8], spin=[5, 6, 7])
 
     def _checked(self, q: ArrayLike) -> Array:
         q = super()._checked(q)
@@ -217,7 +208,7 @@ class EulerSolidRmp(_SolidPendulum):
         w = axes[0] * v[5]
         w = turns[1].T @ w + axes[1] * v[6]
         w = turns[2].T @ w + axes[2] * v[7]
-        return self._assemble(q, v, v, turns[0] @ turns[1] @ turns[2], w, spin=())
+        return self._assemble(q, v, v, turns[0] @ turns[1] @ turns[2], w, spin=[])
 
     def _require_inertia(self, q: Array) -> None:
         super()._require_inertia(q)
@@ -226,3 +217,76 @@ class EulerSolidRmp(_SolidPendulum):
                 f"q: beta = {np.degrees(q[6]):.6g} degrees is singular; SolidRmp has no such"
                 " orientation"
             )
+
+
+# ------------------------------------------------------------------ directions and rotations
+
+
+def leg_direction(theta: ca.SX, phi: ca.SX) -> ca.SX:
+    """Return the unit vector n (3,) from the CoP to the CoM.
+
+    theta turns it from the x axis to the z axis, phi out of that plane toward y. Its singular
+    directions are +-y: there theta is undefined.
+    """
+    return ca.vertcat(ca.cos(theta) * ca.cos(phi), ca.sin(phi), ca.sin(theta) * ca.cos(phi))
+
+
+def leg_axes(theta: float, phi: float) -> Array:
+    """Return the leg's angular velocities (3, 2), world axes, per unit of theta' and of phi'.
+
+    They are n x dn/dtheta and n x dn/dphi: the leg does not spin about itself.
+    """
+    ct, st, cp, sp = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
+    n = np.array((ct * cp, sp, st * cp))
+    by_theta = np.array((-st * cp, 0.0, ct * cp))
+    by_phi = np.array((-ct * sp, cp, -st * sp))
+    return np.column_stack((np.cross(n, by_theta), np.cross(n, by_phi)))
+
+
+def rotation_rows(x: Any, y: Any, z: Any, s: Any) -> tuple[tuple[Any, Any, Any], ...]:
+    """Return the rows of the rotation matrix of the unit quaternion x, y, z, scalar part s."""
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * s), 2 * (x * z + y * s)),
+        (2 * (x * y + z * s), 1 - 2 * (x * x + z * z), 2 * (y * z - x * s)),
+        (2 * (x * z - y * s), 2 * (y * z + x * s), 1 - 2 * (x * x + y * y)),
+    )
+
+
+def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Return the quaternion (4,) of rotation a after rotation b, both x y z w."""
+    vector = a[3] * b[:3] + b[3] * a[:3] + ca.cross(a[:3], b[:3])
+    return ca.vertcat(vector, a[3] * b[3] - ca.dot(a[:3], b[:3]))
+
+
+def turn(axis: int, angle: ca.SX) -> ca.SX:
+    """Return the rotation matrix about axis 1, 2 or 3; a negative axis turns the other way."""
+    c, s = ca.cos(angle), ca.sin(angle) * (1 if axis > 0 else -1)
+    i, j = {1: (1, 2), 2: (2, 0), 3: (0, 1)}[abs(axis)]
+    R = ca.SX.eye(3)
+    R[i, i], R[j, j], R[i, j], R[j, i] = c, c, -s, s
+    return R
+
+
+def rotation_vector(quaternion: ca.SX) -> ca.SX:
+    """Return the rotation vector (3,) [rad] of a unit quaternion x y z w, by the shorter way.
+
+    The wheel's angle of a solid pendulum, as :class:`~wbc.rmp.balance.law.Bounds` limits it.
+    """
+    # One orientation, two quaternions: the one with the positive scalar part is the shorter way.
+    q = ca.if_else(quaternion[3] < 0.0, -1.0, 1.0) * quaternion
+    square = ca.sumsqr(q[:3])
+    size = ca.sqrt(ca.fmax(square, _SMALL))
+    # angle / sine of half of it; the series in the square of that sine has slopes at zero too.
+    ratio = ca.if_else(square > _SMALL, 2.0 * ca.atan2(size, q[3]) / size, 2.0 + square / 3.0)
+    return ratio * q[:3]
+
+
+def rotation(quaternion: ca.SX) -> ca.SX:
+    """Return the rotation matrix (3, 3) of a unit quaternion x y z w."""
+    rows = rotation_rows(*(quaternion[k] for k in range(4)))
+    return ca.vertcat(*(ca.horzcat(*row) for row in rows))
+
+
+def quaternion_rate(quaternion: ca.SX, rate: ca.SX) -> ca.SX:
+    """Return the rate (4,) of a unit quaternion that turns at the body rate (3,)."""
+    return 0.5 * quaternion_product(quaternion, ca.vertcat(rate, 0.0))

@@ -20,9 +20,8 @@ from wbc.rmp.balance.momentum_qp import MomentumQp, Weights
 from wbc.rmp.balance.push_limits import PushLimits, Wheel, compass, push_limits
 from wbc.rmp.balance.record import Ending
 from wbc.rmp.balance.simulate import Push, simulate
-from wbc.rmp.frames import quaternion_rate, rotation, rotation_vector
 from wbc.rmp.ground import centre_of_pressure
-from wbc.rmp.solid import SolidRmp
+from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation, rotation_vector
 
 Array = NDArray[np.float64]
 DT = 2e-3

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, check_fields
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class CaptureGains:
     radii: float = 8.0
 
     def __post_init__(self) -> None:
-        for name in ("capture", "beyond", "height", "wheel", "radii"):
-            finite_number(f"gains: {name}", getattr(self, name), above=0.0)
+        positive = ("capture", "beyond", "height", "wheel", "radii")
+        check_fields(self, "gains: ", *positive, above=0.0)
         if not 0.0 < self.reserve < 1.0:
             raise InvalidInputError(f"gains: reserve must be in (0, 1), got {self.reserve:g}")
 

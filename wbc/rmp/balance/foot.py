@@ -12,7 +12,7 @@ its ankle gives beyond the hip's reaction is what moves the CoP away from the le
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -20,10 +20,9 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes
 from wbc.rmp.balance.law import FREE, Bounds, Pendulum
-from wbc.rmp.frames import quaternion_rate, rotation, rotation_vector
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.planar import PlanarRmp
-from wbc.rmp.solid import SolidRmp
+from wbc.rmp.solid import SolidRmp, quaternion_rate, rotation, rotation_vector
 from wbc.validate import Array
 
 # Least push of the ground, as a part of the weight: the CoP divides by it.
@@ -106,138 +105,104 @@ class Foot:
         return float((-loads / push).min()) + self._margin if push > 0.0 else -np.inf
 
 
-def _pressure(model: Pendulum) -> ca.Function:
-    """Return (q, v, f) -> (CoP times f_z, f_z); the foot has no acceleration (theory, 7)."""
-    nq, nv, nf = len(model.Q), len(model.V), len(model.F)
-    q, v, f = ca.SX.sym("q", nq), ca.SX.sym("v", nv), ca.SX.sym("f", nf)
-    x = ca.vertcat(q, v)
-    rate = model.functions["state_rate"](x, ca.vertcat(ca.SX.zeros(nv - nf), f))
-    push = model.functions["ground_reaction"](q, v, rate[nq:])
+def ground_loads(model: Pendulum, x: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return c, f_r and k_G' at a state x = (q, v) under u = (CoP acceleration, f)."""
+    q, v = x[: len(model.Q)], x[len(model.Q) :]
+    rate = model.functions["state_rate"](x, u)
+    push = model.functions["ground_reaction"](q, v, rate[len(model.Q) :])
     com, _ = model.functions["com"](q, v)
     k_G, _ = model.functions["momenta"](q, v)
-    moment = ca.jtimes(k_G, x, rate)
+    return com, push, ca.jtimes(k_G, x, rate)
+
+
+def _pressure(model: Pendulum) -> ca.Function:
+    """Return (q, v, f) -> (CoP times f_z, f_z); the foot has no acceleration (theory, 7)."""
+    sizes = zip("qvf", (model.Q, model.V, model.F), strict=True)
+    q, v, f = (ca.SX.sym(name, len(entries)) for name, entries in sizes)
+    u = ca.vertcat(ca.SX.zeros(model.COP), f)
+    com, push, moment = ground_loads(model, ca.vertcat(q, v), u)
     # Planar momenta are about -y; in space m is crossed with the vertical.
-    turned = moment if nv - nf == 1 else ca.vertcat(-moment[1], moment[0])
+    turned = moment if model.COP == 1 else ca.vertcat(-moment[1], moment[0])
     pressure = com[:-1] * push[-1] - com[-1] * push[:-1] + turned
     return ca.Function("pressure", [q, v, f], [ca.densify(pressure), ca.densify(push[-1])])
 
 
-@dataclass(eq=False)
-class Rows:
-    """Two-sided rows of a QP, gathered one after the other; expressions are affine in x."""
-
-    expressions: list[ca.SX] = field(default_factory=list)
-    lower: list[ca.SX] = field(default_factory=list)
-    upper: list[ca.SX] = field(default_factory=list)
-    labels: list[str] = field(default_factory=list)
-
-    def add(
-        self, label: str, expression: ca.SX, lower: ca.SX | float, upper: ca.SX | float
-    ) -> None:
-        """Add a row lower <= expression <= upper."""
-        self.expressions.append(expression)
-        self.lower.append(ca.SX(lower))
-        self.upper.append(ca.SX(upper))
-        self.labels.append(label)
-
-
 @dataclass(frozen=True, eq=False)
+class Row:
+    """A row lower <= expression <= upper of a QP; the expression is affine in x."""
+
+    label: str
+    expression: ca.SX
+    lower: ca.SX | float
+    upper: ca.SX | float
+
+
 class FlatFoot:
     """Symbols of the state and the unknowns, and what follows from them."""
 
-    model: SolidRmp
-    q: ca.SX  # (12,)
-    v: ca.SX  # (11,)
-    x: ca.SX  # (13,)
-    com: ca.SX  # c (3,)
-    com_rate: ca.SX  # c' (3,)
-    push: ca.SX  # f_r (3,)
-    force: ca.SX  # generalised forces (9,)
-    moment: ca.SX  # k_G' (3,)
-    inertia: ca.SX  # about the masses' axes (3,)
-    gyroscopic: ca.SX  # torque (3,) without which the body rate would change
-    angle: ca.SX  # of the masses (3,)
-    angle_rate: ca.SX  # (3,)
-    angle_acceleration: ca.SX  # (3,)
-    leg_rate: ca.SX  # r_l'
-    leg_acceleration: ca.SX  # r_l''
-
-    @classmethod
-    def of(cls, model: SolidRmp) -> FlatFoot:
-        """Return the symbols for a pendulum."""
-        q, v, x = ca.SX.sym("q", 12), ca.SX.sym("v", 11), ca.SX.sym("x", 13)
-        com, com_rate = model.functions["com"](q, v)
-        push = model.mass * (x[:3] + ca.vertcat(0.0, 0.0, model.gravity))
+    def __init__(self, model: SolidRmp) -> None:
+        self.model = model
+        self.q = q = ca.SX.sym("q", 12)
+        self.v = v = ca.SX.sym("v", 11)
+        self.x = x = ca.SX.sym("x", 13)
         quaternion, w, radii, slide = q[5:9], v[5:8], q[9:], v[8:]
         third = model.mass / 3.0
-        inertia = third * (ca.sum1(radii**2) - radii**2)
+        self.com, self.com_rate = model.functions["com"](q, v)  # c, c' (3,)
+        self.push = model.mass * (x[:3] + ca.vertcat(0.0, 0.0, model.gravity))  # f_r (3,)
+        self.moment = rotation(quaternion) @ x[3:6]  # k_G' (3,)
+        # About the masses' axes (3,), and the torque (3,) without which their rate would change.
+        self.inertia = third * (ca.sum1(radii**2) - radii**2)
         inertia_rate = 2 * third * (ca.dot(radii, slide) - radii * slide)
-        gyroscopic = ca.cross(w, inertia * w) + inertia_rate * w
+        self.gyroscopic = ca.cross(w, self.inertia * w) + inertia_rate * w
+        # Rotation vector of the masses (3,) and its rates.
         turning = quaternion_rate(quaternion, w)
-        angle = rotation_vector(quaternion)
-        angle_rate = ca.jtimes(angle, quaternion, turning)
-        spin = (x[3:6] - gyroscopic) / inertia
-        angle_acceleration = ca.jtimes(angle_rate, quaternion, turning)
-        angle_acceleration += ca.jtimes(angle_rate, w, spin)
+        spin = (x[3:6] - self.gyroscopic) / self.inertia
+        self.angle = rotation_vector(quaternion)
+        self.angle_rate = ca.jtimes(self.angle, quaternion, turning)
+        self.angle_acceleration = ca.jtimes(self.angle_rate, quaternion, turning)
+        self.angle_acceleration += ca.jtimes(self.angle_rate, w, spin)
+        # r_l' and r_l'', from the foot, whose own motion is given and has no acceleration here.
+        self.leg_rate = v[4]
+        pace = self.com_rate - ca.vertcat(v[:2], 0.0)
+        along = ca.dot(ca.jacobian(self.com, q[4]), x[:3])
+        self.leg_acceleration = along + (ca.sumsqr(pace) - self.leg_rate**2) / q[4]
+        # Generalised forces (9,).
+        leg_force = ca.jacobian(self.com, q[2:5]).T @ self.push
         sliding = third * (x[6:9] - radii * (ca.sumsqr(w) - w**2))
-        # From the foot, whose own motion is given and has no acceleration here.
-        leg_rate = v[4]
-        pace = com_rate - ca.vertcat(v[:2], 0.0)
-        along = ca.jacobian(com, q[4])
-        leg_acceleration = ca.dot(along, x[:3]) + (ca.sumsqr(pace) - leg_rate**2) / q[4]
-        leg_force = ca.jacobian(com, q[2:5]).T @ push
-        return cls(
-            model=model,
-            q=q,
-            v=v,
-            x=x,
-            com=com,
-            com_rate=com_rate,
-            push=push,
-            force=ca.vertcat(leg_force, x[3:6], sliding),
-            moment=rotation(quaternion) @ x[3:6],
-            inertia=inertia,
-            gyroscopic=gyroscopic,
-            angle=angle,
-            angle_rate=angle_rate,
-            angle_acceleration=angle_acceleration,
-            leg_rate=leg_rate,
-            leg_acceleration=leg_acceleration,
-        )
+        self.force = ca.vertcat(leg_force, x[3:6], sliding)
 
 
-def physical_rows(foot: FlatFoot, bounds: Bounds, normals: Array, offsets: Array) -> Rows:
+def physical_rows(foot: FlatFoot, bounds: Bounds, normals: Array, offsets: Array) -> list[Row]:
     """Return what no command may break: CoP in the polygon, friction, force along the leg.
 
     Forces are in parts of the weight, so that all rows are of one size. The friction cone is
     replaced by the pyramid inside it.
     """
-    rows, weight = Rows(), foot.model.mass * foot.model.gravity
-    f, height = foot.push / weight, foot.com[2]
-    moment = foot.moment / weight
+    rows, weight = list[Row](), foot.model.mass * foot.model.gravity
+    f, moment, height = foot.push / weight, foot.moment / weight, foot.com[2]
     # The CoP times f_z, so that it is affine.
     cop = foot.com[:2] * f[2] - height * f[:2] + ca.vertcat(-moment[1], moment[0])
     for k, (normal, offset) in enumerate(zip(normals, offsets, strict=True)):
         inside = ca.dot(ca.DM(normal), cop) - float(offset) * f[2]
-        rows.add(f"CoP inside edge {k}", inside, -ca.inf, 0.0)
+        rows.append(Row(f"CoP inside edge {k}", inside, -ca.inf, 0.0))
     if bounds.friction < FREE:
         slope = bounds.friction / np.sqrt(2.0)
         for axis, name in enumerate("xy"):
             for sign in (1.0, -1.0):
                 label = f"friction {'+' if sign > 0 else '-'}{name}"
-                rows.add(label, sign * f[axis] - slope * f[2], -ca.inf, 0.0)
+                rows.append(Row(label, sign * f[axis] - slope * f[2], -ca.inf, 0.0))
     low, high = bounds.leg_force
-    rows.add("force along the leg", foot.force[2] / weight, low / weight, high / weight)
-    return rows
+    return [*rows, Row("force along the leg", foot.force[2] / weight, low / weight, high / weight)]
 
 
-def elastic_rows(rows: Rows, foot: FlatFoot, bounds: Bounds, dt: float) -> None:
-    """Add the leg's length and the wheel's angle, by braking; each row has a slack of its own."""
+def elastic_rows(foot: FlatFoot, bounds: Bounds, dt: float) -> list[Row]:
+    """Return the leg's length and the wheel's angle, by braking; each row has its own slack."""
     slack, g = foot.x[9:], foot.model.gravity
     low, high = acceleration_range(
         foot.q[4], foot.leg_rate, bounds.leg_length, (LEG_BRAKE * g, LEG_BRAKE * g), dt, INSIST
     )
-    rows.add("length of the leg", (foot.leg_acceleration - slack[0]) / g, low / g, high / g)
+    length = (foot.leg_acceleration - slack[0]) / g
+    rows = [Row("length of the leg", length, low / g, high / g)]
     if bounds.wheel_angle < FREE:
         strength = COUNTED * bounds.wheel_torque / foot.inertia
         edge = (1.0 - ANGLE_MARGIN) * bounds.wheel_angle
@@ -248,7 +213,9 @@ def elastic_rows(rows: Rows, foot: FlatFoot, bounds: Bounds, dt: float) -> None:
         scale = foot.inertia / bounds.wheel_torque
         for k, axis in enumerate("123"):
             turn = (foot.angle_acceleration[k] - slack[1 + k]) * scale[k]
-            rows.add(f"angle of the masses {axis}", turn, low[k] * scale[k], high[k] * scale[k])
+            label = f"angle of the masses {axis}"
+            rows.append(Row(label, turn, low[k] * scale[k], high[k] * scale[k]))
+    return rows
 
 
 def box(foot: FlatFoot, bounds: Bounds, dt: float) -> tuple[ca.SX, ca.SX]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import checked_polygon
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_number, interval, read_only
+from wbc.validate import Array, check_fields, finite_number, interval, read_only, set_fields
 
 FREE = math.inf
 Pendulum = PlanarRmp | SolidRmp
@@ -67,16 +67,13 @@ class Bounds:
 
     def __post_init__(self) -> None:
         if self.polygon is not None:
-            object.__setattr__(self, "polygon", read_only(_support(self.polygon)))
-        finite_number("bounds: cop_margin", self.cop_margin, least=0.0)
-        for name in ("friction", "wheel_torque", "wheel_angle", "wheel_rate"):
-            if getattr(self, name) != FREE:
-                object.__setattr__(
-                    self, name, finite_number(f"bounds: {name}", getattr(self, name), above=0.0)
-                )
+            set_fields(self, polygon=read_only(_support(self.polygon)))
+        check_fields(self, "bounds: ", "cop_margin", least=0.0)
+        greatest = ("friction", "wheel_torque", "wheel_angle", "wheel_rate")
+        check_fields(self, "bounds: ", *greatest, above=0.0, unlimited=True)
         for name in ("leg_force", "leg_length", "radius"):
             pair = interval(f"bounds: {name}", getattr(self, name), positive=name != "leg_force")
-            object.__setattr__(self, name, pair)
+            set_fields(self, **{name: pair})
 
 
 def _support(polygon: ArrayLike) -> Array:
@@ -112,7 +109,7 @@ class Command:
     cop_acceleration: Array
     phase: str = "run"
     ok: bool = True
-    note: str = field(default="")
+    note: str = ""
 
 
 class BalanceLaw(Protocol):
@@ -123,26 +120,22 @@ class BalanceLaw(Protocol):
         """The pendulum that the law believes it controls."""
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return what to do at configuration q (nq,), velocity v (nv,) and time [s]."""
+        """Return what to do at configuration q (nq,), velocity v (nv,) and time [s].
+
+        Raises
+        ------
+        InvalidInputError
+            Wrong sizes or not finite.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class CentroidalReference:
-    """What a command means for a robot with this pendulum: the humanoid controllers track it.
+    """What a command means for a robot with this pendulum: targets of humanoid controllers."""
 
-    Attributes
-    ----------
-    com_acceleration:
-        c'' [m/s^2], up last: (3,), planar (2,).
-    momentum_rate:
-        k_G', the rate of the angular momentum about the CoM [N m]: (3,) world axes, planar (1,).
-    inertia_rate:
-        Rate of the inertia about the masses' axes [kg m^2/s]: (3,), planar (1,).
-    """
-
-    com_acceleration: Array
-    momentum_rate: Array
-    inertia_rate: Array
+    com_acceleration: Array  # c'' [m/s^2], up last: (3,), planar (2,)
+    momentum_rate: Array  # k_G' about the CoM [N m]: (3,) world axes, planar (1,)
+    inertia_rate: Array  # about the masses' axes [kg m^2/s]: (3,), planar (1,)
 
 
 def centroidal_reference(

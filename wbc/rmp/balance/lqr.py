@@ -15,7 +15,7 @@ from wbc.rmp.balance.law import Bounds, Command, Pendulum
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_vector, read_only
+from wbc.validate import Array, finite_vector, read_only, set_fields
 
 # Singular values of [A - s 1, B], in scaled units, below which no input reaches the mode.
 UNREACHED = 1e-7
@@ -94,20 +94,18 @@ class Lqr:
         efforts = _efforts(self.model, q0)[-B.shape[1] :] if self.efforts is None else self.efforts
         errors = finite_vector("errors", errors, len(A))
         K, P = riccati_gain(A, B, errors, finite_vector("efforts", efforts, B.shape[1]))
-        found = {"q0": q0, "gain": K, "cost": P, "open_loop": (A, B), "_rest": rest, "_foot": foot}
-        for name, value in found.items():
-            object.__setattr__(self, name, value)
+        set_fields(self, q0=q0, gain=K, cost=P, open_loop=(A, B), _rest=rest, _foot=foot)
 
     @property
     def states(self) -> tuple[str, ...]:
         """Names of x."""
-        moving = self.model.V[self._driven :]
+        moving = self.model.V[self.model.COP :]
         return (*moving, *(f"{name} rate" for name in moving))
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of u."""
-        return self.model.F[0 if self.foot else self._driven :]
+        return self.model.F[0 if self.foot else self.model.COP :]
 
     def state(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Return x (2 n,) at a configuration and velocity."""
@@ -118,11 +116,11 @@ class Lqr:
             turn = self._turn(q)
             places = np.concatenate((places[:5], turn.as_rotvec(), places[9:]))
             v[5:8] = turn.apply(v[5:8])
-        return np.concatenate((places[self._driven :], v[self._driven :]))
+        return np.concatenate((places[self.model.COP :], v[self.model.COP :]))
 
     def command(self, q: Array, v: Array, time: float) -> Command:
         """Return the forces; ``time`` does not matter."""
-        driven = self._driven
+        driven = self.model.COP
         wanted = self._rest.copy()
         wanted[len(wanted) - len(self.gain) :] -= self.gain @ self.state(q, v)
         if isinstance(self.model, SolidRmp):
@@ -145,16 +143,12 @@ class Lqr:
         clipped = scale < 1.0 or not np.array_equal(given, wanted)
         return Command(force, np.zeros(driven), "clipped" if clipped else "hold", not note, note)
 
-    @property
-    def _driven(self) -> int:
-        return len(self.model.V) - len(self.model.F)
-
     def _turn(self, q: Array) -> Rotation:
         """Return the rotation of the masses from rest, in their axes at rest."""
         return Rotation.from_quat(self.q0[5:9]).inv() * Rotation.from_quat(q[5:9])
 
     def _clipped(self, wanted: Array) -> Array:
-        given, leg = wanted.copy(), self._driven
+        given, leg = wanted.copy(), self.model.COP
         given[leg] = np.clip(wanted[leg], *self.bounds.leg_force)
         wheel = slice(3, 6) if leg == 2 else slice(2, 3)
         most = self.bounds.wheel_torque
@@ -205,7 +199,6 @@ def _require_stabilisable(a: Array, b: Array) -> None:
 
 
 def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: Foot | None) -> None:
-    driven = len(model.V) - len(model.F)
     if foot is not None:
         out = -foot.cop_margin(q0, np.zeros(len(model.V)), rest)
         if out > 0.0:
@@ -213,9 +206,8 @@ def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: Foot | None) ->
                 f"q0: no equilibrium; the CoP would be {out:.4g} m out of the support"
             )
         return
-    missing = float(np.abs(rest[:driven]).max())
-    leg = float(q0[model.Q.index("r_l")])
-    if missing > AT_REST * max(model.mass * model.gravity * leg, 1.0):
+    missing = float(np.abs(rest[: model.COP]).max())
+    if missing > AT_REST * max(model.mass * model.gravity * q0[model.LEG], 1.0):
         raise InvalidInputError(
             f"q0: no equilibrium on a point contact; the foot would have to give {missing:.4g} N m"
         )
@@ -223,7 +215,7 @@ def _require_rest(model: Pendulum, q0: Array, rest: Array, foot: Foot | None) ->
 
 def _open_loop(model: Pendulum, q0: Array, rest: Array, foot: bool) -> tuple[Array, Array]:
     """Return (A, B) without the CoP; a hip's torque takes its reaction along."""
-    nv, driven = len(model.V), len(model.V) - len(model.F)
+    nv, driven = len(model.V), model.COP
     A, B = model.linearisation(q0, rest)
     inputs = np.eye(len(model.F))
     if isinstance(model, SolidRmp):
@@ -235,7 +227,7 @@ def _open_loop(model: Pendulum, q0: Array, rest: Array, foot: bool) -> tuple[Arr
 
 
 def _errors(model: Pendulum, q0: Array) -> Array:
-    leg = float(q0[model.Q.index("r_l")])
+    leg = float(q0[model.LEG])
     lean, turn, length = 0.1, 1.0, 0.05 * leg
     places = (
         (lean, length, turn, length)
@@ -247,13 +239,8 @@ def _errors(model: Pendulum, q0: Array) -> Array:
 
 
 def _efforts(model: Pendulum, q0: Array) -> Array:
-    leg = float(q0[model.Q.index("r_l")])
     force = model.mass * (model.gravity or 1.0)
-    torque = 0.3 * force * leg
+    torque = 0.3 * force * float(q0[model.LEG])
     if isinstance(model, PlanarRmp):
         return np.array((torque, force, torque, force))
     return np.array((torque, torque, force, *(3 * (torque,)), *(3 * (force / 3.0,))))
-
-
-def _or(given: ArrayLike | None, default: Array) -> ArrayLike:
-    return default if given is None else given

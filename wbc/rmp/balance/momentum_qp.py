@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from wbc.rmp.balance.foot import FlatFoot, box, elastic_rows, physical_rows
 from wbc.rmp.balance.law import FREE, Bounds, Command
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 UNKNOWNS = (
     *("c''_x", "c''_y", "c''_z", "tau_1", "tau_2", "tau_3", "r_1''", "r_2''", "r_3''"),
@@ -54,8 +54,8 @@ class Weights:
     slack: float = 1e3
 
     def __post_init__(self) -> None:
-        for name in ("horizontal", "vertical", "wheel", "radii", "slack"):
-            finite_number(f"weights: {name}", getattr(self, name), above=0.0)
+        names = (each.name for each in fields(self))
+        check_fields(self, "weights: ", *names, above=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +120,8 @@ class MomentumQp:
         com, radii = finite_vector("com", self.com, 3), finite_vector("radii", self.radii, 3)
         _require_foot(self.bounds)
         _require_rest(self.bounds, com, radii)
-        object.__setattr__(self, "com", read_only(com))
-        object.__setattr__(self, "radii", read_only(radii))
-        object.__setattr__(self, "_program", _Program(self, com, radii, dt))
+        program = _Program(self, com, radii, dt)
+        set_fields(self, com=read_only(com), radii=read_only(radii), _program=program)
 
     def program(self, q: ArrayLike, v: ArrayLike) -> QP:
         """Return the QP at q (12,), v (11,); its unknowns are in ``labels.variables``.
@@ -137,13 +136,7 @@ class MomentumQp:
         return self._program(finite_vector("q", q, 12), finite_vector("v", v, 11)).qp
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return the forces wanted at q (12,), v (11,); ``time`` plays no part.
-
-        Raises
-        ------
-        InvalidInputError
-            Wrong sizes or not finite.
-        """
+        """Return the forces wanted at q (12,), v (11,); ``time`` plays no part."""
         q, v = finite_vector("q", q, 12), finite_vector("v", v, 11)
         tick = self._program(q, v)
         solution = self.backend.solve(tick.qp, "flat foot")
@@ -232,10 +225,10 @@ class _Program:
     """
 
     def __init__(self, law: MomentumQp, com: Array, radii: Array, dt: float) -> None:
-        foot, bounds = FlatFoot.of(law.model), law.bounds
+        foot, bounds = FlatFoot(law.model), law.bounds
         normals, offsets = half_planes(np.asarray(bounds.polygon))
         rows = physical_rows(foot, bounds, normals, offsets - bounds.cop_margin)
-        elastic_rows(rows, foot, bounds, dt)
+        rows += elastic_rows(foot, bounds, dt)
         g, most = law.model.gravity, bounds.wheel_torque
         inertia = law.model.mass / 3.0 * (np.sum(radii**2) - radii**2)
         self.scale = np.concatenate((np.repeat((g, most, g), (3, 3, 4)), most / inertia))
@@ -243,15 +236,15 @@ class _Program:
         share = np.repeat((w.horizontal, w.vertical, w.wheel, w.radii, w.slack), (2, 1, 3, 3, 4))
         self._P = np.diag(share)
         self._A, self._b = np.zeros((0, len(UNKNOWNS))), np.zeros(0)
-        self._labels = Labels((), tuple(rows.labels), UNKNOWNS)
-        expression = ca.vertcat(*rows.expressions)
+        self._labels = Labels((), tuple(row.label for row in rows), UNKNOWNS)
+        expression = ca.vertcat(*(row.expression for row in rows))
         constant = ca.substitute(expression, foot.x, ca.DM.zeros(len(UNKNOWNS)))
         wanted, fallback, outside = _aims(foot, law, com, radii)
         outputs = (
             -ca.DM(share / self.scale) * wanted,
             ca.jacobian(expression, foot.x) @ ca.DM(np.diag(self.scale)),
-            ca.vertcat(*rows.lower) - constant,
-            ca.vertcat(*rows.upper) - constant,
+            ca.vertcat(*(row.lower for row in rows)) - constant,
+            ca.vertcat(*(row.upper for row in rows)) - constant,
             *(limit / ca.DM(self.scale) for limit in box(foot, bounds, dt)),
             fallback,
             outside,

@@ -30,7 +30,15 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes
 from wbc.rmp.balance.law import FREE
 from wbc.rmp.ground import STANDARD_GRAVITY
-from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+from wbc.validate import (
+    Array,
+    check_fields,
+    finite_array,
+    finite_number,
+    finite_vector,
+    read_only,
+    set_fields,
+)
 
 _AXES = np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
 
@@ -64,11 +72,9 @@ class Wheel:
         inertia = finite_vector("wheel: inertia", both, 2)
         if inertia.min() <= 0.0:
             raise InvalidInputError(f"wheel: inertia must be positive, got {inertia} kg m^2")
-        object.__setattr__(self, "inertia", read_only(inertia))
-        finite_number("wheel: torque", self.torque, above=0.0)
-        for name in ("angle", "rate"):
-            if getattr(self, name) != FREE:
-                finite_number(f"wheel: {name}", getattr(self, name), above=0.0)
+        set_fields(self, inertia=read_only(inertia))
+        check_fields(self, "wheel: ", "torque", above=0.0)
+        check_fields(self, "wheel: ", "angle", "rate", above=0.0, unlimited=True)
 
     def reach(self, weight: float, omega: float) -> Array:
         """Return by how much each axis shifts the capture points that can be caught (2,) [m].

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc.polygon import polygon_margin
+from wbc.rmp.balance.foot import ground_loads
 from wbc.rmp.balance.law import FREE, Bounds, Pendulum
 from wbc.rmp.ground import centre_of_pressure, in_contact
 from wbc.rmp.integrators import runge_kutta
@@ -113,7 +114,7 @@ class Simulation:
         b, (q, v, cop, ground_force) = self.bounds, self._samples
         pushed = ~np.isnan(cop[:, 0])
         level, up = ground_force[pushed, :-1], ground_force[pushed, -1]
-        masses = 1 if isinstance(self.model, PlanarRmp) else 3
+        masses = self.model.RADII
         turned, spin = self._wheel(q, v)
         leg_force = self.force[:, self.model.F.index("f_l")]
         torque = self.force[:, -2 * masses : -masses]
@@ -122,7 +123,7 @@ class Simulation:
             "cop": FREE if self.pivot else self._cop_margin(cop[pushed]),
             "friction": FREE if self.pivot else _least(b.friction - slope),
             "leg_force": FREE if self.pivot else _within(leg_force, b.leg_force),
-            "leg_length": _within(q[:, self.model.Q.index("r_l")], b.leg_length),
+            "leg_length": _within(q[:, self.model.LEG], b.leg_length),
             "wheel_torque": _least(b.wheel_torque - np.abs(torque)),
             "wheel_angle": _least(b.wheel_angle - np.abs(turned)),
             "wheel_rate": _least(b.wheel_rate - np.abs(spin)),
@@ -177,14 +178,9 @@ def ground_push(model: Pendulum, states: Array, inputs: Array) -> tuple[Array, A
     """
     nq, nv = len(model.Q), len(model.V)
     if not len(states):
-        size = nv - len(model.F)
-        return np.zeros((0, size)), np.zeros((0, size + 1))
+        return np.zeros((0, model.COP)), np.zeros((0, model.COP + 1))
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
-    rate = model.functions["state_rate"](x, u)
-    push = model.functions["ground_reaction"](x[:nq], x[nq:], rate[nq:])
-    k_G, _ = model.functions["momenta"](x[:nq], x[nq:])
-    com, _ = model.functions["com"](x[:nq], x[nq:])
-    loads = ca.Function("loads", [x, u], [com, push, ca.jtimes(k_G, x, rate)])
+    loads = ca.Function("loads", [x, u], ground_loads(model, x, u))
     c, force, moment = (each.full().T for each in loads.map(len(states))(states.T, inputs.T))
     return _cop(c, force, moment, model.mass), force
 

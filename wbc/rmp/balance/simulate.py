@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.rmp.balance.foot import require_support
+from wbc.rmp.balance.foot import ground_loads, require_support
 from wbc.rmp.balance.law import BalanceLaw, Bounds, Command, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT, STANDARD_GRAVITY
 from wbc.rmp.integrators import runge_kutta
-from wbc.rmp.planar import PlanarRmp
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 # Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
 FALLEN = math.radians(10.0)
@@ -53,10 +52,10 @@ class Push:
     impulse: ArrayLike
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", finite_number("push: time", self.time, least=0.0))
+        check_fields(self, "push: ", "time", least=0.0)
         size = 2 if np.size(self.impulse) == 2 else 3
         impulse = finite_vector("push: impulse", self.impulse, size)
-        object.__setattr__(self, "impulse", read_only(impulse))
+        set_fields(self, impulse=read_only(impulse))
 
 
 def velocity_jump(model: Pendulum, q: ArrayLike, impulse: ArrayLike) -> Array:
@@ -70,7 +69,7 @@ def velocity_jump(model: Pendulum, q: ArrayLike, impulse: ArrayLike) -> Array:
     InvalidInputError
         Wrong sizes, not finite, or a configuration where forces have no inertia to accelerate.
     """
-    driven, nv = len(model.V) - len(model.F), len(model.V)
+    driven, nv = model.COP, len(model.V)
     # Refuses configurations without a regular mass matrix.
     model.forward_dynamics(q, np.zeros(nv), np.zeros(len(model.F)))
     push = finite_vector("impulse", impulse, driven + 1)
@@ -205,7 +204,7 @@ class _Run:
 
     def recorded(self, end: tuple[Ending, str] | None) -> Simulation:
         """Return the record of a run that ended so, or was carried out to the end."""
-        n, driven = len(self.commands), self.nv - self.nf
+        n, driven = len(self.commands), self.model.COP
         ending, note = end or (Ending.COMPLETE, "")
         if not note:
             note = next((each.note for each in self.commands if not each.ok), "")
@@ -230,7 +229,7 @@ class _Run:
 
     def _input(self, command: Command) -> Array | None:
         w, f = np.asarray(command.cop_acceleration), np.asarray(command.force)
-        if w.shape != (self.nv - self.nf,) or f.shape != (self.nf,):
+        if w.shape != (self.model.COP,) or f.shape != (self.nf,):
             return None
         u: Array = np.concatenate((w, f)).astype(float)
         return u if np.isfinite(u).all() else None
@@ -243,8 +242,7 @@ class _Run:
         if not self.pivot and height < leg * math.sin(self.fallen):
             lean = math.degrees(math.asin(height / leg))
             return Ending.FELL, f"at {time:g} s the leg is {lean:.3g} degrees above the ground"
-        masses = 1 if isinstance(self.model, PlanarRmp) else 3
-        if self.states[-1][self.nq - masses : self.nq].min() <= 0.0:
+        if self.states[-1][self.nq - self.model.RADII : self.nq].min() <= 0.0:
             return Ending.DIVERGED, f"at {time:g} s two masses of a pair meet"
         return None
 
@@ -253,11 +251,10 @@ def _judged_step(model: Pendulum, dt: float) -> ca.Function:
     """Return (x, u) -> (x_next, f_r now, (length of the leg, its height) next)."""
     nq, nv = len(model.Q), len(model.V)
     x, u = ca.SX.sym("x", nq + nv), ca.SX.sym("u", nv)
-    acceleration = model.functions["state_rate"](x, u)[nq:]
-    push = model.functions["ground_reaction"](x[:nq], x[nq:], acceleration)
+    _, push, _ = ground_loads(model, x, u)
     after, _ = runge_kutta(model, dt)(x, u)
     com, _ = model.functions["com"](after[:nq], after[nq:])
-    outputs = (after, push, ca.vertcat(after[model.Q.index("r_l")], com[-1]))
+    outputs = (after, push, ca.vertcat(after[model.LEG], com[-1]))
     return ca.Function("judged_step", [x, u], [ca.densify(each) for each in outputs])
 
 
@@ -301,12 +298,11 @@ def impulses_by_step(
     InvalidInputError
         A push after the end, or of the other kind of pendulum.
     """
-    size = len(model.V) - len(model.F) + 1
     jumps: dict[int, Array] = {}
     for push in pushes:
         k = round(push.time / dt)
         if k >= steps:
             raise InvalidInputError(f"the push at {push.time:g} s is not before the end")
-        impulse = finite_vector(f"the impulse at {push.time:g} s", push.impulse, size)
+        impulse = finite_vector(f"the impulse at {push.time:g} s", push.impulse, model.COP + 1)
         jumps[k] = jumps[k] + impulse if k in jumps else impulse
     return jumps

@@ -13,7 +13,7 @@ from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rmp.balance.foot import Foot
 from wbc.rmp.balance.law import Bounds, Command, Pendulum
 from wbc.rmp.planar import PlanarRmp
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.validate import Array, check_fields, finite_vector, read_only, set_fields
 
 # How far, as a part of it, a solid body's spin may be off one of the axes of the masses.
 ALONG = 1e-6
@@ -91,9 +91,8 @@ class SpinChange:
         model = self.model
         q0 = read_only(finite_vector("q0", self.q0, len(model.Q)))
         v0 = read_only(finite_vector("v0", self.v0, len(model.V)))
-        object.__setattr__(self, "spin", finite_number("spin", self.spin))
-        for name in ("duration", "rate"):
-            object.__setattr__(self, name, finite_number(name, getattr(self, name), above=0.0))
+        check_fields(self, "", "spin")
+        check_fields(self, "", "duration", "rate", above=0.0)
         low, high = reachable_spins(model, q0, v0, self.bounds)
         if not low <= self.spin <= high:
             raise InvalidInputError(
@@ -101,7 +100,7 @@ class SpinChange:
                 f" [{self.bounds.radius[0]:g}, {self.bounds.radius[1]:g}] m this momentum gives"
                 f" {low:.6g} to {high:.6g} rad/s"
             )
-        start = _resting_radii(q0, v0, _masses(model), self.bounds)
+        start = _resting_radii(q0, v0, model.RADII, self.bounds)
         axis, spin0 = _spin(model, v0)
         if abs(self.spin) < SLOWEST * abs(spin0):
             raise InvalidInputError(
@@ -110,9 +109,7 @@ class SpinChange:
         end = _final_radii(start, axis, spin0 / self.spin, self.bounds)
         foot = None if self.bounds.polygon is None else Foot(model, self.bounds)
         radii = (read_only(start), read_only(end))
-        found = {"q0": q0, "v0": v0, "axis": axis, "radii": radii, "_foot": foot}
-        for attribute, each in found.items():
-            object.__setattr__(self, attribute, each)
+        set_fields(self, q0=q0, v0=v0, axis=axis, radii=radii, _foot=foot)
 
     @property
     def stable(self) -> bool:
@@ -137,9 +134,8 @@ class SpinChange:
 
     def command(self, q: Array, v: Array, time: float) -> Command:
         """Return the forces at a time since the state that the law was made for."""
-        model, masses, a = self.model, _masses(self.model), self.rate
+        model, masses, driven, a = self.model, self.model.RADII, self.model.COP, self.rate
         q, v = finite_vector("q", q, len(model.Q)), finite_vector("v", v, len(model.V))
-        driven = len(model.V) - len(model.F)
         r, pace, push = self.reference(time)
         wanted = np.zeros(len(model.V))
         wanted[-masses:] = push - 2.0 * a * (v[-masses:] - pace) - a**2 * (q[-masses:] - r)
@@ -183,10 +179,6 @@ def reachable_spins(
     near, far = bounds.radius
     ends = (momentum / (share * far**2), momentum / (share * near**2))
     return min(ends), max(ends)
-
-
-def _masses(model: Pendulum) -> int:
-    return 1 if isinstance(model, PlanarRmp) else 3
 
 
 def _resting_radii(q0: Array, v0: Array, masses: int, bounds: Bounds) -> Array:

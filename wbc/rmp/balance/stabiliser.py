@@ -18,7 +18,7 @@ more lean than is safe.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import casadi as ca
 import numpy as np
@@ -27,10 +27,9 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
 from wbc.rmp.balance.law import FREE, Bounds, Command
-from wbc.rmp.frames import rotation
 from wbc.rmp.functions import Evaluator
-from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.rmp.solid import SolidRmp, rotation
+from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 # Height [m] below which the law reckons with no lower CoM: a leg on the ground cannot be raised by
 # a hip, and the law must still return numbers.
@@ -66,8 +65,8 @@ class StabiliserGains:
     radii: float = 8.0
 
     def __post_init__(self) -> None:
-        for name in ("capture", "wheel", "lean", "height", "yaw", "radii"):
-            finite_number(f"gains: {name}", getattr(self, name), above=0.0)
+        names = (each.name for each in fields(self))
+        check_fields(self, "gains: ", *names, above=0.0)
         if self.lean >= 1.0:
             raise InvalidInputError(f"gains: lean must be below 1, got {self.lean:g}")
 
@@ -125,24 +124,14 @@ class PointStabiliser:
                 "bounds: PointStabiliser cannot keep the wheel's angle or rate within limits; leave"
                 " them free, or stand on a foot with MomentumQp"
             )
-        foot = FlatFoot.of(self.model)
-        force = _force(foot, self.bounds, height, radii, self.gains)
-        function = ca.Function(
-            "stabiliser", [foot.q, foot.v], [ca.densify(force)], ["q", "v"], ["f"]
-        )
-        object.__setattr__(self, "height", height)
-        object.__setattr__(self, "radii", read_only(radii))
-        object.__setattr__(self, "function", function)
-        object.__setattr__(self, "_call", Evaluator(function))
+        foot = FlatFoot(self.model)
+        force = ca.densify(_force(foot, self.bounds, height, radii, self.gains))
+        function = ca.Function("stabiliser", [foot.q, foot.v], [force], ["q", "v"], ["f"])
+        set_fields(self, height=height, radii=read_only(radii))
+        set_fields(self, function=function, _call=Evaluator(function))
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return the forces wanted at q (12,), v (11,); ``time`` plays no part.
-
-        Raises
-        ------
-        InvalidInputError
-            Wrong sizes or not finite.
-        """
+        """Return the forces wanted at q (12,), v (11,); ``time`` plays no part."""
         q, v = finite_vector("q", q, 12), finite_vector("v", v, 11)
         return Command(self._call(q, v)[0], np.zeros(2), "balance")
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import FREE, Bounds, Command
-from wbc.rmp.planar import Held, PlanarRmp
-from wbc.validate import Array, finite_number, finite_vector
+from wbc.rmp.planar import LENGTH_RATE, Held, PlanarRmp
+from wbc.validate import Array, check_fields, finite_number, finite_vector, set_fields
 
 # How near to its limit, as a fraction of it, the wheel counts as there: a step's rounding.
 AT_LIMIT = 1e-9
@@ -66,9 +66,8 @@ class StaticLean:
         angle = finite_number("angle", self.angle)
         if not 0.0 < angle < math.pi:
             raise InvalidInputError(f"angle: the leg must stand, 0 < angle < pi, got {angle:g} rad")
-        object.__setattr__(self, "angle", angle)
-        object.__setattr__(self, "held", held)
-        object.__setattr__(self, "rate", finite_number("rate", self.rate, above=0.0))
+        set_fields(self, angle=angle, held=held)
+        check_fields(self, "", "rate", above=0.0)
         need, limit = abs(self.static_torque), self.bounds.wheel_torque
         if need > limit:
             raise InvalidInputError(
@@ -82,13 +81,7 @@ class StaticLean:
         return -self.held.weight_torque * math.cos(self.angle)
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return the forces; ``time`` does not matter.
-
-        Raises
-        ------
-        InvalidInputError
-            Wrong sizes or not finite.
-        """
+        """Return the forces; ``time`` does not matter."""
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         wanted = self._wanted_torque(q, v)
         why = self._saturated(q, v, wanted)
@@ -127,7 +120,7 @@ class StaticLean:
         held, pull = self.held, self.model.mass * self.model.gravity
         sine, cosine = math.sin(self.angle), math.cos(self.angle)
         E_1, E_2 = _integrals(q[1] - self.angle, v[1], self.rate)
-        D_1, D_2 = _integrals(q[2] - held.length, v[2], held.length_rate)
+        D_1, D_2 = _integrals(q[2] - held.length, v[2], LENGTH_RATE)
         leaned = pull * (held.length * sine * E_1 - cosine * D_1)
         leaned_twice = -pull * (held.length * sine * E_2 - cosine * D_2)
         # alpha(t) = place + pace t + torque/I t^2 / 2, once the errors have gone.

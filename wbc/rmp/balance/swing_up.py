@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError
 from wbc.rmp.balance.law import FREE, Bounds, Command
 from wbc.rmp.balance.lqr import riccati_gain
 from wbc.rmp.planar import Held, PlanarRmp
-from wbc.validate import Array, finite_vector
+from wbc.validate import Array, finite_vector, set_fields
 
 # Part of the torque that is kept back, while pumping, from what could hold the leg level; and the
 # part of what the catch can recover from at which it begins.
@@ -34,8 +34,9 @@ _UPRIGHT = math.radians(1.0)
 class SwingUp:
     """Swings a planar reaction wheel pendulum up and holds it, its foot bolted to a pivot.
 
-    Length of the leg and radius of the masses are held by computed forces (:class:`.hold.Held`).
-    With x = theta - pi/2, J = M r_l^2, w = sqrt(g/r_l), u = tau / (M g r_l) and k = k_G / (J w):
+    Length of the leg and radius of the masses are held by computed forces
+    (:class:`~wbc.rmp.planar.Held`). With x = theta - pi/2, J = M r_l^2, w = sqrt(g/r_l),
+    u = tau / (M g r_l) and k = k_G / (J w):
 
         x'' = w^2 (sin x - u),    k' = w u
 
@@ -93,11 +94,11 @@ class SwingUp:
     def __post_init__(self) -> None:
         held = Held(self.model, self.length, self.radius, self.dt)
         _require_means(held, self.bounds)
-        object.__setattr__(self, "held", held)
+        set_fields(self, held=held)
         u = min(self.torque_ratio, 1.0)
         A, B = np.diag((1.0, 0.0)), np.array(((-1.0,), (1.0,)))
         K, _ = riccati_gain(A, B, u * np.array((_UNSTABLE, _MOMENTUM)), np.array((u,)))
-        object.__setattr__(self, "gain", (float(-K[0, 0]), float(-K[0, 1])))
+        set_fields(self, gain=(float(-K[0, 0]), float(-K[0, 1])))
 
     @property
     def torque_ratio(self) -> float:
@@ -115,19 +116,17 @@ class SwingUp:
         return rate + 2.0 * math.sin(x / 2.0)
 
     def command(self, q: Array, v: Array, time: float) -> Command:
-        """Return the forces; ``time`` does not matter.
-
-        Raises
-        ------
-        InvalidInputError
-            Wrong sizes or not finite.
-        """
+        """Return the forces; ``time`` does not matter."""
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         x, rate = self._leg(q, v)
         s = rate + 2.0 * math.sin(x / 2.0)
         most = min(self.torque_ratio, 1.0)
         if abs(s) < _CATCH * most:
-            k = self.held.wheel_inertia * (v[1] + v[3]) / (self.held.leg_inertia * self._frequency)
+            k = (
+                self.held.wheel_inertia
+                * (v[1] + v[3])
+                / (self.held.leg_inertia * self.held.frequency)
+            )
             u, phase = self._catch(s, float(k), most), "catch" if abs(x) > _UPRIGHT else "hold"
         else:
             u, phase = self._pump(x, rate), "pump"
@@ -138,14 +137,10 @@ class SwingUp:
             note = f"the wheel is at its greatest rate, {self.bounds.wheel_rate:g} rad/s"
         return Command(self.held.forces(q, v, torque), np.zeros(1), phase, not note, note)
 
-    @property
-    def _frequency(self) -> float:
-        return self.held.frequency
-
     def _leg(self, q: Array, v: Array) -> tuple[float, float]:
         """Return x in [-pi, pi) and x' / w."""
         x = (float(q[1]) - math.pi / 2.0 + math.pi) % (2.0 * math.pi) - math.pi
-        return x, float(v[1]) / self._frequency
+        return x, float(v[1]) / self.held.frequency
 
     def _pump(self, x: float, rate: float) -> float:
         """Return u against the leg's rate if energy is missing, along with it if there is too much.

@@ -14,10 +14,10 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from wbc.polygon import polygon_margin
-from wbc.rmp.frames import rotation_rows
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.plan.plan import Plan, Trajectory
 from wbc.rmp.plan.state import STATE, State
+from wbc.rmp.solid import rotation_rows
 from wbc.validate import Array
 
 # Largest defect or excess accepted, in the unit of each quantity.

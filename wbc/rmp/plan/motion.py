@@ -21,9 +21,9 @@ from math import comb
 import casadi as ca
 import numpy as np
 
-from wbc.rmp.frames import quaternion_product, rotation_rows
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.plan.state import STATE
+from wbc.rmp.solid import quaternion_product, rotation_rows
 from wbc.validate import Array
 
 # Controls at a knot and their sizes; flight has the first only.
