@@ -23,6 +23,19 @@ def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-6 * np.abs(expected).max())
 
 
+def test_the_plain_step_of_the_paper(robot_named) -> None:
+    """Eq. 38 as printed, J^+ (I_d - I) in one step, by NumPy; twice the inertia."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing", {"*elbow*": -0.5}))
+    task = InertiaTask(robot, 2.0 * here.inertia, gain=1.0, curvature_damping=False)
+    controller = KinematicController(robot, [task], dt=1.0, damping=1e-13, solver="pseudo_inverse")
+    residual = task.residual(here)
+    expected = np.linalg.pinv(residual.jacobian) @ -residual.error
+    found = controller.step(here).velocity
+    # The damping of 1e-13 beside least singular values squared of 1e-8.
+    np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("mode", ["floating", "left", "double"])
 def test_without_active_limits_it_is_the_qp(mode: str, robot_named, rng) -> None:
     robot = robot_named("g1_27")
