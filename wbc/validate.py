@@ -11,34 +11,52 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.errors import InvalidInputError
 
 Array = NDArray[np.floating[Any]]
+# Numbers beyond this are refused: no controller means them, and products of a few would overflow.
+LARGEST = 1e30
 
 
-def finite_vector(what: str, value: ArrayLike, size: int) -> Array:
+def finite_vector(what: str, value: ArrayLike, size: int, largest: float = LARGEST) -> Array:
     """Return ``value`` as a fresh (size,) float array.
 
     Raises
     ------
     InvalidInputError
-        Not numeric, of another size, or holding NaN or infinity; the message names the entries.
+        See :func:`finite_array`.
     """
-    return finite_array(what, value, (size,))
+    return finite_array(what, value, (size,), largest)
 
 
-def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return ``value`` as a fresh float array of the given shape, every entry finite."""
+def finite_array(
+    what: str, value: ArrayLike, shape: tuple[int, ...], largest: float = LARGEST
+) -> Array:
+    """Return ``value`` as a fresh float array of the given shape, every entry finite.
+
+    Raises
+    ------
+    InvalidInputError
+        Not real numbers, of another size, or holding NaN, infinity or an entry beyond ``largest``;
+        the message names the entries.
+    """
     try:
-        array = np.array(value, dtype=np.float64)
+        given = np.asarray(value)
+        if given.dtype.kind == "c":  # NumPy would drop the imaginary parts
+            raise TypeError("complex")
+        array = np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
     if array.shape != shape:
         raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}")
-    # The sum of squares costs a third of np.isfinite(array).all(), and is only ever infinite or NaN
-    # where an entry is (or overflows when squared): only then is the careful look paid for.
-    if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
-        where = ", ".join(
-            str(tuple(index.tolist())) for index in np.argwhere(~np.isfinite(array))[:5]
-        )
-        raise InvalidInputError(f"{what}: NaN or infinite at {where}; every entry must be finite")
+    # The sum of squares costs a third of np.isfinite(array).all(), and NaN fails the comparison:
+    # only where it is too large is the careful look paid for.
+    if not np.vdot(array, array) <= largest * largest:
+        for fault, found in (
+            ("NaN or infinite", ~np.isfinite(array)),
+            (f"beyond {largest:g}", np.abs(array) > largest),
+        ):
+            if found.any():
+                where = ", ".join(str(tuple(index.tolist())) for index in np.argwhere(found)[:5])
+                wanted = "finite" if fault.startswith("NaN") else f"at most {largest:g}"
+                raise InvalidInputError(f"{what}: {fault} at {where}; every entry must be {wanted}")
     return array
 
 
@@ -47,11 +65,15 @@ def finite_number(
 ) -> float:
     """Return ``value`` as a finite float, strictly above ``above`` and at least ``least``."""
     try:
+        if np.ndim(value) or np.iscomplexobj(value):
+            raise TypeError("no real scalar")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{what}: expected a number, got {value!r}") from error
     if not math.isfinite(number):
         raise InvalidInputError(f"{what}: must be finite, got {number}")
+    if abs(number) > LARGEST:
+        raise InvalidInputError(f"{what}: {number:g} is beyond {LARGEST:g}")
     if number <= above:
         raise InvalidInputError(f"{what}: must be greater than {above:g}, got {number:g}")
     if number < least:

@@ -21,6 +21,9 @@ from wbc.robot.workspace import Workspace
 from wbc.validate import Array, finite_number, finite_vector
 
 UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
+# Entries of q and v beyond this are no measurement, and rounding would take over: at 1e6 m the
+# inertia about the CoM, a difference of terms m p^2, has a few digits left.
+LARGEST = 1e6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -179,10 +182,10 @@ class KinematicTree:
         Raises
         ------
         InvalidInputError
-            Wrong size, not finite, or a norm further than 1e-3 from 1: not rounding, but another
-            order or a wrong slice.
+            Wrong size, not finite, beyond 1e6, or a norm further than 1e-3 from 1: not rounding,
+            but another order or a wrong slice.
         """
-        array = finite_vector("q", q, self.nq)
+        array = finite_vector("q", q, self.nq, LARGEST)
         _normalise(array[3:BASE_NQ], "quaternion q[3:7] (order x, y, z, w)")
         for k in self.limits.unbounded:
             start = self.limits.starts[k]
@@ -195,9 +198,9 @@ class KinematicTree:
         Raises
         ------
         InvalidInputError
-            Wrong size or not finite.
+            Wrong size, not finite, or beyond 1e6.
         """
-        return finite_vector("v", v, self.nv)
+        return finite_vector("v", v, self.nv, LARGEST)
 
 
 def _normalise(part: Array, what: str) -> None:

@@ -1,0 +1,44 @@
+"""What enters the package is real, finite, of the size asked for and not absurdly large."""
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.validate import finite_array, finite_number, finite_vector
+
+COMPLEX = (1j, 1.0 + 0j, np.complex128(1.0))
+
+
+@pytest.mark.parametrize("value", [np.ones(2) + 0j, [1.0, 1j], [np.complex128(1.0), 2.0]])
+def test_complex_arrays_are_refused(value: object) -> None:
+    with pytest.raises(InvalidInputError, match="q: expected numbers"):
+        finite_vector("q", value, 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [*COMPLEX, np.ones(1), np.ones((1, 1)), [1.0], [[1.0], []], "x"])
+def test_numbers_are_real_scalars(value: object) -> None:
+    with pytest.raises(InvalidInputError, match="dt: expected a number"):
+        finite_number("dt", value)
+
+
+@pytest.mark.parametrize("value", [2, np.float32(2.0), np.array(2.0), "2"])
+def test_whatever_is_one_number_is_accepted(value: object) -> None:
+    assert finite_number("dt", value) == 2.0
+
+
+@pytest.mark.parametrize("size", [1e31, -1e60, 1e200])
+def test_absurdly_large_numbers_are_refused(size: float) -> None:
+    with pytest.raises(InvalidInputError, match=r"x: beyond 1e\+30 at \(1, 0\)"):
+        finite_array("x", [[1.0, 2.0], [size, 4.0]], (2, 2))
+    with pytest.raises(InvalidInputError, match=r"dt: .* is beyond 1e\+30"):
+        finite_number("dt", size)
+
+
+def test_many_large_numbers_are_accepted_each_by_itself() -> None:
+    x = np.full(100, 1e30)
+    np.testing.assert_array_equal(finite_vector("x", x, 100), x)
+
+
+def test_what_is_not_finite_is_named_first() -> None:
+    with pytest.raises(InvalidInputError, match=r"x: NaN or infinite at \(0,\), \(2,\);"):
+        finite_vector("x", [np.nan, 1e60, np.inf], 3)
