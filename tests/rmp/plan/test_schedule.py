@@ -1,10 +1,11 @@
-"""What phases and limits refuse; supports as half-planes."""
+"""What phases, limits and states refuse; supports as half-planes; radii of given moments."""
 
 import numpy as np
 import pytest
 
+from benchmarks.plan_examples import RADII
 from wbc.errors import InvalidInputError
-from wbc.rmp.plan import Limits, Phase, hull, rectangle
+from wbc.rmp.plan import Limits, Phase, State, hull, radii_for, rectangle
 from wbc.rmp.plan.schedule import overlap, support_bounds
 
 SQUARE = rectangle(0.0, 0.0, 0.2, 0.2)
@@ -38,3 +39,24 @@ def test_supports() -> None:
         assert (inside >= low - 1e-12).all() and (inside <= high + 1e-12).all()
         outside = A @ (np.mean(corners, axis=0) + (3.0, 0.0))
         assert ((outside < low - 1e-3) | (outside > high + 1e-3)).any()
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: State(radii=(0.1, -0.1, 0.1)), "radii"),
+        (lambda: State(rotation=(0.0, 0.0, 7.0)), "full turn"),
+        (lambda: State(inertia=(1.0, 0.4, 0.5)), "triangle"),
+        (lambda: State(inertia=(1.0, -0.4, 0.9)), "positive"),
+        (lambda: State(inertia=(1.0, 1.0, 1.0), radii=RADII), "not both"),
+        (lambda: radii_for(-1.0, (1.0, 1.0, 1.0)), "mass"),
+    ],
+)
+def test_impossible_states_are_refused(build: object, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        build()
+
+
+def test_radii_for_is_the_inverse_of_the_inertia() -> None:
+    r = np.array(RADII)
+    np.testing.assert_allclose(radii_for(30.0, 10.0 * ((r**2).sum() - r**2)), r, rtol=1e-13)

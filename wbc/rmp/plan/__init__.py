@@ -1,12 +1,19 @@
 """Planning of the reaction mass pendulum's motion over a schedule of contacts."""
 
 from wbc.rmp.plan.check import Check, Excess, check
-from wbc.rmp.plan.coordinates import Generalised, generalised
-from wbc.rmp.plan.plan import Plan, Stats, Trajectory
+from wbc.rmp.plan.plan import Generalised, Plan, Stats, Trajectory, generalised
 from wbc.rmp.plan.planner import PlanError, solve
 from wbc.rmp.plan.problem import PlanProblem, Weights
-from wbc.rmp.plan.schedule import Corners, Limits, Phase, hull, rectangle
-from wbc.rmp.plan.state import State, at_rest, radii_for
+from wbc.rmp.plan.schedule import (
+    Corners,
+    Limits,
+    Phase,
+    State,
+    at_rest,
+    hull,
+    radii_for,
+    rectangle,
+)
 from wbc.rmp.plan.store import load_plan, plan_arrays, problem_from_data, problem_to_data, save_plan
 
 __all__ = [

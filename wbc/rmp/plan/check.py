@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from wbc.polygon import polygon_margin
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.plan.plan import Plan, Trajectory
-from wbc.rmp.plan.state import STATE, State
+from wbc.rmp.plan.schedule import STATE, State
 from wbc.rmp.solid import rotation_rows
 from wbc.validate import Array
 

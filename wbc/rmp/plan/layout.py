@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.rmp.plan.motion import controls_of
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.state import STATE
+from wbc.rmp.plan.schedule import STATE
 from wbc.validate import Array
 
 Indices = NDArray[np.int64]
@@ -33,21 +33,10 @@ _MIRRORED = ("radii", "radii_rates", "radii_accelerations")
 
 @dataclass(frozen=True, eq=False)
 class PhaseLayout:
-    """Places of one phase's variables.
+    """Places of one phase's variables; its first state is the last one of the phase before."""
 
-    Attributes
-    ----------
-    named:
-        Of states, then controls, by name (knots, size); the first state is the last one of the
-        phase before.
-    inner:
-        Of the orientation at the inner nodes (intervals, degree - 1, 3).
-    duration:
-        Of the phase's duration.
-    """
-
-    named: Mapping[str, Indices]
-    inner: Indices
+    named: Mapping[str, Indices]  # of states, then controls, by name (knots, size)
+    inner: Indices  # of the orientation at the inner nodes (intervals, degree - 1, 3)
     duration: int
 
     @property
@@ -122,9 +111,10 @@ def fixed_in_plane(name: str, size: int) -> list[int]:
 
 
 def units_of(problem: PlanProblem) -> dict[str, float]:
-    """Return one scaled unit of each kind of variable, SI: sizes of a pendulum of the leg's length.
+    """Return one scaled unit of each kind of variable, SI, for a leg of typical length.
 
-    That is the least of the phases' greatest lengths, or 1 m if none is given.
+    That is the least of the phases' greatest lengths, or 1 m if none is given. ``time`` is the unit
+    of phases' durations.
     """
     mass, gravity = problem.mass, problem.gravity
     length = min(problem.limits_of(k).leg_length[1] for k in range(len(problem.schedule)))

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.state import STATE
+from wbc.rmp.plan.schedule import STATE
 from wbc.rmp.solid import quaternion_product, rotation_rows
 from wbc.validate import Array
 
@@ -97,37 +97,17 @@ def lagrange(nodes: Sequence[float]) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Polynomials of the motion over an interval, SI; see :func:`motion`.
+    """Polynomials of the motion over an interval, SI; see :func:`motion`."""
 
-    Attributes
-    ----------
-    z:
-        Symbols (nz,), scaled: state and controls at both knots, inner nodes of sigma, duration.
-    duration:
-        Of the interval [s].
-    right:
-        State at the right knot by name.
-    states, controls:
-        By name; controls are of degree one.
-    acceleration:
-        Of the CoM.
-    leg:
-        From the CoP to the CoM (without meaning in flight).
-    torque:
-        k_G'.
-    collocation:
-        Defects of the orientation at its nodes (3 * degree,).
-    """
-
-    z: ca.SX
-    duration: ca.SX
-    right: dict[str, ca.SX]
+    z: ca.SX  # scaled (nz,): state and controls at both knots, inner nodes of sigma, duration
+    duration: ca.SX  # of the interval [s]
+    right: dict[str, ca.SX]  # state at the right knot by name
     states: dict[str, Polynomial]
-    controls: dict[str, Polynomial]
-    acceleration: Polynomial
-    leg: Polynomial
-    torque: Polynomial
-    collocation: ca.SX
+    controls: dict[str, Polynomial]  # of degree one
+    acceleration: Polynomial  # c''
+    leg: Polynomial  # from the CoP to the CoM (without meaning in flight)
+    torque: Polynomial  # k_G'
+    collocation: ca.SX  # defects of the orientation at its nodes (3 * degree,)
 
 
 def controls_of(flies: bool) -> dict[str, int]:
@@ -140,10 +120,7 @@ def motion(
 ) -> Motion:
     """Return the motion over one of ``intervals`` equal intervals of a phase.
 
-    Parameters
-    ----------
-    units:
-        What a scaled unit of each state and control is, SI; ``time`` for the phase's duration.
+    ``units`` are those of :func:`~wbc.rmp.plan.layout.units_of`.
     """
     degree, controls = problem.degree, controls_of(flies)
     knot = 3 * len(STATE) + sum(controls.values())
@@ -214,8 +191,7 @@ def reference_axes(problem: PlanProblem) -> ca.DM:
 
 def rotation(sigma: ca.SX) -> ca.SX:
     """Return the rotation matrix (3, 3), from body to reference, of MRPs."""
-    norm = ca.sumsqr(sigma)
-    S = ca.skew(sigma)
+    norm, S = ca.sumsqr(sigma), ca.skew(sigma)
     return ca.SX.eye(3) + (8 * S @ S + 4 * (1 - norm) * S) / (1 + norm) ** 2
 
 

@@ -1,4 +1,4 @@
-"""The result of planning: the motion at knots and at any time, and how it was found."""
+"""The result of planning: the motion at any time, also in the coordinates of the pendulums."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from itertools import accumulate
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan.layout import Layout, lay_out, units_of
@@ -21,7 +22,9 @@ from wbc.rmp.plan.motion import (
     rotation,
 )
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.validate import Array, finite_array, read_only
+from wbc.rmp.planar import PlanarRmp
+from wbc.rmp.solid import SolidRmp
+from wbc.validate import Array, finite_array, read_only, set_fields
 
 # How far a time may lie outside the plan by rounding, as a fraction of its length.
 ROUNDING = 1e-9
@@ -29,51 +32,25 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The motion at n moments; vectors in world axes unless said otherwise. Read-only.
+    """The motion at n moments; vectors in world axes unless said otherwise. Read-only."""
 
-    Attributes
-    ----------
-    time:
-        [s] (n,).
-    phase:
-        Places in the schedule (n,).
-    com, com_velocity, com_acceleration:
-        c, c', c'' (n, 3) [m, m/s, m/s^2].
-    orientation:
-        Of the masses' axes: quaternions (n, 4), x y z w.
-    angular_velocity:
-        Of the masses' axes (n, 3) [rad/s].
-    momentum, momentum_rate:
-        k_G and k_G' (n, 3) [kg m^2/s, N m].
-    radii, radii_rates, radii_accelerations:
-        r, r', r'' (n, 3).
-    inertia:
-        Principal moments about the masses' axes (n, 3) [kg m^2].
-    force:
-        Of the ground (n, 3) [N]; zero in flight.
-    cop, cop_velocity:
-        p and p' on the ground (n, 2) [m, m/s]; NaN in flight, where there is none.
-    moment:
-        About the vertical through the CoP (n,) [N m].
-    """
-
-    time: Array
-    phase: NDArray[np.int64]
-    com: Array
-    com_velocity: Array
-    com_acceleration: Array
-    orientation: Array
-    angular_velocity: Array
-    momentum: Array
-    momentum_rate: Array
-    radii: Array
-    radii_rates: Array
-    radii_accelerations: Array
-    inertia: Array
-    force: Array
-    cop: Array
-    cop_velocity: Array
-    moment: Array
+    time: Array  # (n,) [s]
+    phase: NDArray[np.int64]  # (n,) places in the schedule
+    com: Array  # c (n, 3) [m]
+    com_velocity: Array  # c' (n, 3) [m/s]
+    com_acceleration: Array  # c'' (n, 3) [m/s^2]
+    orientation: Array  # of the masses' axes: quaternions (n, 4), x y z w
+    angular_velocity: Array  # of the masses' axes (n, 3) [rad/s]
+    momentum: Array  # k_G (n, 3) [kg m^2/s]
+    momentum_rate: Array  # k_G' (n, 3) [N m]
+    radii: Array  # r (n, 3) [m]
+    radii_rates: Array  # r' (n, 3) [m/s]
+    radii_accelerations: Array  # r'' (n, 3) [m/s^2]
+    inertia: Array  # principal moments about the masses' axes (n, 3) [kg m^2]
+    force: Array  # of the ground (n, 3) [N]; zero in flight
+    cop: Array  # p on the ground (n, 2) [m]; NaN in flight, where there is none
+    cop_velocity: Array  # p' (n, 2) [m/s]; NaN in flight
+    moment: Array  # about the vertical through the CoP (n,) [N m]
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -82,49 +59,29 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Stats:
-    """Size of the programme and what IPOPT did with it.
-
-    Attributes
-    ----------
-    seconds:
-        CPU time [s] of setting up and solving.
-    status:
-        IPOPT's verdict.
-    warm:
-        True if an earlier plan was the start.
-    """
+    """Size of the programme and what IPOPT did with it."""
 
     variables: int
     constraints: int
     iterations: int
-    seconds: float
+    seconds: float  # CPU time [s] of setting up and solving
     cost: float
-    status: str
-    warm: bool
+    status: str  # IPOPT's verdict
+    warm: bool  # whether an earlier plan was the start
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A planned motion.
-
-    Attributes
-    ----------
-    solution:
-        The programme's variables (n,), scaled.
-    duals:
-        Multipliers of bounds on variables (n,) and of rows (m,), for a warm start.
-    stats:
-        How it was found.
-    """
+    """A planned motion."""
 
     problem: PlanProblem
-    solution: Array
-    duals: tuple[Array, Array]
+    solution: Array  # the programme's variables (n,), scaled
+    duals: tuple[Array, Array]  # multipliers of bounds (n,) and rows (m,), for a warm start
     stats: Stats
     layout: Layout = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "layout", lay_out(self.problem))
+        set_fields(self, layout=lay_out(self.problem))
         for array in (self.solution, *self.duals):
             read_only(array)
 
@@ -258,3 +215,109 @@ def _sampler(problem: PlanProblem, phase: int) -> ca.Function:
     at["inertia"] = principal_moments(problem.mass, at["radii"])
     column = ca.vertcat(*(ca.densify(at[name]) for name in _SAMPLED))
     return ca.Function("sample", [m.z, s], [column])
+
+
+# ------------------------------------------------------------------ coordinates of the pendulums
+
+
+@dataclass(frozen=True, eq=False)
+class Generalised:
+    """Motion of a pendulum at n moments in stance, in the order of its Q, V and F."""
+
+    q: Array  # (n, nq)
+    v: Array  # (n, nv)
+    a: Array  # (n, nv); the CoP's acceleration, the first, is zero between knots
+    forces: Array  # (n, nf): of the ground, of the torque on the masses, and along the rails
+
+    def __post_init__(self) -> None:
+        for array in (self.q, self.v, self.a, self.forces):
+            read_only(array)
+
+
+def generalised(plan: Plan, motion: Trajectory) -> Generalised:
+    """Return a plan's motion in the coordinates of its own pendulum.
+
+    Raises
+    ------
+    InvalidInputError
+        A moment in flight: without ground there is no CoP, and so no leg.
+    """
+    flies = np.array([phase.flies for phase in plan.problem.schedule])[motion.phase]
+    if flies.any():
+        raise InvalidInputError(
+            f"generalised: at {motion.time[flies][0]:g} s the plan is in flight, where the pendulum"
+            " has no CoP to stand on; leave such moments out"
+        )
+    pendulum = plan.problem.pendulum
+    if isinstance(pendulum, PlanarRmp):
+        return _in_planar_coordinates(pendulum, motion)
+    return _in_solid_coordinates(pendulum, motion)
+
+
+def _in_solid_coordinates(pendulum: SolidRmp, m: Trajectory) -> Generalised:
+    angles, rates, accelerations, push = _leg(m)
+    R = Rotation.from_quat(m.orientation).as_matrix()
+    torque = np.einsum("nji,nj->ni", R, m.momentum_rate)
+    w = np.einsum("nji,nj->ni", R, m.angular_velocity)
+    # Euler: torque = I w' + I' w + w x I w.
+    products = m.radii * m.radii_rates
+    inertia_rate = pendulum.mass * 2.0 / 3.0 * (products.sum(axis=1)[:, None] - products)
+    w_rate = (torque - inertia_rate * w - np.cross(w, m.inertia * w)) / m.inertia
+    q = np.hstack((m.cop, angles, m.orientation, m.radii))
+    forces = np.array([pendulum.hip_torque(*each) for each in zip(q, torque, strict=True)])
+    forces[:, 2] = push
+    squares = w**2
+    outward = m.radii * (squares.sum(axis=1)[:, None] - squares)
+    forces[:, 6:] = pendulum.mass / 3.0 * (m.radii_accelerations - outward)
+    return Generalised(
+        q=q,
+        v=np.hstack((m.cop_velocity, rates, w, m.radii_rates)),
+        a=np.hstack((np.zeros((len(q), 2)), accelerations, w_rate, m.radii_accelerations)),
+        forces=forces,
+    )
+
+
+def _in_planar_coordinates(pendulum: PlanarRmp, m: Trajectory) -> Generalised:
+    """Return the slice: angles from x to z, which is about -y; M r^2 is the inertia about y."""
+    (theta, _, length), (theta_v, _, length_v), (theta_a, _, length_a), push = (
+        x.T for x in _leg(m)
+    )
+    # sqrt(2/3) of the solid's r_1.
+    r, r_v, r_a = (
+        np.sqrt(2.0 / 3.0) * x[:, 0] for x in (m.radii, m.radii_rates, m.radii_accelerations)
+    )
+    w, torque, zero = -m.angular_velocity[:, 1], -m.momentum_rate[:, 1], np.zeros(len(m.time))
+    w_rate = (torque - 2.0 * pendulum.mass * r * r_v * w) / m.inertia[:, 1]
+    # The wheel's angle in space, continued over time; half angles of unit quaternions about y.
+    wheel = -np.unwrap(2.0 * np.arctan2(m.orientation[:, 1], m.orientation[:, 3]))
+    rail = pendulum.mass * (r_a - r * w**2)
+    return Generalised(
+        q=np.column_stack((m.cop[:, 0], theta, length, wheel - theta, r)),
+        v=np.column_stack((m.cop_velocity[:, 0], theta_v, length_v, w - theta_v, r_v)),
+        a=np.column_stack((zero, theta_a, length_a, w_rate - theta_a, r_a)),
+        # No torque about a true CoP: tau_theta is zero.
+        forces=np.column_stack((zero, push, torque, rail)),
+    )
+
+
+def _leg(m: Trajectory) -> tuple[Array, Array, Array, Array]:
+    """Return (theta, phi, r_l), its rates and accelerations (n, 3); the push along it (n,)."""
+    leg, leg_v = np.array(m.com), np.array(m.com_velocity)
+    leg[:, :2] -= m.cop
+    leg_v[:, :2] -= m.cop_velocity
+    (x, y, z), (vx, vy, vz), (ax, ay, az) = leg.T, leg_v.T, m.com_acceleration.T
+    flat, length = np.hypot(x, z), np.linalg.norm(leg, axis=1)
+    flat_v = (x * vx + z * vz) / flat
+    flat_a = (vx**2 + vz**2 + x * ax + z * az - flat_v**2) / flat
+    length_v = (x * vx + y * vy + z * vz) / length
+    length_a = (vx**2 + vy**2 + vz**2 + x * ax + y * ay + z * az - length_v**2) / length
+    theta_v = (x * vz - z * vx) / flat**2
+    theta_a = (x * az - z * ax) / flat**2 - 2.0 * theta_v * flat_v / flat
+    phi_v = (flat * vy - y * flat_v) / length**2
+    phi_a = (flat * ay - y * flat_a) / length**2 - 2.0 * phi_v * length_v / length
+    return (
+        np.column_stack((np.arctan2(z, x), np.arctan2(y, flat), length)),
+        np.column_stack((theta_v, phi_v, length_v)),
+        np.column_stack((theta_a, phi_a, length_a)),
+        (leg * m.force).sum(axis=1) / length,
+    )

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import polygon_margin
-from wbc.rmp.plan.schedule import Limits, Phase, overlap
-from wbc.rmp.plan.state import STATE, State
+from wbc.rmp.plan.schedule import STATE, Limits, Phase, State, overlap
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import UNIT, SolidRmp
-from wbc.validate import Array, finite_number, finite_vector
+from wbc.validate import Array, check_fields, finite_vector, set_fields
 
 Pendulum = PlanarRmp | SolidRmp
 # How far values may be past a limit and still count as on it, by rounding.
@@ -69,9 +68,7 @@ class Weights:
     time: float = 0.0
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            number = finite_number(f"weights: {each.name}", getattr(self, each.name), least=0.0)
-            object.__setattr__(self, each.name, number)
+        check_fields(self, "weights: ", *(each.name for each in fields(self)), least=0.0)
 
 
 @dataclass(frozen=True)
@@ -124,14 +121,14 @@ class PlanProblem:
             raise InvalidInputError(
                 "plan: gravity must be positive; without it no stance holds and nothing lands"
             )
-        object.__setattr__(self, "schedule", tuple(self.schedule))
+        set_fields(self, schedule=tuple(self.schedule))
         if self.periodic is not None:
             stride = finite_vector("plan: periodic", self.periodic, 2)
-            object.__setattr__(self, "periodic", tuple(stride.tolist()))
+            set_fields(self, periodic=tuple(stride.tolist()))
         reference = finite_vector("plan: reference", self.reference, 4)
         if np.abs(reference).max() > 2.0 or abs(np.linalg.norm(reference) - 1.0) > UNIT:
             raise InvalidInputError("plan: reference must be a unit quaternion (x, y, z, w)")
-        object.__setattr__(self, "reference", tuple(reference.tolist()))
+        set_fields(self, reference=tuple(reference.tolist()))
         low, high = DEGREES
         if isinstance(self.degree, bool) or self.degree not in range(low, high + 1):
             raise InvalidInputError(f"plan: degree must be an integer from {low} to {high}")

@@ -1,4 +1,4 @@
-"""A plan's schedule: contact phases with their supports, durations and limits."""
+"""A plan's schedule: contact phases with supports, durations, limits, and states at their ends."""
 
 from __future__ import annotations
 
@@ -11,9 +11,20 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import checked_polygon, convex_hull, half_planes
-from wbc.rmp.plan.state import State
-from wbc.validate import Array, finite_array, finite_number, interval
+from wbc.validate import (
+    Array,
+    finite_array,
+    finite_number,
+    finite_vector,
+    interval,
+    set_fields,
+)
 
+Components = Sequence[float | None]
+# Names of a plan's states, each with three components; the orientation's are Rodrigues parameters.
+STATE = ("com", "com_velocity", "orientation", "momentum", "radii", "radii_rates")
+# How far a principal moment may exceed the sum of the others by rounding, as a fraction.
+ROUNDING = 1e-9
 Corners = tuple[tuple[float, float], ...]
 Range = tuple[float, float]
 FREE = math.inf
@@ -22,6 +33,127 @@ TOUCHING = 1e-9
 MOST_INTERVALS = 1000  # of a phase
 # Corners farther from the origin are refused [m]: squares of their distances overflow.
 FARTHEST = 1e9
+
+
+@dataclass(frozen=True)
+class State:
+    """Components of a state of the solid pendulum; None, for all or one of three, leaves it free.
+
+    Parameters
+    ----------
+    com, com_velocity:
+        c [m] and c' [m/s].
+    rotation:
+        Orientation of the masses as a rotation vector [rad] from the problem's ``reference``.
+        Its length tells turns apart and must be below 2 pi. Either all three components, or zeros
+        with others left free: (0, 0, None) is any turn about z.
+    momentum:
+        Angular momentum about the CoM, k_G [kg m^2/s], world axes.
+    radii, radii_rates:
+        r [m] and r' [m/s].
+    inertia:
+        Principal moments of inertia about the masses' axes [kg m^2], all three, in place of radii.
+
+    Raises
+    ------
+    InvalidInputError
+        Not three numbers or None, not finite, a turn too long, radii that are not positive, or
+        moments of inertia that no body can have.
+    """
+
+    com: Components | None = None
+    com_velocity: Components | None = None
+    rotation: Components | None = None
+    momentum: Components | None = None
+    radii: Components | None = None
+    radii_rates: Components | None = None
+    inertia: Components | None = None
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if value is not None:
+                set_fields(self, **{each.name: _components(each.name, value)})
+        _check_rotation(self.rotation)
+        if any(r is not None and r <= 0.0 for r in self.radii or ()):
+            raise InvalidInputError(f"state: radii must be positive, got {self.radii}")
+        if self.inertia is not None:
+            if self.radii is not None:
+                raise InvalidInputError("state: give radii or inertia, not both")
+            if None in self.inertia:
+                raise InvalidInputError("state: inertia needs all three principal moments")
+            radii_for(1.0, self.inertia)
+
+    def values(self, mass: float) -> dict[str, Array]:
+        """Return the given of :data:`STATE` (3,), NaN where free; orientation as parameters."""
+        given = {
+            name: np.array(getattr(self, name), dtype=float)
+            for name in ("com", "com_velocity", "momentum", "radii", "radii_rates")
+            if getattr(self, name) is not None
+        }
+        if self.rotation is not None:
+            rotation = np.array(self.rotation, dtype=float)
+            given["orientation"] = rotation if None in self.rotation else mrp_of(rotation)
+        if self.inertia is not None:
+            given["radii"] = radii_for(mass, self.inertia)
+        return given
+
+
+def at_rest(com: Components, radii: Components) -> State:
+    """Return the state at rest, in the reference orientation."""
+    still = (0.0, 0.0, 0.0)
+    return State(com, still, still, still, radii, still)
+
+
+def radii_for(mass: float, inertia: Components) -> Array:
+    """Return the radii (3,) [m] of masses with given principal moments of inertia.
+
+    I_i = M/3 (r_j^2 + r_k^2), so r_k^2 = 3/(2 M) (I_i + I_j - I_k).
+
+    Raises
+    ------
+    InvalidInputError
+        A mass or moment that is not positive, or a moment not below the sum of the others.
+    """
+    mass = finite_number("mass", mass, above=0.0)
+    moments = finite_vector("inertia", np.array(inertia, dtype=float), 3)
+    spare = moments.sum() - 2.0 * moments
+    if moments.min() <= 0.0:
+        raise InvalidInputError(f"inertia: moments must be positive, got {moments} kg m^2")
+    if spare.min() <= ROUNDING * moments.max():
+        raise InvalidInputError(
+            f"inertia: moments {moments} kg m^2 break the triangle inequality: each must be less"
+            " than the sum of the others, or some radius would be zero or imaginary"
+        )
+    return np.sqrt(1.5 / mass * spare)
+
+
+def mrp_of(rotation: Array) -> Array:
+    """Return the modified Rodrigues parameters (3,), axis tan(angle/4), of a rotation vector."""
+    angle = float(np.linalg.norm(rotation))
+    return rotation * (0.25 if angle == 0.0 else np.tan(angle / 4.0) / angle)
+
+
+def _check_rotation(rotation: Components | None) -> None:
+    if rotation is None or (None in rotation and not any(rotation)):
+        return
+    if None in rotation:
+        raise InvalidInputError(
+            "state: rotation needs all three components, or zeros where others are free"
+        )
+    turn = float(np.linalg.norm(np.array(rotation, dtype=float)))
+    if turn >= 2.0 * np.pi:
+        raise InvalidInputError(
+            f"state: a rotation of {turn:.4g} rad from the reference reaches a full turn, where"
+            " the orientation's parameters are singular; put the problem's reference in the"
+            " middle of the turn, so that it runs from -turn/2 to turn/2"
+        )
+
+
+def _components(name: str, value: Components) -> tuple[float | None, ...]:
+    if isinstance(value, str) or np.shape(np.array(value, dtype=object)) != (3,):
+        raise InvalidInputError(f"state: {name} must be three numbers (or null), got {value!r}")
+    return tuple(None if x is None else finite_number(f"state: {name}", x) for x in value)
 
 
 @dataclass(frozen=True)
@@ -81,7 +213,7 @@ class Limits:
             elif value != FREE:
                 above, least = (-FREE, 0.0) if name == "torsion" else (0.0, -FREE)
                 value = finite_number(f"limits: {name}", value, above=above, least=least)
-            object.__setattr__(self, name, value)
+            set_fields(self, **{name: value})
 
 
 @dataclass(frozen=True)
@@ -121,13 +253,12 @@ class Phase:
         where = f"phase {self.name!r}"
         if not isinstance(self.name, str) or not self.name:
             raise InvalidInputError(f"phase: needs a name, got {self.name!r}")
-        if isinstance(self.intervals, bool) or not isinstance(self.intervals, int):
-            raise InvalidInputError(f"{where}: intervals must be an integer")
-        if self.intervals < 1:
-            raise InvalidInputError(f"{where}: intervals must be 1 at least, got {self.intervals}")
-        if self.intervals > MOST_INTERVALS:
-            raise InvalidInputError(f"{where}: intervals must be {MOST_INTERVALS} at most")
-        object.__setattr__(self, "duration", _duration(where, self.duration))
+        n = self.intervals
+        if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST_INTERVALS:
+            raise InvalidInputError(
+                f"{where}: intervals must be an integer from 1 to {MOST_INTERVALS}, got {n!r}"
+            )
+        set_fields(self, duration=_duration(where, self.duration))
         if self.support is not None:
             try:
                 # Corners on a side, or given twice, are left out.
@@ -141,7 +272,7 @@ class Phase:
                 support_bounds(support)
             except (InvalidInputError, ValueError, TypeError) as error:
                 raise InvalidInputError(f"{where}: support: {error}") from error
-            object.__setattr__(self, "support", support)
+            set_fields(self, support=support)
 
     @property
     def flies(self) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +18,15 @@ from wbc.files import read_arrays, write_whole
 from wbc.rmp.plan.layout import lay_out
 from wbc.rmp.plan.plan import Plan, Stats
 from wbc.rmp.plan.problem import Pendulum, PlanProblem, Weights
-from wbc.rmp.plan.schedule import Limits, Phase
-from wbc.rmp.plan.state import State
+from wbc.rmp.plan.schedule import Limits, Phase, State
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
 FORMAT = "wbc-plan"
 LARGEST = 1 << 26  # of what is read of a file, unpacked [bytes]; a long plan has a few 10^5
 VERSION = 1
-_PENDULUMS = {"solid": SolidRmp, "planar": PlanarRmp}
+_PENDULUMS: dict[str, type[Pendulum]] = {"solid": SolidRmp, "planar": PlanarRmp}
+_Made = TypeVar("_Made")
 _ARRAYS = ("solution", "duals_variables", "duals_rows")
 
 
@@ -38,8 +38,7 @@ def problem_to_data(problem: PlanProblem) -> dict[str, Any]:
     data["schedule"] = [asdict(phase) for phase in problem.schedule]
     for name in ("start", "goal", "nominal", "limits", "weights"):
         data[name] = asdict(data[name])
-    plain: dict[str, Any] = _plain(data)
-    return plain
+    return dict(_plain(data))
 
 
 def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
@@ -52,8 +51,7 @@ def problem_from_data(data: Mapping[str, Any]) -> PlanProblem:
     UnknownNameError
         A key that does not exist.
     """
-    problem: PlanProblem = _made("plan", PlanProblem, data)
-    return problem
+    return _made("plan", PlanProblem, data)
 
 
 def save_plan(plan: Plan, path: str | Path) -> Path:
@@ -100,12 +98,8 @@ def load_plan(path: str | Path) -> Plan:
     InvalidInputError
         No such file, not a plan, of a later format, or damaged.
     """
-    found = read_arrays(
-        path,
-        lambda _: ("meta", *_ARRAYS),
-        lambda name: "U" if name == "meta" else "iuf",
-        LARGEST,
-    )
+    kinds = {"meta": "U"} | dict.fromkeys(_ARRAYS, "iuf")
+    found = read_arrays(path, lambda _: tuple(kinds), lambda name: kinds[name], LARGEST)
     try:
         meta = json.loads(str(found["meta"]))
         arrays = [np.array(found[name], dtype=float) for name in _ARRAYS]
@@ -130,17 +124,18 @@ def load_plan(path: str | Path) -> Plan:
     return Plan(problem, solution, (at_variables, at_rows), stats)
 
 
-def _made(what: str, cls: Any, data: Any) -> Any:
+def _made(what: str, cls: type[_Made], data: Any) -> _Made:
     """Return an object of a dataclass from its fields as plain data."""
-    given = dict(_mapping(what, data))
-    own = [each for each in fields(cls) if each.init]
+    given = _mapping(what, data)
+    own = {each.name: each for each in fields(cls) if each.init}  # type: ignore[arg-type]
     for name in given:
-        if name not in (names := [each.name for each in own]):
-            raise UnknownNameError(f"key of {what}", str(name), names)
-    for each in own:
-        if each.name not in given and each.default is each.default_factory is MISSING:
-            raise InvalidInputError(f"{what}: {each.name} is missing")
-    return cls(**{name: _DECODERS.get(name, _same)(value) for name, value in given.items()})
+        if name not in own:
+            raise UnknownNameError(f"key of {what}", str(name), own)
+    for name, each in own.items():
+        if name not in given and each.default is each.default_factory is MISSING:
+            raise InvalidInputError(f"{what}: {name} is missing")
+    decoded = {name: _DECODERS[name](x) if name in _DECODERS else x for name, x in given.items()}
+    return cls(**decoded)
 
 
 def _pendulum(data: Any) -> Pendulum:
@@ -148,8 +143,7 @@ def _pendulum(data: Any) -> Pendulum:
     kind = body.pop("kind", "solid")
     if kind not in _PENDULUMS:
         raise UnknownNameError("pendulum kind", str(kind), _PENDULUMS)
-    pendulum: Pendulum = _made("pendulum", _PENDULUMS[kind], body)
-    return pendulum
+    return _made("pendulum", _PENDULUMS[kind], body)
 
 
 def _schedule(data: Any) -> tuple[Phase, ...]:
@@ -170,12 +164,7 @@ def _limits(data: Any) -> Limits:
         name: tuple(map(number, value)) if isinstance(value, list | tuple) else number(value)
         for name, value in _mapping("limits", data).items()
     }
-    limits: Limits = _made("limits", Limits, given)
-    return limits
-
-
-def _same(value: Any) -> Any:
-    return value
+    return _made("limits", Limits, given)
 
 
 # What turns plain data into the value of a field, by the field's name, where they differ.

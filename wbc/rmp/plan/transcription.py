@@ -5,7 +5,6 @@ The guess goes straight from start to goal, flights as parabolas.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -25,56 +24,24 @@ from wbc.rmp.plan.layout import (
 from wbc.rmp.plan.motion import CONTROLS, motion
 from wbc.rmp.plan.nlp import Block, Nlp, Piece, assemble, piece
 from wbc.rmp.plan.problem import PlanProblem
-from wbc.rmp.plan.state import STATE
+from wbc.rmp.plan.schedule import STATE
 from wbc.validate import Array
 
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """A planning problem as a programme in scaled variables.
-
-    Attributes
-    ----------
-    scale:
-        One scaled unit of each variable (n,), SI.
-    lower, upper:
-        Bounds on variables (n,), and
-    row_lower, row_upper:
-        on rows (m,).
-    labels:
-        Of rows: "phase: quantity".
-    soft:
-        Rows that a search for conflicts may relax.
-    """
+    """A planning problem as a programme in scaled variables."""
 
     problem: PlanProblem
     layout: Layout
     nlp: Nlp
-    scale: Array
-    lower: Array
+    scale: Array  # one scaled unit of each variable (n,), SI
+    lower: Array  # bounds on variables (n,)
     upper: Array
-    row_lower: Array
+    row_lower: Array  # bounds on rows (m,)
     row_upper: Array
-    labels: tuple[str, ...]
-    soft: Indices
-
-
-@dataclass(eq=False)
-class _Listed:
-    """Labels, bounds and softness of rows, in the programme's order."""
-
-    labels: list[str]
-    lower: list[float]
-    upper: list[float]
-    soft: list[bool]
-
-    def add(self, phase: str, rows: Sequence[constraint.Row], copies: int) -> None:
-        """Add copies of a piece's rows."""
-        each = [row for row in rows for _ in range(row.value.numel())]
-        self.labels += [f"{phase}: {row.quantity}" for row in each] * copies
-        self.lower += [row.lower for row in each] * copies
-        self.upper += [row.upper for row in each] * copies
-        self.soft += [not row.hard for row in each] * copies
+    labels: tuple[str, ...]  # of rows: "phase: quantity"
+    soft: Indices  # rows that a search for conflicts may relax
 
 
 def transcribe(problem: PlanProblem) -> Transcription:
@@ -86,23 +53,21 @@ def transcribe(problem: PlanProblem) -> Transcription:
         Limits of neighbouring phases exclude each other where they meet.
     """
     units, layout = units_of(problem), lay_out(problem)
+    # Phases that are alike in these share their pieces.
     pieces: dict[tuple[object, ...], tuple[Piece, list[constraint.Row]]] = {}
-    blocks, listed = list[Block](), _Listed([], [], [], [])
+    blocks, listed = list[Block](), list[tuple[str, constraint.Row]]()
     for k, (phase, places) in enumerate(zip(problem.schedule, layout.phases, strict=True)):
-        limits = problem.limits_of(k)
-        key: tuple[object, ...] = (phase.flies, phase.intervals, limits)
-        if key not in pieces:
-            pieces[key] = _interval_piece(problem, k, units)
-        made, rows = pieces[key]
-        blocks.append(Block(made, places.intervals))
-        listed.add(phase.name, rows, phase.intervals)
+        alike: tuple[object, ...] = (phase.flies, phase.intervals, problem.limits_of(k))
+        parts = [(_interval_piece, alike, places.intervals)]
         if not phase.flies:
-            key = (limits,)
-            if key not in pieces:
-                pieces[key] = _knot_piece(problem, k, units)
-            made, rows = pieces[key]
-            blocks.append(Block(made, places.knots.T))
-            listed.add(phase.name, rows, phase.intervals + 1)
+            parts.append((_knot_piece, alike[2:], places.knots.T))
+        for make, key, where in parts:
+            if (make, *key) not in pieces:
+                pieces[make, *key] = make(problem, k, units)
+            made, rows = pieces[make, *key]
+            blocks.append(Block(made, where))
+            each = [row for row in rows for _ in range(row.value.numel())]
+            listed += [(f"{phase.name}: {row.quantity}", row) for row in each] * where.shape[1]
     linear = constraint.linear_rows(problem, layout, units)
     scale = scale_of(problem, layout)
     lower, upper = _bounds(problem, layout)
@@ -113,10 +78,10 @@ def transcribe(problem: PlanProblem) -> Transcription:
         scale=scale,
         lower=lower / scale,
         upper=upper / scale,
-        row_lower=np.array(listed.lower + linear.lower),
-        row_upper=np.array(listed.upper + linear.upper),
-        labels=(*listed.labels, *linear.labels),
-        soft=np.flatnonzero(listed.soft + [True] * len(linear.labels)),
+        row_lower=np.array([row.lower for _, row in listed] + linear.lower),
+        row_upper=np.array([row.upper for _, row in listed] + linear.upper),
+        labels=(*(label for label, _ in listed), *linear.labels),
+        soft=np.flatnonzero([not row.hard for _, row in listed] + [True] * len(linear.labels)),
     )
 
 
@@ -184,8 +149,7 @@ def first_guess(t: Transcription) -> Array:
     middle = [sum(phase.durations) / 2.0 for phase in problem.schedule]
     whole = sum(middle)
     standing = sum(T for T, phase in zip(middle, problem.schedule, strict=True) if not phase.flies)
-    w = np.zeros(layout.count)
-    begun = 0.0
+    w, begun = np.zeros(layout.count), 0.0
     for phase, places, T in zip(problem.schedule, layout.phases, middle, strict=True):
         w[places.duration] = T
         local = np.linspace(0.0, T, phase.intervals + 1)
