@@ -198,6 +198,47 @@ def test_robots(monkeypatch: pytest.MonkeyPatch) -> None:
     assert missing["g1"] == "not installed (pip install 'wbc[robots]')"
 
 
+def test_a_robot_is_described_with_its_notes(tmp_path: Path) -> None:
+    answer = wbc_command("robots", "hoap2_like")
+    for words in ("hoap2_like.urdf", "floating base", "left (left_foot)", "neutral, standing"):
+        assert words in answer.stdout
+    assert (answer.exit_code, answer.stderr) == (0, "")
+    answer = wbc_command("robots", lonely_arm(tmp_path))
+    assert "fixed base" in answer.stdout
+    assert "feet: none" in answer.stdout
+    assert answer.stderr.count("note: arm: the base is fixed") == 1
+    assert "no such file" in refused("robots", tmp_path / "none.urdf")
+
+
+def test_a_run_prints_the_robots_notes_once(tmp_path: Path) -> None:
+    lonely_arm(tmp_path)
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "robot: arm.urdf\ntasks:\n  tip: {type: frame, frame: upper, control: position,"
+        " target: {offset: [0, 0, 0]}}\n"
+        "stop: {duration: 0.02}\n"
+    )
+    answer = wbc_command("run", path)
+    assert answer.stderr.count("note: arm: the base is fixed") == 1
+    assert wbc_command("run", path, "--quiet").stderr == ""
+
+
+def lonely_arm(folder: Path) -> Path:
+    """Return an arm with one joint, on a root link that no name tells to be bolted."""
+    inertial = (
+        '<inertial><mass value="1"/>'
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+    )
+    path = folder / "arm.urdf"
+    path.write_text(
+        f'<robot name="arm"><link name="arm_link0">{inertial}</link>'
+        f'<link name="upper">{inertial}</link><joint name="j" type="revolute">'
+        '<parent link="arm_link0"/><child link="upper"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="2"/></joint></robot>'
+    )
+    return path
+
+
 def test_version_and_wrong_usage() -> None:
     assert wbc_command("--version").stdout == f"wbc {wbc.__version__}\n"
     assert wbc_command("run").exit_code == 2

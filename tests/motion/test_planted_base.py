@@ -113,7 +113,7 @@ def test_feet_that_do_not_exist(robot: Robot) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'left'"):
         analyse(motion, planted="lefd")
     footless = Robot.load("hoap2_like", feet={})
-    with pytest.raises(InvalidInputError, match="no feet"):
+    with pytest.raises(UnknownNameError, match="no feet"):
         analyse(Motion(footless, TIME, motion.joints), planted="auto", feet=None)
 
 

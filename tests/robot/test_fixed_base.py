@@ -9,6 +9,8 @@ import pytest
 from wbc import KinematicController, PositionTask, load_problem, support
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.robot.feet import NO_FEET
+from wbc.robot.library import find_robot
 
 BODY = (
     '<inertial><mass value="2"/><origin xyz="0 0 0.1"/>'
@@ -44,9 +46,38 @@ def test_a_root_called_world_or_base_is_fixed(
         assert robot.fixed_base
         assert f"root link is called {root!r}" in robot.notes[-1]
     assert not caplog.records  # a robot that is bolted down needs no feet
-    assert not Robot.load(arm(tmp_path, "pelvis")).fixed_base
     assert not Robot.load(arm(tmp_path, floating=True)).fixed_base  # the file says that it floats
     assert not Robot.load("hoap2_like").fixed_base
+
+
+def test_a_root_that_carries_a_single_arm_is_fixed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Robot.load(arm(tmp_path, "arm_link0"))
+    assert robot.fixed_base
+    assert "the root link carries a single arm and there are no feet" in robot.notes[-1]
+    assert not caplog.records
+    assert not Robot.load(arm(tmp_path, "arm_link0"), base="floating").fixed_base
+    path = arm(tmp_path, "arm_link0")
+    upright = path.read_text()
+    hopper = upright.replace('xyz="0 0 0.3"/><axis', 'xyz="0 0 -0.3"/><axis')
+    two_arms = upright.replace('parent link="shoulder"', 'parent link="arm_link0"')
+    for text in (hopper, two_arms):
+        assert text != upright
+        path.write_text(text)
+        assert not Robot.load(path).fixed_base
+        assert NO_FEET in Robot.load(path).notes
+
+
+def test_arms_of_the_example_data_are_fixed_and_what_flies_floats() -> None:
+    folder = find_robot("g1").path.parents[2]
+    for file, fixed in (
+        ("panda_description/urdf/panda.urdf", True),
+        ("so_arm_description/urdf/so101.urdf", True),
+        ("borinot_description/urdf/borinot_flying_arm_2.urdf", False),
+        ("simple_humanoid_description/urdf/simple_humanoid.urdf", False),
+    ):
+        assert Robot.load(folder / file).fixed_base == fixed, file
 
 
 def test_the_base_is_what_is_asked_for(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
+from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
 
 if TYPE_CHECKING:
     from wbc.motion import RmpSeries
@@ -149,7 +149,10 @@ def _series(
     from wbc.motion import analyse, read_motion
     from wbc.robot import Robot
 
-    motion = read_motion(path, Robot.load(robot), **reading)
+    loaded = Robot.load(robot)
+    if not quiet:
+        print_notes(loaded)
+    motion = read_motion(path, loaded, **reading)
     with nullcontext() if quiet else shown_progress() as progress:
         return analyse(motion, progress=progress, **analysis)
 

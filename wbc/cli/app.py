@@ -5,6 +5,7 @@ Only typer is imported on top: ``wbc --help`` must not wait for the robotics lib
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import nullcontext
 from enum import StrEnum
@@ -15,7 +16,14 @@ import typer
 
 from wbc import __version__
 from wbc.cli.analyze import analyze
-from wbc.cli.errors import BAD_INPUT, NOT_REACHED, QP_FAILED, complain, errors_in_one_line
+from wbc.cli.errors import (
+    BAD_INPUT,
+    NOT_REACHED,
+    QP_FAILED,
+    complain,
+    errors_in_one_line,
+    print_notes,
+)
 
 if TYPE_CHECKING:
     from wbc.problem import Result
@@ -36,6 +44,9 @@ class Model(StrEnum):
     PLANAR = "planar"
     SOLID = "solid"
     EULER = "euler"
+
+
+_SILENT = logging.NullHandler()  # what the library warns of is among the notes printed here
 
 
 def main() -> None:
@@ -59,6 +70,7 @@ def common(
     ] = False,
 ) -> None:
     """Whole-body control of humanoid robots, with the robot's inertia as a task."""
+    logging.getLogger("wbc").addHandler(_SILENT)
 
 
 # ---------------------------------------------------------------------- wbc run
@@ -101,10 +113,12 @@ def _solve(
     from wbc.cli.outputs import Outputs
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
-    from wbc.problem import Result, load_problem
+    from wbc.problem import Problem, Result, load_problem
 
     outputs = Outputs(output, plot)
     problem = load_problem(path, overrides)
+    if isinstance(problem, Problem) and not quiet:
+        print_notes(problem.parts.robot)
     with nullcontext() if quiet else shown_progress() as progress:
         result = problem.run(progress)
     outputs.write(result, path.stem)
@@ -158,12 +172,27 @@ def schema(
 
 
 @app.command()
-def robots() -> None:
-    """List the robots that a problem can name."""
+def robots(
+    name: Annotated[
+        str | None, typer.Argument(help="Describe this robot: a name, or a URDF or MJCF file.")
+    ] = None,
+) -> None:
+    """List the robots that a problem can name, or describe one."""
     with errors_in_one_line():
         from wbc.errors import ModelError
+        from wbc.robot import Robot
         from wbc.robot.library import find_robot, robot_names
 
+        if name is not None:
+            robot = Robot.load(name)
+            base = "fixed" if robot.fixed_base else "floating"
+            typer.echo(f"{robot.name}  {robot.path}")
+            typer.echo(f"{len(robot.joint_names)} joints, {robot.mass:.2f} kg, {base} base")
+            feet = ", ".join(f"{foot.name} ({foot.link})" for foot in robot.feet.values())
+            typer.echo(f"feet: {feet or 'none'}")
+            typer.echo(f"postures: {', '.join(robot.postures)}")
+            print_notes(robot)
+            return
         width = max(len(name) for name in robot_names())
         for name in robot_names():
             try:
@@ -224,7 +253,9 @@ def collisions(
         from wbc.constraints import SelfCollision
         from wbc.robot import Robot
 
-        margins = SelfCollision(Robot.load(robot), margin=margin, fit=fit)
+        loaded = Robot.load(robot)
+        print_notes(loaded)
+        margins = SelfCollision(loaded, margin=margin, fit=fit)
         typer.echo(f"{len(margins.model.pairs)} pairs are watched; with finer shapes:")
         for pair, why in margins.finer.items():
             typer.echo(f"  {pair}: {why}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
 from wbc.motion.planted import AUTO
 from wbc.reduction import SINGULAR
 from wbc.rmp.axes import Bools
@@ -100,22 +100,19 @@ def chosen_feet(robot: Robot, feet: str | Iterable[str] | None) -> tuple[str, ..
     Raises
     ------
     InvalidInputError
-        An empty choice, or one for a robot without feet.
+        An empty choice.
     UnknownNameError
-        A foot that the robot does not have.
+        A foot that the robot does not have; see :meth:`Robot.foot`.
     """
     if feet is None:
         return ()
     if feet == AUTO:
         return tuple(robot.feet)
-    if not robot.feet:
-        raise InvalidInputError(f"{robot.name} has no feet; say which links they are, or name none")
     names = tuple(dict.fromkeys((feet,) if isinstance(feet, str) else feet))
     if not names:
         raise InvalidInputError("feet: name at least one foot that stands on the ground")
     for name in names:
-        if name not in robot.feet:
-            raise UnknownNameError(f"foot of {robot.name}", name, (*robot.feet, AUTO))
+        robot.foot(name)
     return names
 
 

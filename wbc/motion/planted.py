@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot
 from wbc.robot.series import Progress, sole_series
@@ -74,15 +73,11 @@ def planted_base(
     Raises
     ------
     UnknownNameError
-        The robot has no such foot.
-    InvalidInputError
-        The robot has no feet at all.
+        The robot has no such foot, or none at all.
     """
     feet = tuple(robot.feet)
-    if not feet:
-        raise InvalidInputError(f"{robot.name} has no feet to plant; record the base, or name them")
-    if planted not in (*feet, AUTO):
-        raise UnknownNameError(f"foot of {robot.name}", planted, (*feet, AUTO))
+    if planted != AUTO or not feet:
+        robot.foot(planted)
     still = q.copy()
     still[:, :7] = 0.0
     still[:, 6] = 1.0

@@ -52,8 +52,8 @@ class RobotSpec(Section):
     feet: dict[Name, FootSection] | None = None
     """The feet by name (left, right, ...); guessed from the names of the links if missing."""
     base: Literal["floating", "fixed"] | None = None
-    """fixed: bolted to the world; left out: fixed if nothing stands and the root link is called
-    world or base."""
+    """fixed: bolted to the world; left out: fixed if there are no feet and the root link is called
+    world or base, or carries a single arm."""
     srdf: Name | None = None
     """File with named postures, relative to this file."""
     package_dirs: Names | None = None

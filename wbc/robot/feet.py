@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.polygon import convex_hull
-from wbc.robot.foot_guess import guess_links
+from wbc.robot.foot_guess import BELOW_BASE, guess_links
 from wbc.robot.formats.description import GeometrySource
 from wbc.robot.names import frame_table
 from wbc.robot.sole import centred, found_sole
@@ -135,6 +135,19 @@ def find_feet(
         feet[name] = Foot(name, frame, spec.link, polygon)
         notes += note
     return feet, tuple(notes)
+
+
+def is_arm(model: pin.Model, q: Array) -> bool:
+    """Return whether one joint carries all else, and no joint is below the base as legs are.
+
+    ``q`` (nq,) has the base upright.
+    """
+    if list(model.parents).count(1) != 1:
+        return False
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    heights = [pose.translation[2] for pose in data.oMi][1:]
+    return min(heights) > heights[0] - BELOW_BASE
 
 
 def _frame_id(model: pin.Model, link: str) -> int:

@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.robot.feet import NO_FEET, FootSpec, find_feet
+from wbc.robot.feet import NO_FEET, FootSpec, find_feet, is_arm
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import GeometrySource, lock_joints
 from wbc.robot.formats.srdf import read_states
@@ -94,7 +94,8 @@ class Robot(KinematicTree):
             Feet by name; by default those of the library, or a guess from names and shapes.
         base:
             ``"floating"`` or ``"fixed"``. By default the base is fixed if no feet are found and
-            the root link is called world or base, or is an MJCF body without a free joint.
+            the root link is called world or base, is an MJCF body without a free joint, or carries
+            one arm that does not reach below it; a note says so.
         srdf:
             File with named postures (``group_state``).
         package_dirs:
@@ -131,9 +132,12 @@ class Robot(KinematicTree):
         if base == "fixed" and specs is None:
             specs = {}
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
-        fixed = base == "fixed" or (base is None and bool(description.bolted) and not soles)
+        bolted = description.bolted
+        if bolted == "" and is_arm(model, postures[STANDING]):
+            bolted = "the root link carries a single arm"
+        fixed = base == "fixed" or (base is None and bool(bolted) and not soles)
         if base is None and fixed:
-            reason = f"{description.bolted} and there are no feet"
+            reason = f"{bolted} and there are no feet"
             foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
         elif NO_FEET in foot_notes:
             logging.getLogger(__name__).warning("%s: %s", found.path, NO_FEET)

@@ -100,7 +100,8 @@ class Description:
     states:
         Named configurations the file holds (MJCF key frames).
     bolted:
-        Why the root is taken to be bolted to the world unless it has feet; empty if it is not.
+        Why the root is taken to be bolted to the world unless it has feet; empty if the file does
+        not tell, None if it says that the root floats.
     notes:
         What was tolerated, in words.
     """
@@ -111,7 +112,7 @@ class Description:
     geometry: GeometrySource
     coupled: Mapping[str, Coupling] = field(default_factory=dict)
     states: Mapping[str, State] = field(default_factory=dict)
-    bolted: str = ""
+    bolted: str | None = ""
     notes: tuple[str, ...] = ()
 
 

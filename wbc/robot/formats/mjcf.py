@@ -110,7 +110,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
         geometry=MjcfGeometry(text, path, complete=not missing),
         coupled=coupled,
         states=dict(_key_frames(model)),
-        bolted="" if _floats(root) else "the root has no free joint",
+        bolted=None if _floats(root) else "the root has no free joint",
         notes=notes,
     )
 

@@ -97,7 +97,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         model=model,
         geometry=UrdfGeometry(text, path),
         coupled=coupled,
-        bolted=f"the root link is called {base!r}" if base in BOLTED and not floats else "",
+        bolted=None if floats else f"the root link is called {base!r}" if base in BOLTED else "",
         notes=notes,
     )
 
