@@ -17,6 +17,7 @@ from wbc.robot import robot_names
 
 GOOD = """\
 robot: hoap2_like
+support: floating
 tasks:
   hand: {type: frame, frame: left_hand, control: position, target: {offset: [0, 0, 0.01]}}
 stop: {duration: 1.0, speed: 1.0e-3, accept: {hand: 1.0e-3}}
@@ -107,7 +108,7 @@ def test_bad_input_is_one_clean_message(file: Path, tmp_path: Path) -> None:
     assert "must be at most 1, got 2" in refused("run", file, "--set", "tasks.hand.gain=2")
     file.write_text(GOOD.replace("left_hand", "left_hnd"))
     message = refused("run", file)
-    assert message.startswith(f"{file}:3: tasks.hand.frame: unknown frame 'left_hnd'; did you mean")
+    assert message.startswith(f"{file}:4: tasks.hand.frame: unknown frame 'left_hnd'; did you mean")
     assert "\n" not in message
 
 
@@ -286,7 +287,7 @@ def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(
     assert "  l_hip_1 vs torso_1: " in answer.output  # watched, with finer shapes
     path = tmp_path / "p.yaml"
     path.write_text(
-        "robot: icub\n"
+        "robot: icub\nsupport: floating\n"
         "tasks:\n"
         "  com: {type: com, target: {offset: [0, 0, -0.001]}}\n"
         "constraints:\n"

@@ -238,7 +238,10 @@ def test_a_new_kind_of_task_is_its_file_and_nothing_else(tmp_path: Path) -> None
     )
     (tmp_path / "wbc/problem/kinds/high.py").write_text(NEW_KIND)
     file = tmp_path / "p.yaml"
-    file.write_text("robot: hoap2_like\ntasks:\n  up: {type: high, target: 0.01, gain: 0.3}\n")
+    file.write_text(
+        "robot: hoap2_like\nsupport: floating\n"
+        "tasks:\n  up: {type: high, target: 0.01, gain: 0.3}\n"
+    )
     run = [sys.executable, "-c", USE_IT, str(file)]
     home = {**os.environ, "PYTHONPATH": str(tmp_path)}
     done = subprocess.run(run, check=False, capture_output=True, text=True, cwd=tmp_path, env=home)

@@ -77,7 +77,12 @@ MISTAKES = [
     ("frame: left_hand", "frame: left_hnd", 7, "tasks.hand.frame: unknown frame 'left_hnd'; did"),
     ('"*_hip_*"', "waist_pich", 8, "tasks.calm.joints.waist_pich: unknown joint 'waist_pich'; did"),
     ("type: com,", "type: comm,", 6, "tasks.com.type: 'comm' does not exist; did you mean 'com'?"),
-    ("type: com,", "", 6, "tasks.com: 'type' is missing (choose from: com, frame, inertia"),
+    (
+        "type: com,",
+        "",
+        6,
+        "tasks.com: 'type' is missing (choose from: com, distance, frame, inertia",
+    ),
     (
         "control: position",
         "control: positon",
@@ -297,10 +302,34 @@ def test_rotations_need_length(file: Path) -> None:
 )
 def test_principal_moments(file: Path, entries: str, words: str) -> None:
     task = f"{{type: inertia, components: principal, {entries}}}"
-    assert words in complaint(file, f"robot: hoap2_like\ntasks:\n  shape: {task}\n")
+    assert words in complaint(
+        file, f"robot: hoap2_like\nsupport: floating\ntasks:\n  shape: {task}\n"
+    )
 
 
 def test_a_folder_given_as_a_robot_is_called_one(file: Path) -> None:
     (file.parent / "robot.urdf").mkdir()
     message = complaint(file, GOOD.replace("hoap2_like", "./robot.urdf"))
     assert "robot.urdf: a folder; name a robot file in it" in message
+
+
+def test_a_robot_with_feet_does_not_float_because_support_was_forgotten(file: Path) -> None:
+    message = complaint(file, GOOD.replace("support: double\n", ""))
+    assert message == (
+        "p.yaml:1: support: say what the robot stands on: write support: left, right, double, a "
+        "list of frames such as [left_sole, right_sole], or floating (nothing is held)"
+    )
+    file.write_text(GOOD.replace("support: double", "support: floating"))
+    assert load_problem(file).parts.contacts == ()
+    text = GOOD.replace(', joints: {"*_knee_pitch": 0.5}', "").replace("support: double\n", "")
+    phases = "phases: {one: {duration: 1.0, support: double}, two: {duration: 1.0}}\nstop: {}\n"
+    file.write_text(text.partition("stop:")[0] + phases)
+    assert len(load_problem(file).parts.contacts) == 2
+
+
+def test_a_robot_without_feet_need_not_say_that_it_floats(file: Path) -> None:
+    text = GOOD.replace("support: double\n", "").replace(
+        "hoap2_like", "{model: hoap2_like, feet: {}}"
+    )
+    file.write_text(text)
+    assert load_problem(file).parts.contacts == ()

@@ -15,6 +15,7 @@ from wbc.spatial import vech
 
 FLOATING = """\
 robot: hoap2_like
+support: floating
 tasks:
   shape:
     {type: inertia, components: diagonal, frame: base, target: {scale: 1.02}, gain: 0.1, weight: 99}
@@ -191,6 +192,7 @@ def test_failed_ticks_end_as_qp_failed(
 def test_a_gain_per_second_means_the_same_at_every_time_step(tmp_path: Path) -> None:
     text = """\
 robot: hoap2_like
+support: floating
 tasks: {joint: {type: posture, target: {left_hip_roll: 0.01}, gain_per_second: 5.0}}
 stop: {duration: 0.2, speed: null}
 """

@@ -12,7 +12,9 @@ from wbc.spatial import vech
 from wbc.tasks import Task
 
 
-def problem(folder: Path, task: str, head: str = "robot: hoap2_like\n") -> Problem:
+def problem(
+    folder: Path, task: str, head: str = "robot: hoap2_like\nsupport: floating\n"
+) -> Problem:
     file = folder / "p.yaml"
     file.write_text(f"{head}tasks:\n  it: {task}\n")
     return load_problem(file)
@@ -88,7 +90,9 @@ def test_principal_moments(tmp_path: Path) -> None:
 def test_postures(tmp_path: Path) -> None:
     def joints(target: str, head: str = "") -> tuple[np.ndarray, Problem]:
         one = problem(
-            tmp_path, f"{{type: posture, target: {target}}}", f"robot: hoap2_like\n{head}"
+            tmp_path,
+            f"{{type: posture, target: {target}}}",
+            f"robot: hoap2_like\nsupport: floating\n{head}",
         )
         return one.parts.tasks[0].target[7:], one
 
@@ -113,14 +117,18 @@ def test_momenta(tmp_path: Path) -> None:
 
 def test_accelerations_by_joint(tmp_path: Path) -> None:
     limits = 'limits: {velocity: 0.5, acceleration: {"*": 7, waist_pitch: 3}, braking: bounded}\n'
-    parts = problem(tmp_path, "{type: posture}", f"robot: hoap2_like\n{limits}").parts
+    parts = problem(
+        tmp_path, "{type: posture}", f"robot: hoap2_like\nsupport: floating\n{limits}"
+    ).parts
     waist = parts.robot.joint_index("waist_pitch") - 6
     assert parts.limits.acceleration[waist] == 3.0
     assert parts.limits.braking == "bounded"
     assert (np.delete(parts.limits.acceleration, waist) == 7.0).all()
     np.testing.assert_allclose(parts.limits.speed, 0.5 * parts.robot.limits.velocity)
     limits = "limits: {acceleration: {waist_pitch: 3}}\n"
-    parts = problem(tmp_path, "{type: posture}", f"robot: hoap2_like\n{limits}").parts
+    parts = problem(
+        tmp_path, "{type: posture}", f"robot: hoap2_like\nsupport: floating\n{limits}"
+    ).parts
     assert parts.limits.braking == "free"
     others = np.delete(parts.limits.acceleration, waist)
     np.testing.assert_allclose(others, np.delete(parts.robot.limits.velocity, waist) / 0.1)

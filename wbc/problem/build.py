@@ -22,7 +22,7 @@ from wbc.problem.plan import plan
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.support import contacts_of, slack_by_frame
+from wbc.problem.support import check_said, contacts_of, slack_by_frame
 from wbc.run.ramps import TargetedTask
 
 MAX_TICKS = 1_000_000
@@ -49,6 +49,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
             built[name] = task.build(name, start)
     contacts = list[Contact]()
     with mistakes.at("support"):
+        first = next((phase.support for phase in (spec.phases or {}).values()), None)
+        check_said(spec.support or first, robot)
         contacts += contacts_of(spec.support, start)
     phases = plan(spec, built, start, source, mistakes)
     if isinstance(spec.controller, QpSettings):

@@ -87,9 +87,10 @@ class ProblemSpec(Section):
     """A name that `wbc robots` lists, a .urdf or .xml file relative to this file, or a mapping."""
     start: StartSpec = StartSpec()
     """Where the robot starts."""
-    support: Support = "floating"
+    support: Support | None = None
     """What is held where it is at the start: nothing (floating), a foot, both feet (double), or a
-    list of frames."""
+    list of frames. Left out: nothing, of a robot without feet; a robot with feet must say, here or
+    in its first phase."""
     tasks: Annotated[dict[PlainName, AnyTask], Field(min_length=1)]
     """What the robot should do, by names of your choice."""
     phases: Annotated[dict[PlainName, PhaseSpec], Field(min_length=1)] | None = None

@@ -9,9 +9,10 @@ from pydantic import Field, Strict
 
 from wbc.constraints import Contact, PointContact, support
 from wbc.constraints.contact import base_contact
+from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import LIST, MAPPING, WORD, Name, Positive, Section, forms
-from wbc.robot import Snapshot
+from wbc.robot import Robot, Snapshot
 
 
 class ContactSpec(Section):
@@ -46,8 +47,8 @@ Support = Annotated[
 ]
 
 
-def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
-    """Return the contacts that a problem's support asks for, held where they are.
+def contacts_of(spec: Support | None, snapshot: Snapshot) -> tuple[Contact, ...]:
+    """Return the contacts that a problem's support asks for, held where they are; None is floating.
 
     Raises
     ------
@@ -56,8 +57,8 @@ def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
     Misplaced
         A frame named twice.
     """
-    if isinstance(spec, str):
-        return support(snapshot, spec)
+    if spec is None or isinstance(spec, str):
+        return support(snapshot, spec or "floating")
     wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
     frames = [one.frame for one in wanted]
     for k, frame in enumerate(frames):
@@ -66,6 +67,23 @@ def contacts_of(spec: Support, snapshot: Snapshot) -> tuple[Contact, ...]:
     kinds = {"fixed": Contact, "point": PointContact}
     held = (kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
     return base_contact(snapshot) + tuple(held)
+
+
+def check_said(spec: Support | None, robot: Robot) -> None:
+    """Refuse a support that is left out for a robot that could stand.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what to write.
+    """
+    if spec is None and robot.feet:
+        words = "left, right, double" if {"left", "right"} <= robot.feet.keys() else ""
+        soles = ", ".join(foot.frame for foot in robot.feet.values())
+        raise InvalidInputError(
+            f"say what the robot stands on: write support: {words and words + ', '}a list of "
+            f"frames such as [{soles}], or floating (nothing is held)"
+        )
 
 
 def slack_by_frame(supports: Iterable[Support | None]) -> dict[str, float]:
