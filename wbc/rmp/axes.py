@@ -29,22 +29,14 @@ _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])  # (i, j, k) cyclic
 
 @dataclass(frozen=True, eq=False)
 class TrackedAxes:
-    """Principal axes of n inertias in a row.
+    """Principal axes e_k of n inertias in a row; reaction masses are at r_k = sqrt(3 lambda_k / M).
 
-    Attributes
-    ----------
-    second_moments:
-        Second moment of mass lambda_k along each axis (n, 3) [kg m^2]; reaction masses are at
-        r_k = sqrt(3 lambda_k / M).
-    axes:
-        Unit vectors e_k as the columns of rotations (n, 3, 3).
-    defined:
-        False for axes (n, 3) that were carried along, for want of a gap between second moments.
+    An axis is not defined if it was carried along, for want of a gap between second moments.
     """
 
-    second_moments: Array
-    axes: Array
-    defined: Bools
+    second_moments: Array  # lambda_k of mass along each axis (n, 3) [kg m^2]
+    axes: Array  # e_k as the columns of rotations (n, 3, 3)
+    defined: Bools  # (n, 3)
 
     def __post_init__(self) -> None:
         read_only(self.second_moments)
@@ -93,18 +85,10 @@ def track(
 
 
 def follow(axes: ArrayLike, second_moments: ArrayLike, previous: ArrayLike, gap: float) -> Array:
-    """Return principal axes (3, 3) as nearest to those of the frame before.
+    """Return principal axes (3, 3) as nearest to those of the frame before, ``previous`` (3, 3).
 
-    Parameters
-    ----------
-    axes:
-        Principal axes (3, 3), a rotation.
-    second_moments:
-        Second moments (3,) along them, the largest first.
-    previous:
-        Axes (3, 3) of the frame before, a rotation.
-    gap:
-        See :func:`track`.
+    The second moments (3,) are those along ``axes``, the largest first; for ``gap`` see
+    :func:`track`.
 
     Raises
     ------
@@ -125,17 +109,11 @@ def told_apart(second_moments: Array, gap: float = GAP) -> Bools:
 
 
 def turning_rate(inertia: Array, inertia_rate: Array, axes: Array) -> Array:
-    """Return the angular velocity (..., 3) [rad/s] of principal axes, world axes.
+    """Return the angular velocity (..., 3) [rad/s] of principal axes (..., 3, 3) of I, world axes.
 
-    Geometry, not momentum: w_k = e_i' I' e_j / (I_i - I_j) along e_k, (i, j, k) cyclic. All axes
-    must be defined: the quotient is meaningless where two moments are equal.
-
-    Parameters
-    ----------
-    inertia, inertia_rate:
-        I and dI/dt (..., 3, 3) [kg m^2, kg m^2/s].
-    axes:
-        Principal axes of I (..., 3, 3), a rotation.
+    Geometry, not momentum: w_k = e_i' I' e_j / (I_i - I_j) along e_k, (i, j, k) cyclic, from I and
+    dI/dt (..., 3, 3) [kg m^2, kg m^2/s]. All axes must be defined: the quotient is meaningless
+    where two moments are equal.
     """
     turned = np.swapaxes(axes, -1, -2)
     moments = np.diagonal(turned @ inertia @ axes, axis1=-2, axis2=-1)

@@ -25,15 +25,7 @@ ROUNDING = 1e-9
 class Ellipsoid:
     """A uniform solid ellipsoid centred at the CoM.
 
-    Attributes
-    ----------
-    semi_axes:
-        Lengths a_k (3,) [m]; those computed here are the longest first.
-    axes:
-        Unit vectors e_k as the columns of a rotation matrix (3, 3), in the frame of the inertia.
-        Where two semi-axes are equal, their directions in that plane are arbitrary.
-    mass:
-        [kg].
+    Where two semi-axes are equal, their directions in that plane are arbitrary.
 
     Raises
     ------
@@ -41,9 +33,9 @@ class Ellipsoid:
         A negative semi-axis, axes that are not a rotation matrix, or a mass that is not positive.
     """
 
-    semi_axes: Array
-    axes: Array
-    mass: float
+    semi_axes: Array  # lengths a_k (3,) [m]; those computed here are the longest first
+    axes: Array  # e_k as the columns of a rotation (3, 3), in the frame of the inertia
+    mass: float  # [kg]
 
     def __post_init__(self) -> None:
         semi_axes = finite_array("ellipsoid: semi_axes", self.semi_axes, (3,))
@@ -76,14 +68,9 @@ class Ellipsoid:
 
 
 def second_moment(inertia: ArrayLike) -> Array:
-    """Return the second moment of mass Sigma = tr(I)/2 1 - I (3, 3) [kg m^2].
+    """Return the second moment of mass Sigma = tr(I)/2 1 - I (3, 3) of an inertia I [kg m^2].
 
-    Sigma is the integral of x x^T over the mass, x from the point that ``inertia`` is about.
-
-    Parameters
-    ----------
-    inertia:
-        Moment of inertia matrix (3, 3) [kg m^2].
+    Sigma is the integral of x x^T over the mass, x from the point that I (3, 3) is about.
 
     Raises
     ------
@@ -113,12 +100,7 @@ def second_moment(inertia: ArrayLike) -> Array:
 def equimomental(inertia: ArrayLike, mass: float) -> Ellipsoid:
     """Return the uniform ellipsoid of the given mass and inertia: a_k = sqrt(5 lambda_k / M).
 
-    Parameters
-    ----------
-    inertia:
-        Moment of inertia about the CoM (3, 3) [kg m^2].
-    mass:
-        Mass M of the body [kg].
+    The inertia (3, 3) [kg m^2] is that about the CoM, M the mass [kg].
 
     Raises
     ------
@@ -135,13 +117,7 @@ def equimomental_at_density(inertia: ArrayLike, density: float) -> Ellipsoid:
 
     With the paper's mean density the mass comes out as the body's own only if the body fills as
     much space as its ellipsoid would; use :func:`equimomental` for an ellipsoid of the right mass.
-
-    Parameters
-    ----------
-    inertia:
-        Moment of inertia about the CoM (3, 3) [kg m^2].
-    density:
-        Density rho [kg/m^3].
+    The inertia (3, 3) [kg m^2] is that about the CoM, the density in kg/m^3.
 
     Raises
     ------

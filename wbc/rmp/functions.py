@@ -59,13 +59,7 @@ def export_c(
 
     The file needs nothing but a C compiler. Mass and gravity are written into it as numbers; each
     function is called as CasADi documents: ``int name(const double** arg, double** res, ...)``.
-
-    Parameters
-    ----------
-    directory:
-        Where to write; it must exist.
-    names:
-        Keys of ``model.functions``; all, unless given.
+    ``names`` are keys of ``model.functions``; all, unless given.
 
     Raises
     ------

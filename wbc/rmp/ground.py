@@ -26,14 +26,8 @@ Wrench = tuple[ArrayLike, ArrayLike]
 def in_contact(force: Array, mass: float) -> Array:
     """Return where the ground is pushed on (...,), bool: n . f_r is above ``FLIGHT`` M g.
 
-    False means flight, or a motion that only a ground that pulls could give (n . f_r < 0).
-
-    Parameters
-    ----------
-    force:
-        Ground reaction force f_r (..., 3) [N].
-    mass:
-        Mass M of the robot [kg].
+    False means flight, or a motion that only a ground that pulls could give (n . f_r < 0). The
+    force is f_r (..., 3) [N], the mass M that of the robot [kg].
     """
     return np.asarray(force[..., 2] > FLIGHT * STANDARD_GRAVITY * mass)
 
@@ -93,14 +87,9 @@ def normal_moment(com: Array, force: Array, moment: Array, point: Array) -> Arra
 
 
 def total_wrench(wrenches: Iterable[Wrench], about: Array) -> tuple[Array, Array]:
-    """Return the sum of contact wrenches: force (3,) [N] and moment (3,) [N m] about a point.
+    """Return the sum of contact wrenches: force (3,) [N] and moment (3,) [N m] about a point (3,).
 
-    Parameters
-    ----------
-    wrenches:
-        Pairs (position (3,), wrench (6,)): force and moment about that position, world axes.
-    about:
-        The point (3,) that the returned moment is about.
+    Each is a pair (position (3,), wrench (6,)): force and moment about that position, world axes.
 
     Raises
     ------

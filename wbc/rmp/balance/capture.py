@@ -54,14 +54,8 @@ def braking_debt(momentum: ca.SX, torque: float, weight: float, omega: ca.SX) ->
 
     Full brake takes |k_G| / torque and shifts the CMP by torque / weight meanwhile. A capture point
     is safe only if it is inside the support with this added: a law that stops pushing as soon as xi
-    itself is inside finds itself outside again once the wheel must brake.
-
-    Parameters
-    ----------
-    momentum:
-        k_G (3,) [kg m^2/s], world axes.
-    torque, weight:
-        Of the motors [N m]; M g [N].
+    itself is inside finds itself outside again once the wheel must brake. ``momentum`` is k_G (3,)
+    [kg m^2/s] in world axes, ``torque`` that of the motors [N m], ``weight`` M g [N].
     """
     # A torque about y moves the CMP along x, one about x moves it back along y.
     across = ca.vertcat(momentum[1], -momentum[0])
@@ -75,16 +69,9 @@ def wanted_cmp(
     """Return the CMP (2,) wanted for a capture point (2,) [m].
 
     The wheel's share begins a little inside the support, where the CoP alone still drives the
-    capture point back: began it at the edge itself, both would just hold it there.
-
-    Parameters
-    ----------
-    debt:
-        See :func:`braking_debt`.
-    target:
-        Where the capture point should come to rest (2,).
-    support:
-        Corners of the support polygon (k, 2), anticlockwise.
+    capture point back: began it at the edge itself, both would just hold it there. ``debt`` is
+    that of :func:`braking_debt`, ``target`` (2,) the capture point at rest, and ``support`` holds
+    the corners of the polygon (k, 2), anticlockwise.
     """
     near = nearest(support, capture_point + gains.capture * (capture_point - ca.DM(target)))
     return near + gains.beyond * beyond_reserve(capture_point + debt, target, support, gains)

@@ -263,8 +263,6 @@ def acceleration_range(
         (lower, upper); an infinite one does not limit.
     strength:
         Greatest deceleration of a motion (downward, upward), > 0, (n,) or a number.
-    dt:
-        [s].
     insist:
         1 for limits that must be within reach; more where a slack shows what the brake lacks.
     """

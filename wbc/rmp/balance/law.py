@@ -90,26 +90,15 @@ def _support(polygon: ArrayLike) -> Array:
 class Command:
     """What a law wants now.
 
-    Attributes
-    ----------
-    force:
-        Generalised forces f (nf,) in the pendulum's order, N and N m. ``tau_theta`` and ``tau_phi``
-        hold the reaction of the wheel's torque on the leg and what the foot gives.
-    cop_acceleration:
-        Acceleration of the leg's foot on the ground (1,) or (2,) [m/s^2]; zero if it stays.
-    phase:
-        The part of the law at work, in one word, such as ``"lean"``, ``"pump"``, ``"catch"``.
-    ok:
-        False if the law could not keep its own promise; ``note`` says why.
-    note:
-        One line for the user; empty where there is nothing to say.
+    In ``force``, ``tau_theta`` and ``tau_phi`` hold the reaction of the wheel's torque on the leg
+    and what the foot gives.
     """
 
-    force: Array
-    cop_acceleration: Array
-    phase: str = "run"
-    ok: bool = True
-    note: str = ""
+    force: Array  # generalised forces f (nf,) in the pendulum's order [N, N m]
+    cop_acceleration: Array  # of the leg's foot on the ground (1,) or (2,) [m/s^2]
+    phase: str = "run"  # the part of the law at work, in one word, such as "lean" or "catch"
+    ok: bool = True  # False if the law could not keep its own promise
+    note: str = ""  # why not; one line for the user, or empty
 
 
 class BalanceLaw(Protocol):

@@ -58,13 +58,6 @@ class Lqr:
         of the leg for lengths, rates sqrt(g / r_l) times as much; for forces the weight of what
         they move, for torques 0.3 M g r_l.
 
-    Attributes
-    ----------
-    gain, cost:
-        K (nu, 2 n) and P (2 n, 2 n).
-    open_loop:
-        (A, B) on x and u.
-
     Raises
     ------
     InvalidInputError
@@ -78,9 +71,9 @@ class Lqr:
     bounds: Bounds = field(default_factory=Bounds)
     errors: ArrayLike | None = None
     efforts: ArrayLike | None = None
-    gain: Array = field(init=False, repr=False)
-    cost: Array = field(init=False, repr=False)
-    open_loop: tuple[Array, Array] = field(init=False, repr=False)
+    gain: Array = field(init=False, repr=False)  # K (nu, 2 n)
+    cost: Array = field(init=False, repr=False)  # P (2 n, 2 n)
+    open_loop: tuple[Array, Array] = field(init=False, repr=False)  # (A, B) on x and u
     _rest: Array = field(init=False, repr=False)
     _foot: Foot | None = field(init=False, repr=False)
 

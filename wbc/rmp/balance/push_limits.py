@@ -81,13 +81,7 @@ class Wheel:
 
         Full torque for t1, none until t2, full brake: tau/(M g) (1 - e^(-omega t1)) (1 - e^(-omega
         t2)). Where the rate's limit is not met, t1 = t2 = sqrt(angle I / tau): theory's bang-bang.
-
-        Parameters
-        ----------
-        weight:
-            M g [N].
-        omega:
-            sqrt(g / z) [1/s].
+        ``weight`` is M g [N], ``omega`` sqrt(g / z) [1/s].
         """
         I = np.asarray(self.inertia)  # noqa: E741
         faster = np.minimum(np.sqrt(self.angle * I / self.torque), self.rate * I / self.torque)
@@ -102,24 +96,15 @@ class Wheel:
 class PushLimits:
     """Largest impulses [N s], one for each direction.
 
-    Attributes
-    ----------
-    directions:
-        Unit vectors (n, 2).
-    ankle:
-        With the CoP alone: M omega d (n,), d the way from the CoM's projection to the edge.
-    wheel:
-        With the wheel (n,): M omega times the way to the edge of the support polygon enlarged by
-        the box of what both motors can do, each up to its own limits. Along x or y, with an edge
-        across, M omega (d + reach).
-    omega:
-        sqrt(g / z) [1/s].
+    With the CoP alone (``ankle``) they are M omega d, d the way from the CoM's projection to the
+    edge. With the wheel the support polygon is enlarged by the box of what both motors can do, each
+    up to its own limits: along x or y, with an edge across, M omega (d + reach).
     """
 
-    directions: Array
-    ankle: Array
-    wheel: Array
-    omega: float
+    directions: Array  # unit vectors (n, 2)
+    ankle: Array  # (n,)
+    wheel: Array  # (n,)
+    omega: float  # sqrt(g / z) [1/s]
 
 
 def push_limits(

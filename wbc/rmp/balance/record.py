@@ -38,46 +38,24 @@ class Ending(Enum):
 class Simulation:
     """A motion of n steps, and how it ended. Nothing in it is infinite; only ``cop`` has NaN.
 
-    Attributes
-    ----------
-    model, bounds:
-        The pendulum that moved and the bounds that it is judged by.
-    pivot:
-        Whether the foot was bolted to the ground, which then bounds neither CoP nor friction nor
-        force along the leg.
-    time:
-        (n + 1,) [s].
-    q, v:
-        (n + 1, nq), (n + 1, nv); where a push acted, v is the velocity after it.
-    force, cop_acceleration:
-        The commands (n, nf), (n, 1 or 2), each held until the next time.
-    cop:
-        True CoP (n, 1 or 2) [m] at the beginning of each step, from f_r and k_G' by
-        :func:`wbc.rmp.ground.centre_of_pressure`; NaN where the ground does not push.
-    ground_force:
-        f_r (n, 2 or 3) [N] at the beginning of each step, up last.
-    phase, ok:
-        The law's phase and its verdict on itself (n,), step by step.
-    ending, ended_at:
-        How, and at which time [s].
-    note:
-        Why it ended, or else the first complaint of the law; empty if there is none.
+    With ``pivot`` the foot was bolted to the ground, which then bounds neither CoP nor friction nor
+    force along the leg. CoP and ground force are those at the beginning of each step.
     """
 
-    model: Pendulum
-    bounds: Bounds
+    model: Pendulum  # that moved
+    bounds: Bounds  # that it is judged by
     pivot: bool
-    time: Array
-    q: Array
-    v: Array
-    force: Array
-    cop_acceleration: Array
-    cop: Array
-    ground_force: Array
-    phase: list[str]
-    ok: NDArray[np.bool_]
+    time: Array  # (n + 1,) [s]
+    q: Array  # (n + 1, nq)
+    v: Array  # (n + 1, nv); where a push acted, the velocity after it
+    force: Array  # commands f (n, nf), each held until the next time
+    cop_acceleration: Array  # the other part of the commands (n, 1 or 2) [m/s^2]
+    cop: Array  # true CoP (n, 1 or 2) [m], from f_r and k_G'; NaN where the ground does not push
+    ground_force: Array  # f_r (n, 2 or 3) [N], up last
+    phase: list[str]  # of the law (n,)
+    ok: NDArray[np.bool_]  # the law's verdict on itself (n,)
     ending: Ending
-    note: str
+    note: str  # why it ended, or else the first complaint of the law; may be empty
 
     @property
     def ended_at(self) -> float:

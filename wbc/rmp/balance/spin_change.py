@@ -61,13 +61,6 @@ class SpinChange:
     rate:
         a, the rate at which errors of radii, leg and lean decay [1/s].
 
-    Attributes
-    ----------
-    radii:
-        r_0 and r_1, (1,) or (3,) each [m].
-    axis:
-        Which axis of the masses they spin about; 0 for a planar pendulum.
-
     Raises
     ------
     InvalidInputError
@@ -83,8 +76,8 @@ class SpinChange:
     duration: float
     bounds: Bounds = field(default_factory=Bounds)
     rate: float = 20.0
-    radii: tuple[Array, Array] = field(init=False)
-    axis: int = field(init=False)
+    radii: tuple[Array, Array] = field(init=False)  # r_0 and r_1, (1,) or (3,) each [m]
+    axis: int = field(init=False)  # of the masses, that they spin about; 0 for a planar pendulum
     _foot: Foot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -92,11 +92,6 @@ class PointStabiliser:
     gains:
         See there.
 
-    Attributes
-    ----------
-    function:
-        (q, v) -> f (9,) as a CasADi Function, for many runs at once and for planners.
-
     Raises
     ------
     InvalidInputError
@@ -108,6 +103,7 @@ class PointStabiliser:
     height: float
     radii: ArrayLike
     gains: StabiliserGains = field(default_factory=StabiliserGains)
+    # (q, v) -> f (9,), for many runs at once and for planners.
     function: ca.Function = field(init=False, repr=False)
     _call: Evaluator = field(init=False, repr=False)
 
