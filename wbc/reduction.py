@@ -36,79 +36,43 @@ SINGULAR = 1e-6
 class RmpState:
     """The reaction mass pendulum of a robot at one instant; made by :func:`reduce`.
 
-    Attributes
-    ----------
-    mass:
-        M [kg].
-    com, com_velocity:
-        CoM (3,) [m] and its velocity (3,) [m/s].
-    momentum:
-        Centroidal momentum (6,): linear [kg m/s], angular k_G [kg m^2/s].
-    momentum_rate:
-        Its rate (6,) [N, N m]; the angular part is the moment of the ground's push about the CoM.
-    quasi_static:
-        True if neither acceleration nor wrenches were given: ``momentum_rate`` is then zero, and
-        the CoP the CoM's projection.
-    ground_force:
-        Ground reaction force f_r = M (c'' - g) (3,) [N]. A negative z component is a motion that
-        only a ground that pulls could give.
-    ground_moment:
-        n . m_r [N m], the moment about the normal through the CoP; None in flight.
-    cop, cmp:
-        Centre of pressure and centroidal moment pivot (3,) [m], on the ground; None in flight
-        (see :func:`~wbc.rmp.ground.in_contact`). The CoP is never clipped.
-    support_polygon:
-        Corners (k, 2) [m] of what the feet span, counter-clockwise; None if no feet were named.
-    cop_margin:
-        How far the CoP is inside that polygon [m], negative outside; None without CoP or polygon.
-    leg_length, leg_direction:
-        Of the leg from CoP to CoM: length r_l [m] and unit vector n (3,); None in flight.
-    leg_angles:
-        (theta, phi) [rad] with n = (cos theta cos phi, sin phi, sin theta cos phi): upright is
-        (pi/2, 0), and theta at phi = 0 is the paper's in the x-z plane. Singular direction: a leg
-        along the y axis, flat on the ground; there, and in flight, None.
-    inertia:
-        Centroidal CRB inertia (3, 3) [kg m^2].
-    ellipsoid:
-        Equimomental ellipsoid of mass M, the longest semi-axis first, equal to ``inertia``.
-    ellipsoid_at_density:
-        Equimomental ellipsoid of the given density (eq. 18), or None.
-    radii, axes:
-        Reaction masses M/6 are at +-r_k e_k: r_k (3,) [m], and e_k as columns (3, 3). In the order
-        and with the signs nearest to the previous state's, if one was given.
-    axes_defined:
-        Bools (3,): False where second moments are too close to call. Such axes are the previous
-        state's, turned as little as possible, not a property of the robot.
-    average_angular_velocity:
-        Of the momentum: I^-1 k_G (3,) [rad/s].
-    axes_angular_velocity:
-        Of the geometry: at which the principal axes turn (3,) [rad/s], also when k_G = 0; None
-        unless all axes are defined.
+    Angular momentum is about the CoM. CoP, CMP, leg and the moment about the normal are None in
+    flight (see :func:`~wbc.rmp.ground.in_contact`). ``quasi_static`` is true if neither
+    acceleration nor wrenches were given: ``momentum_rate`` is then zero, and the CoP the CoM's
+    projection.
+
+    The leg's direction n is (cos theta cos phi, sin phi, sin theta cos phi): upright is (pi/2, 0),
+    and theta at phi = 0 is the paper's in the x-z plane. A leg along the y axis, flat on the
+    ground, has no such angles.
+
+    Reaction masses M/6 are at +-r_k e_k, in the order and with the signs nearest to the previous
+    state's, if one was given. Where second moments are too close to call, axes are not defined:
+    such axes are the previous state's, turned as little as possible, not a property of the robot.
     """
 
-    mass: float
-    com: Array
-    com_velocity: Array
-    momentum: Array
-    momentum_rate: Array
+    mass: float  # M [kg]
+    com: Array  # (3,) [m]
+    com_velocity: Array  # (3,) [m/s]
+    momentum: Array  # centroidal (6,): linear [kg m/s], angular k_G [kg m^2/s]
+    momentum_rate: Array  # (6,) [N, N m]; angular: the moment of the ground's push about the CoM
     quasi_static: bool
-    ground_force: Array
-    ground_moment: float | None
-    cop: Array | None
-    cmp: Array | None
-    support_polygon: Array | None
-    cop_margin: float | None
-    leg_length: float | None
-    leg_direction: Array | None
-    leg_angles: Array | None
-    inertia: Array
-    ellipsoid: Ellipsoid
-    ellipsoid_at_density: Ellipsoid | None
-    radii: Array
-    axes: Array
-    axes_defined: Bools
-    average_angular_velocity: Array
-    axes_angular_velocity: Array | None
+    ground_force: Array  # f_r = M (c'' - g) (3,) [N]; negative z: only a ground that pulls gives it
+    ground_moment: float | None  # n . m_r [N m], about the normal through the CoP
+    cop: Array | None  # (3,) [m], on the ground; never clipped
+    cmp: Array | None  # (3,) [m], on the ground
+    support_polygon: Array | None  # corners (k, 2) [m], counter-clockwise; None if no feet named
+    cop_margin: float | None  # how far the CoP is inside it [m]; None without CoP or polygon
+    leg_length: float | None  # r_l, from CoP to CoM [m]
+    leg_direction: Array | None  # unit vector n (3,)
+    leg_angles: Array | None  # (theta, phi) [rad]
+    inertia: Array  # centroidal CRB inertia (3, 3) [kg m^2]
+    ellipsoid: Ellipsoid  # equimomental, of mass M, the longest semi-axis first
+    ellipsoid_at_density: Ellipsoid | None  # of the given density (eq. 18), if one was
+    radii: Array  # r_k (3,) [m]
+    axes: Array  # e_k as columns (3, 3)
+    axes_defined: Bools  # (3,)
+    average_angular_velocity: Array  # of the momentum: I^-1 k_G (3,) [rad/s]
+    axes_angular_velocity: Array | None  # at which the axes turn (3,) [rad/s]; None if undefined
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -182,6 +146,7 @@ def reduce(
         margin = float(polygon_margin(polygon, cop[:2]))
     length, direction, angles = _leg(snapshot.com, cop)
     ellipsoid = equimomental(inertia, mass)
+    dense = None if density is None else equimomental_at_density(inertia, density)
     radii, axes, defined = _reaction_masses(ellipsoid, inertia, previous, gap)
     return RmpState(
         mass=mass,
@@ -201,9 +166,7 @@ def reduce(
         leg_angles=angles,
         inertia=inertia,
         ellipsoid=ellipsoid,
-        ellipsoid_at_density=(
-            None if density is None else equimomental_at_density(inertia, density)
-        ),
+        ellipsoid_at_density=dense,
         radii=radii,
         axes=axes,
         axes_defined=defined,
@@ -258,9 +221,9 @@ def _leg(com: Array, cop: Array | None) -> tuple[float | None, Array | None, Arr
 
 
 def leg_angles(direction: Array) -> Array | None:
-    """Return (theta, phi) (2,) [rad] of a unit vector (3,), None along the y axis.
+    """Return (theta, phi) (2,) [rad] of a unit vector (3,), None along y; see :class:`RmpState`.
 
-    See :attr:`RmpState.leg_angles`. phi is in [-pi/2, pi/2]; theta is negative below the horizon.
+    phi is in [-pi/2, pi/2]; theta is negative below the horizon.
     """
     x, y, z = direction.tolist()
     across = float(np.hypot(x, z))

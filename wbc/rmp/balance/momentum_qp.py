@@ -147,7 +147,9 @@ class MomentumQp:
             return Command(force, still, "fallback", ok=False, note=note)
         force = self._program.force(q, v, self._program.scale * solution.x)
         note = self._complaint(solution.x, tick.outside)
-        return Command(force, still, _phase(tick.outside, tick.turned), ok=not note, note=note)
+        phase = "stand" if tick.turned < RETURNED else "recover"
+        phase = "wheel" if tick.outside > 0.0 else phase
+        return Command(force, still, phase, ok=not note, note=note)
 
     def _complaint(self, x: Array, outside: float) -> str:
         """Return what cannot be done; empty if all can."""
@@ -165,12 +167,6 @@ class MomentumQp:
             f"{UNKNOWNS[9 + k]} {slack[k]:+.2g}" for k in np.flatnonzero(abs(slack) > GIVEN_WAY)
         )
         return f"too fast to be stopped before a limit, which gives way: {', '.join(gave)}"
-
-
-def _phase(outside: float, turned: float) -> str:
-    if outside > 0.0:
-        return "wheel"
-    return "stand" if turned < RETURNED else "recover"
 
 
 def _require_foot(bounds: Bounds) -> None:
@@ -204,17 +200,12 @@ def _require_rest(bounds: Bounds, com: Array, radii: Array) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Tick:
-    """The QP of one state, and what else is told of it.
-
-    ``fallback`` (13,) are unknowns, not scaled, for the case that the QP fails, ``outside`` is how
-    far the capture point is beyond what the CoP can hold [m], ``turned`` the largest angle or rate
-    of the masses [rad, rad/s].
-    """
+    """The QP of one state, and what else is told of it."""
 
     qp: QP
-    fallback: Array
-    outside: float
-    turned: float
+    fallback: Array  # unknowns (13,), not scaled, for the case that the QP fails
+    outside: float  # how far the capture point is beyond what the CoP can hold [m]
+    turned: float  # the largest angle or rate of the masses [rad, rad/s]
 
 
 class _Program:

@@ -168,7 +168,7 @@ class _Run:
     commands: list[Command] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.nq, self.nv, self.nf = len(self.model.Q), len(self.model.V), len(self.model.F)
+        self.nq = len(self.model.Q)
         self._step = Evaluator(_judged_step(self.model, self.dt))
 
     def push(self, impulse: Array) -> None:
@@ -208,7 +208,7 @@ class _Run:
         ending, note = end or (Ending.COMPLETE, "")
         if not note:
             note = next((each.note for each in self.commands if not each.ok), "")
-        states, inputs = np.array(self.states), np.array(self.inputs).reshape(n, self.nv)
+        states, inputs = np.array(self.states), np.array(self.inputs).reshape(n, len(self.model.V))
         cop, ground_force = ground_push(self.model, states[:n], inputs)
         return Simulation(
             model=self.model,
@@ -229,7 +229,7 @@ class _Run:
 
     def _input(self, command: Command) -> Array | None:
         w, f = np.asarray(command.cop_acceleration), np.asarray(command.force)
-        if w.shape != (self.model.COP,) or f.shape != (self.nf,):
+        if w.shape != (self.model.COP,) or f.shape != (len(self.model.F),):
             return None
         u: Array = np.concatenate((w, f)).astype(float)
         return u if np.isfinite(u).all() else None

@@ -45,14 +45,11 @@ class _TooStiff(Exception):
 
 @dataclass(frozen=True)
 class Excess:
-    """How far a limit of a phase is exceeded at the worst moment; negative is a margin.
-
-    ``time`` [s], ``amount`` in ``unit``.
-    """
+    """How far a limit of a phase is exceeded at the worst moment; negative is a margin."""
 
     phase: str
     quantity: str
-    time: float
+    time: float  # [s]
     amount: float
     unit: str
 
@@ -67,23 +64,14 @@ class Excess:
 class Check:
     """Verdict on a plan.
 
-    Attributes
-    ----------
-    defects:
-        By state: the largest difference between the plan at a right knot and integration from the
-        left one, in SI units (orientation in rad).
-    limits:
-        The worst moment of each limit in each phase, goal and period, the worst first.
-    drift:
-        Largest change of k_G within a flight [kg m^2/s]; zero if there is none.
-    lost_contact:
-        Stances in which the ground is hardly pushed on at some moment.
+    The defect of a state is the largest difference between the plan at a right knot and integration
+    from the left one.
     """
 
-    defects: dict[str, float]
-    limits: tuple[Excess, ...]
-    drift: float
-    lost_contact: tuple[str, ...]
+    defects: dict[str, float]  # by state, SI units (orientation in rad)
+    limits: tuple[Excess, ...]  # worst moment of each in each phase, goal, period; the worst first
+    drift: float  # largest change of k_G within a flight [kg m^2/s]; zero if there is none
+    lost_contact: tuple[str, ...]  # stances in which the ground is hardly pushed on at some moment
 
     @property
     def defect(self) -> float:
@@ -254,9 +242,7 @@ def _integrated(plan: Plan, i: int) -> dict[str, Array] | None:
         np.nan_to_num(getattr(knots, name)[i : i + 2])  # there is no CoP in flight
         for name in ("force", "cop", "moment", "radii_accelerations")
     )
-    gravity = np.array((0.0, 0.0, -plan.problem.gravity))
-
-    asked = 0
+    gravity, asked = np.array((0.0, 0.0, -plan.problem.gravity)), 0
 
     def rate(t: float, x: Array) -> Array:
         nonlocal asked

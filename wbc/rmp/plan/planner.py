@@ -49,18 +49,11 @@ _SHOWN = 5  # violations in an error's message
 
 
 class PlanError(WbcError):
-    """No plan was found.
+    """No plan was found; ``status`` is IPOPT's verdict.
 
-    Attributes
-    ----------
-    status:
-        IPOPT's verdict.
-    violations:
-        What is exceeded, the worst first, in the motion that meets the dynamics and violates limits
-        and goal least (sum of squares in the problem's units). Small ones everywhere tell of a
-        search that failed rather than of a contradiction. Empty if nothing is exceeded at all.
-    attempt:
-        That motion.
+    ``attempt`` is the motion that meets the dynamics and violates limits and goal least (sum of
+    squares in the problem's units), and ``violations`` what it exceeds, the worst first. Small ones
+    everywhere tell of a search that failed rather than of a contradiction.
     """
 
     def __init__(self, status: str, violations: Sequence[Excess], attempt: Plan) -> None:
@@ -92,17 +85,9 @@ def solve(
 ) -> Plan:
     """Return a locally optimal plan, from a straight-line guess or from ``warm``.
 
-    Parameters
-    ----------
-    problem:
-        What to plan.
-    warm:
-        A plan of a problem with the same phases in the same order; numbers may differ. With the
-        same number of rows too it gives the multipliers as well.
-    verbose:
-        Print the size, IPOPT's iterations and the verdict.
-    iterations:
-        The most that IPOPT may take, >= 1.
+    That is a plan of a problem with the same phases in the same order; numbers may differ. With the
+    same number of rows too it gives the multipliers as well. ``verbose`` prints the size, IPOPT's
+    iterations and the verdict; IPOPT may take ``iterations``, >= 1.
 
     Raises
     ------
