@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from wbc.constraints import support
+from wbc.qp import installed_solvers, make_backend
 from wbc.qp.elimination import eliminate, factorise
 from wbc.qp.problem import QP
+from wbc.qp.solution import Status
 from wbc.robot import Robot
 
 HUMANOIDS = ("hoap2_like", "g1_27", "talos")
@@ -96,3 +98,36 @@ def test_no_equalities_is_the_identity(rng) -> None:
     reduced = eliminate(qp)
     np.testing.assert_array_equal(reduced.basis, np.eye(3))
     np.testing.assert_array_equal(reduced.reduced.P, qp.P)
+
+
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_bounds_of_unknowns_that_are_fixed_do_not_hold_the_free_one(solver: str, rng) -> None:
+    """Levels fix joints at their bounds by mixed rows; what they free is found all the same.
+
+    Rounding left rows of 1e-20 for those bounds in the reduced QP. ProxQP "met" them far away, with
+    multipliers of 1e26, and KKT residuals relative to such terms were small: floating robots were
+    commanded 1e7 rad/s with the status "solved".
+    """
+    if solver not in installed_solvers():
+        pytest.skip(f"{solver} is not installed")
+    n = 8
+    for _ in range(20):
+        fixed = rng.normal(size=n - 2)
+        rows = np.zeros((n - 1, n))  # x_k = fixed_k and x_6 = x_7
+        rows[: n - 2, : n - 2] = np.eye(n - 2)
+        rows[n - 2, n - 2 :] = 1.0, -1.0
+        mix = np.linalg.qr(rng.normal(size=(n - 1, n - 1)))[0]
+        lower = np.concatenate((fixed, (-np.inf, -np.inf)))
+        qp = QP.build(
+            0.3 * np.eye(n),
+            np.concatenate((rng.normal(size=n - 2), (-0.3, 0.0))),
+            A=mix @ rows,
+            b=mix @ np.concatenate((fixed, [0.0])),
+            lower=lower,
+            upper=np.concatenate((fixed + 1.0, (np.inf, np.inf))),
+        )
+        elimination = eliminate(qp)
+        solution = elimination.lift(make_backend(solver).solve(elimination.reduced))
+        assert solution.status is Status.SOLVED
+        np.testing.assert_allclose(solution.x[-2:], 0.5, atol=1e-9)
+        assert solution.residuals.dual < 1e-9  # absolute: relative to its multipliers all is small

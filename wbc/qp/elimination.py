@@ -24,6 +24,9 @@ from wbc.validate import Array
 
 # A diagonal entry of R below this fraction of the largest marks rows that repeat the others.
 RANK_TOLERANCE = 1e-9
+# Entries of the basis below this are rounding. A row of them is a bound that the free unknowns can
+# meet at 1e20 times their size, with a multiplier of 1e26: "solved" was said of such points.
+BASIS_ROUNDING = 1e-12
 # Unknowns without bounds are preferred as dependent ones: eliminating them adds no inequality row.
 # The factor only biases the pivoting; a column that is nearly dependent is still passed over.
 PREFERENCE = 10.0
@@ -95,6 +98,7 @@ def eliminate(qp: QP) -> Elimination:
     in_range = factors.Q.T @ qp.b
     mismatch = float(np.abs(qp.b - factors.Q @ in_range).max(initial=0.0))
     follows = _triangular(factors.R, np.column_stack((in_range, factors.R_free)))
+    follows[:, 1:][np.abs(follows[:, 1:]) < BASIS_ROUNDING] = 0.0
     n = qp.g.size
     basis, offset = np.zeros((n, free.size)), np.zeros(n)
     basis[free, np.arange(free.size)] = 1.0
