@@ -10,7 +10,7 @@ from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
 from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
-from wbc.motion.trajectory import smooth_trajectory
+from wbc.motion.smoothing import smooth_trajectory
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
 from wbc.spatial import COLUMNS, ROWS

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.motion.errors import RecordingError, UnknownColumnError
-from wbc.motion.table import Table
+from wbc.errors import UnknownNameError
+from wbc.motion.table import RecordingError, Table, shortened
 from wbc.robot import Robot
 from wbc.robot.series import turning_joints
 from wbc.validate import Array
@@ -24,12 +23,13 @@ SUFFIXES = ("deg", "rad")
 TENFOLD = 10.0  # so far past its limits that a joint must be in another unit
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the file: where it is, and the unit that its name tells."""
+class UnknownColumnError(UnknownNameError):
+    """The column ``name`` of a recording means nothing for its robot."""
 
-    index: int
-    unit: str | None
+    def __init__(self, file: str, name: str, choices: Iterable[str]) -> None:
+        super().__init__("column", shortened(name), choices)
+        self.file = file
+        self.args = (f"{file}: {self}; correct it, or declare that it be passed over (ignore)",)
 
 
 def configuration_columns(robot: Robot) -> tuple[str, ...]:
@@ -54,28 +54,40 @@ def with_angles(table: Table, robot: Robot) -> Table:
     return Table(table.source, tuple(columns), values, table.lines)
 
 
-def identify_columns(table: Table, robot: Robot, ignore: Sequence[str]) -> dict[str, Column]:
-    """Return the columns by what they hold: ``time``, a joint, or one of the base's names.
+def read_columns(
+    table: Table, robot: Robot, ignore: Sequence[str], degrees: bool
+) -> tuple[dict[str, int], Array]:
+    """Return which column holds ``time``, a joint or a part of the base; and numbers in SI units.
 
     Parameters
     ----------
     ignore:
         Columns to pass over; shell-style patterns.
+    degrees:
+        Angles whose column names no unit are in degrees.
+
+    Returns
+    -------
+    where:
+        Columns by what they hold.
+    values:
+        All numbers (n, k) [rad, m, s].
 
     Raises
     ------
     UnknownColumnError
         A column that is none of these, with the nearest that is.
     RecordingError
-        Two columns that hold the same, or a column without a name.
+        Two columns that hold the same, one without a name, or a unit that does not fit.
     """
-    known = {*TIME, *PLACE, *QUATERNION, *ANGLES, *robot.joint_names}
-    found: dict[str, Column] = {}
+    turning = dict(zip(robot.joint_names, turning_joints(robot), strict=True))
+    known = {*TIME, *PLACE, *QUATERNION, *ANGLES, *turning}
+    where, values = dict[str, int](), table.values.copy()
     for k, header in enumerate(table.columns):
         if any(fnmatchcase(header, pattern) for pattern in ignore):
             continue
         if not header:
-            if np.isnan(table.values[:, k]).all():  # every line ends with a delimiter
+            if np.isnan(values[:, k]).all():  # every line ends with a delimiter
                 continue
             what = f"column {k + 1} has no name; give it one, or pass it over: ignore = ''"
             raise RecordingError(what, table.source)
@@ -85,11 +97,16 @@ def identify_columns(table: Table, robot: Robot, ignore: Sequence[str]) -> dict[
             choices = {"time", *robot.joint_names, *PLACE, *QUATERNION}
             raise UnknownColumnError(table.source, name, choices)
         name = "time" if name in TIME else name
-        if name in found:
-            other = table.columns[found[name].index]
+        if name in where:
+            other = table.columns[where[name]]
             raise table.error(f"it holds the same as {other!r}; remove one", k)
-        found[name] = Column(k, unit)
-    return found
+        where[name] = k
+        factors = _unit_factors(name, name in ANGLES or turning.get(name, False), degrees)
+        if unit not in factors:
+            units = ", ".join(unit for unit in factors if unit)
+            raise table.error(f"unknown unit {unit!r}; use {units}", k)
+        values[:, k] *= factors[unit]
+    return where, values
 
 
 def _split(header: str, known: set[str]) -> tuple[str, str | None]:
@@ -105,33 +122,18 @@ def _split(header: str, known: set[str]) -> tuple[str, str | None]:
     return (name, unit) if mark and unit in SUFFIXES else (header, None)
 
 
-def converted_units(table: Table, found: dict[str, Column], robot: Robot, degrees: bool) -> Array:
-    """Return the numbers (n, k) in rad, m and s.
-
-    Raises
-    ------
-    RecordingError
-        A unit that does not fit the column.
-    """
-    turning = dict(zip(robot.joint_names, turning_joints(robot), strict=True))
-    values = table.values.copy()
-    for name, column in found.items():
-        if name in ANGLES or turning.get(name, False):
-            factors = {"rad": 1.0, "deg": np.pi / 180.0, None: np.pi / 180.0 if degrees else 1.0}
-        elif name in QUATERNION:
-            factors = {"1": 1.0, "": 1.0, None: 1.0}
-        else:
-            unit = "s" if name == "time" else "m"
-            factors = {unit: 1.0, f"m{unit}": 1e-3, None: 1.0}
-        if column.unit not in factors:
-            units = ", ".join(unit for unit in factors if unit)
-            raise table.error(f"unknown unit {column.unit!r}; use {units}", column.index)
-        if factors[column.unit] != 1.0:
-            values[:, column.index] *= factors[column.unit]
-    return values
+def _unit_factors(name: str, turns: bool, degrees: bool) -> dict[str | None, float]:
+    """Return factors to rad, m or s by the unit that a column names, or None."""
+    if turns:
+        degree = np.pi / 180.0
+        return {"rad": 1.0, "deg": degree, None: degree if degrees else 1.0}
+    if name in QUATERNION:
+        return {"1": 1.0, "": 1.0, None: 1.0}
+    unit = "s" if name == "time" else "m"
+    return {unit: 1.0, f"m{unit}": 1e-3, None: 1.0}
 
 
-def base_from(table: Table, values: Array, found: dict[str, Column]) -> Array | None:
+def base_from(table: Table, values: Array, where: Mapping[str, int]) -> Array | None:
     """Return the base (n, 7), position and quaternion xyzw, or None if the file has none.
 
     Roll, pitch and yaw turn about the fixed axes x, y, z in this order (R = Rz Ry Rx).
@@ -142,17 +144,17 @@ def base_from(table: Table, values: Array, found: dict[str, Column]) -> Array | 
         Some of the base's columns are missing, or a quaternion whose norm is off by over 1e-2.
     """
     place, quaternion, angles = (
-        [name for name in names if name in found] for names in (PLACE, QUATERNION, ANGLES)
+        [name for name in names if name in where] for names in (PLACE, QUATERNION, ANGLES)
     )
     if not (place or quaternion or angles):
         return None
     if quaternion and angles:
         raise RecordingError("base: give quaternions or angles, not both", table.source)
     turn = ANGLES if angles else QUATERNION
-    missing = [name for name in (*PLACE, *turn) if name not in found]
+    missing = [name for name in (*PLACE, *turn) if name not in where]
     if missing:
         raise RecordingError(f"the base is not complete: {', '.join(missing)}", table.source)
-    position, turned = (values[:, [found[name].index for name in part]] for part in (PLACE, turn))
+    position, turned = (values[:, [where[name] for name in part]] for part in (PLACE, turn))
     if angles:
         quaternions = np.full((len(values), 4), np.nan)
         whole = np.isfinite(turned).all(axis=1)
@@ -163,7 +165,7 @@ def base_from(table: Table, values: Array, found: dict[str, Column]) -> Array | 
     if len(wrong):
         row = int(wrong[0])
         what = f"quaternion of norm {norm[row]:.6g}, expected 1; correct it, or leave out the row"
-        raise table.error(what, found["base_qx"].index, row)
+        raise table.error(what, where["base_qx"], row)
     return np.hstack((position, turned / norm[:, None]))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wbc.errors import InvalidInputError
+from wbc.motion.columns import PLACE
 from wbc.motion.table import Table
 from wbc.robot import Robot
 from wbc.rotations import same_sign
@@ -95,51 +96,43 @@ def fill_gaps(
     """
     count = len(robot.joint_names)
     content = content.copy()
-    dropouts = []
-    for (row, end), columns in _missing_runs(content, names).items():
-        _check(table, where, time, (row, end), columns, longest)
-        dropouts.append(Dropout(MISSING, float(time[row]), float(time[end]), columns, True))
+    dropouts = list[Dropout]()
+
+    def note(kind: str, rows: tuple[int, int], columns: tuple[str, ...], filled: bool) -> None:
+        """Note what is between two good rows; raise an error if it is too much to be filled."""
+        before, after = rows
+        column = next((where[name] for name in columns if name in where), None)
+        if before < 0 or after >= len(time):
+            what = "numbers are missing at the begin or end, where there is nothing to interpolate"
+            what = f"{what} ({', '.join(columns)}); cut these rows off"
+            raise table.error(what, column, before + 1)
+        dropout = Dropout(kind, float(time[before]), float(time[after]), columns, filled)
+        if filled and dropout.duration > longest + SLACK:
+            what = (
+                f"nothing usable from {dropout.start:.12g} s to {dropout.end:.12g} s,"
+                f" {dropout.duration:.3g} s; only up to {longest:g} s is interpolated: declare a"
+                f" longest gap of {_rounded_up(dropout.duration):g} s, or cut the recording there"
+            )
+            raise table.error(what, column, after)
+        dropouts.append(dropout)
+
+    for rows, columns in _missing_runs(content, names).items():
+        note(MISSING, rows, columns, True)
     for first, last, moved in _frozen_runs(time, content[:, :count]):
         columns = tuple(name for name, one in zip(names, moved, strict=False) if one)
         end = last + 1
+        note(FROZEN, (first, end), columns, fill)
         if fill:
-            _check(table, where, time, (first, end), columns, longest)
             # The base is recorded apart, and may go on where the joints are frozen.
             still = (content[first:end] == content[first]).all(axis=0)
             content[first + 1 : end, still] = np.nan
-        dropouts.append(Dropout(FROZEN, float(time[first]), float(time[end]), columns, fill))
-    gaps = _time_gaps(time)
-    for before, after in gaps:
-        _check(table, where, time, (before, after), ("time",), longest)
-        dropouts.append(Dropout(GAP, float(time[before]), float(time[after]), ("all",), True))
-    _unwrap_turns(content, names, robot)
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > LOST * np.median(steps)).tolist() if len(steps) else []
+    for row in gaps:
+        note(GAP, (row, row + 1), ("all",), True)
+    unwrap(robot, content[:, :count], content[:, count + len(PLACE) :])
     time, content = _with_rows_in_gaps(time, content, gaps)
-    content = _interpolated(time, content)
-    return time, content, tuple(sorted(dropouts, key=lambda one: one.start))
-
-
-def _check(
-    table: Table,
-    where: Mapping[str, int],
-    time: Array,
-    between: tuple[int, int],
-    columns: tuple[str, ...],
-    longest: float,
-) -> None:
-    """Raise RecordingError unless the rows between two good ones may be interpolated."""
-    before, after = between
-    column = next((where[name] for name in columns if name in where), None)
-    if before < 0 or after >= len(time):
-        what = "numbers are missing at the begin or end, where there is nothing to interpolate"
-        raise table.error(f"{what} ({', '.join(columns)}); cut these rows off", column, before + 1)
-    duration = float(time[after] - time[before])
-    if duration > longest + SLACK:
-        what = (
-            f"nothing usable from {time[before]:.12g} s to {time[after]:.12g} s, {duration:.3g} s;"
-            f" only up to {longest:g} s is interpolated: declare a longest gap of"
-            f" {_rounded_up(duration):g} s, or cut the recording there"
-        )
-        raise table.error(what, column, after)
+    return time, _interpolated(time, content), tuple(sorted(dropouts, key=lambda one: one.start))
 
 
 def _rounded_up(seconds: float) -> float:
@@ -148,26 +141,23 @@ def _rounded_up(seconds: float) -> float:
     return unit * math.ceil(seconds / unit - SLACK)
 
 
-def _unwrap_turns(content: Array, names: Sequence[str], robot: Robot) -> None:
-    """Undo in place the jumps of continuous joints (by 2 pi), and of quaternions (by sign)."""
+def unwrap(robot: Robot, joints: Array, quaternions: Array) -> None:
+    """Undo in place the jumps of continuous joints (by 2 pi), and of quaternions (by sign).
+
+    Parameters
+    ----------
+    joints:
+        (n, nv-6) [rad or m], with NaN where numbers are missing.
+    quaternions:
+        (n, 4), likewise, or (n, 0) without a base.
+    """
     for k in robot.limits.unbounded:
-        known = np.flatnonzero(np.isfinite(content[:, k]))
-        content[known, k] = np.unwrap(content[known, k])
-    if len(names) > len(robot.joint_names):
-        start = len(robot.joint_names) + 3
-        whole = np.isfinite(content[:, start:]).all(axis=1)
-        content[~whole, start:] = np.nan
-        known = np.flatnonzero(whole)
-        content[known, start:] = same_sign(content[known, start:])
-
-
-def _time_gaps(time: Array) -> list[tuple[int, int]]:
-    """Return pairs of neighbouring rows between which rows were lost."""
-    steps = np.diff(time)
-    if not len(steps):
-        return []
-    rows = np.flatnonzero(steps > LOST * np.median(steps)).tolist()
-    return [(k, k + 1) for k in rows]
+        known = np.isfinite(joints[:, k])
+        joints[known, k] = np.unwrap(joints[known, k])
+    if quaternions.size:
+        whole = np.isfinite(quaternions).all(axis=1)
+        quaternions[~whole] = np.nan
+        quaternions[whole] = same_sign(quaternions[whole])
 
 
 def _missing_runs(content: Array, names: Sequence[str]) -> dict[tuple[int, int], tuple[str, ...]]:
@@ -214,10 +204,8 @@ def _frozen_runs(time: Array, joints: Array) -> Iterator[tuple[int, int, NDArray
             yield first, last, moved
 
 
-def _with_rows_in_gaps(
-    time: Array, values: Array, gaps: Sequence[tuple[int, int]]
-) -> tuple[Array, Array]:
-    """Return times and values with rows of NaN where rows were lost, a median step apart.
+def _with_rows_in_gaps(time: Array, values: Array, gaps: Sequence[int]) -> tuple[Array, Array]:
+    """Return times and values with rows of NaN after rows ``gaps``, a median step apart.
 
     Raises
     ------
@@ -226,13 +214,14 @@ def _with_rows_in_gaps(
     """
     if not gaps:
         return time, values
-    step = float(np.median(np.diff(time)))
-    check_count("gaps to fill", sum(time[after] - time[before] for before, after in gaps), step)
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    check_count("gaps to fill", float(steps[gaps].sum()), step)
     where, inserted = list[int](), list[float]()
-    for before, after in gaps:
-        count = max(2, round((time[after] - time[before]) / step))
-        inserted += np.linspace(time[before], time[after], count + 1)[1:-1].tolist()
-        where += [after] * (count - 1)
+    for row in gaps:
+        count = max(2, round(float(steps[row]) / step))
+        inserted += np.linspace(time[row], time[row + 1], count + 1)[1:-1].tolist()
+        where += [row + 1] * (count - 1)
     return np.insert(time, where, inserted), np.insert(values, where, np.nan, axis=0)
 
 

@@ -114,7 +114,7 @@ def _lower_feet(robot: Robot, soles: Mapping[str, Array]) -> NDArray[np.intp]:
 
 def _height_above(planted: Array, other: Array, polygon: Array) -> Array:
     """Return how far the other sole's lowest corner is above the planted sole's plane (n,) [m]."""
-    relative = _inverse(planted) @ other
+    relative = np.linalg.inv(planted) @ other
     corners = relative[:, 2, :2] @ polygon.T + relative[:, 2, 3:]  # (n, k)
     return np.asarray(corners.min(axis=1))
 
@@ -131,7 +131,7 @@ def _base_poses(soles: Array, foot: NDArray[np.intp], time: Array, height: float
             # Where the foot is in the base's last frame so far is where it is kept.
             before = poses[first - 1] @ soles[foot[first], first - 1]
             world = _settling(before, time[first:end] - time[first - 1], height)
-        poses[first:end] = world @ _inverse(sole)
+        poses[first:end] = world @ np.linalg.inv(sole)
     return poses
 
 
@@ -140,7 +140,7 @@ def _first_place(sole: Array, height: float) -> Array:
     facing = sole[0, :3]  # the base's x axis in the sole's axes
     place = np.eye(4)
     place[:3, :3] = Rotation.from_euler("z", -np.arctan2(facing[1], facing[0])).as_matrix()
-    base = place @ _inverse(sole[None])[0]
+    base = place @ np.linalg.inv(sole)
     place[:3, 3] = -base[0, 3], -base[1, 3], height
     return place
 
@@ -158,13 +158,3 @@ def _settling(pose: Array, elapsed: Array, height: float) -> Array:
     poses[:, :3, :3] = flat[:3, :3] @ Rotation.from_rotvec(left[:, None] * tilt).as_matrix()
     poses[:, 2, 3] += left * (pose[2, 3] - height)
     return poses
-
-
-def _inverse(poses: Array) -> Array:
-    """Return the inverses of rigid poses (n, 4, 4)."""
-    inverse = np.zeros_like(poses)
-    turned = np.swapaxes(poses[:, :3, :3], 1, 2)
-    inverse[:, :3, :3] = turned
-    inverse[:, :3, 3] = -(turned @ poses[:, :3, 3:])[..., 0]
-    inverse[:, 3, 3] = 1.0
-    return inverse

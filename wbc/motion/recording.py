@@ -12,19 +12,16 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.motion.columns import (
     PLACE,
     QUATERNION,
-    Column,
     base_from,
     check_finite,
     check_limits,
     check_times,
     configuration_columns,
-    converted_units,
-    identify_columns,
+    read_columns,
     with_angles,
 )
 from wbc.motion.dropouts import Dropout, fill_gaps
-from wbc.motion.errors import RecordingError
-from wbc.motion.table import Table, read_csv, read_npz
+from wbc.motion.table import RecordingError, Table, read_csv, read_npz
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array, finite_number, read_only
 
@@ -150,14 +147,12 @@ def read_motion(
     longest_gap = finite_number("longest_gap", longest_gap, least=0.0)
     beyond = finite_number("beyond", beyond, least=0.0)
     table = with_angles(_table(Path(path), robot), robot)
-    found = identify_columns(table, robot, ignore)
-    values = converted_units(table, found, robot, degrees)
-    where = {name: column.index for name, column in found.items()}
+    where, values = read_columns(table, robot, ignore, degrees)
     time = _times(table, values, where.get("time"), rate)
     check_finite(table, values, list(where.values()), fill)
-    joints = _joints(table, values, found, missing, robot)
+    joints = _joints(table, values, where, missing, robot)
     check_limits(table, joints, [where.get(name) for name in robot.joint_names], robot, beyond)
-    base = base_from(table, values, found)
+    base = base_from(table, values, where)
     names = (*robot.joint_names, *(() if base is None else (*PLACE, *QUATERNION)))
     content = joints if base is None else np.hstack((joints, base))
     time, content, dropouts = fill_gaps(
@@ -191,12 +186,12 @@ def _times(table: Table, values: Array, column: int | None, rate: float | None) 
 
 
 def _joints(
-    table: Table, values: Array, found: Mapping[str, Column], missing: str | None, robot: Robot
+    table: Table, values: Array, where: Mapping[str, int], missing: str | None, robot: Robot
 ) -> Array:
     """Return joint positions (n, nv-6), those that the file lacks from the posture ``missing``."""
     if missing is not None and missing not in robot.postures:
         raise UnknownNameError(f"posture of {robot.name}", missing, robot.postures)
-    lacking = [name for name in robot.joint_names if name not in found]
+    lacking = [name for name in robot.joint_names if name not in where]
     if lacking and missing is None:
         raise RecordingError(
             f"there is no column for {', '.join(lacking)}; declare that joints without a column"
@@ -207,6 +202,6 @@ def _joints(
     if missing is not None:
         joints[:] = robot.limits.joint_positions(robot.postures[missing])
     for k, name in enumerate(robot.joint_names):
-        if name in found:
-            joints[:, k] = values[:, found[name].index]
+        if name in where:
+            joints[:, k] = values[:, where[name]]
     return joints

@@ -1,4 +1,4 @@
-"""Even sampling, a low-pass without delay, and derivatives.
+"""From a recording to configurations, velocities and accelerations at even times.
 
 A recording is put on an even grid at its own rate (cubic spline, only if it is uneven), filtered
 forward and backward, and made a quintic spline, of which values, velocities and accelerations are
@@ -9,18 +9,121 @@ derivative is right to (w h)^4 / 360 for a sine of w rad/s sampled every h s (4e
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
 from wbc.errors import InvalidInputError
-from wbc.motion.dropouts import check_count
+from wbc.motion.dropouts import check_count, unwrap
+from wbc.motion.planted import planted_base
+from wbc.motion.recording import Motion
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.robot.series import Progress
+from wbc.rotations import rotations_from
 from wbc.validate import Array, finite_number
 
 ORDER = 4  # of the Butterworth filter; run both ways it falls by 48 dB per octave
 UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
 EDGE = 3.0  # periods of the cutoff by which a series is continued beyond its ends,
 TERMS = 6  # by a polynomial of so many terms
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A smooth motion at even times.
+
+    Attributes
+    ----------
+    time:
+        (n,) [s].
+    q, v, acceleration:
+        Configurations (n, nq), velocities and their rates (n, nv); the base's in base axes.
+    planted:
+        Planted foot (n,), index among ``robot.feet``; None if the base was recorded.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    acceleration: Array
+    planted: NDArray[np.intp] | None
+
+
+def smooth_trajectory(
+    motion: Motion,
+    rate: float | None,
+    cutoff: float | None,
+    planted: str | None,
+    height: float,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyse`."""
+    if (motion.base is None) == (planted is None):
+        raise InvalidInputError(
+            f"{motion.source}: the base was not recorded; say which foot is planted: left, right or"
+            " auto"
+            if motion.base is None
+            else f"{motion.source}: the base was recorded; leave planted out"
+        )
+    grid = even_grid(motion.time)
+    own_rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+    joints, base = (
+        motion.joints.copy(),
+        np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(motion.time), 1)),
+    )
+    if motion.base is not None:
+        base[:] = motion.base
+    unwrap(motion.robot, joints, base[:, 3:])
+    rows = np.hstack((base, joints))
+    smooth = low_passed(on_grid(motion.time, rows, grid), own_rate, cutoff)
+    foot = None
+    if planted is not None:
+        q = _configurations(motion.robot, smooth)
+        found = planted_base(motion.robot, grid, q, planted, height, progress)
+        # Where feet take over the base turns a corner, which the joints' filter has not rounded.
+        base = low_passed(found.base, own_rate, cutoff) if found.changes else found.base
+        smooth, foot = np.hstack((base, smooth[:, BASE_NQ:])), found.foot
+    smooth[:, 3:BASE_NQ] /= np.linalg.norm(smooth[:, 3:BASE_NQ], axis=1)[:, None]
+    time = grid if rate is None else sampled(grid, finite_number("rate", rate, above=0.0))
+    nearest = np.minimum(np.rint((time - grid[0]) * own_rate).astype(int), len(grid) - 1)
+    q, v, acceleration = _read_off(motion.robot, grid, smooth, time)
+    return Trajectory(time, q, v, acceleration, None if foot is None else foot[nearest])
+
+
+def _configurations(robot: Robot, rows: Array) -> Array:
+    """Return configurations q (n, nq) of rows (n, nv+1) of base and joint angles."""
+    limits = robot.limits
+    q = np.empty((len(rows), robot.nq))
+    q[:, :BASE_NQ] = rows[:, :BASE_NQ]
+    q[:, list(limits.starts)] = rows[:, BASE_NQ:]
+    for k in limits.unbounded:
+        start, angle = limits.starts[k], rows[:, BASE_NQ + k]
+        q[:, start], q[:, start + 1] = np.cos(angle), np.sin(angle)
+    return q
+
+
+def _read_off(robot: Robot, grid: Array, rows: Array, time: Array) -> tuple[Array, Array, Array]:
+    """Return q, v and the rate of v at some times, by the spline through rows (m, nv+1)."""
+    curve = make_interp_spline(grid, rows, k=5)
+    values, first, second = (curve(time, order) for order in range(3))
+    quaternion = values[:, 3:BASE_NQ]
+    spin, spin_rate = turning(quaternion, first[:, 3:BASE_NQ], second[:, 3:BASE_NQ])
+    values[:, 3:BASE_NQ] = quaternion / np.linalg.norm(quaternion, axis=1)[:, None]
+    inward = np.swapaxes(rotations_from(values[:, 3:BASE_NQ]), 1, 2)  # from world to base axes
+    v, acceleration = np.empty((len(time), robot.nv)), np.empty((len(time), robot.nv))
+    v[:, :3] = (inward @ first[:, :3, None])[..., 0]
+    v[:, 3:6], v[:, BASE_NV:] = spin, first[:, BASE_NQ:]
+    # The axes turn with the base, hence the second term.
+    acceleration[:, :3] = (inward @ second[:, :3, None])[..., 0] - np.cross(spin, v[:, :3])
+    acceleration[:, 3:6], acceleration[:, BASE_NV:] = spin_rate, second[:, BASE_NQ:]
+    return _configurations(robot, values), v, acceleration
+
+
+# ---------------------------------------------------------------------- sampling and filter
 
 
 def even_grid(time: Array) -> Array:
@@ -109,11 +212,6 @@ def _continued(values: Array, count: int) -> Array:
     rest = head - powers @ trend
     before = np.vander(-t[1:], terms) @ trend + 2.0 * rest[0] - rest[1:]
     return np.asarray(before[::-1])
-
-
-def smooth_curve(grid: Array, values: Array) -> BSpline:
-    """Return the quintic spline through values (n, k), n >= 6, at even times."""
-    return make_interp_spline(grid, values, k=5)
 
 
 def turning(quaternion: Array, first: Array, second: Array) -> tuple[Array, Array]:

@@ -13,14 +13,51 @@ from pathlib import Path
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
 from wbc.files import ArrayFileError, read_arrays
-from wbc.motion.errors import RecordingError, shortened
 from wbc.validate import Array
 
 DELIMITERS = (",", ";", "\t")
 NUMBERS = "iuf"  # kinds of arrays: whole numbers and fractions, not complex ones nor truth values
 TEXTS = "US"
 LARGEST = 1 << 30  # bytes of a text file, and of all arrays of an NPZ file unpacked
+
+
+class RecordingError(InvalidInputError):
+    """A recording holds something unusable; the message says what, where, and what to do.
+
+    Parameters
+    ----------
+    what:
+        What is wrong, and what to do.
+    file:
+        The file, as it was named.
+    column:
+        The column's name in the file, if one is to blame.
+    row:
+        The row of numbers, counted from 1, likewise.
+    line:
+        That row's line in a text file.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        file: str,
+        column: str | None = None,
+        row: int | None = None,
+        line: int | None = None,
+    ) -> None:
+        self.file, self.column, self.row, self.line = file, column, row, line
+        places = [f"column {shortened(column)!r}"] if column is not None else []
+        if row is not None:
+            places.append(f"row {row}" + (f" (line {line})" if line is not None else ""))
+        super().__init__(f"{': '.join([file, ', '.join(places)] if places else [file])}: {what}")
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Return a text from a file as it is shown in a message."""
+    return text if len(text) <= most else f"{text[:most]}..."
 
 
 @dataclass(frozen=True, eq=False)
