@@ -6,8 +6,8 @@ import pytest
 
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.reduction import leg_angles
 from wbc.rmp.axes import track
+from wbc.rmp.ground import leg_of
 from wbc.robot import Robot, Snapshot
 
 FEET = ("left", "right")
@@ -167,11 +167,13 @@ def test_flight_has_no_cop(humanoid: Robot) -> None:
 def test_leg_angles_give_the_leg_back(rng: np.random.Generator) -> None:
     for leg in rng.normal(size=(20, 3)):
         n = leg / np.linalg.norm(leg)
-        theta, phi = leg_angles(n)
+        length, direction, (theta, phi) = leg_of(leg + 0.3, np.full(3, 0.3))
+        np.testing.assert_allclose((length, *direction), (np.linalg.norm(leg), *n), atol=1e-14)
         back = np.cos(theta) * np.cos(phi), np.sin(phi), np.sin(theta) * np.cos(phi)
         np.testing.assert_allclose(back, n, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(leg_angles(np.array([np.cos(1.2), 0.0, np.sin(1.2)])), [1.2, 0.0])
-    assert leg_angles(np.array([0.0, -1.0, 0.0])) is None
+    tips = np.array([[np.cos(1.2), 0.0, np.sin(1.2)], [0.0, -1.0, 0.0]])
+    angles = leg_of(tips, np.zeros((2, 3)))[2]
+    np.testing.assert_allclose(angles, [[1.2, 0.0], [np.nan, np.nan]])
 
 
 def test_leg_joins_cop_and_com(humanoid: Robot, rng: np.random.Generator) -> None:

@@ -21,15 +21,13 @@ from wbc.rmp.ground import (
     centre_of_pressure,
     centroidal_moment_pivot,
     in_contact,
+    leg_of,
     normal_moment,
     total_wrench,
 )
 from wbc.robot import Snapshot
 from wbc.spatial import vech_inverse
 from wbc.validate import Array, finite_number, finite_vector
-
-# The leg angle theta is undefined where the leg lies along y: within this, as a cosine.
-SINGULAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,27 +207,8 @@ def _leg(com: Array, cop: Array | None) -> tuple[float | None, Array | None, Arr
     """Return the leg's length, direction (3,) and angles (2,)."""
     if cop is None:
         return None, None, None
-    leg = com - cop
-    length = float(np.linalg.norm(leg))
-    if length == 0.0:
-        raise InvalidInputError(
-            "the CoM is at the CoP, on the ground: the pendulum's leg has no length; is"
-            " ground_height right?"
-        )
-    n = leg / length
-    return length, n, leg_angles(n)
-
-
-def leg_angles(direction: Array) -> Array | None:
-    """Return (theta, phi) (2,) [rad] of a unit vector (3,), None along y; see :class:`RmpState`.
-
-    phi is in [-pi/2, pi/2]; theta is negative below the horizon.
-    """
-    x, y, z = direction.tolist()
-    across = float(np.hypot(x, z))
-    if across < SINGULAR:
-        return None
-    return np.array((np.arctan2(z, x), np.arctan2(y, across)))
+    length, direction, angles = leg_of(com, cop)
+    return float(length), direction, None if np.isnan(angles).any() else angles
 
 
 def _reaction_masses(

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.motion.planted import AUTO
-from wbc.reduction import SINGULAR
 from wbc.rmp.axes import Bools
 from wbc.rmp.ground import (
     centre_of_pressure,
     centroidal_moment_pivot,
     in_contact,
+    leg_of,
     normal_moment,
 )
 from wbc.robot import Robot
@@ -55,14 +55,7 @@ def ground_reaction(robot: Robot, whole: CentroidalSeries, height: float) -> Gro
     on = in_contact(force, robot.mass).astype(bool)
     com, f, k = whole.com[on], force[on], whole.momentum_rate[on, 3:]
     p = centre_of_pressure(com, f, k, height)
-    leg = com - p
-    length = np.linalg.norm(leg, axis=1)
-    if not (length > 0.0).all():
-        raise InvalidInputError(
-            "the CoM is at the CoP, on the ground: the pendulum's leg has no length; is the"
-            " ground's height right?"
-        )
-    n = leg / length[:, None]
+    length, direction, angles = leg_of(com, p)
     return GroundReaction(
         ground_force=force,
         ground_moment=_where(on, normal_moment(com, f, k, p)),
@@ -70,18 +63,9 @@ def ground_reaction(robot: Robot, whole: CentroidalSeries, height: float) -> Gro
         cmp=_where(on, centroidal_moment_pivot(com, f, height)),
         flight=~on,
         leg_length=_where(on, length),
-        leg_direction=_where(on, n),
-        leg_angles=_where(on, _leg_angles(n)),
+        leg_direction=_where(on, direction),
+        leg_angles=_where(on, angles),
     )
-
-
-def _leg_angles(direction: Array) -> Array:
-    """Return (theta, phi) (n, 2) [rad] of unit vectors (n, 3); NaN along y, see RmpState."""
-    x, y, z = direction.T
-    across = np.hypot(x, z)
-    angles = np.stack((np.arctan2(z, x), np.arctan2(y, across)), axis=1)
-    angles[across < SINGULAR] = np.nan
-    return angles
 
 
 def _where(on: Bools, values: Array) -> Array:
@@ -200,11 +184,8 @@ def _margins(corners: Array, points: Array) -> Array:
     and no inside.
     """
     (x, y), (px, py) = corners.transpose(2, 1, 0), points.T  # (k, n) and (n,): frames last
-    nearest, inside, area = (
-        np.full(len(px), np.inf),
-        np.ones(len(px), bool),
-        np.zeros(len(px), bool),
-    )
+    nearest = np.full(len(px), np.inf)
+    inside, area = np.ones(len(px), bool), np.zeros(len(px), bool)
     for k in range(len(x)):
         dx, dy, ax, ay = x - x[k], y - y[k], px - x[k], py - y[k]
         length = np.hypot(dx, dy)

@@ -23,7 +23,7 @@ from wbc.motion.columns import (
 from wbc.motion.dropouts import Dropout, fill_gaps
 from wbc.motion.table import RecordingError, Table, read_csv, read_npz
 from wbc.robot import Robot
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
 
 LONGEST_GAP = 0.1  # s
 # rad or m: encoders are not always calibrated, nor are limits always the mechanical stops. What is
@@ -66,25 +66,23 @@ class Motion:
     source: str = "motion"
 
     def __post_init__(self) -> None:
-        count = np.size(self.time)
+        count, source = np.size(self.time), self.source
         if count < LEAST_ROWS:
             raise InvalidInputError(
-                f"{self.source}: {count} rows; accelerations need at least {LEAST_ROWS}"
+                f"{source}: {count} rows; accelerations need at least {LEAST_ROWS}"
             )
-        time = finite_array(f"{self.source}: time", self.time, (count,))
-        shape = (count, self.robot.nv - 6)
-        joints = finite_array(f"{self.source}: joints", self.joints, shape)
+        time = finite_array(f"{source}: time", self.time, (count,))
+        joints = finite_array(f"{source}: joints", self.joints, (count, self.robot.nv - 6))
         if not (np.diff(time) > 0.0).all():
-            raise InvalidInputError(f"{self.source}: time must increase from row to row")
-        object.__setattr__(self, "time", read_only(time))
-        object.__setattr__(self, "joints", read_only(joints))
+            raise InvalidInputError(f"{source}: time must increase from row to row")
+        set_fields(self, time=read_only(time), joints=read_only(joints))
         if self.base is not None:
-            base = finite_array(f"{self.source}: base", self.base, (count, 7))
+            base = finite_array(f"{source}: base", self.base, (count, 7))
             norm = np.linalg.norm(base[:, 3:], axis=1)
             if norm.min() == 0.0:
-                raise InvalidInputError(f"{self.source}: base: a quaternion has norm 0")
+                raise InvalidInputError(f"{source}: base: a quaternion has norm 0")
             base[:, 3:] /= norm[:, None]
-            object.__setattr__(self, "base", read_only(base))
+            set_fields(self, base=read_only(base))
 
     @property
     def rate(self) -> float:

@@ -15,7 +15,7 @@ from wbc.motion.dropouts import Dropout
 from wbc.rmp.axes import Bools
 from wbc.robot import Robot
 from wbc.spatial import COMPONENTS
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 ROUNDED = 1e-3  # rad or m: so much past a limit is what rounding and the filter can do
 FORMATS = (".npz", ".csv")
@@ -152,10 +152,8 @@ class RmpSeries:
     axes_angular_velocity: Array
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+        for array in self.arrays().values():
+            read_only(array)
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -163,14 +161,16 @@ class RmpSeries:
     @property
     def cop_outside(self) -> Bools:
         """True where the CoP is outside the support polygon (n,): the motion is infeasible."""
-        margin = np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
-        return np.asarray(margin < 0.0)
+        return self._margin < 0.0
 
     @property
     def cop_unknown(self) -> Bools:
         """True where the ground pushes but no foot is known to stand (n,)."""
-        margin = np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
-        return np.asarray(np.isnan(margin) & ~self.flight)
+        return np.isnan(self._margin) & ~self.flight
+
+    @property
+    def _margin(self) -> Array:
+        return np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
 
     @property
     def past_limits(self) -> dict[str, float]:
@@ -233,9 +233,5 @@ class RmpSeries:
                 parts.append(arrays[name].reshape(len(self), -1))
         header += [f"{foot}_stands [1]" for foot in self.feet]
         rows, names = np.column_stack([*parts, self.standing]), ",".join(header)
-        write_whole(
-            path,
-            lambda file: np.savetxt(
-                file, rows, delimiter=",", fmt="%.9g", header=names, comments=""
-            ),
-        )
+        look = {"delimiter": ",", "fmt": "%.9g", "header": names, "comments": ""}
+        write_whole(path, lambda file: np.savetxt(file, rows, **look))

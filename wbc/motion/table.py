@@ -108,6 +108,11 @@ def _check_file(path: Path) -> None:
         raise RecordingError(f"it has {size} bytes; at most {LARGEST} can be read", source)
 
 
+def _unreadable(path: Path, error: Exception) -> RecordingError:
+    reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return RecordingError(f"cannot be read: {shortened(reason, 200)}", str(path))
+
+
 # ---------------------------------------------------------------------- CSV
 
 
@@ -139,10 +144,11 @@ def read_csv(path: Path) -> Table:
         raise RecordingError("it holds no rows of numbers", source)
     try:
         values: Array = np.loadtxt(rows, delimiter=delimiter, comments=None, ndmin=2)
-    except ValueError:  # empty cells, which mean NaN, or a mistake: look at each cell
+        plain = values.shape[1] == len(columns)
+    except ValueError:
+        plain = False
+    if not plain:  # empty cells, which mean NaN, or a mistake: look at each cell
         values = _cell_by_cell(source, columns, rows, numbers, delimiter)
-    if values.shape[1] != len(columns):
-        raise _ragged(source, len(columns), values.shape[1], 0, numbers[0])
     return Table(source, columns, values, numbers)
 
 
@@ -200,7 +206,8 @@ def _cell_by_cell(
     for k, row in enumerate(rows):
         cells = _cells(source, row, delimiter, k + 1, numbers[k])
         if len(cells) != len(columns):
-            raise _ragged(source, len(columns), len(cells), k, numbers[k])
+            what = f"it has {len(cells)} cells, but the header names {len(columns)} columns"
+            raise RecordingError(what, source, None, k + 1, numbers[k])
         cells = [cell.strip() for cell in cells]
         for name, cell in zip(columns, cells, strict=True):
             if cell and not _is_number(cell):
@@ -210,11 +217,6 @@ def _cell_by_cell(
                 raise RecordingError(what, source, name, k + 1, numbers[k])
         found.append([float(cell) if cell else np.nan for cell in cells])
     return np.array(found)
-
-
-def _ragged(source: str, wanted: int, found: int, row: int, line: int) -> RecordingError:
-    what = f"it has {found} cells, but the header names {wanted} columns"
-    return RecordingError(what, source, None, row + 1, line)
 
 
 # ---------------------------------------------------------------------- NPZ
@@ -237,62 +239,42 @@ def read_npz(path: Path, configuration: Sequence[str]) -> Table:
         Unreadable or too large, arrays of other shapes or not of numbers, or no rows.
     """
     _check_file(path)
-    arrays = _arrays(path)
-    columns: dict[str, Array] = {}
-    if "q" in arrays:
-        columns |= _unstacked(path, "q", arrays.pop("q"), configuration)
-    elif "positions" in arrays:
-        names = [str(name) for name in arrays.pop("names", np.array([])).ravel()]
-        columns |= _unstacked(path, "positions", arrays.pop("positions"), names)
-    for name, array in arrays.items():
-        if array.ndim != 1:
-            what = f"it has shape {array.shape}; expected one number for each row"
-            raise RecordingError(what, str(path), name)
-        columns[name] = _numbers(path, name, array)
-    return _stacked(path, columns)
-
-
-def _arrays(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of a zip file by name; of what ``wbc run`` writes only time and q."""
-    try:
-        return read_arrays(
+    source = str(path)
+    try:  # of what ``wbc run`` writes only time and q are read
+        arrays = read_arrays(
             path,
             lambda names: ("time", "q") if "q" in names else names,
             lambda name: NUMBERS + (TEXTS if name == "names" else ""),
             LARGEST,
         )
     except ArrayFileError as error:
-        raise RecordingError(error.what, str(path), error.name) from error
-
-
-def _unstacked(path: Path, name: str, array: Array, columns: Sequence[str]) -> dict[str, Array]:
-    if array.ndim != 2 or array.shape[1] != len(columns):
-        what = f"it has shape {array.shape}; expected (rows, {len(columns)})"
-        remedy = "; is it the motion of another robot?" if array.ndim == 2 else ""
-        raise RecordingError(what + remedy, str(path), name)
-    values = _numbers(path, name, array)
-    if len(set(columns)) < len(columns):
-        raise RecordingError("a name is there twice; remove one", str(path), "names")
-    return {column: values[:, k] for k, column in enumerate(columns)}
-
-
-def _numbers(path: Path, name: str, array: Array) -> Array:
-    if array.dtype.kind not in NUMBERS:
-        raise RecordingError("it does not hold real numbers", str(path), name)
-    return np.asarray(array, dtype=np.float64)
-
-
-def _stacked(path: Path, columns: dict[str, Array]) -> Table:
+        raise RecordingError(error.what, source, error.name) from error
+    columns: dict[str, Array] = {}
+    stacked = "q" if "q" in arrays else "positions"
+    if stacked in arrays:
+        array, names = arrays.pop(stacked), configuration
+        if stacked == "positions":
+            names = [str(name) for name in arrays.pop("names", np.array([])).ravel()]
+        if array.ndim != 2 or array.shape[1] != len(names):
+            what = f"it has shape {array.shape}; expected (rows, {len(names)})"
+            remedy = "; is it the motion of another robot?" if array.ndim == 2 else ""
+            raise RecordingError(what + remedy, source, stacked)
+        if len(set(names)) < len(names):
+            raise RecordingError("a name is there twice; remove one", source, "names")
+        columns |= zip(names, array.T, strict=True)
+    for name, array in arrays.items():
+        if array.ndim != 1:
+            what = f"it has shape {array.shape}; expected one number for each row"
+            raise RecordingError(what, source, name)
+        if array.dtype.kind not in NUMBERS:
+            raise RecordingError("it does not hold real numbers", source, name)
+        columns[name] = array
     if not columns:
-        raise RecordingError("it holds no arrays", str(path))
+        raise RecordingError("it holds no arrays", source)
     first, length = next((name, len(values)) for name, values in columns.items())
     for name, values in columns.items():
         if len(values) != length:
             what = f"it has {len(values)} rows, but {first!r} has {length}"
-            raise RecordingError(what, str(path), name)
-    return Table(str(path), tuple(columns), np.column_stack(list(columns.values())))
-
-
-def _unreadable(path: Path, error: Exception) -> RecordingError:
-    reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    return RecordingError(f"cannot be read: {shortened(reason, 200)}", str(path))
+            raise RecordingError(what, source, name)
+    numbers = np.column_stack([*columns.values()]).astype(np.float64)
+    return Table(source, tuple(columns), numbers)

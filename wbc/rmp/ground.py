@@ -19,6 +19,8 @@ from wbc.validate import Array, finite_array
 # divides by the push, and would be made of rounding and measuring errors.
 FLIGHT = 0.01
 STANDARD_GRAVITY = 9.81  # m/s^2
+# The leg angle theta is undefined where the leg lies along y: within this, as a cosine.
+SINGULAR = 1e-6
 
 Wrench = tuple[ArrayLike, ArrayLike]
 
@@ -84,6 +86,44 @@ def normal_moment(com: Array, force: Array, moment: Array, point: Array) -> Arra
     """
     x, y = com[..., 0] - point[..., 0], com[..., 1] - point[..., 1]
     return np.asarray(moment[..., 2] + x * force[..., 1] - y * force[..., 0])
+
+
+def leg_of(com: Array, cop: Array) -> tuple[Array, Array, Array]:
+    """Return the pendulum's leg from the CoP to the CoM.
+
+    Parameters
+    ----------
+    com, cop:
+        (..., 3) [m].
+
+    Returns
+    -------
+    length:
+        (...,) [m].
+    direction:
+        Unit vector n (..., 3).
+    angles:
+        (theta, phi) (..., 2) [rad], n = (cos theta cos phi, sin phi, sin theta cos phi): phi in
+        [-pi/2, pi/2], theta negative below the horizon; NaN where the leg lies along y.
+
+    Raises
+    ------
+    InvalidInputError
+        The CoM is at the CoP.
+    """
+    leg = com - cop
+    length = np.linalg.norm(leg, axis=-1)
+    if not np.all(length > 0.0):
+        raise InvalidInputError(
+            "the CoM is at the CoP, on the ground: the pendulum's leg has no length; is"
+            " ground_height right?"
+        )
+    direction = leg / length[..., None]
+    x, y, z = np.moveaxis(direction, -1, 0)
+    across = np.hypot(x, z)
+    angles = np.stack((np.arctan2(z, x), np.arctan2(y, across)), axis=-1)
+    angles[across < SINGULAR] = np.nan
+    return length, direction, angles
 
 
 def total_wrench(wrenches: Iterable[Wrench], about: Array) -> tuple[Array, Array]:

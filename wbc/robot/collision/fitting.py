@@ -13,7 +13,6 @@ import contextlib
 import hashlib
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
+from platformdirs import user_cache_path
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
@@ -273,15 +273,7 @@ def cache_folder() -> Path | None:
     given = os.environ.get(CACHE_VARIABLE)
     if given is not None:
         return None if given.strip().lower() in OFF else Path(given).expanduser() / "shapes"
-    return _platform_folder() / "wbc" / "shapes"
-
-
-def _platform_folder() -> Path:
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return user_cache_path("wbc", appauthor=False) / "shapes"
 
 
 def cached_fit(kind: str, fit: Callable[[Array], Fit], points: Array) -> Fit:
