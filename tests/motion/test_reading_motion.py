@@ -138,7 +138,7 @@ def test_npz_forms_are_the_same(robot, joints, tmp_path: Path, rng) -> None:
 def test_a_run_of_this_package_and_back(tmp_path: Path) -> None:
     problem = tmp_path / "p.yaml"
     problem.write_text(
-        "robot: hoap2_like\n"
+        "robot: hoap2_like\nsupport: double\n"
         "tasks:\n"
         "  hand: {type: frame, frame: left_hand, control: position,"
         " target: {offset: [0, 0, 0.02]}}\n"
