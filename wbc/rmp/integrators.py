@@ -37,15 +37,7 @@ CHUNK = 1000
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Linear springs on r_l and on every r_k.
-
-    Parameters
-    ----------
-    leg, masses:
-        Stiffness of the leg's spring and of every mass coordinate's [N/m], not negative.
-    leg_rest, masses_rest:
-        Where they are slack [m]: a number for the leg; for the masses one for all (1,), or one for
-        each pair of a solid pendulum (3,).
+    """Linear springs on r_l and on every r_k; stiffnesses [N/m], and where they are slack [m].
 
     Raises
     ------
@@ -56,7 +48,7 @@ class Springs:
     leg: float
     leg_rest: float
     masses: float
-    masses_rest: Array
+    masses_rest: Array  # one for all (1,), or one for each pair of a solid pendulum (3,)
 
     def __post_init__(self) -> None:
         check_fields(self, "springs: ", "leg", "leg_rest", "masses", least=0.0)
@@ -153,18 +145,10 @@ def energy_momentum(model: SolidRmp, dt: float, springs: Springs = SLACK) -> ca.
 
 
 def rollout(step: ca.Function, start: ArrayLike, inputs: ArrayLike, count: int) -> Array:
-    """Return the states (count + 1, nx), ``start`` first.
+    """Return the states (count + 1, nx) from ``start`` (nx,), which is the first.
 
-    A radius that passes through zero goes on as a negative one: the masses have changed sides.
-
-    Parameters
-    ----------
-    step:
-        As made here.
-    start:
-        State (nx,).
-    inputs:
-        One u (nu,) for all steps, or one for each (count, nu).
+    ``inputs`` are one u (nu,) for all steps, or one for each (count, nu). A radius that passes
+    through zero goes on as a negative one: the masses have changed sides.
 
     Raises
     ------

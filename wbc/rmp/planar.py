@@ -107,15 +107,6 @@ class PlanarRmp(ReactionMassPendulum):
 class Held:
     """A planar reaction wheel pendulum: length of the leg and radius of the masses stay.
 
-    Parameters
-    ----------
-    model:
-        The pendulum; M r_l^2 is the leg's inertia about the foot, M r^2 the wheel's.
-    length, radius:
-        Of leg and wheel [m], > 0.
-    dt:
-        Time that forces are held for [s]; 0 in continuous time.
-
     Raises
     ------
     InvalidInputError
@@ -123,9 +114,9 @@ class Held:
     """
 
     model: PlanarRmp
-    length: float
-    radius: float
-    dt: float = 0.0
+    length: float  # of the leg [m], > 0
+    radius: float  # of the wheel [m], > 0
+    dt: float = 0.0  # time that forces are held for [s]; 0 in continuous time
 
     def __post_init__(self) -> None:
         require_planar(self.model)
@@ -140,7 +131,7 @@ class Held:
 
     @property
     def leg_inertia(self) -> float:
-        """M r_l^2 [kg m^2]."""
+        """M r_l^2 [kg m^2], about the foot."""
         return self.model.mass * self.length**2
 
     @property

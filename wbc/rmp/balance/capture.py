@@ -14,33 +14,20 @@ from wbc.validate import Array, check_fields
 class CaptureGains:
     """How hard the capture point is driven, and how the rest follows.
 
-    Parameters
-    ----------
-    capture:
-        k of cmp = xi + k (xi - xi_ref) while the CoP alone can do it.
-    beyond:
-        How far the CMP is asked beyond the support, for each metre that xi is: the wheel's share.
-        Large, so that the wheel gives all it has as long as it is needed: a torque kept back at
-        first cannot be made up for later.
-    reserve:
-        Part of the support polygon, at its edge, where the wheel already helps, > 0.
-    height:
-        Natural frequency of the CoM's height [rad/s], critically damped.
-    wheel, radii:
-        Natural frequencies [rad/s] at which masses turn and slide back to rest.
-
     Raises
     ------
     InvalidInputError
         A gain that is not positive; a reserve that is not between 0 and 1.
     """
 
-    capture: float = 2.5
+    capture: float = 2.5  # k of cmp = xi + k (xi - xi_ref) while the CoP alone can do it
+    # How far the CMP is asked beyond the support, for each metre that xi is: the wheel's share.
+    # Large: a torque kept back at first cannot be made up for later.
     beyond: float = 60.0
-    reserve: float = 0.02
-    height: float = 8.0
-    wheel: float = 4.0
-    radii: float = 8.0
+    reserve: float = 0.02  # part of the support, at its edge, where the wheel already helps, > 0
+    height: float = 8.0  # natural frequency of the CoM's height [rad/s], critically damped
+    wheel: float = 4.0  # natural frequencies [rad/s] at which masses turn
+    radii: float = 8.0  # and slide back to rest
 
     def __post_init__(self) -> None:
         positive = ("capture", "beyond", "height", "wheel", "radii")

@@ -45,16 +45,7 @@ _AXES = np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
 
 @dataclass(frozen=True, eq=False)
 class Wheel:
-    """A reaction mass with one motor for each horizontal axis.
-
-    Parameters
-    ----------
-    inertia:
-        Moments of inertia about x and y (2,) [kg m^2]; one number for both.
-    torque:
-        Greatest torque about each axis [N m].
-    angle, rate:
-        Greatest angle [rad] and rate [rad/s] about each axis.
+    """A reaction mass with one motor for each horizontal axis, and the greatest that it can do.
 
     Raises
     ------
@@ -62,10 +53,10 @@ class Wheel:
         A number that is not positive, or a torque that is not finite.
     """
 
-    inertia: ArrayLike
-    torque: float
-    angle: float = FREE
-    rate: float = FREE
+    inertia: ArrayLike  # about x and y (2,) [kg m^2]; one number for both
+    torque: float  # about each axis [N m]
+    angle: float = FREE  # [rad]
+    rate: float = FREE  # [rad/s]
 
     def __post_init__(self) -> None:
         both = np.broadcast_to(self.inertia, (2,)) if np.ndim(self.inertia) == 0 else self.inertia

@@ -35,12 +35,7 @@ Stop = Callable[[float, Array, Array, Command], bool]
 class Push:
     """A blow to the CoM: its velocity jumps by impulse / M, the masses' spin does not.
 
-    Parameters
-    ----------
-    time:
-        When [s]; it acts at the nearest instant at which the law is asked, before it is asked.
-    impulse:
-        [N s], up last: (2,) for a planar pendulum, (3,) for a solid one.
+    It acts at the nearest instant at which the law is asked, before it is asked.
 
     Raises
     ------
@@ -48,8 +43,8 @@ class Push:
         Not finite, a negative time, or neither two nor three parts.
     """
 
-    time: float
-    impulse: ArrayLike
+    time: float  # [s]
+    impulse: ArrayLike  # [N s], up last: (2,) for a planar pendulum, (3,) for a solid one
 
     def __post_init__(self) -> None:
         check_fields(self, "push: ", "time", least=0.0)

@@ -38,18 +38,7 @@ LOWEST = 1e-3
 
 @dataclass(frozen=True)
 class StabiliserGains:
-    """Speeds of the stabiliser's loops.
-
-    Parameters
-    ----------
-    capture:
-        k of cmp = xi + k (xi - xi_ref): xi follows at k omega.
-    wheel:
-        Natural frequency at which m and a return, as a part of omega; well below ``capture``.
-    lean:
-        Largest reference for xi, as a part of the largest xi that can be caught.
-    height, yaw, radii:
-        Natural frequencies [rad/s], critically damped.
+    """Speeds of the stabiliser's loops; frequencies are natural ones, critically damped.
 
     Raises
     ------
@@ -57,12 +46,12 @@ class StabiliserGains:
         A gain that is not positive, or a lean that is not below 1.
     """
 
-    capture: float = 4.0
-    wheel: float = 0.8
-    lean: float = 0.7
-    height: float = 4.0
-    yaw: float = 2.0
-    radii: float = 8.0
+    capture: float = 4.0  # k of cmp = xi + k (xi - xi_ref): xi follows at k omega
+    wheel: float = 0.8  # at which m and a return, as a part of omega; well below ``capture``
+    lean: float = 0.7  # largest reference for xi, as a part of the largest xi that can be caught
+    height: float = 4.0  # [rad/s]
+    yaw: float = 2.0  # [rad/s]
+    radii: float = 8.0  # [rad/s]
 
     def __post_init__(self) -> None:
         names = (each.name for each in fields(self))
