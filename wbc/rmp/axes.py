@@ -159,16 +159,12 @@ def _checked(inertias: ArrayLike) -> Array:
 # ------------------------------------------------------------------ the 24 ways
 
 
-def _proper_signed_permutations() -> Array:
-    found = []
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        candidate = np.eye(3)[:, order] * signs
-        if np.linalg.det(candidate) > 0.0:
-            found.append(candidate)
-    return np.array(found)  # (24, 3, 3), the identity first
-
-
-_WAYS = read_only(_proper_signed_permutations())
+_SIGNED = (
+    np.eye(3)[:, order] * signs
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+)
+# (24, 3, 3), the identity first.
+_WAYS = read_only(np.array([way for way in _SIGNED if np.linalg.det(way) > 0.0]))
 # Entry (a, b) is the number of _WAYS[a] @ _WAYS[b].
 _PRODUCT = np.einsum("aij,bjk,cik->abc", _WAYS, _WAYS, _WAYS).argmax(axis=2).tolist()
 
@@ -192,14 +188,11 @@ def _chained(raw: Array, defined: Bools, start: Array) -> Array:
             axes[first] = _followed(raw[first], defined[first], before)
         else:
             way = _nearest_way(raw[first], before)
-            ways = list(accumulate(steps[first : end - 1], _times, initial=way))
+            run = steps[first : end - 1]
+            ways = list(accumulate(run, lambda way, step: _PRODUCT[step][way], initial=way))
             axes[first:end] = raw[first:end] @ _WAYS[ways]
         before = axes[end - 1]
     return axes
-
-
-def _times(way: int, step: int) -> int:
-    return int(_PRODUCT[step][way])
 
 
 def _nearest_way(raw: Array, before: Array) -> int:

@@ -119,7 +119,9 @@ class Held:
     dt: float = 0.0  # time that forces are held for [s]; 0 in continuous time
 
     def __post_init__(self) -> None:
-        require_planar(self.model)
+        if not isinstance(self.model, PlanarRmp):
+            kind = type(self.model).__name__
+            raise InvalidInputError(f"model: this law needs a PlanarRmp, got {kind}")
         check_fields(self, "", "dt", least=0.0)
         check_fields(self, "", "length", "radius", above=0.0)
         most = 1.0 / max(LENGTH_RATE, RADIUS_RATE)
@@ -169,12 +171,6 @@ class Held:
         f_l = M * (leg - length * theta_rate**2 + g * math.sin(theta))
         f = M * (masses - radius * spin**2)
         return np.array((0.0, f_l, wheel_torque, f))
-
-
-def require_planar(model: ReactionMassPendulum) -> None:
-    """Raise InvalidInputError unless the pendulum is a planar one."""
-    if not isinstance(model, PlanarRmp):
-        raise InvalidInputError(f"model: this law needs a PlanarRmp, got {type(model).__name__}")
 
 
 def _return(error: float, rate: float, decay: float) -> float:

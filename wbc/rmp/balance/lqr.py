@@ -42,21 +42,10 @@ class Lqr:
     and angle of the wheel and the masses' strokes are not enforced. In phase ``"clipped"`` a bound
     is at work, in ``"hold"`` none; ``ok`` is False if the CoP cannot be kept inside.
 
-    Parameters
-    ----------
-    model:
-        The pendulum.
-    q0:
-        Where it should rest (nq,).
-    foot:
-        Whether torque about the leg's foot is an input; then the bounds need a polygon.
-    bounds:
-        What is clipped to.
-    errors, efforts:
-        Bryson's rule: Q = diag(1 / errors^2), R = diag(1 / efforts^2), the largest states (2 n,)
-        and inputs that are wanted. Defaults: 0.1 rad for the leg, 1 rad for the masses, 5 percent
-        of the leg for lengths, rates sqrt(g / r_l) times as much; for forces the weight of what
-        they move, for torques 0.3 M g r_l.
+    Weights follow Bryson's rule: Q = diag(1 / errors^2), R = diag(1 / efforts^2), from the largest
+    states (2 n,) and inputs that are wanted. Defaults: 0.1 rad for the leg, 1 rad for the masses, 5
+    percent of the leg for lengths, rates sqrt(g / r_l) times as much; for forces the weight of what
+    they move, for torques 0.3 M g r_l.
 
     Raises
     ------
@@ -66,9 +55,9 @@ class Lqr:
     """
 
     model: Pendulum
-    q0: Array
-    foot: bool = False
-    bounds: Bounds = field(default_factory=Bounds)
+    q0: Array  # where it should rest (nq,)
+    foot: bool = False  # whether torque about the leg's foot is an input; this needs a polygon
+    bounds: Bounds = field(default_factory=Bounds)  # what is clipped to
     errors: ArrayLike | None = None
     efforts: ArrayLike | None = None
     gain: Array = field(init=False, repr=False)  # K (nu, 2 n)
@@ -83,8 +72,9 @@ class Lqr:
         foot = Foot(self.model, self.bounds) if self.foot else None
         _require_rest(self.model, q0, rest, foot)
         A, B = _open_loop(self.model, q0, rest, self.foot)
-        errors = _errors(self.model, q0) if self.errors is None else self.errors
-        efforts = _efforts(self.model, q0)[-B.shape[1] :] if self.efforts is None else self.efforts
+        default_errors, default_efforts = _largest_wanted(self.model, q0)
+        errors = default_errors if self.errors is None else self.errors
+        efforts = default_efforts[-B.shape[1] :] if self.efforts is None else self.efforts
         errors = finite_vector("errors", errors, len(A))
         K, P = riccati_gain(A, B, errors, finite_vector("efforts", efforts, B.shape[1]))
         set_fields(self, q0=q0, gain=K, cost=P, open_loop=(A, B), _rest=rest, _foot=foot)
@@ -219,21 +209,16 @@ def _open_loop(model: Pendulum, q0: Array, rest: Array, foot: bool) -> tuple[Arr
     return A[np.ix_(kept, kept)], B
 
 
-def _errors(model: Pendulum, q0: Array) -> Array:
-    leg = float(q0[model.LEG])
+def _largest_wanted(model: Pendulum, q0: Array) -> tuple[Array, Array]:
+    """Return the default errors and efforts."""
+    leg, gravity = float(q0[model.LEG]), model.gravity or 1.0
     lean, turn, length = 0.1, 1.0, 0.05 * leg
-    places = (
-        (lean, length, turn, length)
-        if isinstance(model, PlanarRmp)
-        else (lean, lean, length, *(3 * (turn,)), *(3 * (length,)))
-    )
-    pace = np.sqrt((model.gravity or 1.0) / leg)
-    return np.array((*places, *(pace * each for each in places)))
-
-
-def _efforts(model: Pendulum, q0: Array) -> Array:
-    force = model.mass * (model.gravity or 1.0)
-    torque = 0.3 * force * float(q0[model.LEG])
+    force = model.mass * gravity
+    torque = 0.3 * force * leg
     if isinstance(model, PlanarRmp):
-        return np.array((torque, force, torque, force))
-    return np.array((torque, torque, force, *(3 * (torque,)), *(3 * (force / 3.0,))))
+        places = np.array((lean, length, turn, length))
+        efforts = np.array((torque, force, torque, force))
+    else:
+        places = np.repeat((lean, length, turn, length), (2, 1, 3, 3))
+        efforts = np.repeat((torque, force, torque, force / 3.0), (2, 1, 3, 3))
+    return np.concatenate((places, np.sqrt(gravity / leg) * places)), efforts

@@ -80,23 +80,8 @@ class MomentumQp:
     the masses have returned, ``"stand"``; ``"fallback"`` where the QP failed. The only memory
     between calls is the solver's warm start.
 
-    Parameters
-    ----------
-    model:
-        The pendulum. Its foot may stand anywhere; the law holds it where it stands.
-    bounds:
-        A polygon with an inside and a finite wheel torque are needed. Friction is that of the
-        pyramid inside the cone.
-    com:
-        Where the CoM rests (3,) [m], above the inside of the polygon.
-    radii:
-        Distances of the masses at rest (3,) [m].
-    dt:
-        Time between commands [s], which braking reckons with.
-    gains, weights:
-        See there; defaults were tuned for pendulums of 35 and 90 kg.
-    backend:
-        Solver of the QP; ProxQP unless given.
+    The foot may stand anywhere; the law holds it where it stands. The bounds need a polygon with an
+    inside and a finite wheel torque; friction is that of the pyramid inside the cone.
 
     Raises
     ------
@@ -106,9 +91,10 @@ class MomentumQp:
 
     model: SolidRmp
     bounds: Bounds
-    com: ArrayLike
-    radii: ArrayLike
-    dt: float = 1e-3
+    com: ArrayLike  # where the CoM rests (3,) [m], above the inside of the polygon
+    radii: ArrayLike  # distances of the masses at rest (3,) [m]
+    dt: float = 1e-3  # time between commands [s], which braking reckons with
+    # Their defaults were tuned for pendulums of 35 and 90 kg.
     gains: CaptureGains = field(default_factory=CaptureGains)
     weights: Weights = field(default_factory=Weights)
     backend: Backend = field(default_factory=lambda: make_backend("proxqp"))

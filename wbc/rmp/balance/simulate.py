@@ -127,7 +127,12 @@ def simulate(
     """
     bounds = Bounds() if bounds is None else bounds
     steps = whole_steps(duration, dt)
-    model, fallen = _plant(law, plant), finite_number("fallen", fallen)
+    model, fallen = plant or law.model, finite_number("fallen", fallen)
+    if type(model) is not type(law.model):
+        raise InvalidInputError(
+            f"plant: a {type(model).__name__} cannot stand for the law's"
+            f" {type(law.model).__name__}; only parameters may differ"
+        )
     require_support(model, bounds)
     # Also refuses sizes, NaN and configurations that cannot move.
     model.forward_dynamics(q0, v0, np.zeros(len(model.F)))
@@ -251,17 +256,6 @@ def _judged_step(model: Pendulum, dt: float) -> ca.Function:
     com, _ = model.functions["com"](after[:nq], after[nq:])
     outputs = (after, push, ca.vertcat(after[model.LEG], com[-1]))
     return ca.Function("judged_step", [x, u], [ca.densify(each) for each in outputs])
-
-
-def _plant(law: BalanceLaw, plant: Pendulum | None) -> Pendulum:
-    if plant is None:
-        return law.model
-    if type(plant) is not type(law.model):
-        raise InvalidInputError(
-            f"plant: a {type(plant).__name__} cannot stand for the law's"
-            f" {type(law.model).__name__}; only parameters may differ"
-        )
-    return plant
 
 
 def whole_steps(duration: float, dt: float) -> int:

@@ -46,21 +46,6 @@ class SpinChange:
     inertia is unstable: errors grow as fast as the body turns. ``stable`` says whether it is
     another one.
 
-    Parameters
-    ----------
-    model:
-        The pendulum.
-    q0, v0:
-        State at time 0; a solid pendulum's body rate must be along one axis of the masses.
-    spin:
-        Wanted rate of the masses in space [rad/s], of the sign that it has.
-    duration:
-        Of the change [s], > 0.
-    bounds:
-        ``radius``, ``polygon`` and ``leg_force`` are respected.
-    rate:
-        a, the rate at which errors of radii, leg and lean decay [1/s].
-
     Raises
     ------
     InvalidInputError
@@ -70,12 +55,12 @@ class SpinChange:
     """
 
     model: Pendulum
-    q0: Array
-    v0: Array
-    spin: float
-    duration: float
-    bounds: Bounds = field(default_factory=Bounds)
-    rate: float = 20.0
+    q0: Array  # state at time 0
+    v0: Array  # a solid pendulum's body rate must be along one axis of the masses
+    spin: float  # wanted rate of the masses in space [rad/s], of the sign that it has
+    duration: float  # of the change [s], > 0
+    bounds: Bounds = field(default_factory=Bounds)  # radius, polygon and leg_force are respected
+    rate: float = 20.0  # a, at which errors of radii, leg and lean decay [1/s]
     radii: tuple[Array, Array] = field(init=False)  # r_0 and r_1, (1,) or (3,) each [m]
     axis: int = field(init=False)  # of the masses, that they spin about; 0 for a planar pendulum
     _foot: Foot | None = field(init=False, repr=False)
@@ -174,9 +159,9 @@ def reachable_spins(
     return min(ends), max(ends)
 
 
-def _resting_radii(q0: Array, v0: Array, masses: int, bounds: Bounds) -> Array:
-    radii, (low, high) = q0[-masses:].copy(), bounds.radius
-    if np.abs(v0[-masses:]).max() > 0.0:
+def _resting_radii(q0: Array, v0: Array, count: int, bounds: Bounds) -> Array:
+    radii, (low, high) = q0[-count:].copy(), bounds.radius
+    if np.abs(v0[-count:]).max() > 0.0:
         raise InvalidInputError("v0: the masses must not slide at the start")
     if radii.min() < low or radii.max() > high:
         raise InvalidInputError(f"q0: radii {radii} m are out of bounds, [{low:g}, {high:g}] m")

@@ -67,19 +67,8 @@ class PointStabiliser:
     The command is a hip's: ``tau_theta`` and ``tau_phi`` are the reaction of the torque on the
     masses (:meth:`~wbc.rmp.solid.SolidRmp.hip_torque`) and the CoP stays at the leg's end.
 
-    Parameters
-    ----------
-    model:
-        The pendulum.
-    bounds:
-        ``wheel_torque`` must be finite; ``leg_force`` is kept. A limit of the wheel's angle or rate
-        is refused: on a point, speed of the wheel is what balance costs.
-    height:
-        Height of the CoM at rest [m].
-    radii:
-        Distances of the masses at rest (3,) [m], > 0.
-    gains:
-        See there.
+    The bounds' ``wheel_torque`` must be finite; ``leg_force`` is kept. A limit of the wheel's angle
+    or rate is refused: on a point, speed of the wheel is what balance costs.
 
     Raises
     ------
@@ -89,8 +78,8 @@ class PointStabiliser:
 
     model: SolidRmp
     bounds: Bounds
-    height: float
-    radii: ArrayLike
+    height: float  # of the CoM at rest [m]
+    radii: ArrayLike  # distances of the masses at rest (3,) [m], > 0
     gains: StabiliserGains = field(default_factory=StabiliserGains)
     # (q, v) -> f (9,), for many runs at once and for planners.
     function: ca.Function = field(init=False, repr=False)

@@ -32,20 +32,6 @@ class StaticLean:
     grows without end: :meth:`time_left` says how long its limits last. From then on the phase is
     ``"saturated"``, ``ok`` is False, and the wheel is carried along at constant rate.
 
-    Parameters
-    ----------
-    model:
-        The pendulum.
-    angle:
-        theta to be held [rad], between 0 and pi.
-    length, radius:
-        Of leg and wheel [m], held by computed forces.
-    bounds:
-        Torque, rate and angle of the wheel (from alpha = 0), force along the leg; the torque is
-        clipped. Of the support only that the foot stays where it is.
-    rate:
-        w, the rate at which errors decay [1/s].
-
     Raises
     ------
     InvalidInputError
@@ -54,11 +40,13 @@ class StaticLean:
     """
 
     model: PlanarRmp
-    angle: float
-    length: float
-    radius: float
+    angle: float  # theta to be held [rad], between 0 and pi
+    length: float  # of the leg [m], and
+    radius: float  # of the wheel [m], held by computed forces
+    # Torque, rate and angle of the wheel (from alpha = 0), force along the leg; the torque is
+    # clipped. Of the support only that the foot stays where it is.
     bounds: Bounds = field(default_factory=Bounds)
-    rate: float = 10.0
+    rate: float = 10.0  # w, at which errors decay [1/s]
     held: Held = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -63,17 +63,8 @@ class SwingUp:
     proportion; u_max must be 3 (w dt)^2 at least. Then the bands above are wide enough as well:
     s passes less than w dt u_max in a step.
 
-    Parameters
-    ----------
-    model:
-        The pendulum; its gravity must not be zero.
-    length, radius:
-        Of leg and wheel [m].
-    bounds:
-        ``wheel_torque`` (finite) and ``wheel_rate`` are respected; forces along the leg are not
-        bounded, since the pivot pulls as well; the wheel may turn without end.
-    dt:
-        Time between commands [s].
+    The bounds' ``wheel_torque`` (finite) and ``wheel_rate`` are respected; forces along the leg are
+    not bounded, since the pivot pulls as well; the wheel may turn without end.
 
     Raises
     ------
@@ -83,11 +74,11 @@ class SwingUp:
         much.
     """
 
-    model: PlanarRmp
-    length: float
-    radius: float
+    model: PlanarRmp  # its gravity must not be zero
+    length: float  # of the leg [m]
+    radius: float  # of the wheel [m]
     bounds: Bounds
-    dt: float = 1e-3
+    dt: float = 1e-3  # time between commands [s]
     held: Held = field(init=False, repr=False)
     gain: tuple[float, float] = field(init=False, repr=False)
 

@@ -75,29 +75,16 @@ class Weights:
 class PlanProblem:
     """What to plan.
 
-    Parameters
-    ----------
-    pendulum:
-        Mass and gravity, and the space: a PlanarRmp moves in the slice y = 0 of the solid's space,
-        in which r_1 = r_3 (= sqrt(3/2) r of the planar pendulum) and all else sideways is zero.
-    schedule:
-        Contact phases in order of time, with different names.
-    start, goal:
-        Components of the first and the last state that are given; the rest is free.
-    nominal:
-        Components that the cost pulls the motion towards.
-    limits:
-        For all phases that have none of their own.
-    periodic:
-        Stride (x, y) [m]: the last state shall be the first one moved by it; also the ground force,
-        if the motion begins and ends in stance, and the CoP if one place can be in both supports.
-        None: no such demand.
-    reference:
-        Orientation of the masses that rotations are counted from, a unit quaternion x y z w.
-        Orientations up to 278 degrees from it about each axis can be reached: at a full turn
-        the parameters are singular. Put it in the middle of a long turn.
-    degree:
-        Of the polynomial of the orientation in each interval; all else is exact.
+    A PlanarRmp moves in the slice y = 0 of the solid's space, in which r_1 = r_3 (= sqrt(3/2) r of
+    the planar pendulum) and all else sideways is zero.
+
+    With a stride ``periodic`` (x, y) [m] the last state shall be the first one moved by it; also
+    the ground force, if the motion begins and ends in stance, and the CoP if one place can be in
+    both supports.
+
+    Rotations are counted from ``reference``, an orientation of the masses as a unit quaternion
+    x y z w. Orientations up to 278 degrees from it about each axis can be reached: at a full turn
+    the parameters are singular. Put it in the middle of a long turn.
 
     Raises
     ------
@@ -105,16 +92,16 @@ class PlanProblem:
         A schedule or states that contradict themselves or each other; the message says how.
     """
 
-    pendulum: Pendulum
-    schedule: tuple[Phase, ...]
-    start: State
-    goal: State = field(default_factory=State)
-    nominal: State = field(default_factory=State)
-    limits: Limits = field(default_factory=Limits)
+    pendulum: Pendulum  # mass and gravity, and the space
+    schedule: tuple[Phase, ...]  # contact phases in order of time, with different names
+    start: State  # components of the first and
+    goal: State = field(default_factory=State)  # the last state that are given; the rest is free
+    nominal: State = field(default_factory=State)  # components that the cost pulls towards
+    limits: Limits = field(default_factory=Limits)  # for phases that have none of their own
     weights: Weights = field(default_factory=Weights)
     periodic: tuple[float, float] | None = None
     reference: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-    degree: int = 4
+    degree: int = 4  # of the polynomial of the orientation in each interval; all else is exact
 
     def __post_init__(self) -> None:
         if self.pendulum.gravity == 0.0:

@@ -220,34 +220,20 @@ class Limits:
 class Phase:
     """One phase of the schedule.
 
-    Parameters
-    ----------
-    name:
-        For messages and results; not empty.
-    duration:
-        [s], > 0; or a pair (least, greatest), between which the planner chooses.
-    support:
-        Corners (k, 2) [m] of the support polygon on the ground z = 0, anticlockwise, world axes;
-        two corners are an edge and one is a point. None is flight.
-    intervals:
-        Number of equal intervals of time, 1 to 1000; knots are their ends.
-    limits:
-        In place of the problem's for this phase.
-    end:
-        Components of the state that are given where the phase ends.
-
     Raises
     ------
     InvalidInputError
         A value that is none of the above; the message names the phase.
     """
 
-    name: str
-    duration: float | tuple[float, float]
+    name: str  # for messages and results; not empty
+    duration: float | Range  # [s], > 0; of (least, greatest) the planner chooses
+    # Corners (k, 2) [m] of the support polygon on the ground z = 0, anticlockwise, world axes; two
+    # corners are an edge and one is a point. None is flight.
     support: Corners | None
-    intervals: int = 10
-    limits: Limits | None = None
-    end: State = field(default_factory=State)
+    intervals: int = 10  # equal intervals of time, 1 to 1000; knots are their ends
+    limits: Limits | None = None  # in place of the problem's for this phase
+    end: State = field(default_factory=State)  # what is given where the phase ends
 
     def __post_init__(self) -> None:
         where = f"phase {self.name!r}"
@@ -280,7 +266,7 @@ class Phase:
         return self.support is None
 
     @property
-    def durations(self) -> tuple[float, float]:
+    def durations(self) -> Range:
         """(least, greatest) duration [s]; equal where it is fixed."""
         if isinstance(self.duration, tuple):
             return self.duration
