@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.rmp import (
+from wbc.rmp.ellipsoid import (
     Ellipsoid,
     equimomental,
     equimomental_at_density,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wbc.rmp import Ellipsoid
+from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot.geometry import Mesh
 from wbc.view.camera import Camera
 from wbc.view.raster import NOTHING, rasterise

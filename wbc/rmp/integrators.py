@@ -84,8 +84,7 @@ class Springs:
         rest = self.rest_of(model)
         leg = q[..., model.LEG] - self.leg_rest
         masses = q[..., -rest.size :] - rest
-        stored: Array = 0.5 * self.leg * leg**2 + 0.5 * self.masses * (masses**2).sum(axis=-1)
-        return stored
+        return np.asarray(0.5 * self.leg * leg**2 + 0.5 * self.masses * (masses**2).sum(axis=-1))
 
 
 # No springs at all.

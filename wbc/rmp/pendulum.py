@@ -194,8 +194,7 @@ class ReactionMassPendulum(ABC):
         return finite_vector("v", v, len(self.V))
 
     def _call(self, name: str, *arguments: Array) -> Array:
-        result: Array = self.functions[name](*arguments).full()
-        return result
+        return np.asarray(self.functions[name](*arguments).full())
 
 
 def equations(

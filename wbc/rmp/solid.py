@@ -22,6 +22,8 @@ SINGULAR = 1e-6
 UNIT = 1e-6
 # Below this sine of half the angle, squared, a series of two terms is exact to rounding.
 _SMALL = 1e-7
+_LEG, _LEG_FORCES = ("x_cop", "y_cop", "theta", "phi", "r_l"), ("tau_theta", "tau_phi", "f_l")
+_RADII, _RADII_FORCES = ("r_1", "r_2", "r_3"), ("f_1", "f_2", "f_3")
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,18 +122,9 @@ class SolidRmp(_SolidPendulum):
         T = M/2 |c'|^2 + 1/2 w^T I w + M/6 sum r_k'^2,    I_i = M/3 (r_j^2 + r_k^2),    V = M g z
     """
 
-    Q: ClassVar = (
-        *("x_cop", "y_cop", "theta", "phi", "r_l"),
-        *("quat_x", "quat_y", "quat_z", "quat_w", "r_1", "r_2", "r_3"),
-    )
-    V: ClassVar = (
-        *("x_cop", "y_cop", "theta", "phi", "r_l"),
-        *("w_1", "w_2", "w_3", "r_1", "r_2", "r_3"),
-    )
-    F: ClassVar = (
-        *("tau_theta", "tau_phi", "f_l", "tau_1", "tau_2", "tau_3"),
-        *("f_1", "f_2", "f_3"),
-    )
+    Q: ClassVar = (*_LEG, "quat_x", "quat_y", "quat_z", "quat_w", *_RADII)
+    V: ClassVar = (*_LEG, "w_1", "w_2", "w_3", *_RADII)
+    F: ClassVar = (*_LEG_FORCES, "tau_1", "tau_2", "tau_3", *_RADII_FORCES)
 
     def hip_torque(self, q: ArrayLike, torque: ArrayLike) -> Array:
         """Return the generalised forces f (9,) of a torque between leg and masses.
@@ -191,15 +184,9 @@ class EulerSolidRmp(_SolidPendulum):
     not from the leg. **beta = +-pi/2 is singular**: for masses that tumble, use SolidRmp.
     """
 
-    Q: ClassVar = (
-        *("x_cop", "y_cop", "theta", "phi", "r_l"),
-        *("alpha", "beta", "gamma", "r_1", "r_2", "r_3"),
-    )
+    Q: ClassVar = (*_LEG, "alpha", "beta", "gamma", *_RADII)
     V: ClassVar = Q
-    F: ClassVar = (
-        *("tau_theta", "tau_phi", "f_l", "tau_alpha", "tau_beta", "tau_gamma"),
-        *("f_1", "f_2", "f_3"),
-    )
+    F: ClassVar = (*_LEG_FORCES, "tau_alpha", "tau_beta", "tau_gamma", *_RADII_FORCES)
 
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 11), ca.SX.sym("v", 11)

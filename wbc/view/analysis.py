@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.motion import RmpSeries
-from wbc.rmp import Ellipsoid
+from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.analysis_plots import LETTERS, PLOTS

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp import equimomental, reaction_mass_radii
+from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot import Robot, Snapshot
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array

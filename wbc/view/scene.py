@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wbc.rmp import Ellipsoid
+from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot import Foot, Snapshot
 from wbc.robot.geometry import Mesh
 from wbc.validate import Array

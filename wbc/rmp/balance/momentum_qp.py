@@ -234,8 +234,7 @@ class _Program:
 
     def force(self, q: Array, v: Array, x: Array) -> Array:
         """Return f (9,) for unknowns x (13,), not scaled."""
-        force: Array = self._force(q, v, x)[0]
-        return force
+        return self._force(q, v, x)[0]
 
     def __call__(self, q: Array, v: Array) -> _Tick:
         """Return the QP at q (12,), v (11,), which are not checked."""

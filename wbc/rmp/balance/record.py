@@ -75,8 +75,7 @@ class Simulation:
     def momentum(self) -> Array:
         """Return k_G (n + 1, 1 or 3) [kg m^2/s]."""
         k_G, _ = self.model.functions["momenta"].map(len(self.q))(self.q.T, self.v.T)
-        momentum: Array = k_G.full().T
-        return momentum
+        return np.asarray(k_G.full().T)
 
     def margins(self) -> dict[str, float]:
         """Return the least distance to each bound over the run; negative where it was broken.
@@ -93,7 +92,11 @@ class Simulation:
         pushed = ~np.isnan(cop[:, 0])
         level, up = ground_force[pushed, :-1], ground_force[pushed, -1]
         masses = self.model.RADII
-        turned, spin = self._wheel(q, v)
+        if isinstance(self.model, PlanarRmp):
+            turned, spin = q[:, 3], v[:, 3]
+        else:
+            # The shorter way round: a quaternion and its negative are one orientation.
+            turned, spin = Rotation.from_quat(q[:, 5:9]).as_rotvec(), v[:, 5:8]
         leg_force = self.force[:, self.model.F.index("f_l")]
         torque = self.force[:, -2 * masses : -masses]
         slope = np.linalg.norm(level, axis=1) / up
@@ -128,12 +131,6 @@ class Simulation:
         x = np.concatenate(states)
         cop, force = (np.concatenate(each) for each in zip(*pushes, strict=True))
         return x[:, : self.q.shape[1]], x[:, self.q.shape[1] :], cop, force
-
-    def _wheel(self, q: Array, v: Array) -> tuple[Array, Array]:
-        if isinstance(self.model, PlanarRmp):
-            return q[:, 3], v[:, 3]
-        # The shorter way round: a quaternion and its negative are one orientation.
-        return Rotation.from_quat(q[:, 5:9]).as_rotvec(), v[:, 5:8]
 
     def _cop_margin(self, cop: Array) -> float:
         polygon = self.bounds.polygon

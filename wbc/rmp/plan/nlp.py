@@ -54,19 +54,14 @@ class Nlp:
     def solver(self, options: dict[str, Any]) -> ca.Function:
         """Return CasADi's NLP solver with IPOPT and these derivatives."""
         p = ca.MX.sym("p", 0)
+        at, names = [self.w, p], ["x", "p"]
+        f, g = [self.f, self.gradient], [self.g, self.jacobian]
+        dual, dual_names = [*at, self.weight, self.multipliers], [*names, "lam_f", "lam_g"]
         given = {
-            "grad_f": ca.Function(
-                "plan_gradient", [self.w, p], [self.f, self.gradient], ["x", "p"], ["f", "grad_f_x"]
-            ),
-            "jac_g": ca.Function(
-                "plan_jacobian", [self.w, p], [self.g, self.jacobian], ["x", "p"], ["g", "jac_g_x"]
-            ),
+            "grad_f": ca.Function("gradient", at, f, names, ["f", "grad_f_x"]),
+            "jac_g": ca.Function("jacobian", at, g, names, ["g", "jac_g_x"]),
             "hess_lag": ca.Function(
-                "plan_hessian",
-                [self.w, p, self.weight, self.multipliers],
-                [self.hessian],
-                ["x", "p", "lam_f", "lam_g"],
-                ["triu_hess_gamma_x_x"],
+                "hessian", dual, [self.hessian], dual_names, ["triu_hess_gamma_x_x"]
             ),
         }
         problem = {"x": self.w, "p": p, "f": self.f, "g": self.g}
