@@ -37,7 +37,7 @@ INNER = {"rmp/balance": 2}
 STRANGERS = [{"robot", "rmp", "qp"}]
 # Third-party packages and the only rooms, or files of a room, that may import them.
 ONLY_IN = {
-    "casadi": {"rmp", "robot/symbolic", "controllers/shaping"},
+    "casadi": {"rmp", "robot/placement", "robot/symbolic", "controllers/shaping"},
     "pinocchio": {"robot", "rotations"},
     "coal": {"robot"},
     "proxsuite": {"qp"},

@@ -13,8 +13,7 @@ from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
-from wbc.robot.feet import NO_FEET
-from wbc.robot.foot_guess import words_of
+from wbc.robot.feet import NO_FEET, words_of
 from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]

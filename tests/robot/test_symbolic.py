@@ -8,16 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import UnknownNameError
 from wbc.robot import Robot
-from wbc.robot.symbolic import (
-    LocalRobot,
-    angle_turns,
-    from_mrp,
-    from_quaternion,
-    posture_functions,
-    rotation_log,
-)
-from wbc.robot.symbolic.placement import NEAR
-from wbc.robot.symbolic.posture import vech_symbolic
+from wbc.robot.placement import NEAR, from_mrp, from_quaternion, rotation_log
+from wbc.robot.symbolic import LocalRobot, angle_turns, posture_functions, vech_symbolic
 from wbc.spatial import COLUMNS, ROWS
 
 STATES = 4

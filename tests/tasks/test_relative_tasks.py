@@ -12,9 +12,7 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
-from wbc.robot.symbolic import LocalRobot, Placement, SymbolicPosture, configuration_turns
-from wbc.robot.symbolic.chain import configuration_angles
-from wbc.robot.symbolic.placement import from_quaternion
+from wbc.robot.symbolic import SymbolicPosture
 from wbc.tasks import ComTask, DampingTask, DistanceTask, PositionTask, RelativePoseTask
 
 Load = Callable[[str], Robot]
@@ -103,10 +101,7 @@ def test_symbolic_errors_are_the_residuals(case: str, robot_named: Load, rng) ->
         "damping": lambda: DampingTask(robot),
     }[case]()
     q = ca.SX.sym("q", robot.nq)
-    local = LocalRobot(robot, configuration_turns(robot, q))
-    base = Placement(from_quaternion(q[3:7]), q[:3])
-    posture = SymbolicPosture(local, base, configuration_angles(robot, q))
-    error = ca.Function("error", [q], [task.symbolic_error(posture)])
+    error = ca.Function("error", [q], [task.symbolic_error(SymbolicPosture.at(robot, q))])
     for _ in range(5):
         step = np.concatenate((rng.normal(size=6), rng.normal(scale=0.5, size=robot.nv - 6)))
         here = robot.snapshot(robot.integrate(robot.posture("standing"), step, 1.0))

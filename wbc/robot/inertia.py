@@ -21,23 +21,15 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.workspace import Workspace
-from wbc.spatial import COLUMNS, ROWS, skew
+from wbc.spatial import COLUMNS, FROBENIUS_WEIGHTS, ROWS, skew
 from wbc.validate import Array
 
 # Spin axes e_a for the diagonal entries and e_a + e_b for the off-diagonal ones, in vech order.
 _SPINS = np.zeros((6, 3))
 _SPINS[np.arange(6), ROWS] = 1.0
 _SPINS[np.arange(6), COLUMNS] = 1.0
-
-
-def _polarisation() -> Array:
-    """Return the (6, 6) matrix taking the six quadratic forms w' S w to vech(S)."""
-    forms = _SPINS[:, ROWS] * _SPINS[:, COLUMNS]
-    forms[:, [1, 2, 4]] *= 2.0
-    return np.linalg.inv(forms)
-
-
-_POLARISATION = _polarisation()
+# Takes the six quadratic forms w' S w to vech(S).
+_POLARISATION = np.linalg.inv(_SPINS[:, ROWS] * _SPINS[:, COLUMNS] * FROBENIUS_WEIGHTS)
 _FROM_TORQUES = -2.0 * _POLARISATION
 
 

@@ -18,7 +18,6 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.feet import NO_FEET, FootSpec, find_feet, is_arm
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import GeometrySource, lock_joints
-from wbc.robot.formats.srdf import read_states
 from wbc.robot.library import find_robot
 from wbc.robot.limits import Limits
 from wbc.robot.model_checks import check_supported
@@ -29,6 +28,7 @@ from wbc.robot.postures import (
     follow,
     grounded,
     named_postures,
+    read_states,
     set_joints,
     settled,
 )
@@ -128,9 +128,9 @@ class Robot(KinematicTree):
         postures, posture_notes = named_postures(limits, pin.neutral(model), states, known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
-        specs = _foot_specs(feet, None if known is None else known.feet)
-        if base == "fixed" and specs is None:
-            specs = {}
+        specs = known.feet if known else {} if base == "fixed" else None
+        if feet is not None:
+            specs = {name: FootSpec.of(name, spec) for name, spec in feet.items()}
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
         bolted = description.bolted
         if bolted == "" and is_arm(model, postures[STANDING]):
@@ -219,19 +219,9 @@ class Robot(KinematicTree):
 
 
 class Snapshot(KinematicState):
-    """Everything known about a robot at one measured state, read-only.
+    """Everything known about a robot at one measured state, read-only: see :meth:`Robot.snapshot`.
 
-    Made by :meth:`Robot.snapshot`, which checks the measurement; all but the type of ``robot`` is
-    that of :class:`~wbc.robot.state.KinematicState`.
+    All but the type of ``robot`` is that of :class:`~wbc.robot.state.KinematicState`.
     """
 
     robot: Robot
-
-
-def _foot_specs(
-    given: Mapping[str, FootSpec | Mapping[str, Any]] | None,
-    known: Mapping[str, FootSpec] | None,
-) -> Mapping[str, FootSpec] | None:
-    if given is None:
-        return known
-    return {name: FootSpec.of(name, spec) for name, spec in given.items()}

@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot import inertia as crb
-from wbc.robot.limits import BASE_NQ
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
 from wbc.spatial import commutator_matrix, congruence, skew, vech, vech_inverse
@@ -22,9 +21,7 @@ _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class KinematicState:
-    """A kinematic tree at configuration ``q`` moving at velocity ``v``.
-
-    The public name is :class:`wbc.robot.model.Snapshot`; see there.
+    """A robot at configuration ``q`` moving at velocity ``v``; see :class:`wbc.Snapshot`.
 
     Attributes
     ----------
@@ -46,7 +43,6 @@ class KinematicState:
         data = robot.workspace.kinematics(self, q, v)
         self.com: Array = read_only(data.oYcrb[0].lever.copy())
         self.inertia: Array = read_only(np.array(data.Ig.inertia))
-        self.inertia.flags.writeable = False
         self._placements: dict[str, tuple[Array, Array]] = {}
         self._jacobians: dict[str, Array] = {}
 
@@ -57,17 +53,14 @@ class KinematicState:
     @cached_property
     def joint_positions(self) -> Array:
         """Positions (nv-6,) of the joints [rad or m]; angles of continuous joints."""
-        limits = self.robot.limits
-        return limits.joint_positions(self.q) if limits.unbounded else self.q[BASE_NQ:]
+        return self.robot.limits.joint_positions(self.q)
 
     # ------------------------------------------------------------------ momentum and CoM
 
     @cached_property
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
-        found = self._kinematics().Ag.copy()
-        found.flags.writeable = False
-        return found
+        return read_only(self._kinematics().Ag.copy())
 
     @cached_property
     def momentum(self) -> Array:
@@ -82,9 +75,7 @@ class KinematicState:
     @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
-        found = self.centroidal_map[:3] / self.robot.mass
-        found.flags.writeable = False
-        return found
+        return read_only(self.centroidal_map[:3] / self.robot.mass)
 
     @cached_property
     def com_velocity(self) -> Array:
@@ -128,9 +119,8 @@ class KinematicState:
     @cached_property
     def base_inertia_jacobian(self) -> Array:
         """Derivative d vech(I_base)/dv (6, nv), base axes; its base columns are zero."""
-        return read_only(
-            crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, np.eye(3))
-        )
+        work = self.robot.workspace
+        return read_only(crb.joint_rates(work, self.q, self._com_in_base, np.eye(3)))
 
     @cached_property
     def inertia_jacobian(self) -> Array:
@@ -153,38 +143,13 @@ class KinematicState:
     @cached_property
     def inertia_drift(self) -> Array:
         """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
-        return self._inertia_drift_in_axes(WORLD)
+        return self.inertia_drift_in(WORLD)
 
     def inertia_drift_in(self, frame: str = WORLD) -> Array:
-        """Drift (6,) of :meth:`inertia_in` for the same ``frame``."""
-        return self.inertia_drift if frame == WORLD else self._inertia_drift_in_axes(frame)
+        """Drift (6,) of :meth:`inertia_in` for the same ``frame``: the second derivative.
 
-    @cached_property
-    def _base_inertia_drift(self) -> Array:
-        """Second derivative (6,) of the inertia in base axes at zero acceleration of v."""
-        com_jacobian = self.rotation(BASE).T @ self.com_jacobian
-        work = self.robot.workspace
-        return crb.joint_curvature(work, self.q, self.v, self._com_in_base, com_jacobian)
-
-    def base_inertia_hessian(self, weights: Array) -> Array:
-        """Hessian (nv, nv) by the joints of sum_ab weights_ab I_ab, I in base axes.
-
-        ``weights`` is a symmetric (3, 3) matrix; its eigenvectors are the only spins needed. Times
-        the error of an inertia task this is what Gauss-Newton leaves out.
-        """
-        factors, axes = np.linalg.eigh(weights)
-        com_jacobian = self.rotation(BASE).T @ self.com_jacobian
-        work = self.robot.workspace
-        hessian = np.zeros((self.robot.nv, self.robot.nv))
-        for factor, axis in zip(factors, axes.T, strict=True):
-            form = crb.joint_hessian(work, self.q, self._com_in_base, com_jacobian, axis)
-            hessian += factor * form
-        return read_only(hessian)
-
-    def _inertia_drift_in_axes(self, frame: str) -> Array:
-        """Second derivative of R' I_base R, with R the axes of ``frame`` as seen from the base.
-
-        As seen from ``frame`` the base turns at w and at the rate a of zero acceleration of v, so
+        With R the axes of ``frame`` as seen from the base, it is that of R' I_base R. As seen from
+        ``frame`` the base turns at w and at the rate a of zero acceleration of v, so
         I'' = I''_b + 2 [w, I'_b] + [a, I] + [w, [w, I]] in the commutator of skew matrices.
         """
         base = self.rotation(BASE)
@@ -197,6 +162,27 @@ class KinematicState:
         total = 2.0 * (W @ rate - rate @ W) + (A @ I_base - I_base @ A) + (W @ turned - turned @ W)
         total += vech_inverse(self._base_inertia_drift)
         return read_only(vech(R @ total @ R.T))
+
+    @cached_property
+    def _base_inertia_drift(self) -> Array:
+        """Second derivative (6,) of the inertia in base axes at zero acceleration of v."""
+        work = self.robot.workspace
+        return crb.joint_curvature(
+            work, self.q, self.v, self._com_in_base, self._com_jacobian_in_base
+        )
+
+    def base_inertia_hessian(self, weights: Array) -> Array:
+        """Hessian (nv, nv) by the joints of sum_ab weights_ab I_ab, I in base axes.
+
+        ``weights`` is a symmetric (3, 3) matrix; its eigenvectors are the only spins needed. Times
+        the error of an inertia task this is what Gauss-Newton leaves out.
+        """
+        factors, axes = np.linalg.eigh(weights)
+        work, com, J = self.robot.workspace, self._com_in_base, self._com_jacobian_in_base
+        hessian = np.zeros((self.robot.nv, self.robot.nv))
+        for factor, axis in zip(factors, axes.T, strict=True):
+            hessian += factor * crb.joint_hessian(work, self.q, com, J, axis)
+        return read_only(hessian)
 
     def _base_spin_seen_from(self, frame: str) -> tuple[Array, Array]:
         """Return the base's angular velocity and acceleration relative to ``frame``, base axes."""
@@ -225,9 +211,8 @@ class KinematicState:
         if found is None:
             robot = self.robot
             index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-            found = pin.getFrameJacobian(robot.model, self._kinematics(), index, _ALIGNED)
-            found.flags.writeable = False
-            self._jacobians[frame] = found
+            J = pin.getFrameJacobian(robot.model, self._kinematics(), index, _ALIGNED)
+            self._jacobians[frame] = found = read_only(J)
         return found
 
     def drift(self, frame: str) -> Array:
@@ -257,9 +242,8 @@ class KinematicState:
         robot = self.robot
         index = robot.frame_indices.get(frame) or robot.frame_id(frame)
         pose = pin.updateFramePlacement(robot.model, self._kinematics(), index)
-        position, rotation = pose.translation.copy(), pose.rotation.copy()
-        position.flags.writeable = rotation.flags.writeable = False
-        self._placements[frame] = found = position, rotation
+        found = read_only(pose.translation.copy()), read_only(pose.rotation.copy())
+        self._placements[frame] = found
         return found
 
     # ------------------------------------------------------------------ dynamics, on demand
@@ -274,8 +258,8 @@ class KinematicState:
     def bias(self) -> Array:
         """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``."""
         robot = self.robot
-        scratch = robot.workspace.scratch
-        return read_only(pin.nonLinearEffects(robot.model, scratch, self.q, self.v).copy())
+        forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
+        return read_only(forces.copy())
 
     @cached_property
     def mechanical_connection(self) -> Array:
@@ -287,8 +271,11 @@ class KinematicState:
 
     @cached_property
     def _com_in_base(self) -> Array:
-        p, R = self.position(BASE), self.rotation(BASE)
-        return R.T @ (self.com - p)
+        return self.rotation(BASE).T @ (self.com - self.position(BASE))
+
+    @cached_property
+    def _com_jacobian_in_base(self) -> Array:
+        return self.rotation(BASE).T @ self.com_jacobian
 
     def _kinematics(self) -> pin.Data:
         work = self.robot.workspace

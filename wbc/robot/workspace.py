@@ -62,25 +62,17 @@ class JointPlacements:
     """
 
     def __init__(self, data: pin.Data) -> None:
-        self._data = data  # the window must not outlive the memory it looks at
-        first = data.oMi[0]
-        self._window = self._look(first.rotation), self._look(first.translation)
+        self._data = data  # the views must not outlive the memory they look at
+        self._rotations = side_by_side([pose.rotation for pose in data.oMi])
+        self._origins = side_by_side([pose.translation for pose in data.oMi])
 
     def copies(self) -> tuple[Array, Array]:
         """Return fresh arrays of rotations and origins as they are in the data now."""
-        rotations, origins = self._window
-        if rotations is None or origins is None:
+        if self._rotations is None or self._origins is None:
             poses = list(self._data.oMi)
-            return (
-                np.array([pose.rotation for pose in poses]),
-                np.array([pose.translation for pose in poses]),
-            )
-        return rotations.copy(order="C"), origins.copy()
-
-    def _look(self, first: Any) -> Array | None:
-        """Return a view on the field of which ``first`` is the first joint's, or None."""
-        kind = "rotation" if first.ndim > 1 else "translation"
-        return side_by_side([getattr(pose, kind) for pose in self._data.oMi])
+            rotations = np.array([pose.rotation for pose in poses])
+            return rotations, np.array([pose.translation for pose in poses])
+        return self._rotations.copy(order="C"), self._origins.copy()
 
 
 def side_by_side(fields: Sequence[Any]) -> Array | None:
@@ -93,9 +85,5 @@ def side_by_side(fields: Sequence[Any]) -> Array | None:
     if len(steps) > 1 or any(field.flags.owndata for field in fields):
         return None
     step = int(steps[0]) if len(steps) else first.nbytes
-    return np.lib.stride_tricks.as_strided(
-        first,
-        shape=(len(fields), *first.shape),
-        strides=(step, *first.strides),
-        writeable=False,
-    )
+    shape, strides = (len(fields), *first.shape), (step, *first.strides)
+    return np.lib.stride_tricks.as_strided(first, shape=shape, strides=strides, writeable=False)

@@ -23,7 +23,8 @@ from wbc.constraints import Contact
 from wbc.controllers.shaping.problem import ShapingProblem
 from wbc.robot import Robot
 from wbc.robot.names import BASE
-from wbc.robot.symbolic import LocalRobot, Placement, SymbolicPosture, angle_turns, from_mrp
+from wbc.robot.placement import Placement, from_mrp
+from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns
 from wbc.validate import Array
 
 

@@ -1,4 +1,4 @@
-"""Robot descriptions in files: URDF and MJCF, SRDF states, and what is wrong with them."""
+"""Robot descriptions in files: URDF and MJCF, and what is wrong with them."""
 
 from __future__ import annotations
 

@@ -37,11 +37,6 @@ class Placement:
         """Return a placement of numbers; entries that are 0 but for rounding become 0."""
         return cls(constant(rotation), constant(position))
 
-    @classmethod
-    def identity(cls) -> Placement:
-        """Return the placement that changes nothing."""
-        return cls.constant(np.eye(3), np.zeros(3))
-
     def __matmul__(self, inner: Placement) -> Placement:
         """Return the placement of a frame that is at ``inner`` in this one."""
         R = ca.mtimes(self.rotation, inner.rotation)
