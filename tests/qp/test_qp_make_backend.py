@@ -45,7 +45,7 @@ def test_known_but_missing_solver_says_what_to_install(monkeypatch, name, comman
     monkeypatch.setattr(qpsolvers, "available_solvers", ["piqp"])
     with pytest.raises(SolverNotInstalledError, match=rf"pip install '{command}'") as caught:
         make_backend(name)
-    assert "installed: piqp, proxqp, proxqp_cold" in str(caught.value)
+    assert "installed: daqp, piqp, proxqp, proxqp_cold" in str(caught.value)
     assert isinstance(caught.value, UnknownNameError)
     assert isinstance(caught.value, SolverError)
 

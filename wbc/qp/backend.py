@@ -9,19 +9,21 @@ from collections.abc import Callable, Hashable
 from typing import Any, Protocol
 
 from wbc.errors import InvalidInputError, SolverError, UnknownNameError
+from wbc.qp.daqp import Daqp
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.pseudo_inverse import PseudoInverse
 from wbc.qp.solution import Solution
 
 # What to install for the solvers that are known but optional.
-_EXTRAS = dict.fromkeys(("clarabel", "daqp", "osqp", "piqp"), "wbc[bench]")
+_EXTRAS = dict.fromkeys(("clarabel", "osqp", "piqp"), "wbc[bench]")
 _EXTRAS |= {
     name: f"qpsolvers[{name}]" for name in ("cvxopt", "ecos", "highs", "qpalm", "quadprog", "scs")
 }
 
 _NATIVE: dict[str, Callable[..., Backend]] = {
     "proxqp": ProxQP,
+    "daqp": Daqp,
     "proxqp_cold": functools.partial(ProxQP, warm=False),
 }
 # Baselines that do not promise an optimum: known by name, but no choice among solvers.
@@ -101,10 +103,6 @@ def _maker(name: str) -> Callable[..., Backend]:
         if name in _EXTRAS:
             raise SolverNotInstalledError(name, installed)
         raise UnknownNameError("QP solver", name, installed)
-    if name == "daqp":
-        from wbc.qp.daqp import Daqp
-
-        return Daqp
     from wbc.qp.qpsolvers_backend import QpsolversBackend
 
     return functools.partial(QpsolversBackend, name)

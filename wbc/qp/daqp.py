@@ -9,13 +9,12 @@ worth a memory between ticks. Rows and bounds pass as they are, two-sided, in DA
 from __future__ import annotations
 
 import ctypes
-import importlib
 from collections.abc import Hashable
 from time import perf_counter
 
+import daqp
 import numpy as np
 
-from wbc.errors import SolverError
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
@@ -46,19 +45,13 @@ class Daqp:
 
     Raises
     ------
-    SolverError
-        DAQP is not installed.
+    InvalidInputError
+        eps or max_iterations out of range.
     """
 
     name = "daqp"
 
     def __init__(self, eps: float = 1e-8, max_iterations: int = 1000) -> None:
-        try:
-            self._call = importlib.import_module("daqp").solve
-        except ImportError as error:
-            raise SolverError(
-                "QP solver 'daqp' is not installed: pip install 'wbc[bench]'"
-            ) from error
         self.eps = finite_number("eps of DAQP", eps, least=1e-12)
         self.max_iterations = int(finite_number("max_iterations of DAQP", max_iterations, least=1))
 
@@ -72,14 +65,15 @@ class Daqp:
         """
         check = SolveCheck(self.name, self.eps, perf_counter())
         check_qp(qp)
-        return check.judge(qp, self._answer(qp))
+        return check.judge(qp, self.answer(qp))
 
-    def _answer(self, qp: QP) -> RawSolution:
+    def answer(self, qp: QP) -> RawSolution:
+        """Return DAQP's answer, unchecked."""
         n, mi = qp.g.size, qp.u.size
         equalities = n + mi
         sense = np.zeros(equalities + qp.b.size, dtype=ctypes.c_int)
         sense[equalities:] = _EQUALITY
-        x, _, exitflag, info = self._call(
+        x, _, exitflag, info = daqp.solve(
             qp.P,
             qp.g,
             np.concatenate((qp.C, qp.A)),

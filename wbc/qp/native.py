@@ -36,7 +36,7 @@ _MARGIN = 0.1
 # But not for more than rounding allows: costs of 1e6 would keep it busy until the cap otherwise.
 _ROUNDING = 2e-15
 # Inner iterations per outer one: 5 suffice, and without a cap an infeasible QP takes 25,000.
-_INNER = 50
+_INNER = 10
 # ProxQP's own infeasibility tests are turned off, we look for a certificate: even at 1e-14 they
 # have called a QP infeasible whose right-hand side was 1e-14 of rounding.
 _INFEASIBILITY = 0.0

@@ -16,7 +16,7 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import RawSolution
 from wbc.validate import Array
 
-STEPS = 15
+STEPS = 8
 SLACK = 1e-11  # more than rounding leaves at a bound that is met exactly
 
 

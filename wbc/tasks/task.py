@@ -267,9 +267,8 @@ class Task(metaclass=_Sealed):
     def _checked_weight(self, weight: Any) -> Array:
         what = f"{self}, weight"
         size = len(self.rows)
-        vector = finite_vector(
-            what, np.full(size, weight) if np.ndim(weight) == 0 else weight, size
-        )
+        one = not isinstance(weight, Iterable) or getattr(weight, "ndim", 1) == 0
+        vector = finite_vector(what, [weight] * size if one else weight, size)
         if (vector < 0.0).any():
             raise InvalidInputError(f"{what}: must not be negative, got {weight!r}")
         return read_only(vector)
