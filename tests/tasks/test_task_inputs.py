@@ -27,7 +27,10 @@ WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
     "com words": (lambda r: ComTask(r, "left"), "target: expected numbers"),
     "gain zero": (lambda r: ComTask(r, [0, 0, 1], gain=0), "gain: must be greater than 0"),
     "gain large": (lambda r: ComTask(r, [0, 0, 1], gain=2), "gain: 2 is above 1"),
-    "weight ragged": (lambda r: ComTask(r, [0, 0, 1], weight=[[1], [2, 3]]), "weight: expected num"),
+    "weight ragged": (
+        lambda r: ComTask(r, [0, 0, 1], weight=[[1], [2, 3]]),
+        "weight: expected num",
+    ),
     "weight complex": (lambda r: ComTask(r, [0, 0, 1], weight=1j), "weight: expected numbers"),
     "weight sign": (lambda r: ComTask(r, [0, 0, 1], weight=-1), "must not be negative"),
     "weight size": (lambda r: ComTask(r, [0, 0, 1], weight=[1, 2]), "weight: expected shape"),
