@@ -1,11 +1,13 @@
 """Nearest points of segments against coal's capsules, brute force, and the degenerate cases."""
 
+from types import SimpleNamespace
+
 import coal
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from wbc.robot.collision.distances import nearest_points
+from wbc.robot.collision.distances import nearest_points, parts
 
 
 def columns(start, end) -> tuple[np.ndarray, np.ndarray]:
@@ -18,8 +20,8 @@ def columns(start, end) -> tuple[np.ndarray, np.ndarray]:
 
 def nearest(a0, a1, b0, b1):
     (A, length_a), (B, length_b) = columns(a0, a1), columns(b0, b1)
-    found = nearest_points(A, B, length_a, length_b)
-    return found._replace(normal=found.normal.T, point=found.point.T)
+    distance, normal, point = parts(nearest_points(A, B, length_a, length_b))
+    return SimpleNamespace(distance=distance, normal=normal.T, point=point.T)
 
 
 def by_coal(a0, a1, b0, b1, radius=0.05) -> float:

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.robot.collision.covers import chosen_of
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.validate import Array
 
@@ -61,7 +62,7 @@ class CurvatureBounds:
     def quick(self, pairs: Index | None, step: Array) -> Array:
         """Return the bound (k,) [m] by lengths, of all pairs if None, for a ``step`` (nv,)."""
         angle, curvature = self._angles(pairs, step)
-        curvature += _chosen(self._shorter, pairs) * angle
+        curvature += chosen_of(self._shorter, pairs) * angle
         return curvature
 
     def by_corners(
@@ -109,15 +110,11 @@ class CurvatureBounds:
     def _angles(self, pairs: Index | None, step: Array) -> tuple[Array, Array]:
         """Return by how much pairs turn against each other (k,) [rad], how far paths curve [m]."""
         size = np.abs(step)
-        angle = _chosen(self._turns, pairs) @ size
+        angle = chosen_of(self._turns, pairs) @ size
         lever = 0.5 * LEVER * angle
         if self._carries is not None:  # while the base slides, its turn curves the path
-            lever += 0.5 * (_chosen(self._carries, pairs) @ size[:3])
+            lever += 0.5 * (chosen_of(self._carries, pairs) @ size[:3])
         return angle, lever * angle
-
-
-def _chosen(values: Array, pairs: Index | None) -> Array:
-    return values if pairs is None else values.take(pairs, axis=0)
 
 
 def _filled(core: Array, most: int) -> Array:

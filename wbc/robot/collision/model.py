@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.robot.collision.covers import Covers, chosen_of
 from wbc.robot.collision.curvature import CurvatureBounds
-from wbc.robot.collision.distances import ShapePairs, nearest_points
-from wbc.robot.collision.fitting import quick_capsule
-from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
+from wbc.robot.collision.distances import ShapePairs, parts
+from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]
-Scalar = TypeVar("Scalar", bound=np.generic)
 # Pairs looked at for each pair asked for: bounding balls say little about long shapes.
 CANDIDATES = 3
 # Of these, pairs measured where that needs GJK (1.5 us each): capsules round the shapes say more.
-NARROWED = 2
+NARROWED = 3
 
 
 class PairDistances(NamedTuple):
@@ -76,29 +75,18 @@ class CollisionModel:
         self._joints = joints
         self._every: Index = np.arange(len(self.pairs))
         self._every.flags.writeable = False
-        self._first, self._second = self.pairs[:, 0].copy(), self.pairs[:, 1].copy()
-        if (joints[self._first] == joints[self._second]).any():
-            k = int(np.flatnonzero(joints[self._first] == joints[self._second])[0])
+        first, second = self.pairs.T
+        same = np.flatnonzero(joints[first] == joints[second])
+        if same.size:
+            k = int(same[0])
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
-        covers = [_cover(body.shape) for body in self.bodies]
-        self._own = [_columns(*both) for both in zip(self.bodies, covers, strict=True)]
-        self._local = np.stack(self._own)  # (bodies, 3, 3)
-        radii = np.array([cover.radius for cover in covers])
-        lengths = np.array([_length(cover) for cover in covers])
-        reach = np.array([body.bounding_ball[1] for body in self.bodies])
-        self._reaches = reach[self._first] + reach[self._second]
-        self._thickness = radii[self._first] + radii[self._second]
-        self._first_radius = radii[self._first]
-        self._length_a, self._length_b = lengths[self._first], lengths[self._second]
-        self._flat_index = self._first * len(self.bodies) + self._second
         moves = _moved_by(robot)
         # What turns the first body away from the second: joints below both move neither.
-        self._signs = moves[joints[self._first]] - moves[joints[self._second]]  # (pairs, nv)
+        self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
-        flat = np.array([isinstance(body.shape, HalfSpace) for body in self.bodies])
-        if flat[self._first].any():
+        if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
-        self._flat = np.flatnonzero(flat[self._second])
+        self._covers = Covers(self.bodies, self.pairs)
         # Pairs of capsules are measured as segments, the others by coal.
         solid = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
         self._solid = solid[self.pairs].any(axis=1)  # (pairs,)
@@ -118,16 +106,14 @@ class CollisionModel:
             raise InvalidInputError(f"body {self.bodies[body].name!r} is moved by the robot")
         R = finite_array("rotation", rotation, (3, 3))
         p = finite_array("origin", origin, (3,))
-        self._local[body] = R @ self._own[body]
-        self._local[body, :, 0] += p
-        self._local[body, :, 2] += p
+        self._covers.place(body, R, p)
         self._curvature.place(body, self.bodies[body].shape.core @ R.T + p)
         if self._solids is not None:
             self._solids.place(body, (R, p))
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing."""
-        return self._nearest(snapshot, None, pairs, len(pairs))
+        return _pair_distances(snapshot, *self._measured(snapshot, None, pairs, len(pairs)))
 
     def nearest(self, snapshot: Snapshot, count: int | None = None) -> PairDistances:
         """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`."""
@@ -137,19 +123,20 @@ class CollisionModel:
         count = total if count is None else min(count, total)
         tried = CANDIDATES * count
         if tried >= total:
-            return self._nearest(snapshot, None, self._every, count)
-        placed = self._placed(snapshot)
-        lower = self._lower_bounds(placed)
-        order = np.argpartition(lower, tried)
+            return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))
+        placed = self._covers.placed(snapshot)
+        lower = self._covers.balls(placed)
+        order = lower.argpartition(tried)
         near = order[:tried]
         near.sort()
-        found = self._nearest(snapshot, placed, near, count)
-        farthest = np.maximum.reduce(found.distance)
-        if lower[order[tried]] >= farthest:
-            return found
-        left = order[tried:]  # one that was left out may be nearer
-        more = np.sort(left[lower[left] < farthest])
-        return _merged(found, self._nearest(snapshot, placed, more, count, float(farthest)), count)
+        pairs, found = self._measured(snapshot, placed, near, count)
+        farthest = float(np.maximum.reduce(found[0]))
+        if lower[order[tried]] < farthest:  # one that was left out may be nearer
+            left = order[tried:]
+            more = self._measured(snapshot, placed, left[lower[left] < farthest], count, farthest)
+            both = np.concatenate((pairs, more[0])), np.concatenate((found, more[1]), axis=1)
+            pairs, found = _least(*both, count)
+        return _pair_distances(snapshot, pairs, found)
 
     def rows(self, snapshot: Snapshot, found: PairDistances) -> Array:
         """Return the derivative (k, nv) of the distances by the velocity.
@@ -165,7 +152,7 @@ class CollisionModel:
         arm = np.multiply(p[1:4], n[2:5], out=line[3:])
         arm -= p[2:5] * n[1:4]
         matrix = line.T @ snapshot.joint_twists
-        matrix *= self._of(self._signs, found.pairs)
+        matrix *= chosen_of(self._signs, self._or_all(found.pairs))
         return matrix
 
     def curvature_bound(self, pairs: Index, step: Array) -> Array:
@@ -175,7 +162,7 @@ class CollisionModel:
         of the angles between them. That curves the paths of their points, and where surfaces are
         parallel the nearest points may jump along the shorter one; see ``curvature``.
         """
-        return self._curvature.quick(None if pairs is self._every else pairs, step)
+        return self._curvature.quick(self._or_all(pairs), step)
 
     def tight_curvature_bound(self, found: PairDistances, step: Array, clearance: Array) -> Array:
         """Return :meth:`curvature_bound`, more closely where it is above ``clearance`` (k,).
@@ -193,168 +180,79 @@ class CollisionModel:
             bound[unsure] = np.minimum(bound[unsure], tight)
         return bound
 
-    def _of(self, values: NDArray[Scalar], pairs: Index) -> NDArray[Scalar]:
-        """Return what belongs to some pairs; without a copy if these are all."""
-        return values if pairs is self._every else values.take(pairs, axis=0)
+    def _or_all(self, pairs: Index) -> Index | None:
+        """Return the numbers of some pairs; None if these are all."""
+        return None if pairs is self._every else pairs
 
-    def _placed(self, snapshot: Snapshot) -> Array:
-        """Return start, direction and middle of all bodies, (3, 3, bodies), world axes.
-
-        Bodies come last: NumPy is quickest along the long side.
-        """
-        R, p = snapshot.joint_placements
-        turned = np.matmul(R.take(self._joints, axis=0), self._local)
-        placed = np.ascontiguousarray(turned.T)
-        placed[::2] += p.take(self._joints, axis=0).T
-        return placed
-
-    def _lower_bounds(self, placed: Array) -> Array:
-        """Return the distance (pairs,) of the balls that hold the bodies, or of ball and plane."""
-        middles = placed[2] - placed[2, :, :1]  # from near by: no cancellation far away
-        products = middles.T @ middles
-        squares = products.diagonal()
-        apart = squares[:, None] + squares
-        products *= 2.0
-        apart -= products
-        bounds = apart.take(self._flat_index)
-        np.maximum(bounds, 0.0, out=bounds)
-        np.sqrt(bounds, out=bounds)
-        bounds -= self._reaches
-        if self._flat.size:
-            planes, bodies = self._second[self._flat], self._first[self._flat]
-            above = placed[2, :, bodies] - placed[0, :, planes]  # (k, 3)
-            heights = np.einsum("ki,ki->k", above, placed[1, :, planes])
-            bounds[self._flat] = heights - self._reaches[self._flat]
-        return bounds
-
-    def _nearest(
+    def _measured(
         self,
         snapshot: Snapshot,
         placed: Array | None,
         tried: Index,
         count: int,
         farthest: float = np.inf,
-    ) -> PairDistances:
+    ) -> tuple[Index, Array]:
         """Return the ``count`` nearest of the pairs ``tried``, or all, measured exactly.
 
         Those beyond ``farthest`` need not be exact.
         """
         solids, solid = self._solids, self._solid.take(tried)
-        some = count < len(tried)
-        if solids is not None and not some and solid.all():
-            numbers = self._solid_number.take(tried)
-            distance = solids.distances(snapshot, numbers)
-            normal, point = solids.witnesses(numbers)
-            return PairDistances(tried, distance, normal.T, point.T, snapshot)
-        placed = self._placed(snapshot) if placed is None else placed
-        distance, normal, point = self._capsules(placed, tried)
-        if solids is not None and solid.any():
-            solid = self._measured(snapshot, tried, distance, solid, count, farthest)
-        if some:
-            best = _smallest(distance, count)
-            tried, distance, solid = tried.take(best), distance.take(best), solid.take(best)
-            normal, point = normal.take(best, axis=1), point.take(best, axis=1)
+        if solids is not None and count == len(tried) and solid.all():
+            found = solids.measure(snapshot, self._solid_number.take(tried))
+            return tried, found
+        placed = self._covers.placed(snapshot) if placed is None else placed
+        found = self._covers.capsules(placed, self._or_all(tried))
         where = np.flatnonzero(solid)
-        if solids is not None and where.size:
-            numbers = self._solid_number.take(tried.take(where))
-            normal[:, where], point[:, where] = solids.witnesses(numbers)
-        return PairDistances(tried, distance, normal.T, point.T, snapshot)
+        if where.size:
+            self._measure_shapes(snapshot, tried, found, where, count, farthest)
+        if count < len(tried):
+            tried, found = _least(tried, found, count)
+        return tried, found
 
-    def _measured(
+    def _measure_shapes(
         self,
         snapshot: Snapshot,
         tried: Index,
-        distance: Array,
-        solid: NDArray[np.bool_],
+        found: Array,
+        left: Index,
         count: int,
         farthest: float,
-    ) -> NDArray[np.bool_]:
-        """Replace capsules' distances by those of the shapes inside, where these may be nearest.
+    ) -> None:
+        """Replace capsules by the shapes inside, at the places ``left`` in ``tried``.
 
-        First those nearest by their capsules, then what may still be among the ``count`` nearest.
-        Returns which were measured.
+        Only those that may be among the ``count`` nearest: what is inside a capsule is no nearer.
         """
         assert self._solids is not None
-        if self._flat.size:
-            distance[np.isin(tried, self._flat)] = -np.inf  # nothing is round a plane
-        done = np.zeros_like(solid)
-        reach, first = farthest, NARROWED * count
-        if first < len(tried):
-            reach = min(farthest, float(np.partition(distance, first)[first]))
-        while True:
-            where = np.flatnonzero(solid & ~done & (distance <= reach))
-            if where.size:
-                numbers = self._solid_number.take(tried.take(where))
-                distance[where] = self._solids.distances(snapshot, numbers)
-                done[where] = True
-            if count >= len(tried) or (not where.size and first < 0):
-                return done
-            reach = min(farthest, float(np.partition(distance, count - 1)[count - 1]))
-            first = -1
-
-    def _capsules(self, placed: Array, chosen: Index) -> tuple[Array, Array, Array]:
-        """Return distances (k,), normals (3, k) and points on the first bodies (3, k).
-
-        Those of the capsules round the shapes, if these are others.
-        """
-        first, second = self._of(self._first, chosen), self._of(self._second, chosen)
-        axes = nearest_points(
-            placed.take(first, axis=2),
-            placed.take(second, axis=2),
-            self._of(self._length_a, chosen),
-            self._of(self._length_b, chosen),
-        )
-        distance, normal, point = axes
-        distance -= self._of(self._thickness, chosen)
-        point -= self._of(self._first_radius, chosen) * normal
-        return distance, normal, point
+        distance = found[0]
+        if self._covers.flat.size:
+            distance[np.isin(tried, self._covers.flat)] = -np.inf  # nothing is round a plane
+        rank = NARROWED * count
+        if left.size <= rank:  # all at once
+            rank = -1
+        while left.size:
+            limit = farthest
+            if rank >= 0:
+                limit = min(limit, float(np.partition(distance, rank)[rank]))
+            near = distance.take(left) <= limit
+            some, left = left[near], left[~near]
+            if some.size:
+                numbers = self._solid_number.take(tried.take(some))
+                found[:, some] = self._solids.measure(snapshot, numbers)
+            elif rank < count:
+                return
+            rank = min(count, len(tried)) - 1
 
 
-def _merged(one: PairDistances, two: PairDistances, count: int) -> PairDistances:
-    """Return the ``count`` nearest of both, in the order of the pairs."""
-    distance = np.concatenate((one.distance, two.distance))
-    pairs = np.concatenate((one.pairs, two.pairs))
-    best = _smallest(distance, count)
-    best = best[np.argsort(pairs.take(best))]
-    normal = np.concatenate((one.normal, two.normal)).take(best, axis=0)
-    point = np.concatenate((one.point, two.point)).take(best, axis=0)
-    return PairDistances(pairs.take(best), distance.take(best), normal, point, one.snapshot)
+def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
+    distance, normal, point = parts(found)
+    return PairDistances(pairs, distance, normal.T, point.T, snapshot)
 
 
-def _smallest(values: Array, count: int) -> Index:
-    """Return where the ``count`` smallest values are, increasing."""
-    places = np.argpartition(values, count)[:count]
-    places.sort()
-    return places
-
-
-def _cover(shape: Shape) -> Capsule:
-    """Return a capsule that holds a shape; of a half-space, a point of its surface."""
-    match shape:
-        case Capsule():
-            return shape
-        case Hull():
-            capsule = quick_capsule(shape.vertices)
-            return Capsule(capsule.ends, capsule.radius + shape.radius)
-    return Capsule.sphere(shape.core[0], 0.0)
-
-
-def _length(capsule: Capsule) -> float:
-    return float(np.linalg.norm(capsule.ends[1] - capsule.ends[0]))
-
-
-def _columns(body: Body, cover: Capsule) -> Array:
-    """Return start, unit direction and middle (3, 3) of a body in its frame, in columns.
-
-    Start and direction are those of its cover; the direction of a half-space is its normal.
-    """
-    if isinstance(body.shape, HalfSpace):
-        point = body.shape.core[0]
-        return np.stack((point, body.shape.normal, point), axis=1)
-    start, end = cover.ends
-    direction = (end - start) / (_length(cover) or 1.0)
-    middle, _ = body.bounding_ball
-    return np.stack((start, direction, middle), axis=1)
+def _least(pairs: Index, found: Array, count: int) -> tuple[Index, Array]:
+    """Return the ``count`` nearest of pairs and of what was found of them, in order."""
+    best = found[0].argpartition(count)[:count]
+    best = best[pairs.take(best).argsort()]
+    return pairs.take(best), found.take(best, axis=1)
 
 
 def _moved_by(robot: Robot) -> Array:

@@ -1,0 +1,127 @@
+"""Balls and capsules round bodies: bounds from below on the distances of many pairs at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.robot.collision.distances import nearest_points, parts
+from wbc.robot.collision.fitting import quick_capsule
+from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull, Shape
+from wbc.robot.model import Snapshot
+from wbc.validate import Array
+
+Index = NDArray[np.int64]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+class Covers:
+    """A ball and a capsule round each body; that of a capsule is itself.
+
+    Of a half-space, the ball is a point of its surface, and nothing else is round it.
+
+    Parameters
+    ----------
+    pairs:
+        (N, 2) indices of bodies; a half-space is the second of its pair.
+    """
+
+    def __init__(self, bodies: Sequence[Body], pairs: Index) -> None:
+        covers = [_cover(body.shape) for body in bodies]
+        self._own = [_columns(*both) for both in zip(bodies, covers, strict=True)]
+        self._local = np.stack(self._own)  # (bodies, 3, 3)
+        self._joints = np.array([body.joint for body in bodies], dtype=np.int64)
+        self._first, self._second = pairs[:, 0].copy(), pairs[:, 1].copy()
+        radii = np.array([cover.radius for cover in covers])
+        lengths = np.array([_length(cover) for cover in covers])
+        reach = np.array([body.bounding_ball[1] for body in bodies])
+        self._reaches = reach[self._first] + reach[self._second]
+        self._thickness = radii[self._first] + radii[self._second]
+        self._first_radius = radii[self._first]
+        self._length_a, self._length_b = lengths[self._first], lengths[self._second]
+        flat = np.array([isinstance(body.shape, HalfSpace) for body in bodies])
+        self.flat = np.flatnonzero(flat[self._second])  # pairs with a half-space
+
+    def place(self, body: int, rotation: Array, origin: Array) -> None:
+        """Move a body of joint 0: its frame is put at ``rotation``, ``origin`` (world)."""
+        self._local[body] = rotation @ self._own[body]
+        self._local[body, :, 0] += origin
+        self._local[body, :, 2] += origin
+
+    def placed(self, snapshot: Snapshot) -> Array:
+        """Return start, direction and middle of all bodies, (3, 3, bodies), world axes.
+
+        Bodies come last: NumPy is quickest along the long side.
+        """
+        R, p = snapshot.joint_placements
+        turned = np.matmul(R.take(self._joints, axis=0), self._local)
+        placed = np.ascontiguousarray(turned.T)
+        placed[::2] += p.take(self._joints, axis=0).T
+        return placed
+
+    def balls(self, placed: Array) -> Array:
+        """Return the distances (N,) of the bodies' balls [m], or of ball and plane."""
+        apart = placed[2].take(self._first, axis=1)
+        apart -= placed[2].take(self._second, axis=1)
+        apart *= apart
+        bounds = np.add.reduce(apart)
+        np.sqrt(bounds, out=bounds)
+        bounds -= self._reaches
+        if self.flat.size:
+            planes, bodies = self._second[self.flat], self._first[self.flat]
+            above = placed[2, :, bodies] - placed[0, :, planes]  # (k, 3)
+            heights = np.einsum("ki,ki->k", above, placed[1, :, planes])
+            bounds[self.flat] = heights - self._reaches[self.flat]
+        return bounds
+
+    def capsules(self, placed: Array, chosen: Index | None) -> Array:
+        """Return what is nearest between the capsules of the chosen pairs, or of all (None).
+
+        (7, k): see :func:`wbc.robot.collision.distances.parts`.
+        """
+        first, second = chosen_of(self._first, chosen), chosen_of(self._second, chosen)
+        A, B = placed.take(first, axis=2), placed.take(second, axis=2)
+        found = nearest_points(
+            A, B, chosen_of(self._length_a, chosen), chosen_of(self._length_b, chosen)
+        )
+        distance, normal, point = parts(found)
+        distance -= chosen_of(self._thickness, chosen)
+        point -= chosen_of(self._first_radius, chosen) * normal
+        return found
+
+
+def chosen_of(values: NDArray[Scalar], chosen: Index | None) -> NDArray[Scalar]:
+    """Return what belongs to the chosen pairs; if these are all (None), without a copy."""
+    return values if chosen is None else values.take(chosen, axis=0)
+
+
+def _cover(shape: Shape) -> Capsule:
+    """Return a capsule that holds a shape; of a half-space, a point of its surface."""
+    match shape:
+        case Capsule():
+            return shape
+        case Hull():
+            capsule = quick_capsule(shape.vertices)
+            return Capsule(capsule.ends, capsule.radius + shape.radius)
+    return Capsule.sphere(shape.core[0], 0.0)
+
+
+def _length(capsule: Capsule) -> float:
+    return float(np.linalg.norm(capsule.ends[1] - capsule.ends[0]))
+
+
+def _columns(body: Body, cover: Capsule) -> Array:
+    """Return start, unit direction and middle (3, 3) of a body in its frame, in columns.
+
+    Start and direction are those of its cover; the direction of a half-space is its normal.
+    """
+    if isinstance(body.shape, HalfSpace):
+        point = body.shape.core[0]
+        return np.stack((point, body.shape.normal, point), axis=1)
+    start, end = cover.ends
+    direction = (end - start) / (_length(cover) or 1.0)
+    middle, _ = body.bounding_ball
+    return np.stack((start, direction, middle), axis=1)
