@@ -213,7 +213,7 @@ def _followed(raw: Array, defined: Bools, before: Array) -> Array:
     k = int(np.abs(cosines).argmax())
     i, j = int(_NEXT[k]), int(_AFTER[k])
     axis = np.copysign(1.0, cosines[k]) * axis
-    beside = _least_turn(before[:, k], axis) @ before[:, i]
+    beside = _least_rotation(before[:, k], axis) @ before[:, i]
     # Made square again: left alone, the rounding would double from frame to frame.
     beside -= (beside @ axis) * axis
     followed = np.empty((3, 3))
@@ -223,7 +223,7 @@ def _followed(raw: Array, defined: Bools, before: Array) -> Array:
     return followed
 
 
-def _least_turn(a: Array, b: Array) -> Array:
+def _least_rotation(a: Array, b: Array) -> Array:
     """Return the rotation (3, 3) about a x b that takes unit vector a to b, b not opposite."""
     both = a + b
     return np.eye(3) - np.outer(both, both) / (1.0 + a @ b) + 2.0 * np.outer(b, a)

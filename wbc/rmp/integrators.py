@@ -136,11 +136,11 @@ def energy_momentum(model: SolidRmp, dt: float, springs: Springs = SLACK) -> ca.
     """
     dt = finite_number("dt", dt, above=0.0)
     x, u = ca.SX.sym("x", 23), ca.SX.sym("u", 11)
-    turned = _masses_step(model, springs, dt, x, u)
-    swung = _leg_step(model, springs, dt, x, u)
-    q = ca.vertcat(swung[0], turned[0])
-    v = ca.vertcat(swung[1], turned[1])
-    return _step("energy_momentum", x, u, ca.vertcat(q, v), ca.fmax(turned[2], swung[2]))
+    masses = _masses_step(model, springs, dt, x, u)
+    leg = _leg_step(model, springs, dt, x, u)
+    q = ca.vertcat(leg[0], masses[0])
+    v = ca.vertcat(leg[1], masses[1])
+    return _step("energy_momentum", x, u, ca.vertcat(q, v), ca.fmax(masses[2], leg[2]))
 
 
 def rollout(step: ca.Function, start: ArrayLike, inputs: ArrayLike, count: int) -> Array:
@@ -228,7 +228,7 @@ def _leg_step(
     """Return (CoP, leg angles, length), their rates and the residual; the CoM moves in space."""
     cop, cop_rate, push = x[:2], x[12:14], u[:2]
     moved = ca.vertcat(dt * cop_rate + dt**2 / 2 * push, 0.0)
-    pace = ca.vertcat(cop_rate + dt * push, 0.0)
+    cop_after = ca.vertcat(cop_rate + dt * push, 0.0)
     l0 = x[4] * leg_direction(x[2], x[3])
     com_rate = ca.vertcat(cop_rate, 0.0) + ca.jtimes(l0, x[2:5], x[14:17])
     weight = ca.DM([0.0, 0.0, -model.mass * model.gravity])
@@ -242,7 +242,7 @@ def _leg_step(
         force = along * middle / long + _sideways(middle, u[2], u[3]) + weight
         l1 = l0 + dt * com_rate + dt**2 / (2 * model.mass) * force - moved
         residual = ca.norm_inf(l1 - before) / ca.norm_2(l0)
-    rate = com_rate + dt / model.mass * force - pace
+    rate = com_rate + dt / model.mass * force - cop_after
     flat, length = ca.sqrt(l1[0] ** 2 + l1[2] ** 2), ca.norm_2(l1)
     # Continued from theta, not wrapped.
     theta = x[2] + ca.atan2(l0[0] * l1[2] - l0[2] * l1[0], l0[0] * l1[0] + l0[2] * l1[2])
@@ -250,7 +250,7 @@ def _leg_step(
     theta_rate = (l1[0] * rate[2] - l1[2] * rate[0]) / flat**2
     flat_rate = (l1[0] * rate[0] + l1[2] * rate[2]) / flat
     phi_rate = (flat * rate[1] - l1[1] * flat_rate) / length**2
-    return q, ca.vertcat(pace[:2], theta_rate, phi_rate, ca.dot(l1, rate) / length), residual
+    return q, ca.vertcat(cop_after[:2], theta_rate, phi_rate, ca.dot(l1, rate) / length), residual
 
 
 def _sideways(leg: ca.SX, tau_theta: ca.SX, tau_phi: ca.SX) -> ca.SX:

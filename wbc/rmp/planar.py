@@ -161,11 +161,11 @@ class Held:
         M, g, half = self.model.mass, self.model.gravity, self.dt / 2.0
         _, theta, length, _, radius = q.tolist()
         _, theta_rate, length_rate, alpha_rate, radius_rate = v.tolist()
-        pull = wheel_torque + M * length * (g * math.cos(theta) + 2.0 * length_rate * theta_rate)
+        torque = wheel_torque + M * length * (g * math.cos(theta) + 2.0 * length_rate * theta_rate)
         spin = theta_rate + alpha_rate
         spin += half * (wheel_torque / (M * radius**2) - 2.0 * radius_rate / radius * spin)
         theta += half * theta_rate
-        theta_rate -= half * pull / (M * length**2)
+        theta_rate -= half * torque / (M * length**2)
         leg = _return(length - self.length, length_rate, LENGTH_RATE)
         masses = _return(radius - self.radius, radius_rate, RADIUS_RATE)
         f_l = M * (leg - length * theta_rate**2 + g * math.sin(theta))

@@ -190,12 +190,12 @@ class EulerSolidRmp(_SolidPendulum):
 
     def _mechanism(self) -> Mechanism:
         q, v = ca.SX.sym("q", 11), ca.SX.sym("v", 11)
-        turns = [turn(axis, q[5 + k]) for k, axis in enumerate((-2, 1, 3))]
+        rotations = [axis_rotation(axis, q[5 + k]) for k, axis in enumerate((-2, 1, 3))]
         axes = (ca.DM([0.0, -1.0, 0.0]), ca.DM([1.0, 0.0, 0.0]), ca.DM([0.0, 0.0, 1.0]))
         w = axes[0] * v[5]
-        w = turns[1].T @ w + axes[1] * v[6]
-        w = turns[2].T @ w + axes[2] * v[7]
-        return self._assemble(q, v, v, turns[0] @ turns[1] @ turns[2], w, spin=[])
+        w = rotations[1].T @ w + axes[1] * v[6]
+        w = rotations[2].T @ w + axes[2] * v[7]
+        return self._assemble(q, v, v, rotations[0] @ rotations[1] @ rotations[2], w, spin=[])
 
     def _require_inertia(self, q: Array) -> None:
         super()._require_inertia(q)
@@ -245,7 +245,7 @@ def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:
     return ca.vertcat(vector, a[3] * b[3] - ca.dot(a[:3], b[:3]))
 
 
-def turn(axis: int, angle: ca.SX) -> ca.SX:
+def axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
     """Return the rotation matrix about axis 1, 2 or 3; a negative axis turns the other way."""
     c, s = ca.cos(angle), ca.sin(angle) * (1 if axis > 0 else -1)
     i, j = {1: (1, 2), 2: (2, 0), 3: (0, 1)}[abs(axis)]

@@ -163,9 +163,9 @@ class FlatFoot:
         self.angle_acceleration += ca.jtimes(self.angle_rate, w, spin)
         # r_l' and r_l'', from the foot, whose own motion is given and has no acceleration here.
         self.leg_rate = v[4]
-        pace = self.com_rate - ca.vertcat(v[:2], 0.0)
+        velocity = self.com_rate - ca.vertcat(v[:2], 0.0)
         along = ca.dot(ca.jacobian(self.com, q[4]), x[:3])
-        self.leg_acceleration = along + (ca.sumsqr(pace) - self.leg_rate**2) / q[4]
+        self.leg_acceleration = along + (ca.sumsqr(velocity) - self.leg_rate**2) / q[4]
         # Generalised forces (9,).
         leg_force = ca.jacobian(self.com, q[2:5]).T @ self.push
         sliding = third * (x[6:9] - radii * (ca.sumsqr(w) - w**2))

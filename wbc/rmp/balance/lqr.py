@@ -96,9 +96,9 @@ class Lqr:
         v = finite_vector("v", v, len(self.model.V))
         places = q - self.q0
         if isinstance(self.model, SolidRmp):
-            turn = self._turn(q)
-            places = np.concatenate((places[:5], turn.as_rotvec(), places[9:]))
-            v[5:8] = turn.apply(v[5:8])
+            rotation = self._rotation(q)
+            places = np.concatenate((places[:5], rotation.as_rotvec(), places[9:]))
+            v[5:8] = rotation.apply(v[5:8])
         return np.concatenate((places[self.model.COP :], v[self.model.COP :]))
 
     def command(self, q: Array, v: Array, time: float) -> Command:
@@ -107,7 +107,7 @@ class Lqr:
         wanted = self._rest.copy()
         wanted[len(wanted) - len(self.gain) :] -= self.gain @ self.state(q, v)
         if isinstance(self.model, SolidRmp):
-            wanted[3:6] = self._turn(q).inv().apply(wanted[3:6])
+            wanted[3:6] = self._rotation(q).inv().apply(wanted[3:6])
         given = self._clipped(wanted)
         force = given.copy()
         force[:driven] = 0.0
@@ -126,7 +126,7 @@ class Lqr:
         clipped = scale < 1.0 or not np.array_equal(given, wanted)
         return Command(force, np.zeros(driven), "clipped" if clipped else "hold", not note, note)
 
-    def _turn(self, q: Array) -> Rotation:
+    def _rotation(self, q: Array) -> Rotation:
         """Return the rotation of the masses from rest, in their axes at rest."""
         return Rotation.from_quat(self.q0[5:9]).inv() * Rotation.from_quat(q[5:9])
 

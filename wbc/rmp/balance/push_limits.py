@@ -131,10 +131,11 @@ def push_limits(
     omega = math.sqrt(gravity / finite_number("height", height, above=0.0))
     along = unit_directions(directions)
     normals, offsets = half_planes(polygon)
-    room = offsets - normals @ finite_vector("com", com, 2)
-    if room.min() < 0.0:
+    clearance = offsets - normals @ finite_vector("com", com, 2)
+    if clearance.min() < 0.0:
         raise InvalidInputError(
-            f"com: its projection is {-room.min():.3g} m outside the polygon; it falls by itself"
+            f"com: its projection is {-clearance.min():.3g} m outside the polygon; it falls by"
+            " itself"
         )
     # A turn about x shifts the CMP along y.
     sides = wheel.reach(mass * gravity, omega)[::-1]
@@ -144,7 +145,7 @@ def push_limits(
     scale = mass * omega
     return PushLimits(
         directions=read_only(along),
-        ankle=read_only(scale * _exit(normals, room, along)),
+        ankle=read_only(scale * _exit(normals, clearance, along)),
         wheel=read_only(scale * _exit(edges, wider, along)),
         omega=omega,
     )
@@ -165,10 +166,10 @@ def unit_directions(directions: ArrayLike) -> Array:
     return np.asarray(along / lengths[:, None])
 
 
-def _exit(normals: Array, room: Array, along: Array) -> Array:
-    """Return how far (n,) along each direction the first half-plane ends, from ``room`` inside."""
-    pace = along @ normals.T  # (n, k)
+def _exit(normals: Array, clearance: Array, along: Array) -> Array:
+    """Return how far (n,) along each direction the first half-plane ends."""
+    speed = along @ normals.T  # (n, k)
     # Rounding of a parallel edge must not make it one that is met far away, or at once.
-    ahead = pace > 1e-12
-    distance = np.divide(room, pace, out=np.full(pace.shape, np.inf), where=ahead)
+    ahead = speed > 1e-12
+    distance = np.divide(clearance, speed, out=np.full(speed.shape, np.inf), where=ahead)
     return np.asarray(distance.min(axis=1))

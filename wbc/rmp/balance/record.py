@@ -113,7 +113,7 @@ class Simulation:
 
     def broken(self) -> dict[str, float]:
         """Return the bounds that were broken, and by how much at most, in their units."""
-        return {name: -room for name, room in self.margins().items() if room < -KEPT}
+        return {name: -margin for name, margin in self.margins().items() if margin < -KEPT}
 
     @cached_property
     def _samples(self) -> tuple[Array, Array, Array, Array]:

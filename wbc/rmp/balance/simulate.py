@@ -101,8 +101,6 @@ def simulate(
 
     Parameters
     ----------
-    law:
-        Asked every ``dt``.
     q0, v0:
         Start (nq,), (nv,).
     duration, dt:
@@ -110,7 +108,7 @@ def simulate(
     plant:
         The pendulum that moves; ``law.model``, unless one with other parameters is given.
     bounds:
-        Judged by; ``Bounds()``, unless given.
+        Judged by; none, unless given.
     pivot:
         The foot is bolted to the ground: the ground may pull, and a leg may hang.
     fallen:
@@ -125,7 +123,7 @@ def simulate(
     InvalidInputError
         A start, duration, push or plant that is unusable; the message says which and why.
     """
-    bounds = Bounds() if bounds is None else bounds
+    bounds = bounds or Bounds()
     steps = whole_steps(duration, dt)
     model, fallen = plant or law.model, finite_number("fallen", fallen)
     if type(model) is not type(law.model):

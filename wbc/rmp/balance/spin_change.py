@@ -105,18 +105,19 @@ class SpinChange:
     def reference(self, time: float) -> tuple[Array, Array, Array]:
         """Return the radii wanted at a time [s], their rates and accelerations."""
         s = min(max(time / self.duration, 0.0), 1.0)
-        start, way = self.radii[0], self.radii[1] - self.radii[0]
-        slope, bend = minimum_jerk_rates(s)
-        pace, push = slope / self.duration, bend / self.duration**2
-        return start + minimum_jerk(s) * way, pace * way, push * way
+        start, change = self.radii[0], self.radii[1] - self.radii[0]
+        first, second = minimum_jerk_rates(s)
+        rate, acceleration = first / self.duration, second / self.duration**2
+        return start + minimum_jerk(s) * change, rate * change, acceleration * change
 
     def command(self, q: Array, v: Array, time: float) -> Command:
         """Return the forces at a time since the state that the law was made for."""
         model, masses, driven, a = self.model, self.model.RADII, self.model.COP, self.rate
         q, v = finite_vector("q", q, len(model.Q)), finite_vector("v", v, len(model.V))
-        r, pace, push = self.reference(time)
+        r, r_rate, r_acceleration = self.reference(time)
         wanted = np.zeros(len(model.V))
-        wanted[-masses:] = push - 2.0 * a * (v[-masses:] - pace) - a**2 * (q[-masses:] - r)
+        e, e_rate = q[-masses:] - r, v[-masses:] - r_rate
+        wanted[-masses:] = r_acceleration - 2.0 * a * e_rate - a**2 * e
         leg = slice(driven, 2 * driven + 1)
         wanted[leg] = -2.0 * a * v[leg] - a**2 * (q[leg] - self.q0[leg])
         force = model.inverse_dynamics(q, v, wanted)
@@ -153,9 +154,9 @@ def reachable_spins(
     inertia = np.atleast_1d(model.inertia(q0))
     axis, spin = _spin(model, v0)
     momentum = spin * float(inertia[axis])
-    share = model.mass if isinstance(model, PlanarRmp) else 2.0 * model.mass / 3.0
+    factor = model.mass if isinstance(model, PlanarRmp) else 2.0 * model.mass / 3.0
     near, far = bounds.radius
-    ends = (momentum / (share * far**2), momentum / (share * near**2))
+    ends = (momentum / (factor * far**2), momentum / (factor * near**2))
     return min(ends), max(ends)
 
 

@@ -105,21 +105,21 @@ class StaticLean:
         """
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
         _, k_P = self.model.momenta(q, v)
-        held, pull = self.held, self.model.mass * self.model.gravity
+        held, weight = self.held, self.model.mass * self.model.gravity
         sine, cosine = math.sin(self.angle), math.cos(self.angle)
         E_1, E_2 = _integrals(q[1] - self.angle, v[1], self.rate)
         D_1, D_2 = _integrals(q[2] - held.length, v[2], LENGTH_RATE)
-        leaned = pull * (held.length * sine * E_1 - cosine * D_1)
-        leaned_twice = -pull * (held.length * sine * E_2 - cosine * D_2)
-        # alpha(t) = place + pace t + torque/I t^2 / 2, once the errors have gone.
+        leaned = weight * (held.length * sine * E_1 - cosine * D_1)
+        leaned_twice = -weight * (held.length * sine * E_2 - cosine * D_2)
+        # alpha(t) = alpha + alpha_rate t + torque/I t^2 / 2, once the errors have gone.
         inertia = held.wheel_inertia
         turned = (held.leg_inertia + inertia) * (self.angle - q[1])
-        place = float(q[3] + (leaned_twice - turned) / inertia)
-        pace = float((k_P + leaned) / inertia)
+        alpha = float(q[3] + (leaned_twice - turned) / inertia)
+        alpha_rate = float((k_P + leaned) / inertia)
         growth = self.static_torque / inertia
         times = [
-            *_passings((pace, growth, 0.0), self.bounds.wheel_rate),
-            *_passings((place, pace, growth / 2.0), self.bounds.wheel_angle),
+            *_passings((alpha_rate, growth, 0.0), self.bounds.wheel_rate),
+            *_passings((alpha, alpha_rate, growth / 2.0), self.bounds.wheel_angle),
         ]
         if abs(v[3]) >= self.bounds.wheel_rate or abs(q[3]) >= self.bounds.wheel_angle:
             return 0.0
@@ -135,8 +135,8 @@ class StaticLean:
     def _carrying_torque(self, q: Array) -> float:
         """Return the torque at which alpha' stays: leg and wheel fall as one body."""
         inertia = self.model.mass * q[4] ** 2
-        share = inertia / (inertia + self.model.mass * q[2] ** 2)
-        return float(-share * self.model.mass * self.model.gravity * q[2] * math.cos(q[1]))
+        ratio = inertia / (inertia + self.model.mass * q[2] ** 2)
+        return float(-ratio * self.model.mass * self.model.gravity * q[2] * math.cos(q[1]))
 
     def _saturated(self, q: Array, v: Array, torque: float) -> str:
         rate, angle = self.bounds.wheel_rate, self.bounds.wheel_angle

@@ -1,7 +1,7 @@
 """Planning of the reaction mass pendulum's motion over a schedule of contacts."""
 
-from wbc.rmp.plan.check import Check, Excess, check
-from wbc.rmp.plan.plan import Generalised, Plan, Stats, Trajectory, generalised
+from wbc.rmp.plan.check import Check, check
+from wbc.rmp.plan.plan import Plan, Stats, generalised
 from wbc.rmp.plan.planner import PlanError, solve
 from wbc.rmp.plan.problem import PlanProblem, Weights
 from wbc.rmp.plan.schedule import (
@@ -19,8 +19,6 @@ from wbc.rmp.plan.store import load_plan, plan_arrays, problem_from_data, proble
 __all__ = [
     "Check",
     "Corners",
-    "Excess",
-    "Generalised",
     "Limits",
     "Phase",
     "Plan",
@@ -28,7 +26,6 @@ __all__ = [
     "PlanProblem",
     "State",
     "Stats",
-    "Trajectory",
     "Weights",
     "at_rest",
     "check",

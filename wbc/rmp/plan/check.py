@@ -7,6 +7,7 @@ integrated again, from its left knot, under the plan's ground force, CoP and mom
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -179,21 +180,21 @@ def _ends(plan: Plan) -> list[Excess]:
         for name, values in state.values(problem.mass).items():
             there = getattr(knots, name)[end]
             if name == "orientation":
-                missed = _missed_turn(problem.reference, state, there)
+                missed = _missed_angle(problem.reference, state, there)
             else:
                 missed = float(np.nanmax(np.abs(there - values), initial=0.0))
             out.append(Excess(where, name, time, missed, _UNITS[name]))
     for name, change in problem.period.items():
         first, last = getattr(knots, name)[0], getattr(knots, name)[-1]
         if name == "orientation":
-            missed = turn_between(first, last)
+            missed = angle_between(first, last)
         else:
             missed = float(np.abs(last - first - change[: np.size(first)]).max())
         out.append(Excess("period", name, plan.duration, missed, _UNITS[name]))
     return out
 
 
-def _missed_turn(reference: tuple[float, float, float, float], state: State, there: Array) -> float:
+def _missed_angle(reference: Sequence[float], state: State, there: Array) -> float:
     """Return the angle [rad] between an orientation and the one that is given."""
     away = Rotation.from_quat(reference).inv() * Rotation.from_quat(there)
     rotation = state.rotation or ()
@@ -202,10 +203,10 @@ def _missed_turn(reference: tuple[float, float, float, float], state: State, the
         vector = away.as_rotvec()
         return max(abs(x) for x, y in zip(vector.tolist(), rotation, strict=True) if y is not None)
     aim = Rotation.from_rotvec(np.array(rotation, dtype=float))
-    return turn_between(aim.as_quat(), away.as_quat())
+    return angle_between(aim.as_quat(), away.as_quat())
 
 
-def turn_between(a: Array, b: Array) -> float:
+def angle_between(a: Array, b: Array) -> float:
     """Return the angle [rad] between orientations given as unit quaternions."""
     sine = min(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b))) / 2.0
     return 4.0 * math.asin(min(sine, 1.0))
@@ -224,7 +225,7 @@ def _defects(plan: Plan) -> dict[str, float]:
         for name, value in integrated.items():
             there = getattr(knots, name)[i + 1]
             if name == "orientation":
-                away = turn_between(value / np.linalg.norm(value), there)
+                away = angle_between(value / np.linalg.norm(value), there)
             else:
                 away = float(np.abs(value - there).max())
             worst[name] = max(worst[name], away)
