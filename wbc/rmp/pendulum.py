@@ -38,8 +38,8 @@ class Mechanism:
     q: ca.SX  # (nq,)
     v: ca.SX  # (nv,)
     rate: ca.SX  # dq/dt (nq,), in terms of q and v
-    coordinates: list[int]  # entries of q that the energies may depend on, and
-    places: list[int]  # the entries of v that are their rates
+    coordinates: list[int]  # entries of q that the energies may depend on
+    places: list[int]  # entries of v that are the rates of these
     spin: list[int]  # entries of v that are body rates; none, or three
     com: ca.SX  # position of the CoM, up last
     kinetic: ca.SX  # T [J]

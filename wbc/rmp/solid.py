@@ -145,12 +145,12 @@ class SolidRmp(_SolidPendulum):
         q = self._checked(q)
         torque = finite_vector("torque", torque, 3)
         turning = np.array(rotation_rows(*q[5:9])) @ torque
-        n = np.array((np.cos(q[2]) * np.cos(q[3]), np.sin(q[3]), np.sin(q[2]) * np.cos(q[3])))
+        n, axes = leg_axes(q[2], q[3])
         if abs(n[2]) < SINGULAR:
             raise InvalidInputError("q: the leg is horizontal; no hip can push against it")
-        reaction = (n @ turning / n[2]) * np.array((0.0, 0.0, 1.0)) - turning
+        reaction = np.array((0.0, 0.0, n @ turning / n[2])) - turning
         f = np.zeros(9)
-        f[:2] = leg_axes(q[2], q[3]).T @ reaction
+        f[:2] = axes.T @ reaction
         f[3:6] = torque
         return f
 
@@ -218,16 +218,16 @@ def leg_direction(theta: ca.SX, phi: ca.SX) -> ca.SX:
     return ca.vertcat(ca.cos(theta) * ca.cos(phi), ca.sin(phi), ca.sin(theta) * ca.cos(phi))
 
 
-def leg_axes(theta: float, phi: float) -> Array:
-    """Return the leg's angular velocities (3, 2), world axes, per unit of theta' and of phi'.
+def leg_axes(theta: float, phi: float) -> tuple[Array, Array]:
+    """Return n (3,), and the leg's angular velocities (3, 2) per unit of theta' and of phi'.
 
-    They are n x dn/dtheta and n x dn/dphi: the leg does not spin about itself.
+    They are n x dn/dtheta and n x dn/dphi in world axes: the leg does not spin about itself.
     """
     ct, st, cp, sp = np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
     n = np.array((ct * cp, sp, st * cp))
     by_theta = np.array((-st * cp, 0.0, ct * cp))
     by_phi = np.array((-ct * sp, cp, -st * sp))
-    return np.column_stack((np.cross(n, by_theta), np.cross(n, by_phi)))
+    return n, np.column_stack((np.cross(n, by_theta), np.cross(n, by_phi)))
 
 
 def rotation_rows(x: Any, y: Any, z: Any, s: Any) -> tuple[tuple[Any, Any, Any], ...]:

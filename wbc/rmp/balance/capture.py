@@ -26,8 +26,8 @@ class CaptureGains:
     beyond: float = 60.0
     reserve: float = 0.02  # part of the support, at its edge, where the wheel already helps, > 0
     height: float = 8.0  # natural frequency of the CoM's height [rad/s], critically damped
-    wheel: float = 4.0  # natural frequencies [rad/s] at which masses turn
-    radii: float = 8.0  # and slide back to rest
+    wheel: float = 4.0  # natural frequency [rad/s] at which the masses turn back to rest
+    radii: float = 8.0  # and at which they slide back [rad/s]
 
     def __post_init__(self) -> None:
         positive = ("capture", "beyond", "height", "wheel", "radii")

@@ -41,8 +41,8 @@ class StaticLean:
 
     model: PlanarRmp
     angle: float  # theta to be held [rad], between 0 and pi
-    length: float  # of the leg [m], and
-    radius: float  # of the wheel [m], held by computed forces
+    length: float  # of the leg [m], held by computed forces
+    radius: float  # of the wheel [m], likewise
     # Torque, rate and angle of the wheel (from alpha = 0), force along the leg; the torque is
     # clipped. Of the support only that the foot stays where it is.
     bounds: Bounds = field(default_factory=Bounds)

@@ -94,9 +94,9 @@ class PlanProblem:
 
     pendulum: Pendulum  # mass and gravity, and the space
     schedule: tuple[Phase, ...]  # contact phases in order of time, with different names
-    start: State  # components of the first and
-    goal: State = field(default_factory=State)  # the last state that are given; the rest is free
-    nominal: State = field(default_factory=State)  # components that the cost pulls towards
+    start: State  # what is given of the first state; the rest is free
+    goal: State = field(default_factory=State)  # of the last state
+    nominal: State = field(default_factory=State)  # towards which the cost draws the motion
     limits: Limits = field(default_factory=Limits)  # for phases that have none of their own
     weights: Weights = field(default_factory=Weights)
     periodic: tuple[float, float] | None = None

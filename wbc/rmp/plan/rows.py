@@ -5,7 +5,8 @@ All are in scaled units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -161,47 +162,37 @@ def running_cost(m: Motion, weights: Weights, nominal: dict[str, Array], mass: f
 # ------------------------------------------------------------------ linear rows across intervals
 
 
-@dataclass(eq=False)
-class LinearRows:
-    """lower <= matrix w <= upper, w scaled, each row with its name; gathered one by one."""
+@dataclass(frozen=True, eq=False)
+class LinearRow:
+    """lower <= sum of coefficients times scaled variables <= upper."""
 
-    count: int  # of variables
-    entries: list[tuple[int, int, float]] = field(default_factory=list)
-    lower: list[float] = field(default_factory=list)
-    upper: list[float] = field(default_factory=list)
-    labels: list[str] = field(default_factory=list)
-
-    def add(self, label: str, terms: dict[int, float], lower: float, upper: float) -> None:
-        """Add one row: the places of its variables with their coefficients, and its bounds."""
-        self.entries += [(len(self.labels), place, a) for place, a in terms.items()]
-        self.lower.append(lower)
-        self.upper.append(upper)
-        self.labels.append(label)
-
-    @property
-    def matrix(self) -> ca.DM:
-        """Sparse (rows, variables)."""
-        rows, columns = ([int(each[k]) for each in self.entries] for k in (0, 1))
-        values = ca.DM([a for _, _, a in self.entries])
-        return ca.DM.triplet(rows, columns, values, len(self.labels), self.count)
+    label: str
+    terms: dict[int, float]  # coefficients by the places of their variables
+    lower: float
+    upper: float
 
 
-def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> LinearRows:
+def matrix_of(rows: Sequence[LinearRow], count: int) -> ca.DM:
+    """Return the sparse matrix (rows, count) of linear rows."""
+    entries = [(k, at, a) for k, row in enumerate(rows) for at, a in row.terms.items()]
+    row, column = ([entry[k] for entry in entries] for k in (0, 1))
+    values = ca.DM([a for _, _, a in entries])
+    return ca.DM.triplet([int(k) for k in row], [int(k) for k in column], values, len(rows), count)
+
+
+def linear_rows(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> list[LinearRow]:
     """Return all linear rows of a plan: supports, continuity, waypoints and goal, period."""
-    rows = LinearRows(layout.count)
-    _supports(rows, problem, layout, units["cop"])
-    _continuity(rows, problem, layout)
+    rows = [*_supports(problem, layout, units["cop"]), *_continuity(problem, layout)]
     for where, k, state in problem.waypoints:
         for name, values in state.values(problem.mass).items():
             aims, places = values / units[name], layout.phases[k].named[name][-1]
             for c in moving(problem, name):
                 if np.isfinite(aims[c]):
-                    rows.add(f"{where}: {name}", {int(places[c]): 1.0}, aims[c], aims[c])
-    _period(rows, problem, layout, units)
-    return rows
+                    rows.append(LinearRow(f"{where}: {name}", {places[c]: 1.0}, aims[c], aims[c]))
+    return [*rows, *_period(problem, layout, units)]
 
 
-def _supports(rows: LinearRows, problem: PlanProblem, layout: Layout, unit: float) -> None:
+def _supports(problem: PlanProblem, layout: Layout, unit: float) -> Iterator[LinearRow]:
     """Keep the CoP inside its support."""
     for phase, places in zip(problem.schedule, layout.phases, strict=True):
         if phase.support is None:
@@ -211,10 +202,10 @@ def _supports(rows: LinearRows, problem: PlanProblem, layout: Layout, unit: floa
                 continue  # a side along the slice bounds nothing in it
             for x, y in places.named["cop"].tolist():
                 terms = {x: a[0]} if problem.plane else {x: a[0], y: a[1]}
-                rows.add(f"{phase.name}: cop", terms, low / unit, high / unit)
+                yield LinearRow(f"{phase.name}: cop", terms, low / unit, high / unit)
 
 
-def _continuity(rows: LinearRows, problem: PlanProblem, layout: Layout) -> None:
+def _continuity(problem: PlanProblem, layout: Layout) -> Iterator[LinearRow]:
     """Make the force continuous from stance to stance; and the CoP, unless feet must jump."""
     schedule = problem.schedule
     for k in range(1, len(schedule)):
@@ -226,18 +217,15 @@ def _continuity(rows: LinearRows, problem: PlanProblem, layout: Layout) -> None:
                 continue
             left, right = (layout.phases[j].named[name] for j in (k - 1, k))
             for c in moving(problem, name, left.shape[1]):
-                terms = {int(right[0, c]): 1.0, int(left[-1, c]): -1.0}
-                rows.add(f"{schedule[k].name}: {name} at its start", terms, 0.0, 0.0)
+                terms = {right[0, c]: 1.0, left[-1, c]: -1.0}
+                yield LinearRow(f"{schedule[k].name}: {name} at its start", terms, 0.0, 0.0)
 
 
-def _period(
-    rows: LinearRows, problem: PlanProblem, layout: Layout, units: dict[str, float]
-) -> None:
+def _period(problem: PlanProblem, layout: Layout, units: dict[str, float]) -> Iterator[LinearRow]:
     """Make the last state, force and CoP those of the first knot, moved by the stride."""
     for name, change in problem.period.items():
         start, end = layout.phases[0].named[name][0], layout.phases[-1].named[name][-1]
         for c in moving(problem, name, len(start)):
             if start[c] != end[c]:
-                terms = {int(end[c]): 1.0, int(start[c]): -1.0}
                 shift = change[c] / units[name]
-                rows.add(f"period: {name}", terms, shift, shift)
+                yield LinearRow(f"period: {name}", {end[c]: 1.0, start[c]: -1.0}, shift, shift)

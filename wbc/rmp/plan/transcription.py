@@ -74,14 +74,14 @@ def transcribe(problem: PlanProblem) -> Transcription:
     return Transcription(
         problem=problem,
         layout=layout,
-        nlp=assemble(layout.count, blocks, linear.matrix),
+        nlp=assemble(layout.count, blocks, constraint.matrix_of(linear, layout.count)),
         scale=scale,
         lower=lower / scale,
         upper=upper / scale,
-        row_lower=np.array([row.lower for _, row in listed] + linear.lower),
-        row_upper=np.array([row.upper for _, row in listed] + linear.upper),
-        labels=(*(label for label, _ in listed), *linear.labels),
-        soft=np.flatnonzero([not row.hard for _, row in listed] + [True] * len(linear.labels)),
+        row_lower=np.array([row.lower for _, row in listed] + [row.lower for row in linear]),
+        row_upper=np.array([row.upper for _, row in listed] + [row.upper for row in linear]),
+        labels=(*(label for label, _ in listed), *(row.label for row in linear)),
+        soft=np.flatnonzero([not row.hard for _, row in listed] + [True] * len(linear)),
     )
 
 
