@@ -13,7 +13,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from wbc.errors import ModelError, UnknownNameError
@@ -97,12 +97,7 @@ ROBOTS: Mapping[str, NamedRobot] = {
     ),
     "g1": _G1,
     # The 27-joint variant of the robot: the same machine with its waist bolted upright.
-    "g1_27": NamedRobot(
-        urdf=_G1.urdf,
-        locked={"waist_roll_joint": 0.0, "waist_pitch_joint": 0.0},
-        feet=_G1.feet,
-        standing=_G1.standing,
-    ),
+    "g1_27": replace(_G1, locked={"waist_roll_joint": 0.0, "waist_pitch_joint": 0.0}),
     # The reduced model is the one that whole-body controllers are published with; the fingers of
     # the full one are coupled (mimic) joints. Its two grippers are held: moving a fingerless
     # linkage would only give the controller two joints that mean nothing.
@@ -186,15 +181,12 @@ def find_robot(source: str | Path) -> Source:
     text = str(source)
     if isinstance(source, Path) or "/" in text or os.sep in text or Path(text).suffix:
         return Source(name=None, path=Path(source).expanduser())
-    if text in ROBOTS:
-        return _locate(text, ROBOTS[text])
-    return _from_robot_descriptions(text)
-
-
-def _locate(name: str, known: NamedRobot) -> Source:
-    folder = _HERE if known.shipped else _data_folder(name, known.urdf)
+    known = ROBOTS.get(text)
+    if known is None:
+        return _from_robot_descriptions(text)
+    folder = _HERE if known.shipped else _data_folder(text, known.urdf)
     srdf = None if known.srdf is None else folder / known.srdf
-    return Source(name=name, path=folder / known.urdf, srdf=srdf, known=known)
+    return Source(name=text, path=folder / known.urdf, srdf=srdf, known=known)
 
 
 def _data_folder(name: str, urdf: str) -> Path:
@@ -226,10 +218,9 @@ def _data_folders() -> Iterator[Path]:
 
 def _from_robot_descriptions(name: str) -> Source:
     """Return the files of a robot of the package ``robot_descriptions``; may download them."""
-    if importlib.util.find_spec("robot_descriptions") is None:
-        raise UnknownNameError("robot", name, robot_names())
+    installed = importlib.util.find_spec("robot_descriptions") is not None
     wanted = (f"robot_descriptions.{name}", f"robot_descriptions.{name}_description")
-    module_name = next((m for m in wanted if importlib.util.find_spec(m) is not None), None)
+    module_name = next((m for m in wanted if installed and importlib.util.find_spec(m)), None)
     if module_name is None:
         raise UnknownNameError("robot", name, robot_names())
     try:

@@ -71,17 +71,14 @@ class Limits:
         effort = _positive(model.effortLimit[rates])
         bounded = np.isfinite(lower) & np.isfinite(upper)
         bounded[list(unbounded)] = True
-        missing = [
+        given = (bounded, np.isfinite(velocity), np.isfinite(effort))
+        missing = tuple(
             f"{name}: {what}"
             for k, name in enumerate(names)
-            for what, there in (
-                ("position", bounded[k]),
-                ("velocity", np.isfinite(velocity[k])),
-                ("effort", np.isfinite(effort[k])),
-            )
-            if not there
-        ]
-        return cls(names, lower, upper, velocity, effort, tuple(missing), tuple(starts), unbounded)
+            for what, there in zip(("position", "velocity", "effort"), given, strict=True)
+            if not there[k]
+        )
+        return cls(names, lower, upper, velocity, effort, missing, tuple(starts), unbounded)
 
     def joint_positions(self, q: Array) -> Array:
         """Return the joint positions (nv-6,) held in ``q`` (nq,); angles of continuous joints.
@@ -119,10 +116,8 @@ class Limits:
 
     def clamped(self, q: Array) -> Array:
         """Return a copy of ``q`` (nq,) with every bounded joint at the nearest value in range."""
-        q = q.copy()
-        for k, start in enumerate(self.starts):
-            if k not in self.unbounded:
-                q[start] = min(max(q[start], self.lower[k]), self.upper[k])
+        q, starts = q.copy(), list(self.starts)
+        q[starts] = np.clip(q[starts], self.lower, self.upper)  # no bound where there is no limit
         return q
 
 

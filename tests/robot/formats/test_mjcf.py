@@ -80,6 +80,10 @@ REFUSED_MJCFS = {
         {"shank": '<body name="t"><joint name="j"/><geom size="1" mass="0"/></body>'},
         ("'j'", "'t'", "no mass"),
     ),
+    "unknown joint": (
+        {"inner": '<joint name="j" type="screw"/>'},
+        ("toy.xml: Pinocchio cannot read this MJCF: Unknown joint type",),
+    ),
 }
 
 
@@ -89,6 +93,7 @@ def test_unsupported_mjcfs_are_refused_by_name(tmp_path: Path, case: str) -> Non
     message = refusal(mjcf(tmp_path, **changes))
     for word in words:
         assert word in message
+    assert "\n" not in message
 
 
 def test_a_slide_is_accepted_in_radians(tmp_path: Path) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -38,6 +39,20 @@ def check_joint_count(count: int, path: Path) -> None:
     """
     if count > MOST_JOINTS:
         raise ModelError(f"{path}: {count} moving joints; at most {MOST_JOINTS} are supported")
+
+
+@contextmanager
+def pinocchio_reads(path: Path, failure: str, copy: str = "") -> Iterator[None]:
+    """Turn what Pinocchio's parsers raise into a ModelError that begins with ``failure``.
+
+    It names ``path`` instead of ``copy``, the file that they were given.
+    """
+    try:
+        yield
+    except (ValueError, RuntimeError, LookupError, MemoryError) as error:
+        told = str(error).rpartition("message:")[2]  # without the place in Pinocchio's source
+        reason = " ".join(told.replace(copy or str(path), str(path)).split())
+        raise ModelError(f"{path}: {failure}: {reason}") from error
 
 
 def confirm(model: pin.Model, mass: float | None, joints: Iterable[str], path: Path) -> None:

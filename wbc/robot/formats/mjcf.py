@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +12,16 @@ from tempfile import TemporaryDirectory
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.description import Coupling, Description, State, check_joint_count, confirm
+from wbc.robot.formats.description import (
+    Coupling,
+    Description,
+    State,
+    check_joint_count,
+    confirm,
+    pinocchio_reads,
+)
 from wbc.robot.formats.mjcf_document import plain_document
-from wbc.robot.formats.xml import check_magnitude, numbers, refuse_non_finite
+from wbc.robot.formats.xml import LARGEST, numbers, refuse_non_finite
 
 UNREAD = {"frame", "attach", "replicate", "composite", "flexcomp"}
 MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
@@ -28,7 +35,6 @@ COUNTS = {
 }
 DIRECTIONS = {"quat", "zaxis", "axis", "xyaxes", "fromto"}
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "plane": 3}
-ERRORS = (ValueError, RuntimeError, LookupError, MemoryError)  # that Pinocchio raises
 QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 
 
@@ -55,11 +61,8 @@ class MjcfGeometry:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         if not self.complete:
             return pin.GeometryModel()
-        with _file_of(self.text) as file:
-            try:
-                shapes = pin.buildGeomFromMJCF(model, file, kind)
-            except ERRORS as error:
-                raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
+        with _file_of(self.text, self.path, "shapes cannot be loaded") as file:
+            shapes = pin.buildGeomFromMJCF(model, file, kind)
         # A new model: what `geometryObjects` hands out are references into a vector, which removing
         # an entry would move under them.
         kept = pin.GeometryModel()
@@ -89,12 +92,8 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     joints = root.findall("worldbody//joint")
     check_joint_count(len(joints), path)
     text = ET.tostring(root, encoding="unicode")
-    with _file_of(text) as file:
-        try:
-            model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
-        except ERRORS as error:
-            reason = str(error).replace(file, str(path))
-            raise ModelError(f"{path}: Pinocchio cannot read this MJCF: {reason}") from error
+    with _file_of(text, path, "Pinocchio cannot read this MJCF") as file:
+        model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
     confirm(model, _total_mass(root, path), [name for name in names if name], path)
     _check_slides(root, model, path)
@@ -116,12 +115,13 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
 
 
 @contextmanager
-def _file_of(text: str) -> Iterator[str]:
-    """Give a document a file for as long as Pinocchio reads it."""
+def _file_of(text: str, path: Path, failure: str) -> Iterator[str]:
+    """Give a document a file for as long as Pinocchio reads it; errors name ``path``."""
     with TemporaryDirectory(prefix="wbc-") as folder:
         file = Path(folder) / "plain.xml"
         file.write_text(text, encoding="utf-8")
-        yield str(file)
+        with pinocchio_reads(path, failure, copy=str(file)):
+            yield str(file)
 
 
 def _check_numbers(root: ET.Element, path: Path) -> None:
@@ -131,8 +131,7 @@ def _check_numbers(root: ET.Element, path: Path) -> None:
             where = f"{path}: body {body.get('name', '?')!r}"
             for key, count in COUNTS.items():
                 if key in element.attrib:
-                    values = numbers(element, key, count, where)
-                    check_magnitude(element, key, values, where)
+                    values = numbers(element, key, count, where, LARGEST)
                     if key in DIRECTIONS and not any(values):
                         raise ModelError(f"{where}: <{element.tag} {key}> is all 0")
             if element.tag == "geom":
@@ -143,16 +142,14 @@ def _check_size(geom: ET.Element, where: str) -> None:
     kind = geom.get("type", "sphere")
     least = 1 if "fromto" in geom.attrib else SIZES.get(kind, 0)
     count = len(geom.get("size", "").split())
-    values = numbers(geom, "size", count, where) if count else []
+    values = numbers(geom, "size", count, where, LARGEST) if count else []
     if count < least or any(value < 0.0 for value in values):
         raise ModelError(f"{where}: <geom size> of a {kind} needs {least} numbers, none negative")
-    check_magnitude(geom, "size", values, where)
 
 
 def _total_mass(root: ET.Element, path: Path) -> float | None:
     """Return the mass that the document says [kg]; None where shapes' volumes give it."""
-    compiler = root.find("compiler")
-    from_shapes = "auto" if compiler is None else compiler.get("inertiafromgeom", "auto")
+    from_shapes = _compiler(root).get("inertiafromgeom", "auto")
     total = 0.0
     for body in root.findall("worldbody//body"):
         where = f"{path}: body {body.get('name', '?')!r}"
@@ -165,6 +162,12 @@ def _total_mass(root: ET.Element, path: Path) -> float | None:
                 return None
             total += numbers(geom, "mass", 1, where)[0]
     return total
+
+
+def _compiler(root: ET.Element) -> Mapping[str, str]:
+    """Return the settings of a plain document, which has one ``<compiler>`` at most."""
+    compiler = root.find("compiler")
+    return {} if compiler is None else compiler.attrib
 
 
 def _floats(root: ET.Element) -> bool:
@@ -187,8 +190,7 @@ def _check_structure(root: ET.Element, path: Path) -> None:
             " alone; remove the others (Pinocchio would drop them silently)"
         )
     _check_compiler(root, path)
-    compiler = root.find("compiler")
-    from_shapes = compiler is not None and compiler.get("inertiafromgeom") == "true"
+    from_shapes = _compiler(root).get("inertiafromgeom") == "true"
     for body in root.findall("worldbody//body"):
         drawn = any("mesh" in geom.attrib for geom in body.findall("geom"))
         if drawn and (from_shapes or body.find("inertial") is None):
@@ -200,14 +202,14 @@ def _check_structure(root: ET.Element, path: Path) -> None:
 
 def _check_compiler(root: ET.Element, path: Path) -> None:
     """Refuse settings that change masses or limits in MuJoCo and that Pinocchio passes over."""
-    for compiler in root.findall("compiler"):
-        for name in MISREAD:
-            if name in compiler.attrib:
-                raise ModelError(
-                    f"{path}: <compiler {name}=...> is not read by Pinocchio, masses would be"
-                    " wrong; let MuJoCo save the compiled model to one file"
-                )
-    loose = any(c.get("autolimits") == "false" for c in root.findall("compiler"))
+    compiler = _compiler(root)
+    for name in MISREAD:
+        if name in compiler:
+            raise ModelError(
+                f"{path}: <compiler {name}=...> is not read by Pinocchio, masses would be"
+                " wrong; let MuJoCo save the compiled model to one file"
+            )
+    loose = compiler.get("autolimits") == "false"
     for joint in root.iter("joint"):
         limited = joint.get("limited", "false" if loose else "auto")
         if limited == "false" and "range" in joint.attrib:
@@ -218,8 +220,7 @@ def _check_compiler(root: ET.Element, path: Path) -> None:
 
 
 def _check_slides(root: ET.Element, model: pin.Model, path: Path) -> None:
-    compiler = root.find("compiler")
-    if compiler is not None and compiler.get("angle", "degree") == "radian":
+    if _compiler(root).get("angle") == "radian":
         return
     for name, joint in zip(model.names, model.joints, strict=True):
         if joint.shortname().startswith("JointModelP"):
@@ -251,8 +252,7 @@ def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Couplin
 
 
 def _missing_meshes(root: ET.Element) -> list[str]:
-    compiler = root.find("compiler")
-    folder = Path("" if compiler is None else compiler.get("meshdir", ""))
+    folder = Path(_compiler(root).get("meshdir", ""))
     files = [mesh.get("file") for mesh in root.findall("asset/mesh")]
     return [name for name in files if name is not None and not (folder / name).is_file()]
 

@@ -16,9 +16,15 @@ from pathlib import Path
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.formats.description import Coupling, Description, check_joint_count, confirm
+from wbc.robot.formats.description import (
+    Coupling,
+    Description,
+    check_joint_count,
+    confirm,
+    pinocchio_reads,
+)
 from wbc.robot.formats.mesh_files import exact_meshes, resolve_meshes
-from wbc.robot.formats.xml import check_magnitude, numbers
+from wbc.robot.formats.xml import LARGEST, numbers
 from wbc.robot.limits import UNLIMITED
 
 MOVING = {"revolute", "continuous", "prismatic"}
@@ -48,10 +54,8 @@ class UrdfGeometry:
     ) -> pin.GeometryModel:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         text = self.text if links is None else self._only(links, _SHAPES[kind])
-        try:
+        with pinocchio_reads(self.path, "shapes cannot be loaded"):
             shapes = pin.buildGeomFromUrdfString(model, text, kind)
-        except (ValueError, RuntimeError, LookupError, MemoryError) as error:
-            raise ModelError(f"{self.path}: shapes cannot be loaded: {error}") from error
         exact_meshes(shapes)
         return shapes
 
@@ -87,7 +91,9 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     notes = resolve_meshes(root, path, package_dirs)
     text = ET.tostring(root, encoding="unicode")
     floats = any(joint.get("type") == "floating" for joint in joints)
-    model = _build(text, path, floats)
+    with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
+        root_joint = () if floats else (pin.JointModelFreeFlyer(),)
+        model = pin.buildModelFromXML(text, *root_joint)
     masses = [float(mass.get("value", 0)) for mass in root.findall("link/inertial/mass")]
     moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
     confirm(model, math.fsum(masses), moving, path)
@@ -100,15 +106,6 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         bolted=None if floats else f"the root link is called {base!r}" if base in BOLTED else "",
         notes=notes,
     )
-
-
-def _build(text: str, path: Path, floats: bool) -> pin.Model:
-    try:
-        if floats:
-            return pin.buildModelFromXML(text)
-        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-    except (ValueError, RuntimeError, LookupError, MemoryError) as error:
-        raise ModelError(f"{path}: Pinocchio cannot read this URDF: {error}") from error
 
 
 def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
@@ -198,12 +195,11 @@ def _check_inertial(link: ET.Element, where: str) -> None:
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
         raise ModelError(f"{where}: <inertial> needs <mass> and <inertia>; add the missing one")
-    value = numbers(mass, "value", 1, where)[0]
-    check_magnitude(mass, "value", [value], where)
+    value = numbers(mass, "value", 1, where, LARGEST)[0]
     if value < 0.0:
         raise ModelError(f"{where}: negative mass {value:g} kg; correct it")
     for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-        check_magnitude(inertia, key, numbers(inertia, key, 1, where), where)
+        numbers(inertia, key, 1, where, LARGEST)
     _check_origin(inertial, where)
 
 
@@ -215,8 +211,7 @@ def _check_shapes(link: ET.Element, where: str) -> None:
             for key, count in SIZES.get(solid.tag, {}).items():
                 if solid.tag == "mesh" and key not in solid.attrib:
                     continue
-                values = numbers(solid, key, count, where)
-                check_magnitude(solid, key, values, where)
+                values = numbers(solid, key, count, where, LARGEST)
                 if solid.tag != "mesh" and min(values) < 0.0:
                     raise ModelError(f"{where}: <{solid.tag} {key}> is negative; correct it")
 
@@ -238,14 +233,14 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     dynamics = joint.find("dynamics")
     for key in ("damping", "friction"):
         if dynamics is not None and key in dynamics.attrib:
-            check_magnitude(dynamics, key, numbers(dynamics, key, 1, where), where)
+            numbers(dynamics, key, 1, where, LARGEST)
 
 
 def _check_origin(element: ET.Element, where: str) -> None:
     origin = element.find("origin")
     for key in ("xyz", "rpy"):
         if origin is not None and key in origin.attrib:
-            check_magnitude(origin, key, numbers(origin, key, 3, where), where)
+            numbers(origin, key, 3, where, LARGEST)
 
 
 def _complete_limit(joint: ET.Element, where: str) -> None:

@@ -14,7 +14,7 @@ from wbc.errors import ModelError
 
 _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", "filename", "mesh"}
 MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, DEEPEST = 64 << 20, 100_000, 200, 300
-LARGEST = 1e9  # of a length [m], a mass [kg] or an inertia [kg m^2]
+LARGEST = 1e9  # of a length [m], mass [kg] or inertia [kg m^2]: larger products overflow
 _EQUALS = re.compile(rb"=\s*[\"']")
 _NOT_FINITE = {"nan", "inf", "infinity"}
 
@@ -69,13 +69,15 @@ def _check_size(root: ET.Element, path: Path) -> None:
         level = [child for element in level for child in element]
 
 
-def numbers(element: ET.Element, key: str, count: int, where: str) -> list[float]:
-    """Return the ``count`` finite numbers of an attribute.
+def numbers(
+    element: ET.Element, key: str, count: int, where: str, largest: float = math.inf
+) -> list[float]:
+    """Return the ``count`` finite numbers of an attribute, at most ``largest`` in magnitude.
 
     Raises
     ------
     ModelError
-        The attribute is missing, or does not hold exactly so many finite numbers.
+        The attribute is missing, or does not hold exactly so many such numbers.
     """
     text = element.get(key)
     if text is None:
@@ -88,35 +90,19 @@ def numbers(element: ET.Element, key: str, count: int, where: str) -> list[float
     if len(values) != count or not all(math.isfinite(value) for value in values):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
         raise ModelError(f"{where}: <{element.tag} {key}={text!r}>: expected {wanted}")
+    if any(abs(value) > largest for value in values):
+        raise ModelError(f"{where}: <{element.tag} {key}={text!r}> is larger than {largest:g}")
     return values
 
 
-def check_magnitude(element: ET.Element, key: str, values: list[float], where: str) -> None:
-    """Refuse lengths, masses and inertias whose products overflow.
-
-    Raises
-    ------
-    ModelError
-        A number beyond :data:`LARGEST` in magnitude.
-    """
-    if any(abs(value) > LARGEST for value in values):
-        raise ModelError(
-            f"{where}: <{element.tag} {key}={element.get(key)!r}> is larger than {LARGEST:g}"
-        )
-
-
-def refuse_non_finite(root: ET.Element, path: Path) -> None:
-    """Refuse NaN and infinity in any attribute that may hold numbers.
+def refuse_non_finite(element: ET.Element, path: Path, nearest: str = "the root element") -> None:
+    """Refuse NaN and infinity in any attribute that may hold numbers, in all below ``element``.
 
     Raises
     ------
     ModelError
         Naming the element, the attribute and the nearest named element around it.
     """
-    _scan(root, "the root element", path)
-
-
-def _scan(element: ET.Element, nearest: str, path: Path) -> None:
     name = element.get("name")
     if name is not None:
         nearest = f"{element.tag} {name!r}"
@@ -127,4 +113,4 @@ def _scan(element: ET.Element, nearest: str, path: Path) -> None:
                 f"{path}: in {nearest}: <{element.tag} {key}={text!r}> is not finite; give a number"
             )
     for child in element:
-        _scan(child, nearest, path)
+        refuse_non_finite(child, path, nearest)
