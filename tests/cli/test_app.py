@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import wbc
-from wbc.cli import app
+from wbc.cli import app, progress
 from wbc.errors import ModelError
 from wbc.problem import History
 from wbc.robot import robot_names
@@ -45,12 +45,26 @@ def refused(*arguments: object) -> str:
     return answer.stderr.removeprefix("error: ").rstrip("\n")
 
 
-def test_a_good_run(file: Path, tmp_path: Path) -> None:
+def test_a_robot_that_falls_over_is_not_exit_zero(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "robot: hoap2_like\nsupport: double\n"
+        "tasks: {com: {type: com, target: {offset: [0.08, 0, 0]}, axes: [x, y], gain: 0.1}}\n"
+        "stop: {duration: 1.0, accept: {com: 1.0e-3}, speed: null}\n"
+    )
+    answer = wbc_command("run", path)
+    assert answer.exit_code == 3
+    assert "not kept: ran for 1 s, but the robot falls: its CoM was" in answer.stdout
+    assert wbc_command("run", path, "--set", "stop.balance=null").exit_code == 0
+
+
+def test_a_good_run(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", float("inf"))
     answer = wbc_command("run", file, "--output", tmp_path / "r.json")
     assert answer.exit_code == 0
     for words in ("converged", "hand", "joint limits", "every tick solved", "median", "r.json"):
         assert words in answer.stdout
-    assert answer.stderr == ""  # too short for a line of progress
+    assert answer.stderr == ""
     assert json.loads((tmp_path / "r.json").read_text())["status"] == "converged"
 
 

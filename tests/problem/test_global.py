@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
-from wbc.cli import app
+from wbc.cli import app, progress
 from wbc.constraints import ComSupport, Limits
 from wbc.controllers.shaping import Candidate, GlobalShaping, NoPostureError
 from wbc.controllers.shaping.evaluation import Tolerances
@@ -288,7 +288,10 @@ def test_the_rest_of_the_file_means_what_it_always_does(
         assert set(told.history.slip) == {"left_sole"}
 
 
-def test_the_command_line_prints_the_search(tmp_path: Path) -> None:
+def test_the_command_line_prints_the_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", np.inf)  # however busy the machine is
     (tmp_path / "p.yaml").write_text(TEXT)
     answer = CliRunner().invoke(
         app, ["run", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "r.json")]

@@ -18,7 +18,7 @@ tasks:
   shape: {type: inertia, components: [xx, xy], frame: base, target: {scale: 1.1}}
   size: {type: inertia, components: principal, target: {scale: 1.1}, weight: 0.1}
   left hand: {type: frame, frame: left_hand, control: pose, target: start}
-stop: {duration: 0.1}
+stop: {duration: 0.1, balance: null}  # on one foot, the CoM in the middle
 """
 
 

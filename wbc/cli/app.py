@@ -78,7 +78,7 @@ def common(
 
 @app.command(
     epilog="Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met "
-    "in time; 4 a QP failed."
+    "in time, or balance, contacts or margins not kept; 4 a QP failed."
 )
 def run(
     problem: Annotated[Path, typer.Argument(help="The problem file.", metavar="PROBLEM.yaml")],

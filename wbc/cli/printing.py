@@ -117,6 +117,12 @@ def _rest(result: Result) -> Table:
         table.add_row(
             "balance", Text(f"CoM {size} the soles at worst ({phase}tick {balance.tick})")
         )
+    for name, worst in result.clearance.items():
+        side = "left" if worst.value >= 0.0 else "inside"
+        size = f"at worst {1e3 * abs(worst.value):.2g} mm {side}"
+        table.add_row(Text(name), Text(f"{size} ({worst.where}, tick {worst.tick})"))
+    for text in result.not_kept:
+        table.add_row("not kept", Text(text, style="red"))
     for name, pairs in result.provenance.get("unwatched_pairs", {}).items():
         told = "; ".join(f"{pair}: {why}" for pair, why in pairs.items())
         table.add_row("not watched", Text(f"{told} ({name})"))

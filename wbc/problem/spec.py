@@ -11,7 +11,17 @@ import wbc.problem.kinds  # noqa: F401
 from wbc.problem.constraint_spec import ConstraintSpec
 from wbc.problem.controller_spec import ControllerSpec, QpSpec
 from wbc.problem.robot_spec import LimitsChoice, LimitsSpec, RobotChoice, StartSpec
-from wbc.problem.section import Name, OneOf, Positive, Section, Weight, default_of, leaves
+from wbc.problem.section import (
+    Name,
+    NonNegative,
+    Number,
+    OneOf,
+    Positive,
+    Section,
+    Weight,
+    default_of,
+    leaves,
+)
 from wbc.problem.support import Support
 from wbc.problem.task_spec import TaskSpec
 from wbc.run.stopping import Stop
@@ -76,6 +86,14 @@ class StopSpec(Section):
     ticks in a row; null: always run for the whole duration."""
     accept: dict[Name, Positive] = Field(default_factory=dict)
     """Tolerance on the norm of a task's error at the end, by the task's name."""
+    balance: Number | None = default_of(Stop, "balance")
+    """How far inside the soles that stand the CoM's projection stays all the time [m]; null: no
+    matter where."""
+    slip: NonNegative | None = default_of(Stop, "slip")
+    """Farthest that a held frame may be from its anchor [m], unless it has a slack; null: any."""
+    margins: NonNegative | None = default_of(Stop, "margins")
+    """By how much joint limits and constraints without slack may be exceeded [m or rad], once they
+    are kept; null: by anything."""
 
 
 class ProblemSpec(Section):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,8 +58,12 @@ def conclude(
     }
     norms = {name: task.norm for name, task in results.items()}
     ticks, history = len(recorder.states), recorder.history()
-    status, reason = ending(stop, at_rest, len(recorder.failures), ticks, norms, broken_off)
     states = [*recorder.states, final]
+    balance = _worst_balance(states, history)
+    not_kept = tuple(_not_kept(stop, states, [*recorder.standings, standing], balance))
+    status, reason = ending(
+        stop, at_rest, len(recorder.failures), ticks, norms, broken_off, not_kept
+    )
     return Result(
         robot=end.robot,
         status=status,
@@ -77,7 +81,9 @@ def conclude(
         },
         margin=_worst_margin(states),
         slip=_worst_slip(states),
-        balance=_worst_balance(states, history),
+        balance=balance,
+        clearance=_worst_clearance(states),
+        not_kept=not_kept,
         phases=_phase_results(history),
         failures=tuple(Failure(k, report) for k, report in recorder.failures.items()),
         history=history,
@@ -123,6 +129,69 @@ def _worst_balance(states: list[Measured], history: History) -> Worst | None:
         return None
     tick = int(np.nanargmin(margins))
     return Worst(float(margins[tick]), str(history.phase[min(tick, len(history) - 1)]), tick)
+
+
+def _worst_clearance(states: Sequence[Measured]) -> dict[str, Worst]:
+    """Return what was left of each margin at worst."""
+    worst = dict[str, Worst]()
+    for tick, state in enumerate(states):
+        for name, left in state.clearance.items():
+            if name not in worst or left < worst[name].value:
+                worst[name] = Worst(left, state.nearest[name], tick)
+    return worst
+
+
+def _not_kept(
+    stop: Stop,
+    states: Sequence[Measured],
+    standings: Sequence[Standing],
+    balance: Worst | None,
+) -> Iterator[str]:
+    """Yield in words what was to be kept all the time and was not."""
+    if stop.balance is not None and balance is not None and balance.value < stop.balance:
+        side = "outside" if balance.value < 0.0 else "inside"
+        asked = f", less than {1e3 * stop.balance:.3g} mm" if balance.value >= 0.0 else ""
+        yield (
+            f"the robot falls: its CoM was {1e3 * abs(balance.value):.3g} mm {side} the soles"
+            f"{asked} (tick {balance.tick})"
+        )
+    if stop.slip is not None:
+        held = (
+            Worst(distance, frame, tick)
+            for tick, (state, standing) in enumerate(zip(states, standings, strict=True))
+            for frame, distance in state.slip.items()
+            if frame not in standing.soft
+        )
+        worst = max(held, key=lambda slip: slip.value, default=None)
+        if worst is not None and worst.value > stop.slip:
+            yield f"{worst.where} slipped by {1e3 * worst.value:.3g} mm (tick {worst.tick})"
+    if stop.margins is not None:
+        for name, worst in _exceeded(states, standings, stop.margins).items():
+            yield f"{name} exceeded by {-worst.value:.3g} at {worst.where} (tick {worst.tick})"
+
+
+def _exceeded(
+    states: Sequence[Measured], standings: Sequence[Standing], tolerance: float
+) -> dict[str, Worst]:
+    """Return by how much limits and margins were exceeded once they were kept in a phase.
+
+    What is outside when a phase begins is brought back first; if it never is, all of it counts.
+    """
+    left: dict[tuple[str, str], list[Worst]] = {}
+    for tick, (state, standing) in enumerate(zip(states, standings, strict=True)):
+        for name, value in state.clearance.items():
+            worst = Worst(value, state.nearest[name], tick)
+            left.setdefault((standing.phase, name), []).append(worst)
+        if standing.limited:
+            worst = Worst(state.margin, state.margin_joint, tick)
+            left.setdefault((standing.phase, "joint limits"), []).append(worst)
+    found = dict[str, Worst]()
+    for (_, name), values in left.items():
+        first = next((k for k, one in enumerate(values) if one.value >= -tolerance), 0)
+        worst = min(values[first:], key=lambda one: one.value)
+        if worst.value < -tolerance and (name not in found or worst.value < found[name].value):
+            found[name] = worst
+    return found
 
 
 def _phase_results(history: History) -> dict[str, PhaseResult]:

@@ -93,7 +93,7 @@ def shape_globally(
     began = perf_counter()
     problem = shaping.problem
     tasks = tuple(tasks) or problem.tasks
-    standing = Standing.on("", problem.contacts)
+    standing = Standing.on("", problem.contacts, problem.constraints, problem.limits)
     recorders: list[Recorder] = []
     total = ticks_in(stop.duration, dt)
 
@@ -179,7 +179,7 @@ def _with_search(
         effort=effort,
     )
     status = result.status
-    if not report.arrived and status is not RunStatus.QP_FAILED:
+    if not report.arrived and status not in (RunStatus.QP_FAILED, RunStatus.NOT_KEPT):
         status = RunStatus.NOT_REACHED
     reason = f"{result.reason}; {report.describe()}"
     stopped = _ENDED_BY.get(outcome.statistics.stopped)

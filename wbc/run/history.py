@@ -51,6 +51,9 @@ class History:
     balance:
         (n,) how far the CoM's projection is inside the polygon of the soles that stand [m],
         negative outside; NaN if no feet stand, or something else is held too.
+    clearance:
+        (n,) what is left of each margin [m], negative inside, by constraint; NaN while it is not in
+        use, or may give way.
     kkt:
         (n,) largest KKT residual; NaN where the QP was not solved.
     tick_time, tick_cpu_time:
@@ -72,6 +75,7 @@ class History:
     turn: Mapping[str, Array]
     margin: Array
     balance: Array
+    clearance: Mapping[str, Array]
     kkt: Array
     tick_time: Array
     tick_cpu_time: Array
@@ -103,6 +107,8 @@ class Measured(NamedTuple):
     margin: float
     margin_joint: str
     balance: float  # NaN unless feet stand
+    clearance: dict[str, float]
+    nearest: dict[str, str]  # where the clearance is least
 
 
 class Recorder:
@@ -114,11 +120,14 @@ class Recorder:
         What was measured when each tick began.
     failures:
         Why there was no solution, by tick.
+    standings:
+        What was held and kept in each tick.
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
         self.states: list[Measured] = []
         self.failures: dict[int, str] = {}
+        self.standings: list[Standing] = []
         # By tick what the history keeps: not snapshots and QPs, which are a hundred times larger.
         self._rows: list[dict[str, Any]] = []
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
@@ -142,6 +151,7 @@ class Recorder:
         if not tick.ok:
             self.failures[len(self.states)] = tick.report()
         self.states.append(state)
+        self.standings.append(standing)
         self._rows.append(
             {
                 **state._asdict(),
@@ -162,6 +172,7 @@ class Recorder:
         """Return what the summary needs to know of a state."""
         drifts = {contact.frame: contact.residual(snapshot).error for contact in standing.contacts}
         margin, joint = self._limits.worst_margin(snapshot.q)
+        clearance = standing.clearance(snapshot)
         return Measured(
             com=snapshot.com,
             inertia=vech(snapshot.inertia),
@@ -173,6 +184,8 @@ class Recorder:
             margin=margin,
             margin_joint=joint,
             balance=standing.margin(snapshot),
+            clearance={name: left for name, (left, _) in clearance.items()},
+            nearest={name: where for name, (_, where) in clearance.items()},
         )
 
     def history(self) -> History:

@@ -100,7 +100,7 @@ class PhaseExecutor:
     controller:
         Of the present phase.
     standing:
-        What is held in it.
+        What is held and kept in it.
     complaint:
         Why a phase could not begin, which ended the run; else None.
     """
@@ -165,14 +165,19 @@ class PhaseExecutor:
                 if reason is not None:
                     self.complaint = f"phase {phase.name!r} cannot begin: {reason}"
                     return None
-            self.move_to(np.inf)  # what the last phase moved is at its end, and rests
+            self._move_targets(np.inf)  # what the last phase moved is at its end, and rests
             self._moving = []
             self._begin(phase, snapshot, contacts)
-        self.move_to(tick * dt)
+        self._move_targets(tick * dt)
         return self.controller
 
     def move_to(self, time: float) -> None:
-        """Set every moving target and weight to its value at ``time`` [s]."""
+        """Set every moving target, weight and obstacle to its value at ``time`` [s]."""
+        if self._move_world is not None:
+            self._move_world(time)
+        self._move_targets(time)
+
+    def _move_targets(self, time: float) -> None:
         for moving in self._moving:
             moving.move_to(time)
 
@@ -182,8 +187,11 @@ class PhaseExecutor:
             for name, change in phase.changes.items()
             if self._change(name, change, phase, snapshot)
         ]
-        self.standing = Standing.on(phase.name, contacts)
-        self.controller = self._make_controller(tasks, contacts, snapshot)
+        made = self._make_controller(tasks, contacts, snapshot)
+        self.standing = Standing.on(
+            phase.name, contacts, made.constraints, made.limits, made.slacks.is_hard
+        )
+        self.controller = made
 
     def _change(self, name: str, change: Change, phase: Phase, snapshot: Snapshot) -> bool:
         """Begin what a phase does with a task; True if it is in use in that phase."""

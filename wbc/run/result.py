@@ -115,6 +115,11 @@ class Result:
         Least distance of the CoM's projection inside the polygon of the soles that stand [m],
         negative outside, and the phase in which that was; None if the robot never stood on feet
         alone.
+    clearance:
+        What was left of each margin at worst [m], negative inside, and at which of its rows, by the
+        name of the constraint; without those that may give way.
+    not_kept:
+        What :class:`Stop` asks to be kept all the time and was not, in words.
     phases:
         What each phase came to by name, in order; empty in a run without phases.
     failures:
@@ -138,6 +143,8 @@ class Result:
     margin: Worst
     slip: Worst | None
     balance: Worst | None
+    clearance: Mapping[str, Worst]
+    not_kept: tuple[str, ...]
     phases: Mapping[str, PhaseResult]
     failures: tuple[Failure, ...]
     history: History
@@ -186,6 +193,11 @@ class Result:
                 "phase": self.balance.where,
                 "tick": self.balance.tick,
             },
+            "constraints": {
+                name: {"least_clearance": worst.value, "at": worst.where, "tick": worst.tick}
+                for name, worst in self.clearance.items()
+            },
+            "not_kept": list(self.not_kept),
             "phases": {name: asdict(phase) for name, phase in self.phases.items()},
             "qp": {
                 "failed_ticks": len(self.failures),

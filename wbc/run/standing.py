@@ -1,14 +1,15 @@
-"""What the robot stands on: held frames, the feet among them, and how well it stands there."""
+"""What a phase holds and keeps: contacts, the feet among them, margins; and how well."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.constraints import Contact, PointContact
+from wbc.constraints import Constraint, Contact, Limits, PointContact
 from wbc.constraints.com_support import support_polygon
+from wbc.constraints.margin import SKIN, Margin
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
 
@@ -18,7 +19,7 @@ FLAT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What is held in a phase.
+    """What is held and kept in a phase.
 
     Attributes
     ----------
@@ -29,17 +30,46 @@ class Standing:
     feet:
         The feet that stand, if nothing else is held; what then keeps the robot from falling is the
         polygon of their soles.
+    margins:
+        The constraints that must be kept.
+    limited:
+        Whether joint position limits must be kept.
+    soft:
+        Frames of contacts that may give way.
     """
 
     phase: str
     contacts: tuple[Contact, ...]
     feet: tuple[str, ...]
+    margins: tuple[Margin, ...] = ()
+    limited: bool = False
+    soft: frozenset[str] = frozenset()
 
     @classmethod
-    def on(cls, phase: str, contacts: Sequence[Contact]) -> Standing:
-        """Return what it is to stand on ``contacts``."""
+    def on(
+        cls,
+        phase: str,
+        contacts: Sequence[Contact],
+        constraints: Iterable[Constraint] = (),
+        limits: Limits | None = None,
+        is_hard: Callable[[str], bool] = lambda _: True,
+    ) -> Standing:
+        """Return what it is to stand on ``contacts`` and to keep constraints and limits.
+
+        Parameters
+        ----------
+        is_hard:
+            Says of a contact's or constraint's name whether it may not give way.
+        """
         feet = held_feet(contacts)
-        return cls(phase, tuple(contacts), feet if len(feet) == len(contacts) else ())
+        return cls(
+            phase,
+            tuple(contacts),
+            feet if len(feet) == len(contacts) else (),
+            tuple(one for one in constraints if isinstance(one, Margin) and is_hard(one.name)),
+            limits is not None and bool(np.isfinite(limits.upper - limits.lower).any()),
+            frozenset(one.frame for one in contacts if not is_hard(one.name)),
+        )
 
     @property
     def label(self) -> str:
@@ -54,6 +84,17 @@ class Standing:
         if not self.feet:
             return float("nan")
         return float(polygon_margin(support_polygon(snapshot, self.feet), snapshot.com[:2]))
+
+    def clearance(self, snapshot: Snapshot) -> dict[str, tuple[float, str]]:
+        """Return what is left of each margin [m], negative inside, and where, by its name."""
+        found = dict[str, tuple[float, str]]()
+        for margin in self.margins:
+            distances = margin.distances(snapshot)
+            if distances.clearance.size:
+                k = int(distances.clearance.argmin())
+                left = float(distances.clearance[k]) + SKIN
+                found[margin.name] = left, margin.labels(distances)[k]
+        return found
 
 
 def held_feet(contacts: Iterable[Contact]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
@@ -23,11 +23,22 @@ class Stop:
         ticks in a row; None: always run for the whole duration.
     accept:
         Tolerance on the norm of a task's error at the end, by the task's name.
+    balance:
+        How far inside the polygon of the soles that stand the CoM's projection stays all the time
+        [m]; None: no matter where.
+    slip:
+        Farthest that a held frame may be from its anchor [m], unless it may give way; None: any.
+    margins:
+        By how much joint limits and constraints may be exceeded [m or rad], from when they are
+        first kept in a phase, unless they may give way; None: by anything.
     """
 
     duration: float = 20.0
     speed: float | None = 1e-5
     accept: Mapping[str, float] = field(default_factory=dict)
+    balance: float | None = 0.0
+    slip: float | None = 5e-3
+    margins: float | None = 1e-4
 
 
 class RunStatus(StrEnum):
@@ -36,9 +47,10 @@ class RunStatus(StrEnum):
     ``CONVERGED``: at rest, and every tolerance met. ``ACCEPTED``: every tolerance met, though not
     at rest, when the time was over. ``COMPLETED``: the whole duration was asked for (``speed:
     null``) and no tolerance given. ``TIMEOUT``: not at rest when the time was over.
-    ``NOT_REACHED``: a tolerance was not met. ``QP_FAILED``: a tick had no solution.
-    ``NOT_STANDING``: a phase could not begin, because a foot that it stands on was in the air or
-    tilted; the run ended there.
+    ``NOT_REACHED``: a tolerance was not met. ``NOT_KEPT``: balance, a contact or a margin was not
+    kept all the time, as :class:`Stop` asks; the robot may fall or collide. ``QP_FAILED``: a tick
+    had no solution. ``NOT_STANDING``: a phase could not begin, because a foot that it stands on
+    was in the air or tilted; the run ended there.
     """
 
     CONVERGED = "converged"
@@ -46,6 +58,7 @@ class RunStatus(StrEnum):
     COMPLETED = "completed"
     TIMEOUT = "timeout"
     NOT_REACHED = "not_reached"
+    NOT_KEPT = "not_kept"
     QP_FAILED = "qp_failed"
     NOT_STANDING = "not_standing"
 
@@ -85,6 +98,7 @@ def ending(
     ticks: int,
     norms: Mapping[str, float],
     broken_off: str | None = None,
+    not_kept: Sequence[str] = (),
 ) -> Ending:
     """Return how a run ended.
 
@@ -96,6 +110,8 @@ def ending(
         Norm of each task's error at the end.
     broken_off:
         Why a phase could not begin, or None.
+    not_kept:
+        What was to be kept all the time and was not, in words.
     """
     if failed:
         return Ending(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
@@ -109,6 +125,9 @@ def ending(
     how = "at rest" if at_rest else f"still moving after {stop.duration:g} s"
     if stop.speed is None:
         how = f"ran for {stop.duration:g} s"
+    if not_kept:
+        also = f"; not within tolerance: {', '.join(missed)}" if missed else ""
+        return Ending(RunStatus.NOT_KEPT, f"{how}, but {'; '.join(not_kept)}{also}")
     if missed:
         return Ending(RunStatus.NOT_REACHED, f"{how}; not within tolerance: {', '.join(missed)}")
     within = "; every tolerance met" if stop.accept else ""
