@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 
 from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot.geometry import Mesh
-from wbc.view.camera import Camera
-from wbc.view.raster import NOTHING, rasterise
+from wbc.view.camera import NOTHING, Camera, rasterise
 from wbc.view.render import lay_ellipsoid, render
 from wbc.view.scene import Scene, principal_sections, silhouette, surface_points
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from wbc.validate import Array
 from wbc.view import style
 from wbc.view.analysis_plots import LETTERS, PLOTS
 from wbc.view.portrait import Portrait, draw_pendulum, panels_of, portraits_of, shape_of
-from wbc.view.scene import densified, silhouette
+from wbc.view.scene import densified
 from wbc.view.style import picture_file, save
 
 WIDTH = 9.0  # inches
@@ -73,22 +73,18 @@ def plot_analysis(
 def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) -> Figure:
     """Return the figure that :func:`plot_analysis` writes."""
     frames = snapshot_frames(series.time, snapshots)
-    moments = moments_of(series, frames)
-    wide = WIDTH / max(len(moments), 4)  # fewer are not drawn larger than a quarter
-    shape = float(np.clip(shape_of([one.portrait for one in moments]), *PANEL_SHAPE))
-    high = min(HIGHEST, wide * shape)
+    portraits = snapshot_portraits(series, frames)
+    wide = WIDTH / max(len(portraits), 4)  # fewer are not drawn larger than a quarter
+    high = min(HIGHEST, wide * float(np.clip(shape_of(portraits), *PANEL_SHAPE)))
     rows = -(-len(PLOTS) // COLUMNS)
     below = rows * ROW + TIME
     total = HEADING + high + CAPTION + below
     figure = style.sheet(WIDTH, total, title, below)
-    left, bottom = 0.5 * (WIDTH - wide * len(moments)), (below + CAPTION) / total
-    panels = [
-        figure.add_axes(((left + wide * k) / WIDTH, bottom, wide / WIDTH, high / total))
-        for k in range(len(moments))
-    ]
-    draw_moments(panels, moments)
+    left, bottom = 0.5 * (WIDTH - wide * len(portraits)), below + CAPTION
+    places = [left + wide * k for k in range(len(portraits))]
+    draw_snapshots([style.place(figure, x, bottom, wide, high) for x in places], portraits)
     figure.text(
-        0.5, bottom - 0.30 / total, EXPLANATION,
+        0.5, (bottom - 0.30) / total, EXPLANATION,
         ha="center", va="top", fontsize=7.0, color=style.GREY,
     )  # fmt: skip
     for axes, draw in zip(figure.subplots(rows, COLUMNS).flat, PLOTS, strict=True):
@@ -126,67 +122,42 @@ def snapshot_frames(time: Array, snapshots: Snapshots) -> list[int]:
 # ---------------------------------------------------------------------- snapshots
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """The robot in one frame.
-
-    Attributes
-    ----------
-    portrait:
-        Robot, ellipsoid and CoM.
-    cop:
-        Centre of pressure (3,) [m]; None in flight.
-    support:
-        Corners (k, 3) [m] of the support polygon, closed; None if no foot stands.
-    radii:
-        r_k (3,) [m] along the ellipsoid's axes.
-    """
-
-    portrait: Portrait
-    cop: Array | None
-    support: Array | None
-    radii: Array
-
-
-def moments_of(series: RmpSeries, frames: Sequence[int]) -> list[Moment]:
+def snapshot_portraits(series: RmpSeries, frames: Sequence[int]) -> list[Portrait]:
     """Return some frames of a motion, ready to be drawn."""
     names = {
         f"{letter})  {series.time[frame]:.2f} s": series.q[frame]
         for letter, frame in zip(LETTERS, frames, strict=False)
     }
     portraits = portraits_of(series.robot, names)
-    return [_moment(series, k, one) for k, one in zip(frames, portraits, strict=True)]
+    return [_as_moving(one, series, k) for one, k in zip(portraits, frames, strict=True)]
 
 
-def _moment(series: RmpSeries, frame: int, portrait: Portrait) -> Moment:
+def _as_moving(portrait: Portrait, series: RmpSeries, frame: int) -> Portrait:
+    """Return a portrait with the pendulum of a frame: its CoP, axes and support polygon."""
     # The tracked axes, so that an axis has one colour in all pictures and plots.
     ellipsoid = Ellipsoid(series.semi_axes[frame], series.axes[frame], series.robot.mass)
     scene = replace(portrait.scene, ellipsoid=ellipsoid, ground=series.ground_height)
+    outlines = []
     stands = series.standing[frame]
-    support = None
     if stands.any():
         feet = [name for name, on in zip(series.feet, stands, strict=True) if on]
         corners = support_polygon(portrait.snapshot, feet)
         closed = np.concatenate((corners, corners[:1]))
-        support = np.column_stack((closed, np.full(len(closed), series.ground_height)))
+        ground = np.full(len(closed), series.ground_height)
+        outlines.append(densified(np.column_stack((closed, ground))))
     cop = None if series.flight[frame] else series.cop[frame]
-    return Moment(replace(portrait, scene=scene), cop, support, series.radii[frame])
+    radii = series.radii[frame]
+    return replace(portrait, scene=scene, outlines=outlines, foot=cop, radii=radii)
 
 
-def draw_moments(all_axes: Sequence[Axes], moments: Sequence[Moment]) -> None:
-    """Draw each moment on axes of its own, with leg, masses, support and the radii below it."""
-    portraits = [moment.portrait for moment in moments]
-    for panel, moment in zip(panels_of(all_axes, portraits), moments, strict=True):
-        scene = moment.portrait.scene
-        if moment.support is not None:
-            panel.curve(densified(moment.support), style.ORANGE, 1.4, hidden=0.6)
-        outline = silhouette(scene.ellipsoid, scene.centre, panel.camera.eye)
-        panel.curve(outline, style.BLUE, 0.9, hidden=0.35)
-        draw_pendulum(panel, scene, moment.cop, moment.radii, MARKS)
-        panel.axes.set_title(moment.portrait.name, fontsize=style.SMALL, color=style.BLACK, pad=3)
+def draw_snapshots(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> None:
+    """Draw each portrait on axes of its own, with the masses' radii below it."""
+    for panel, portrait in zip(panels_of(all_axes, portraits), portraits, strict=True):
+        draw_pendulum(panel, portrait, MARKS)
+        panel.axes.set_title(portrait.name, fontsize=style.SMALL, color=style.BLACK, pad=3)
         width = panel.camera.width / style.DPI  # inches
         # Closer to each other than to those of the next picture.
         apart = min(RADIUS_WIDTH / width, 0.31)
         size = max(TINIEST, TINY * min(1.0, apart * width / FULL_SIZE))
-        texts = [f"r{style.INDEX[k]} {1e3 * r:.0f}" for k, r in enumerate(moment.radii)]
+        texts = [f"r{style.INDEX[k]} {1e3 * r:.0f}" for k, r in enumerate(portrait.radii)]
         style.write_below(panel.axes, texts, apart, size)

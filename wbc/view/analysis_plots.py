@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,24 +23,17 @@ XYZ = (style.BLUE, style.VERMILION, style.GREEN)
 Plot = Callable[[Axes, RmpSeries, Sequence[int]], None]
 
 
-def plot_along_x(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
-    """Plot CoM, CoP and CMP along x."""
-    _plot_ground(axes, series, frames, 0, "Ground, along x (forward)")
-
-
-def plot_along_y(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
-    """Plot CoM, CoP and CMP along y."""
-    _plot_ground(axes, series, frames, 1, "Ground, along y (left)")
-
-
-def _plot_ground(axes: Axes, series: RmpSeries, frames: Sequence[int], k: int, title: str) -> None:
-    _prepare(axes, series, frames, title, "mm")
-    for label, colour, dashes, values in (
-        ("CoM", style.BLACK, "-", series.com),
-        ("CMP", style.ORANGE, "-", series.cmp),
-        ("CoP", style.BLUE, "-", series.cop),
+def plot_ground(
+    axes: Axes, series: RmpSeries, frames: Sequence[int], k: int, direction: str
+) -> None:
+    """Plot CoM, CoP and CMP along a horizontal axis: x (k = 0) or y (1)."""
+    _prepare(axes, series, frames, f"Ground, along {direction}", "mm")
+    for label, colour, values in (
+        ("CoM", style.BLACK, series.com),
+        ("CMP", style.ORANGE, series.cmp),
+        ("CoP", style.BLUE, series.cop),
     ):
-        _curve(axes, series, MM * values[:, k], label, colour, dashes)
+        _curve(axes, series, MM * values[:, k], label, colour)
     _legend(axes)
 
 
@@ -48,19 +43,13 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     if series.cop_margin is None or np.isnan(series.cop_margin).all():
         why = "no feet to judge by" if series.cop_margin is None else "no foot stands"
         axes.text(
-            0.5,
-            0.5,
-            f"{why}: the CoP is not judged",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-            fontsize=style.SMALL,
-            color=style.GREY,
-        )
+            0.5, 0.5, f"{why}: the CoP is not judged", transform=axes.transAxes,
+            ha="center", va="center", fontsize=style.SMALL, color=style.GREY,
+        )  # fmt: skip
         axes.set_yticks([])
         return
     margin = MM * series.cop_margin
-    _curve(axes, series, margin, "margin", style.BLUE, "-")
+    _curve(axes, series, margin, "margin", style.BLUE)
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.9)
     with np.errstate(invalid="ignore"):
         outside = margin < 0.0
@@ -80,7 +69,7 @@ def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         if not defined.all():
             axes.plot(series.time, radius, color=colour, linewidth=0.7, linestyle=":")
         label = f"r{style.INDEX[k]}"
-        _curve(axes, series, np.where(defined, radius, np.nan), label, colour, "-")
+        _curve(axes, series, np.where(defined, radius, np.nan), label, colour)
     axes.set_ylim(0.0, 1.08 * MM * float(series.radii.max()))
     _legend(axes)
 
@@ -90,22 +79,11 @@ def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     _prepare(axes, series, frames, "Leg from CoP to CoM", "lean [deg]")
     lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
     # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
-    _curve(axes, series, -lean[:, 0], "forward", style.BLUE, "-")
-    _curve(axes, series, lean[:, 1], "left", style.VERMILION, "-")
-    other = axes.twinx()
-    other.plot(
-        series.time,
-        MM * series.leg_length,
-        color=style.GREY,
-        linewidth=WIDTH,
-        linestyle="--",
-        label="length",
-    )
-    other.set_ylabel("length [mm]", fontsize=style.SMALL, color=style.GREY)
-    other.tick_params(labelsize=style.SMALL, colors=style.GREY, width=0.6, length=3)
-    for side, spine in other.spines.items():
-        spine.set_visible(side == "right")
-        spine.set_color(style.GREY)
+    _curve(axes, series, -lean[:, 0], "forward", style.BLUE)
+    _curve(axes, series, lean[:, 1], "left", style.VERMILION)
+    other = style.right_axis(axes, "length [mm]", style.GREY)
+    length = MM * series.leg_length
+    other.plot(series.time, length, "--", color=style.GREY, linewidth=WIDTH, label="length")
     _legend(axes, other)
 
 
@@ -113,7 +91,7 @@ def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the momentum's average angular velocity against that of the principal axes."""
     _prepare(axes, series, frames, "Rotation", "rad/s")
     for k, colour in enumerate(XYZ):
-        _curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour, "-")
+        _curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour)
         _curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, label="I⁻¹k")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, linestyle="--", label="axes")
@@ -121,8 +99,8 @@ def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
 
 
 PLOTS: tuple[Plot, ...] = (
-    plot_along_x,
-    plot_along_y,
+    partial(plot_ground, k=0, direction="x (forward)"),
+    partial(plot_ground, k=1, direction="y (left)"),
     plot_margin,
     plot_radii,
     plot_leg,
@@ -133,13 +111,7 @@ PLOTS: tuple[Plot, ...] = (
 # ---------------------------------------------------------------------- shared by all
 
 
-def _prepare(
-    axes: Axes,
-    series: RmpSeries,
-    frames: Sequence[int],
-    title: str,
-    unit: str,
-) -> None:
+def _prepare(axes: Axes, series: RmpSeries, frames: Sequence[int], title: str, unit: str) -> None:
     """Give a plot its look, the moments of the snapshots, and a ground where the robot flies."""
     place = axes.get_subplotspec()
     lowest = place is None or place.is_last_row()
@@ -152,16 +124,9 @@ def _prepare(
         axes.axvline(at, color=style.GREY, linewidth=0.5, linestyle=(0, (1, 2)))
         if not lowest:  # there, the numbers of the time axis are in the way
             axes.annotate(
-                letter,
-                (at, 0.0),
-                xytext=(0.0, -4.0),
-                textcoords="offset points",
-                xycoords=axes.get_xaxis_transform(),
-                ha="center",
-                va="top",
-                fontsize=6.5,
-                color=style.GREY,
-            )
+                letter, (at, 0.0), xycoords=axes.get_xaxis_transform(), xytext=(0.0, -4.0),
+                textcoords="offset points", ha="center", va="top", fontsize=6.5, color=style.GREY,
+            )  # fmt: skip
     for start, end in runs(series.flight):
         axes.axvspan(
             series.time[start], series.time[end - 1], color=FLIGHT, linewidth=0.0, zorder=0
@@ -169,17 +134,16 @@ def _prepare(
 
 
 def _curve(
-    axes: Axes, series: RmpSeries, values: Array, label: str | None, colour: str, dashes: str
+    axes: Axes, series: RmpSeries, values: Array, label: str | None, colour: str, dashes: str = "-"
 ) -> None:
-    axes.plot(
-        series.time,
-        values,
-        color=colour,
-        linestyle=dashes,
-        linewidth=WIDTH,
-        label=label,
-        marker="o" if len(series) == 1 else None,
-    )
+    marker = "o" if len(series) == 1 else None
+    look: dict[str, Any] = {
+        "color": colour,
+        "linestyle": dashes,
+        "linewidth": WIDTH,
+        "marker": marker,
+    }
+    axes.plot(series.time, values, label=label, **look)
 
 
 def _legend(axes: Axes, other: Axes | None = None) -> None:
@@ -189,15 +153,7 @@ def _legend(axes: Axes, other: Axes | None = None) -> None:
         more = other.get_legend_handles_labels()
         handles, labels = handles + more[0], labels + more[1]
     axes.legend(
-        handles,
-        labels,
-        loc="lower right",
-        bbox_to_anchor=(1.02, 0.985),
-        ncols=len(labels),
-        fontsize=7.0,
-        frameon=False,
-        handlelength=1.4,
-        handletextpad=0.4,
-        columnspacing=0.9,
+        handles, labels, loc="lower right", bbox_to_anchor=(1.02, 0.985), ncols=len(labels),
+        fontsize=7.0, frameon=False, handlelength=1.4, handletextpad=0.4, columnspacing=0.9,
         borderaxespad=0.0,
-    )
+    )  # fmt: skip

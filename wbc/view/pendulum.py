@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +27,7 @@ SNAPSHOTS = 9
 SPACING = 1.15  # between two snapshots that would stand on each other, in widths of the mass
 TRAVELS = 0.6  # a motion that covers this much of the strip is drawn where it happened
 EVENLY = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
+Point = tuple[float, float]
 SOLID = np.sqrt(5.0 / 3.0)  # semi-axis of the equimomental ellipsoid over r_k
 
 
@@ -54,15 +56,11 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
     tall = float(np.clip(STRIP_WIDTH * (high - low) / (right - left), *STRIP_HEIGHT))
     height = HEADING + tall + BETWEEN + HEIGHT + BELOW
     figure = style.sheet(WIDTH, height, title)
-
-    def placed(x: float, y: float, wide: float, high: float) -> Axes:
-        return figure.add_axes((x / WIDTH, y / height, wide / WIDTH, high / height))
-
-    draw_strip(
-        placed((WIDTH - STRIP_WIDTH) / 2, BELOW + HEIGHT + BETWEEN, STRIP_WIDTH, tall), history
-    )
+    left, bottom = (WIDTH - STRIP_WIDTH) / 2, BELOW + HEIGHT + BETWEEN
+    draw_strip(style.place(figure, left, bottom, STRIP_WIDTH, tall), history)
     for k, draw in enumerate((draw_portrait, draw_ground, draw_momentum)):
-        draw(placed(FIRST + k * (PLOT_WIDTH + GAP), BELOW, PLOT_WIDTH, HEIGHT), history)
+        left = FIRST + k * (PLOT_WIDTH + GAP)
+        draw(style.place(figure, left, BELOW, PLOT_WIDTH, HEIGHT), history)
     return figure
 
 
@@ -128,7 +126,7 @@ def _sway(history: PendulumHistory, side: Array) -> float:
 def _snapshot(
     axes: Axes, history: PendulumHistory, k: int, side: Array, shift: float, faint: float
 ) -> None:
-    def seen(point: Array) -> tuple[float, float]:
+    def seen(point: Array) -> Point:
         return float(point @ side) + shift, float(point[2])
 
     com, foot = history.com[k], history.foot[k]
@@ -147,32 +145,27 @@ def _snapshot(
             axes.plot(x, z, color=colour, linewidth=0.8, marker="o", markersize=2.5, alpha=faint)
 
 
-def _wheel(
-    axes: Axes, centre: tuple[float, float], r: float, dx: float, dz: float, faint: float
-) -> None:
+def _wheel(axes: Axes, centre: Point, r: float, dx: float, dz: float, faint: float) -> None:
     """Draw the planar pendulum's wheel with its two masses."""
-    axes.add_patch(
-        Ellipse(centre, 2 * r, 2 * r, facecolor=style.TINT, alpha=0.25 * faint, edgecolor="none")
-    )
-    axes.add_patch(
-        Ellipse(centre, 2 * r, 2 * r, fill=False, edgecolor=style.TINT, alpha=faint, linewidth=1.0)
-    )
+    _ellipse(axes, centre, (2 * r, 2 * r), 0.0, 0.25, faint)
     x = (centre[0] - r * dx, centre[0] + r * dx)
     z = (centre[1] - r * dz, centre[1] + r * dz)
     axes.plot(x, z, color=style.VERMILION, linewidth=1.0, marker="o", markersize=4.0, alpha=faint)
 
 
-def _shadow(
-    axes: Axes, centre: tuple[float, float], shape: Array, view: Array, faint: float
-) -> None:
+def _shadow(axes: Axes, centre: Point, shape: Array, view: Array, faint: float) -> None:
     """Draw the outline of an ellipsoid with semi-axes ``shape`` as seen by ``view`` (2, 3)."""
     squares, directions = np.linalg.eigh((view * shape**2) @ view.T)
     a, b = np.sqrt(np.maximum(squares[::-1], 0.0)).tolist()
     angle = float(np.degrees(np.arctan2(directions[1, 1], directions[0, 1])))
-    for fill, strength in ((True, 0.28 * faint), (False, faint)):
-        axes.add_patch(
-            Ellipse(
-                centre, 2 * a, 2 * b, angle=angle, fill=fill, alpha=strength, linewidth=1.0,
-                facecolor=style.TINT if fill else "none", edgecolor="none" if fill else style.TINT,
-            )
-        )  # fmt: skip
+    _ellipse(axes, centre, (2 * a, 2 * b), angle, 0.28, faint)
+
+
+def _ellipse(
+    axes: Axes, centre: Point, size: Point, angle: float, fill: float, faint: float
+) -> None:
+    """Draw an ellipse, filled with the strength ``fill``."""
+    inside: dict[str, Any] = {"facecolor": style.TINT, "edgecolor": "none", "alpha": fill * faint}
+    edge = {"facecolor": "none", "edgecolor": style.TINT, "alpha": faint}
+    for look in (inside, edge):
+        axes.add_patch(Ellipse(centre, *size, angle=angle, linewidth=1.0, **look))

@@ -150,25 +150,17 @@ def draw_momentum(axes: Axes, history: PendulumHistory) -> None:
     # Constant to rounding: a line, not noise blown up to the size of the plot.
     largest = max(float(np.abs(values).max()) for values in parts.values())
     axes.set_ylim(*_at_least(axes.get_ylim(), 0.04 * max(largest, 1.0)))
-    second: Any = axes.twinx()
-    named = {"r": history.radii[:, 0]} if history.flat else _named(history.radii)
+    second = style.right_axis(axes, "distance of the masses [m]", style.BLACK)
+    named = {f"r{style.INDEX[k]}": history.radii[:, k] for k in range(3)}
+    if history.flat:
+        named = {"r": history.radii[:, 0]}
     for (name, values), colour in zip(named.items(), style.PRINCIPAL, strict=False):
-        second.plot(
-            history.time, values, color=colour, linewidth=1.0, linestyle=(0, (4, 2)), label=name
-        )
-    second.set_ylabel("distance of the masses [m]", fontsize=style.SMALL, color=style.BLACK)
-    second.tick_params(labelsize=style.SMALL, colors=style.BLACK, width=0.6, length=3)
+        look: dict[str, Any] = {"color": colour, "linewidth": 1.0, "linestyle": (0, (4, 2))}
+        second.plot(history.time, values, label=name, **look)
     second.set_ylim(0.0, 1.05 * max(float(history.radii.max()), 1e-3))
-    for side in ("top", "left", "bottom"):
-        second.spines[side].set_visible(False)
-    second.spines["right"].set_color(style.GREY)
     _ticks(axes)
     _ticks(second)
     _legend(second, [*axes.get_lines(), *second.get_lines()], 2, also=axes)
-
-
-def _named(radii: Array) -> dict[str, Array]:
-    return {f"r{style.INDEX[k]}": radii[:, k] for k in range(3)}
 
 
 def _at_least(limits: Range, least: float) -> Range:
@@ -198,15 +190,8 @@ def _legend(axes: Axes, lines: Iterable[Line2D], columns: int, also: Axes | None
         low, high = each.get_ylim()
         each.set_ylim(low, high + (high - low) * room / (HEIGHT - room))
     axes.legend(
-        entries,
-        [str(line.get_label()) for line in entries],
-        loc="upper left",
-        ncols=columns,
-        fontsize=style.SMALL - 1.5,
+        entries, [str(line.get_label()) for line in entries], loc="upper left", ncols=columns,
+        fontsize=style.SMALL - 1.5, edgecolor="none", handlelength=1.2, columnspacing=1.0,
+        borderpad=0.2, labelspacing=0.25,
         framealpha=0.85,  # a far-off CMP runs behind it
-        edgecolor="none",
-        handlelength=1.2,
-        columnspacing=1.0,
-        borderpad=0.2,
-        labelspacing=0.25,
-    )
+    )  # fmt: skip

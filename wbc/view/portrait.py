@@ -44,24 +44,20 @@ class Portrait:
         The robot at that configuration.
     scene:
         Its meshes, ellipsoid, CoM and ground.
+    outlines:
+        Closed curves (k, 3) [m]: the soles, or the support polygon.
+    foot:
+        Lower end of the pendulum's leg (3,) [m]; None for no leg.
+    radii:
+        Distances (3,) [m] of the reaction masses from the CoM.
     """
 
     name: str
     snapshot: Snapshot
     scene: Scene
-
-    @property
-    def below_com(self) -> Array:
-        """The point of the ground under the CoM (3,): the CoP of a robot at rest."""
-        x, y, _ = self.scene.centre
-        return np.array([x, y, self.scene.ground])
-
-    @property
-    def extent(self) -> Array:
-        """Points (k, 3) that a picture must contain, relative to :attr:`below_com`."""
-        sections = principal_sections(self.scene.ellipsoid, self.scene.centre)
-        vertices = [mesh.vertices for mesh in self.scene.meshes]
-        return np.concatenate([*vertices, *sections, self.below_com[None]]) - self.below_com
+    outlines: Sequence[Array]
+    foot: Array | None
+    radii: Array
 
 
 def portraits_of(robot: Robot, configurations: Mapping[str, ArrayLike]) -> list[Portrait]:
@@ -69,19 +65,19 @@ def portraits_of(robot: Robot, configurations: Mapping[str, ArrayLike]) -> list[
     if not configurations:
         raise InvalidInputError("configurations: there is none to draw; give at least one")
     meshes = RobotMeshes(robot)
-    return [_portrait(robot, meshes, name, q) for name, q in configurations.items()]
+    return [_portrait(robot.snapshot(q), meshes.at(q), name) for name, q in configurations.items()]
 
 
-def _portrait(robot: Robot, meshes: RobotMeshes, name: str, q: ArrayLike) -> Portrait:
-    snapshot, placed = robot.snapshot(q), meshes.at(q)
-    ellipsoid = equimomental(snapshot.inertia, robot.mass)
-    scene = Scene(placed, ellipsoid, snapshot.com, style.TINT, _ground(placed))
-    return Portrait(name, snapshot, scene)
-
-
-def _ground(meshes: Sequence[Mesh]) -> float:
+def _portrait(snapshot: Snapshot, meshes: Sequence[Mesh], name: str) -> Portrait:
+    """Return the portrait of a robot at rest: the CoP is the CoM's projection."""
+    robot = snapshot.robot
     lowest = min((float(mesh.vertices[:, 2].min()) for mesh in meshes), default=0.0)
-    return lowest if lowest < -SUNK else 0.0
+    ground = lowest if lowest < -SUNK else 0.0
+    ellipsoid = equimomental(snapshot.inertia, robot.mass)
+    scene = Scene(meshes, ellipsoid, snapshot.com, style.TINT, ground)
+    soles = [sole_outline(snapshot, foot) for foot in robot.feet.values()]
+    radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
+    return Portrait(name, snapshot, scene, soles, scene.below_centre, radii)
 
 
 def shape_of(portraits: Sequence[Portrait]) -> float:
@@ -97,57 +93,45 @@ def panels_of(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> list[P
     camera = Camera.framing(_extent(portraits), AZIMUTH, ELEVATION, *pixels)
     panels = []
     for axes, portrait in zip(all_axes, portraits, strict=True):
-        here = camera.moved(portrait.below_com)
+        here = camera.moved(portrait.scene.below_centre)
         panels.append(Panel(axes, here, render(portrait.scene, here), style.DPI / INCH))
         panels[-1].show()
     return panels
 
 
 def draw_portraits(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> None:
-    """Draw each portrait with ellipsoid, soles and pendulum, and the semi-axes below it."""
+    """Draw each portrait with its ellipsoid's sections, and the semi-axes below it."""
     for panel, portrait in zip(panels_of(all_axes, portraits), portraits, strict=True):
-        scene, axes = portrait.scene, panel.axes
-        for foot in portrait.snapshot.robot.feet.values():
-            panel.curve(sole_outline(portrait.snapshot, foot), style.ORANGE, 1.2, hidden=0.6)
-        outline = silhouette(scene.ellipsoid, scene.centre, panel.camera.eye)
-        panel.curve(outline, style.BLUE, 1.1, hidden=0.35)
-        for section in principal_sections(scene.ellipsoid, scene.centre):
-            panel.curve(section, style.BLUE, 0.5, hidden=0.2)
-        radii = reaction_mass_radii(scene.ellipsoid.inertia(), scene.ellipsoid.mass)
-        draw_pendulum(panel, scene, portrait.below_com, radii)
-        axes.set_title(portrait.name, fontsize=style.NORMAL, color=style.BLACK)
-        width = _inches(axes)[0]
+        draw_pendulum(panel, portrait, sections=True)
+        panel.axes.set_title(portrait.name, fontsize=style.NORMAL, color=style.BLACK)
+        width = _inches(panel.axes)[0]
         narrow = width < 3.0 * TEXT_WIDTH
         unit = "" if narrow else " mm"  # where there is no room the figure says it once
-        texts = [
-            f"a{style.INDEX[k]} {1e3 * a:.0f}{unit}"
-            for k, a in enumerate(scene.ellipsoid.semi_axes)
-        ]
+        semi_axes = 1e3 * portrait.scene.ellipsoid.semi_axes
+        texts = [f"a{style.INDEX[k]} {a:.0f}{unit}" for k, a in enumerate(semi_axes)]
         size = style.SMALL if narrow else style.NORMAL
-        style.write_below(axes, texts, NARROW if narrow else TEXT_WIDTH / width, size)
+        style.write_below(panel.axes, texts, NARROW if narrow else TEXT_WIDTH / width, size)
 
 
 def draw_pendulum(
-    panel: Panel, scene: Scene, foot: Array | None, radii: Array, size: float = 1.0
+    panel: Panel, portrait: Portrait, size: float = 1.0, sections: bool = False
 ) -> None:
-    """Draw leg, tracks along the ellipsoid's axes and the six masses (paper Fig. 5).
+    """Draw outlines, leg, ellipsoid with its axes, and the six masses on them (paper Fig. 5).
 
-    Parameters
-    ----------
-    foot:
-        Lower end of the leg (3,); None for no leg.
-    radii:
-        Distances (3,) [m] of the masses from the CoM.
-    size:
-        Of lines and marks.
+    ``size`` is that of the pendulum's lines and marks.
     """
-    centre, ellipsoid = scene.centre, scene.ellipsoid
+    centre, ellipsoid, foot = portrait.scene.centre, portrait.scene.ellipsoid, portrait.foot
+    for outline in portrait.outlines:
+        panel.curve(outline, style.ORANGE, 1.2, hidden=0.6)
+    panel.curve(silhouette(ellipsoid, centre, panel.camera.eye), style.BLUE, 1.1, hidden=0.35)
+    for section in principal_sections(ellipsoid, centre) if sections else ():
+        panel.curve(section, style.BLUE, 0.5, hidden=0.2)
     if foot is not None:
         panel.line(foot, centre, style.BLACK, 2.2 * size)
     for k, colour in enumerate(style.PRINCIPAL):
         axis, reach = ellipsoid.axes[:, k], ellipsoid.semi_axes[k]
         panel.line(centre - reach * axis, centre + reach * axis, colour, 0.9 * size)
-        for distance in (-radii[k], radii[k]):
+        for distance in (-portrait.radii[k], portrait.radii[k]):
             panel.ball(centre + distance * axis, colour, 3.2 * size)
     if foot is not None:
         panel.ball(foot, style.BLACK, 2.6 * size)
@@ -155,7 +139,7 @@ def draw_pendulum(
 
 
 def _extent(portraits: Sequence[Portrait]) -> Array:
-    return np.concatenate([portrait.extent for portrait in portraits])
+    return np.concatenate([portrait.scene.extent for portrait in portraits])
 
 
 def _inches(axes: Axes) -> tuple[float, float]:
@@ -193,8 +177,7 @@ def robot_figure(
     width, height = PANEL_WIDTH, PANEL_WIDTH * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
     total = BELOW + height + ABOVE + heading
     figure = style.sheet(width * count, total, title)
-    bottom, share = BELOW / total, height / total
-    panels = [figure.add_axes((k / count, bottom, 1.0 / count, share)) for k in range(count)]
+    panels = [style.place(figure, width * k, BELOW, width, height) for k in range(count)]
     draw_portraits(panels, portraits)
     return figure
 

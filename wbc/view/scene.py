@@ -58,6 +58,19 @@ class Scene:
         low, high = np.minimum(low, self.centre - reach), np.maximum(high, self.centre + reach)
         return float((high - low).max())
 
+    @property
+    def below_centre(self) -> Array:
+        """The point of the ground under the CoM (3,)."""
+        x, y, _ = self.centre
+        return np.array([x, y, self.ground])
+
+    @property
+    def extent(self) -> Array:
+        """Points (k, 3) that a picture must contain, relative to :attr:`below_centre`."""
+        sections = principal_sections(self.ellipsoid, self.centre)
+        vertices = [mesh.vertices for mesh in self.meshes]
+        return np.concatenate([*vertices, *sections, self.below_centre[None]]) - self.below_centre
+
 
 # ---------------------------------------------------------------------- curves
 

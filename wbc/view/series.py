@@ -40,25 +40,21 @@ def error_series(errors: Mapping[str, ArrayLike], count: int) -> list[Series]:
         Not one row of numbers for each time.
     """
     looks = cycle([(colour, dashes) for dashes in ("-", "--", ":") for colour in style.SERIES])
-    return [
-        Series(name, *look, _norms(f"history: errors of {name!r}", values, count))
-        for (name, values), look in zip(errors.items(), looks, strict=False)
-    ]
-
-
-def _norms(what: str, values: ArrayLike, count: int) -> Array:
-    try:
-        rows = np.asarray(values, dtype=np.float64).reshape(count, -1)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{what}: expected numbers, one row for each time") from error
-    return np.maximum(np.linalg.norm(rows, axis=1), SMALLEST)
+    series = []
+    for (name, values), look in zip(errors.items(), looks, strict=False):
+        try:
+            rows = np.asarray(values, dtype=np.float64).reshape(count, -1)
+        except (TypeError, ValueError) as error:
+            what = f"history: errors of {name!r}: expected numbers, one row for each time"
+            raise InvalidInputError(what) from error
+        norms = np.maximum(np.linalg.norm(rows, axis=1), SMALLEST)
+        series.append(Series(name, *look, norms))
+    return series
 
 
 def moment_series(inertias: Array) -> list[Series]:
     """Return the principal moments of inertias as vech (n, 6) [kg m^2]."""
-    moments = np.linalg.eigvalsh(
-        [vech_inverse(inertia) for inertia in inertias]
-    )  # (n, 3) ascending
+    moments = np.linalg.eigvalsh([vech_inverse(one) for one in inertias])  # (n, 3) ascending
     return [
         Series(f"about a{style.INDEX[k]}", style.PRINCIPAL[k], "-", moments[:, k]) for k in range(3)
     ]
@@ -104,14 +100,9 @@ def _label_ends(axes: Axes, series: list[Series]) -> None:
     heights = to_axes.transform(np.reshape(last, (-1, 2)))[:, 1]
     for one, height in zip(series, spread(heights, LABEL_GAP), strict=True):
         axes.text(
-            1.02,
-            height,
-            shortened(one.label),
-            color=one.colour,
-            fontsize=style.SMALL,
-            va="center",
-            transform=axes.transAxes,
-        )
+            1.02, height, shortened(one.label), color=one.colour, fontsize=style.SMALL,
+            va="center", transform=axes.transAxes,
+        )  # fmt: skip
 
 
 def shortened(label: str) -> str:

@@ -55,6 +55,23 @@ def sheet(width: float, height: float, title: str | None = None, plots: float = 
     return figure
 
 
+def right_axis(axes: Axes, label: str, colour: str) -> Axes:
+    """Return a second vertical axis of a plot, on the right."""
+    other = axes.twinx()
+    other.set_ylabel(label, fontsize=SMALL, color=colour)
+    other.tick_params(labelsize=SMALL, colors=colour, width=0.6, length=3)
+    for side, spine in other.spines.items():
+        spine.set_visible(side == "right")
+        spine.set_color(GREY)
+    return other
+
+
+def place(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Return new axes at a place in a figure [inches]."""
+    wide, high = figure.get_size_inches()
+    return figure.add_axes((left / wide, bottom / high, width / wide, height / high))
+
+
 def write_below(axes: Axes, texts: Sequence[str], apart: float, size: float) -> None:
     """Write a text per principal axis below ``axes``, ``apart`` of its width from each other."""
     for k, (text, colour) in enumerate(zip(texts, PRINCIPAL, strict=True)):
