@@ -169,7 +169,7 @@ def test_the_ground_is_under_a_robot_that_is_not_at_zero(robot: Robot) -> None:
     portraits = portraits_of(robot, {"stands": q, "sunk": sunk, "flies": flying})
     assert [one.scene.ground for one in portraits] == pytest.approx([0.0, -0.3, 0.0], abs=1e-9)
     for one in portraits:
-        np.testing.assert_allclose(one.below_com[:2], one.snapshot.com[:2])
+        np.testing.assert_allclose(one.foot[:2], one.snapshot.com[:2])
 
 
 @pytest.mark.parametrize(

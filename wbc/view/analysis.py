@@ -29,7 +29,7 @@ ROW, TIME = 1.87, 0.20  # inches, of a row of plots and of the times below all
 COLUMNS = 2
 RADIUS_WIDTH = 0.44  # inches, of a radius as written below a picture
 FULL_SIZE = 0.39  # inches that a radius needs for full size
-MARKS = 0.7  # size of lines and marks
+MARKS, LINES = 0.7, (1.4, 0.9)  # size of the pendulum; widths of outlines [points]
 TINY, TINIEST = 6.5, 5.0  # points, of the radii, where there is room and where there is not
 EXPLANATION = (
     "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM,"
@@ -153,7 +153,7 @@ def _as_moving(portrait: Portrait, series: RmpSeries, frame: int) -> Portrait:
 def draw_snapshots(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> None:
     """Draw each portrait on axes of its own, with the masses' radii below it."""
     for panel, portrait in zip(panels_of(all_axes, portraits), portraits, strict=True):
-        draw_pendulum(panel, portrait, MARKS)
+        draw_pendulum(panel, portrait, MARKS, LINES)
         panel.axes.set_title(portrait.name, fontsize=style.SMALL, color=style.BLACK, pad=3)
         width = panel.camera.width / style.DPI  # inches
         # Closer to each other than to those of the next picture.

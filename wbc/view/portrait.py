@@ -114,16 +114,28 @@ def draw_portraits(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> N
 
 
 def draw_pendulum(
-    panel: Panel, portrait: Portrait, size: float = 1.0, sections: bool = False
+    panel: Panel,
+    portrait: Portrait,
+    size: float = 1.0,
+    widths: tuple[float, float] = (1.2, 1.1),
+    sections: bool = False,
 ) -> None:
     """Draw outlines, leg, ellipsoid with its axes, and the six masses on them (paper Fig. 5).
 
-    ``size`` is that of the pendulum's lines and marks.
+    Parameters
+    ----------
+    size:
+        Of the pendulum's lines and marks.
+    widths:
+        Of the outlines on the ground and of the ellipsoid's [points].
+    sections:
+        True to draw the ellipsoid's principal sections.
     """
     centre, ellipsoid, foot = portrait.scene.centre, portrait.scene.ellipsoid, portrait.foot
     for outline in portrait.outlines:
-        panel.curve(outline, style.ORANGE, 1.2, hidden=0.6)
-    panel.curve(silhouette(ellipsoid, centre, panel.camera.eye), style.BLUE, 1.1, hidden=0.35)
+        panel.curve(outline, style.ORANGE, widths[0], hidden=0.6)
+    edge = silhouette(ellipsoid, centre, panel.camera.eye)
+    panel.curve(edge, style.BLUE, widths[1], hidden=0.35)
     for section in principal_sections(ellipsoid, centre) if sections else ():
         panel.curve(section, style.BLUE, 0.5, hidden=0.2)
     if foot is not None:
