@@ -4,13 +4,26 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test lint lowest bench clean
+.PHONY: demo test fuzz soak lint lowest bench clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n auto
+
+# All seeded fuzz tests with about FUZZ inputs (an hour and more), half of them robot files.
+FUZZ ?= 100000
+fuzz: $(VENV)/dev.stamp
+	WBC_FUZZ=$$(($(FUZZ) / 6)) $(BIN)/python -m pytest -n auto tests/robot/formats/test_fuzz.py
+	WBC_FUZZ=$$(($(FUZZ) / 2)) $(BIN)/python -m pytest -n auto tests/motion/test_hostile_files.py
+	WBC_FUZZ=$$(($(FUZZ) / 20)) $(BIN)/python -m pytest -n auto tests/problem/test_fuzz_problems.py
+	WBC_FUZZ=$$(($(FUZZ) / 10)) $(BIN)/python -m pytest -n auto tests/benchmarks/test_soak.py
+
+# A million closed-loop ticks with faults injected; goes on where it was stopped or killed.
+TICKS ?= 1000000
+soak: $(VENV)/dev.stamp
+	$(BIN)/python benchmarks/soak.py --ticks $(TICKS)
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

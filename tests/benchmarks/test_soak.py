@@ -1,0 +1,103 @@
+"""A few seconds of benchmarks/soak.py, and whether the soak sees what it should and can go on.
+
+``WBC_FUZZ=N`` runs N ticks. CPU time is no test here: machines that run tests are busy.
+"""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.soak import Episode, Record, feasible_point, judge, may_be_accepted, soak, spoilt
+from wbc.controllers import KinematicController
+from wbc.qp import QP
+from wbc.qp.solution import Status
+from wbc.tasks import ComTask
+
+TICKS = int(os.environ.get("WBC_FUZZ", "200"))
+pytest.importorskip("clarabel")
+pytest.importorskip("piqp")
+pytest.importorskip("osqp")
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two robots and short episodes: others take seconds to load."""
+    if "WBC_FUZZ" not in os.environ:
+        monkeypatch.setattr("benchmarks.soak.ROBOTS", ("hoap2_like", "g1"))
+        monkeypatch.setattr("benchmarks.soak.LENGTH", 15)
+
+
+def broken(record: Record) -> list[str]:
+    return [example["text"] for example in record.examples if "slow" not in example["kind"]]
+
+
+def test_no_rule_is_broken() -> None:
+    record = Record(seed=3)
+    soak(record, TICKS)
+    assert record.ticks == TICKS
+    assert not broken(record)
+    assert sum(record.faults.values()) > 0.02 * TICKS
+
+
+def test_a_run_goes_on_where_it_was_killed(tmp_path: Path) -> None:
+    whole, path = Record(seed=5), tmp_path / "soak.json"
+    for number in range(2):
+        Episode(whole, 5, number).run(15)
+    first = Record(seed=5)
+    Episode(first, 5, 0).run(15)
+    first.write(path)
+    again = Record.read(path, 5)
+    Episode(again, 5, again.episodes).run(15)
+    assert (again.ticks, again.statuses, again.faults) == (
+        whole.ticks, whole.statuses, whole.faults
+    )  # fmt: skip
+    assert json.loads(path.read_text())["episodes"] == 1
+
+
+def test_it_sees_commands_outside_limits_and_not_finite(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    tick = KinematicController(robot, [ComTask(robot, here.com)]).step(here)
+    box = np.full(robot.nv, -1.0), np.full(robot.nv, 1.0)
+    assert judge(tick, box) == []
+    for value, kind in ((1.0 + 2e-6, "outside limits"), (np.nan, "not finite")):
+        v = np.zeros(robot.nv)
+        v[3] = value
+        assert [found for found, _ in judge(replace(tick, velocity=v), box)] == [kind]
+    wrong = replace(tick, status=Status.INFEASIBLE)
+    assert [found for found, _ in judge(wrong, box)] == ["feasible after all"]
+
+
+def test_feasibility_is_decided_by_a_linear_program() -> None:
+    C = np.array([[1.0, 1.0], [1e6, -1e6]])
+    qp = QP.build(np.eye(2), np.zeros(2), C=C, l=[1.0, -1.0], u=[2.0, 1.0], upper=[1.0, 1.0])
+    point = feasible_point(qp)
+    assert point is not None
+    assert point.sum() >= 1.0 - 1e-7
+    assert feasible_point(replace(qp, upper=np.array([0.4, 0.5]))) is None
+
+
+def test_growth_is_seen_and_noise_is_not() -> None:
+    ticks = np.arange(0.0, 100_000.0, 250.0)
+    noise = np.random.default_rng(0).normal(size=ticks.size)
+    for slope, fails in ((0.0, False), (5.0, False), (60.0, True)):
+        record = Record(seed=1)
+        memory = 250.0 + slope * 1e-6 * ticks + 0.2 * noise + 40.0 * np.exp(-ticks / 500.0)
+        record.memory.append(np.column_stack((ticks, memory)).tolist())
+        growth = record.growth()
+        assert growth is not None
+        assert growth[0] == pytest.approx(slope, abs=4.0)
+        assert record.failed() is fails
+
+
+def test_faults_that_must_be_refused_are_told_from_large_numbers() -> None:
+    rng = np.random.default_rng(0)
+    assert may_be_accepted(np.array([1e12, 1.0]))
+    for value in (np.array([np.nan]), np.ones(2) + 0j, [1j], "x", 10**400, None, object()):
+        assert not may_be_accepted(value)
+    kinds = {type(spoilt(np.ones(3), rng)).__name__ for _ in range(200)}
+    assert {"ndarray", "list", "str", "int", "dict", "object"} <= kinds
