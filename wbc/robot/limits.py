@@ -112,7 +112,11 @@ class Limits:
         if k in self.unbounded:
             q[start : start + 2] = np.cos(value), np.sin(value)
         else:
-            q[start] = min(max(value, lower), upper)
+            q[start] = self.nearest(k, value)
+
+    def nearest(self, k: int, value: float) -> float:
+        """Return the value [rad or m] nearest to ``value`` in the range of entry ``k``."""
+        return min(max(value, float(self.lower[k])), float(self.upper[k]))
 
     def clamped(self, q: Array) -> Array:
         """Return a copy of ``q`` (nq,) with every bounded joint at the nearest value in range."""

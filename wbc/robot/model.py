@@ -132,14 +132,13 @@ class Robot(KinematicTree):
         if feet is not None:
             specs = {name: FootSpec.of(name, spec) for name, spec in feet.items()}
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
-        bolted = description.bolted
+        bolted = None if soles or base else description.bolted
         if bolted == "" and is_arm(model, postures[STANDING]):
             bolted = "the root link carries a single arm"
-        fixed = base == "fixed" or (base is None and bool(bolted) and not soles)
-        if base is None and fixed:
+        if bolted:
             reason = f"{bolted} and there are no feet"
             foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
-        elif NO_FEET in foot_notes:
+        if NO_FEET in foot_notes:
             logging.getLogger(__name__).warning("%s: %s", found.path, NO_FEET)
         if known is None:
             postures[STANDING], note = settled(model, limits, postures[STANDING], soles)
@@ -151,7 +150,7 @@ class Robot(KinematicTree):
             model=model,
             limits=limits,
             feet=soles,
-            fixed_base=fixed,
+            fixed_base=base == "fixed" or bool(bolted),
             couplings=couplings,
             postures=postures,
             notes=(known.notes if known else ()) + notes + posture_notes + foot_notes,

@@ -19,18 +19,10 @@ HALF_TURN = 1e-9  # how near to half a turn, in 1 + cos(angle), the logarithm's 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where a frame is: ``x_outside = rotation @ x + position``.
+    """Where a frame is: ``x_outside = rotation @ x + position``."""
 
-    Attributes
-    ----------
-    rotation:
-        (3, 3) SX.
-    position:
-        (3, 1) SX [m].
-    """
-
-    rotation: ca.SX
-    position: ca.SX
+    rotation: ca.SX  # (3, 3)
+    position: ca.SX  # (3, 1) [m]
 
     @classmethod
     def constant(cls, rotation: Array, position: Array) -> Placement:

@@ -103,7 +103,7 @@ def _posture_of(limits: Limits, neutral: Array, name: str, state: State) -> tupl
             continue
         value = values[0] if len(values) == 1 else float(np.arctan2(values[1], values[0]))
         k = limits.names.index(joint)
-        inside = min(max(value, float(limits.lower[k])), float(limits.upper[k]))
+        inside = limits.nearest(k, value)
         if abs(inside - value) > 1e-6:  # more than the file's rounding
             outside.append(joint)
         limits.set_joint(q, joint, inside)
@@ -133,7 +133,7 @@ def follow(limits: Limits, q: Array, couplings: Mapping[str, Coupling]) -> None:
         driver = q[limits.starts[limits.names.index(coupling.driver)]]
         k = limits.names.index(joint)
         value = coupling.ratio * float(driver) + coupling.offset
-        q[limits.starts[k]] = min(max(value, float(limits.lower[k])), float(limits.upper[k]))
+        q[limits.starts[k]] = limits.nearest(k, value)
 
 
 def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:

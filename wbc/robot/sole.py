@@ -18,14 +18,10 @@ _DISC = np.stack([np.cos(_RIM), np.sin(_RIM), np.zeros_like(_RIM)], axis=1)  # (
 
 
 def extreme_points(shape: object, up: Array) -> Array:
-    """Return points (k, 3) of a collision shape, in its frame, among them its lowest ones.
+    """Return points (k, 3) of a ``coal`` shape, in its frame, among them its lowest ones.
 
-    Parameters
-    ----------
-    shape:
-        A ``coal`` geometry. Shapes that end nowhere or are unknown give no points.
-    up:
-        Unit vector (3,) that points up, in the shape's frame.
+    ``up`` (3,) is the unit vector upwards in that frame. Shapes that end nowhere or are unknown
+    give no points.
     """
     match shape:
         case coal.Box():
@@ -65,12 +61,8 @@ def _turn_to(up: Array) -> Array:
 def body_points(model: pin.Model, geometry: GeometrySource, joint: int, up: Array) -> Array:
     """Return the extreme points (k, 3) of all shapes on one joint's body, in the joint's frame.
 
-    They are the collision shapes, or those to draw of a body that has no others.
-
-    Parameters
-    ----------
-    up:
-        Unit vector (3,) that points up, in the joint's frame.
+    They are the collision shapes, or those to draw of a body that has no others. ``up`` (3,) is
+    the unit vector upwards, in the joint's frame.
     """
     links = [
         str(frame.name)
@@ -93,11 +85,7 @@ def found_sole(
     """Return the placement and polygon (k, 2) of the sole below the body of ``frame``, or None.
 
     The sole is the convex hull of the body's lowest points; its placement is in the body's joint.
-
-    Parameters
-    ----------
-    R:
-        Rotation (3, 3) of the frame's axes to the world's, in a posture with the sole about level.
+    ``R`` (3, 3) takes the frame's axes to the world's in a posture with the sole about level.
     """
     joint = frame.parentJoint
     axes = frame.placement.rotation @ _level_axes(R)  # in the joint's frame
@@ -125,12 +113,8 @@ def _level_axes(R: Array) -> Array:
 
 def _snapped(direction: Array) -> Array:
     direction = direction / float(np.linalg.norm(direction))
-    k = int(np.argmax(np.abs(direction)))
-    if abs(direction[k]) < SNAP:
-        return direction
-    axis = np.zeros(3)
-    axis[k] = np.sign(direction[k])
-    return axis
+    along = np.abs(direction) >= SNAP  # one axis at most
+    return np.where(along, np.sign(direction), 0.0) if along.any() else direction
 
 
 def centred(plane: pin.SE3, polygon: Array, height: float) -> tuple[pin.SE3, Array]:

@@ -117,10 +117,7 @@ class KinematicTree:
         UnknownNameError
             No such actuated joint.
         """
-        index = self._joints.get(name)
-        if index is None:
-            raise UnknownNameError("joint", name, self.joint_names)
-        return index
+        return _looked_up("joint", name, self._joints)
 
     def joint_indices(self, pattern: str) -> tuple[int, ...]:
         """Return the entries of v of the joints that match a pattern such as ``left_*``.
@@ -140,10 +137,7 @@ class KinematicTree:
         UnknownNameError
             No such frame.
         """
-        index = self.frame_indices.get(name)
-        if index is None:
-            raise UnknownNameError("frame", name, self.frame_indices)
-        return index
+        return _looked_up("frame", name, self.frame_indices)
 
     def foot(self, name: str) -> Foot:
         """Return a foot.
@@ -201,6 +195,12 @@ class KinematicTree:
             Wrong size, not finite, or beyond 1e6.
         """
         return finite_vector("v", v, self.nv, LARGEST)
+
+
+def _looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
+    if name not in indices:
+        raise UnknownNameError(kind, name, indices)
+    return indices[name]
 
 
 def _normalise(part: Array, what: str) -> None:
