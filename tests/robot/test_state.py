@@ -8,7 +8,7 @@ import pytest
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot, Snapshot
-from wbc.spatial import vech
+from wbc.spatial import vech, vech_inverse
 
 MakeSnapshot = Callable[[Robot, np.random.Generator], Snapshot]
 
@@ -80,6 +80,28 @@ def test_inertia_and_its_rates_are_the_sums_over_links(robot: Robot, rng, random
             # Differences of large sums (the robot stands away from the origin): 1e-10 of the size.
             size = max(scale, np.abs(expected).max())
             np.testing.assert_allclose(actual, expected, atol=1e-10 * size)
+
+
+def test_inertia_jacobian_is_the_centrifugal_torque(robot: Robot, rng, random_snapshot) -> None:
+    """Oracle: recursive Newton-Euler of the locked robot spinning about its CoM, without gravity.
+
+    Joint j needs tau_j = -1/2 w' (dI/dq_j) w. Rounding only: 1e-11 of the largest entry.
+    """
+    here = random_snapshot(robot, rng)
+    model = robot.model.copy()
+    model.gravity = pin.Motion.Zero()
+    data, R = model.createData(), here.rotation("base")
+    arm = R.T @ (here.com - here.position("base"))
+    J = here.inertia_jacobian
+    scale = np.abs(J).max()
+    for _ in range(6):
+        w = rng.normal(size=3)
+        spin = np.zeros(robot.nv)
+        spin[3:6] = R.T @ w
+        spin[:3] = np.cross(arm, spin[3:6])
+        torque = pin.rnea(model, data, here.q, spin, np.zeros(robot.nv))[6:]
+        forms = [w @ vech_inverse(column) @ w for column in J.T[6:]]
+        np.testing.assert_allclose(torque, -0.5 * np.array(forms), atol=1e-11 * scale * (w @ w))
 
 
 def test_base_inertia_depends_on_joints_alone(robot: Robot, rng, random_snapshot) -> None:

@@ -93,11 +93,11 @@ class Contact(Task):
         The derivative of a rotation vector e is Jlog(e) w, not w. But Jlog(e) e = e, so holding
         ``Jlog w = -k e`` and ``w = -k e`` is the same, and the plain Jacobian costs nothing.
         """
-        R = snapshot.rotation(self.frame)
-        error = np.empty(6)
-        error[:3] = snapshot.position(self.frame) - self.position
-        error[3:] = R @ log_rotation(self.rotation.T @ R)
-        return Residual(error, snapshot.jacobian(self.frame), self._still)
+        frame = self.frame
+        R, error = snapshot.rotation(frame), np.empty(6)
+        np.subtract(snapshot.position(frame), self.position, out=error[:3])
+        np.dot(R, log_rotation(self.rotation.T.dot(R)), out=error[3:])
+        return Residual(error, snapshot.jacobian(frame), self._still)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the frame's acceleration (k,) at zero acceleration of v, world axes."""

@@ -189,8 +189,9 @@ def assemble(
     P: Array = J.T @ J
     if curved:
         P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
-    P.flat[:: n + 1] += decision.damping
-    P.flat[: nv * (n + 1) : n + 1] += damping
+    diagonal = P.reshape(-1)[:: n + 1]
+    diagonal += decision.damping
+    diagonal[:nv] += damping
     none = decision.no_rows
     A, b = none.matrix, none.lower
     if equalities:

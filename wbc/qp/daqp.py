@@ -8,7 +8,6 @@ worth a memory between ticks. Rows and bounds pass as they are, two-sided, in DA
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Hashable
 from time import perf_counter
 
@@ -71,12 +70,12 @@ class Daqp:
         """Return DAQP's answer, unchecked."""
         n, mi = qp.g.size, qp.u.size
         equalities = n + mi
-        sense = np.zeros(equalities + qp.b.size, dtype=ctypes.c_int)
+        sense = np.zeros(equalities + qp.b.size, dtype=np.intc)
         sense[equalities:] = _EQUALITY
         x, _, exitflag, info = daqp.solve(
             qp.P,
             qp.g,
-            np.concatenate((qp.C, qp.A)),
+            np.concatenate((qp.C, qp.A)) if mi else qp.A,
             np.concatenate((qp.upper, qp.u, qp.b)),
             np.concatenate((qp.lower, qp.l, qp.b)),
             sense,

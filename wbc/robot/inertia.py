@@ -1,18 +1,17 @@
 """How the composite-rigid-body (CRB) inertia changes with the joints: Jacobian and drift.
 
-The paper differentiates the inertia link by link (eqs. 24-27). The same derivatives can be read off
-the equations of motion. Lock all joints and spin the whole robot about its CoM at angular velocity
-w: the kinetic energy is T = 1/2 w' I_c w, and Lagrange's equations say that joint j then needs the
-*centrifugal torque*
+The Jacobian (paper eqs. 24-27) follows from the composite inertias that Pinocchio keeps: a joint
+moves the bodies that it carries as one. The second derivative is read off the equations of motion.
+Lock all joints and spin the whole robot about its CoM at angular velocity w: the kinetic energy is
+T = 1/2 w' I_c w, and Lagrange's equations say that joint j then needs the *centrifugal torque*
 
     tau_j(w) = - dT/dq_j = - 1/2 w' (dI_c/dq_j) w.
 
-So six spins, one for each entry of a symmetric matrix, give all columns of the Jacobian through
-Pinocchio's recursive Newton-Euler pass: exact for every joint type, O(n), and no loop over the
-links in Python. The derivative of the same torque along the motion gives the second derivative.
-
-Everything here is seen from the base, where the inertia depends on the joints alone (paper 5.2.1);
-:mod:`wbc.robot.state` adds how the base and other frames turn.
+So six spins, one for each entry of a symmetric matrix, give the Jacobian too (the tests' oracle),
+and the derivative of these torques along the motion gives the second derivative: exact for every
+joint type, O(n), and no loop over the links in Python. That part is seen from the base, where the
+inertia depends on the joints alone (paper 5.2.1); :mod:`wbc.robot.state` adds how the base and
+other frames turn.
 """
 
 from __future__ import annotations
@@ -21,7 +20,16 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot.workspace import Workspace
-from wbc.spatial import COLUMNS, FROBENIUS_WEIGHTS, ROWS, skew
+from wbc.spatial import (
+    COLUMNS,
+    DIAGONAL,
+    FROBENIUS_WEIGHTS,
+    ROWS,
+    commutator_matrix,
+    skew,
+    vech,
+    vech_inverse,
+)
 from wbc.validate import Array
 
 # Spin axes e_a for the diagonal entries and e_a + e_b for the off-diagonal ones, in vech order.
@@ -30,32 +38,55 @@ _SPINS[np.arange(6), ROWS] = 1.0
 _SPINS[np.arange(6), COLUMNS] = 1.0
 # Takes the six quadratic forms w' S w to vech(S).
 _POLARISATION = np.linalg.inv(_SPINS[:, ROWS] * _SPINS[:, COLUMNS] * FROBENIUS_WEIGHTS)
-_FROM_TORQUES = -2.0 * _POLARISATION
 
 
-def joint_rates(work: Workspace, q: Array, com_in_base: Array, axes: Array) -> Array:
-    """Return the derivative of the centroidal inertia by the joints, the base at rest.
+def _rates() -> Array:
+    """Return (27, 6): from the products S_i w_j and u_i h_j to vech(tr(dS) 1 - dS)."""
+    of_second = [commutator_matrix(vech_inverse(e)).T for e in np.eye(6)]  # (3, 6) each
+    of_first = [vech(X + X.T) for X in np.eye(9).reshape(9, 3, 3)]
+    to_inertia = -np.eye(6)
+    to_inertia[np.ix_(DIAGONAL, DIAGONAL)] += 1.0
+    return np.concatenate((*of_second, np.array(of_first))) @ to_inertia
+
+
+_RATES = _rates()
+# From Pinocchio's entries xx xy yy xz yz zz of an inertia I to vech of tr(I)/2 1 - I.
+_SECOND_MOMENTS = -np.eye(6)[:, np.array([0, 1, 3, 2, 4, 5])]
+_SECOND_MOMENTS[np.ix_(np.array([0, 2, 5]), DIAGONAL)] += 0.5
+
+
+def inertia_rates(composites: Array, masses: Array, twists: Array, com: Array) -> Array:
+    """Return the derivative of the centroidal inertia by v, world axes (paper eqs. 24-27).
+
+    An entry of v moves the bodies that it carries as one: with their mass, first and second moment
+    h, S about the robot's CoM, and the twist's angular part w and velocity u at that CoM,
+
+        dS = [w] S - S [w] + u h' + h u',    dI = tr(dS) 1 - dS.
 
     Parameters
     ----------
-    q:
-        Configuration (nq,).
-    com_in_base:
-        CoM relative to the base origin, in base axes (3,) [m].
-    axes:
-        Rotation (3, 3) from base axes to those in which the inertia is wanted.
+    composites, masses:
+        (nv, 9) and (nv,) as :class:`~wbc.robot.workspace.CompositeInertias` gives them.
+    twists:
+        (6, nv), the linear part that of the point at the world's origin.
+    com:
+        (3,) of the robot [m].
 
     Returns
     -------
-    (6, nv) rows xx, xy, xz, yy, yz, zz [kg m^2 per unit of joint velocity]; the base columns are 0.
+    (6, nv) rows xx, xy, xz, yy, yz, zz [kg m^2 per unit of v].
     """
-    spins, torques = work.spins, work.torques
-    np.matmul(_SPINS, axes, out=spins[:, 3:6])
-    np.matmul(spins[:, 3:6], skew(com_in_base).T, out=spins[:, :3])  # the base moves at c x w
-    for k in range(6):
-        torques[k] = pin.nonLinearEffects(work.weightless, work.scratch, q, spins[k])
-    torques[:, :6] = 0.0  # what holds the spinning base: it turns the tensor, it does not shape it
-    return _FROM_TORQUES @ torques
+    arms = composites[:, :3] - com
+    moments = masses[:, None] * arms
+    second = composites[:, 3:] @ _SECOND_MOMENTS
+    second += arms[:, ROWS] * moments[:, COLUMNS]
+    angular = twists[3:]
+    linear = twists[:3] - skew(com) @ angular
+    products = np.empty((len(masses), 27))
+    n = len(masses)
+    np.multiply(second[:, :, None], angular.T[:, None], out=products[:, :18].reshape(n, 6, 3))
+    np.multiply(linear.T[:, :, None], moments[:, None], out=products[:, 18:].reshape(n, 3, 3))
+    return (products @ _RATES).T
 
 
 def joint_hessian(

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.robot import inertia as crb
+from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
 from wbc.spatial import commutator_matrix, congruence, skew, vech, vech_inverse
@@ -53,7 +54,8 @@ class KinematicState:
     @cached_property
     def joint_positions(self) -> Array:
         """Positions (nv-6,) of the joints [rad or m]; angles of continuous joints."""
-        return self.robot.limits.joint_positions(self.q)
+        limits = self.robot.limits  # read in every tick: no call unless it is needed
+        return limits.joint_positions(self.q) if limits.unbounded else self.q[BASE_NQ:]
 
     # ------------------------------------------------------------------ momentum and CoM
 
@@ -119,16 +121,17 @@ class KinematicState:
     @cached_property
     def base_inertia_jacobian(self) -> Array:
         """Derivative d vech(I_base)/dv (6, nv), base axes; its base columns are zero."""
-        work = self.robot.workspace
-        return read_only(crb.joint_rates(work, self.q, self._com_in_base, np.eye(3)))
+        J = congruence(self.rotation(BASE).T) @ self.inertia_jacobian
+        J[:, :BASE_NV] = 0.0
+        return read_only(J)
 
     @cached_property
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
-        R = self.rotation(BASE)
-        J = crb.joint_rates(self.robot.workspace, self.q, self._com_in_base, R)
-        J[:, 3:6] = commutator_matrix(self.inertia) @ R  # a rotation turns it, translations do not
-        return read_only(J)
+        twists, work = self._kinematics().J, self.robot.workspace
+        J = crb.inertia_rates(work.composites.read(), work.composites.masses, twists, self.com)
+        J.flags.writeable = False
+        return J
 
     def inertia_jacobian_in(self, frame: str = WORLD) -> Array:
         """Jacobian (6, nv) of :meth:`inertia_in` for the same ``frame``."""
