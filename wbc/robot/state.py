@@ -1,7 +1,8 @@
 """Everything known about the robot at one measured state (q, v), read-only.
 
 World-aligned quantities unless a frame is named; spatial vectors linear first. Quantities are
-computed when first asked for and kept; none changes when another snapshot is made.
+computed when first asked for and kept; none changes when another snapshot is made. What every tick
+asks for is marked read-only in place, without a call.
 """
 
 from __future__ import annotations
@@ -62,7 +63,9 @@ class KinematicState:
     @cached_property
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
-        return read_only(self._kinematics().Ag.copy())
+        A = self._kinematics().Ag.copy()
+        A.flags.writeable = False
+        return A
 
     @cached_property
     def momentum(self) -> Array:
@@ -77,7 +80,9 @@ class KinematicState:
     @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
-        return read_only(self.centroidal_map[:3] / self.robot.mass)
+        J = self.centroidal_map[:3] / self.robot.mass
+        J.flags.writeable = False
+        return J
 
     @cached_property
     def com_velocity(self) -> Array:
@@ -214,8 +219,9 @@ class KinematicState:
         if found is None:
             robot = self.robot
             index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-            J = pin.getFrameJacobian(robot.model, self._kinematics(), index, _ALIGNED)
-            self._jacobians[frame] = found = read_only(J)
+            found = pin.getFrameJacobian(robot.model, self._kinematics(), index, _ALIGNED)
+            found.flags.writeable = False
+            self._jacobians[frame] = found
         return found
 
     def drift(self, frame: str) -> Array:
@@ -245,8 +251,9 @@ class KinematicState:
         robot = self.robot
         index = robot.frame_indices.get(frame) or robot.frame_id(frame)
         pose = pin.updateFramePlacement(robot.model, self._kinematics(), index)
-        found = read_only(pose.translation.copy()), read_only(pose.rotation.copy())
-        self._placements[frame] = found
+        position, rotation = pose.translation.copy(), pose.rotation.copy()
+        position.flags.writeable = rotation.flags.writeable = False
+        self._placements[frame] = found = position, rotation
         return found
 
     # ------------------------------------------------------------------ dynamics, on demand
