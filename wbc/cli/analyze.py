@@ -72,32 +72,48 @@ def analyze(
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
     with errors_in_one_line():
-        reading = {
-            "rate": rate,
-            "degrees": degrees,
-            "missing": missing.value if missing else None,
-            "ignore": ignore or (),
-            "beyond": beyond,
-            "fill": fill,
-            "longest_gap": longest_gap,
-        }
-        analysis = {
-            "rate": resample,
-            "cutoff": _cutoff(cutoff),
-            "planted": planted,
-            "feet": _feet(feet),
-            "ground_height": ground,
-        }
-        outputs = output or []
+        from wbc.cli.outputs import Outputs
+        from wbc.cli.progress import shown_progress
+        from wbc.motion import analyse, read_motion
+        from wbc.robot import Robot
+
         moments = _snapshots(snapshots)
-        _check_outputs(motion, outputs, plot, moments)
-        series = _series(motion, robot, reading, analysis, quiet)
-        written, failures = _write(series, outputs, plot, moments)
+        low_pass = _cutoff(cutoff)
+        _check_outputs(motion, output or [], plot, moments)
+        loaded = Robot.load(robot)
         if not quiet:
-            _print(series, written)
-    for failure in failures:
+            print_notes(loaded)
+        recording = read_motion(
+            motion,
+            loaded,
+            rate=rate,
+            degrees=degrees,
+            missing=missing.value if missing else None,
+            ignore=ignore or (),
+            beyond=beyond,
+            fill=fill,
+            longest_gap=longest_gap,
+        )
+        with nullcontext() if quiet else shown_progress() as progress:
+            series = analyse(
+                recording,
+                rate=resample,
+                cutoff=low_pass,
+                planted=planted,
+                feet=_feet(feet),
+                ground_height=ground,
+                progress=progress,
+            )
+        outputs = Outputs()
+        for path in output or []:
+            outputs.save(path, series.save)
+        if plot is not None:
+            outputs.draw(plot, lambda picture: _draw(series, picture, moments))
+        if not quiet:
+            _print(series, outputs.written)
+    for failure in outputs.failures:
         complain(failure)
-    raise typer.Exit(BAD_INPUT if failures else 0)
+    raise typer.Exit(BAD_INPUT if outputs.failures else 0)
 
 
 def _cutoff(text: str) -> float | None:
@@ -142,43 +158,11 @@ def _check_outputs(
         check_snapshots(snapshots)
 
 
-def _series(
-    path: Path, robot: str, reading: dict[str, Any], analysis: dict[str, Any], quiet: bool
-) -> RmpSeries:
-    from wbc.cli.progress import shown_progress
-    from wbc.motion import analyse, read_motion
-    from wbc.robot import Robot
+def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
+    from wbc.view.analysis import plot_analysis
 
-    loaded = Robot.load(robot)
-    if not quiet:
-        print_notes(loaded)
-    motion = read_motion(path, loaded, **reading)
-    with nullcontext() if quiet else shown_progress() as progress:
-        return analyse(motion, progress=progress, **analysis)
-
-
-def _write(
-    series: RmpSeries, outputs: list[Path], plot: Path | None, snapshots: int | list[float]
-) -> tuple[list[Path], list[str]]:
-    """Write what is wanted; return what was written and, in words, what could not be."""
-    from wbc.errors import WbcError
-
-    written, failures = list[Path](), list[str]()
-    for path in outputs:
-        try:
-            series.save(path)
-            written.append(path)
-        except OSError as error:
-            failures.append(f"--output {path}: cannot be written: {error.strerror}")
-    if plot is not None:
-        from wbc.view.analysis import plot_analysis
-
-        title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"
-        try:
-            written.append(plot_analysis(series, plot, title=title, snapshots=snapshots))
-        except WbcError as error:
-            failures.append(f"--plot {plot}: {error}")
-    return written, failures
+    title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"
+    plot_analysis(series, path, title=title, snapshots=snapshots)
 
 
 # ---------------------------------------------------------------------- what is printed
@@ -236,11 +220,9 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
     yield "leg length [mm]", 1e3, series.leg_length
     for k in range(3):
         yield f"radius r{k + 1} [mm]", 1e3, series.radii[:, k]
-    for name, values in (
-        ("turning by momentum, I^-1 k [rad/s]", series.average_angular_velocity),
-        ("turning of the axes [rad/s]", series.axes_angular_velocity),
-    ):
-        yield name, 1.0, np.linalg.norm(values, axis=1)
+    momentum, axes = series.average_angular_velocity, series.axes_angular_velocity
+    yield "turning by momentum, I^-1 k [rad/s]", 1.0, np.linalg.norm(momentum, axis=1)
+    yield "turning of the axes [rad/s]", 1.0, np.linalg.norm(axes, axis=1)
 
 
 def _verdict(series: RmpSeries) -> Any:

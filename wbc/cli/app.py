@@ -110,18 +110,27 @@ def _solve(
     path: Path, output: Path | None, plot: Path | None, overrides: dict[str, Any], quiet: bool
 ) -> int:
     """Run a problem, write and print what came of it, and return the exit code."""
-    from wbc.cli.outputs import Outputs
+    from wbc.cli.outputs import Outputs, check_picture, check_place, draw_result
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
     from wbc.problem import Problem, Result, load_problem
+    from wbc.run.saving import result_format
 
-    outputs = Outputs(output, plot)
+    if output is not None:
+        result_format(output)
+        check_place("--output", output)
+    if plot is not None:
+        check_picture("--plot", plot)
     problem = load_problem(path, overrides)
     if isinstance(problem, Problem) and not quiet:
         print_notes(problem.parts.robot)
     with nullcontext() if quiet else shown_progress() as progress:
         result = problem.run(progress)
-    outputs.write(result, path.stem)
+    outputs = Outputs()
+    if output is not None:
+        outputs.save(output, result.save)
+    if plot is not None:
+        outputs.draw(plot, lambda picture: draw_result(result, picture, path.stem))
     if not quiet:
         if isinstance(result, Result):
             print_result(result, outputs.written)

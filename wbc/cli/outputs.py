@@ -1,4 +1,4 @@
-"""What ``wbc run`` writes: checked before the run, so that no finished run is lost."""
+"""The files that a command writes: checked before the work, so that no finished work is lost."""
 
 from __future__ import annotations
 
@@ -12,70 +12,49 @@ from typing import Any
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import Result
 from wbc.problem.pendulum.result import PendulumResult
-from wbc.run.saving import result_format
 
 
 @dataclass
 class Outputs:
-    """The files that are wanted of a run.
+    """What has been written and, in words, what could not be."""
 
-    Attributes
-    ----------
-    result, picture:
-        Where to write them, or None.
-    written:
-        What has been written.
-    failures:
-        What could not be, in words.
-    """
-
-    result: Path | None
-    picture: Path | None
     written: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        """Raise InvalidInputError for what could never be written."""
-        if self.result is not None:
-            result_format(self.result)
-            check_place("--output", self.result)
-        if self.picture is not None:
-            check_picture("--plot", self.picture)
-
-    def write(self, result: Result | PendulumResult, name: str) -> None:
-        """Write what is wanted of ``result``; a failure is noted, and does not lose the rest."""
-        if self.result is not None:
-            self._save(result, self.result)
-        if self.picture is not None:
-            title = f"{name}: {result.status.value.replace('_', ' ')}"
-            self._draw(result, self.picture, title)
-
-    def _save(self, result: Result | PendulumResult, path: Path) -> None:
+    def save(self, path: Path, save: Callable[[Path], object]) -> None:
+        """Write a result by ``save(path)``; where the system refuses, into a temporary folder."""
         try:
-            result.save(path)
+            save(path)
             self.written.append(path)
         except OSError as error:
             elsewhere = Path(tempfile.mkdtemp(prefix="wbc-")) / path.name
-            result.save(elsewhere)
+            save(elsewhere)
             self.failures.append(
                 f"--output {path}: cannot be written: {error.strerror}; the result is in "
                 f"{elsewhere} instead"
             )
 
-    def _draw(self, result: Result | PendulumResult, path: Path, title: str) -> None:
-        from wbc.view import plot_pendulum, plot_run
-
+    def draw(self, path: Path, draw: Callable[[Path], object]) -> None:
+        """Write a picture by ``draw(path)``; a failure is noted."""
         try:
-            if isinstance(result, Result):
-                draw: Callable[..., Any] = plot_run  # a History has every array that it reads
-                draw(result.robot, result.history, path, title=title)
-            else:
-                plot_pendulum(result.history, path, title=title)
+            draw(path)
             self.written.append(path)
         except WbcError as error:
             self.failures.append(f"--plot {path}: {error}")
         except OSError as error:
             self.failures.append(f"--plot {path}: cannot be written: {error.strerror}")
+
+
+def draw_result(result: Result | PendulumResult, path: Path, name: str) -> None:
+    """Draw what came of the problem ``name``."""
+    from wbc.view import plot_pendulum, plot_run
+
+    title = f"{name}: {result.status.value.replace('_', ' ')}"
+    if isinstance(result, Result):
+        draw: Callable[..., Any] = plot_run  # a History has every array that it reads
+        draw(result.robot, result.history, path, title=title)
+    else:
+        plot_pendulum(result.history, path, title=title)
 
 
 def check_picture(option: str, path: Path) -> None:

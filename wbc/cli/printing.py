@@ -12,7 +12,6 @@ from rich.text import Text
 
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
-from wbc.run.result import TaskResult
 from wbc.run.shaping_report import ShapingReport
 
 SHOWN = 5
@@ -27,7 +26,8 @@ _STOPPED = {
 def print_result(result: Result, written: Iterable[Path]) -> None:
     """Print how a run ended, how far each task is from its target, and the worst of the rest."""
     console = Console(highlight=False)
-    seconds = len(result.history) * _time_step(result)
+    time = result.history.time
+    seconds = len(time) * float(time[1] - time[0]) if time.size > 1 else 0.0
     reason = f"{result.reason} ({len(result.history)} ticks, {seconds:.2f} s)"
     console.print(_head(result.status, reason))
     console.print(_tasks(result))
@@ -62,31 +62,20 @@ def print_written(console: Console, written: Iterable[Path], width: int = 15) ->
         console.print(Text.assemble((f"{'written':{width}}", "dim"), str(path)), soft_wrap=True)
 
 
-def _time_step(result: Result) -> float:
-    time = result.history.time
-    return float(time[1] - time[0]) if time.size > 1 else 0.0
-
-
 def _tasks(result: Result) -> Table:
     accepts = any(task.tolerance is not None for task in result.tasks.values())
     table = heads("task", "error", "largest entry", *(["tolerance"] if accepts else []))
     for name, task in result.tasks.items():
-        cells = [Text(name), Text(f"{task.norm:.3g}{_unit(task)}"), Text(_largest(task))]
+        units = dict.fromkeys(task.units)
+        unit = f" {', '.join(units)}" if units != {"1": None} else ""
+        worst = int(np.argmax(np.abs(task.error)))
+        largest = f"{task.rows[worst]} {task.error[worst]:+.3g}"
+        cells = [Text(name), Text(f"{task.norm:.3g}{unit}"), Text(largest)]
         if task.tolerance is not None:
             met = task.norm <= task.tolerance
             cells.append(Text(f"{task.tolerance:g}", style="green" if met else "red"))
         table.add_row(*cells)
     return table
-
-
-def _unit(task: TaskResult) -> str:
-    units = dict.fromkeys(task.units)
-    return f" {', '.join(units)}" if units != {"1": None} else ""
-
-
-def _largest(task: TaskResult) -> str:
-    worst = int(np.argmax(np.abs(task.error)))
-    return f"{task.rows[worst]} {task.error[worst]:+.3g}"
 
 
 def _inertia(result: Result) -> Table:
@@ -127,7 +116,12 @@ def _rest(result: Result) -> Table:
         told = "; ".join(f"{pair}: {why}" for pair, why in pairs.items())
         table.add_row("not watched", Text(f"{told} ({name})"))
     table.add_row("QP", Text(_qp(result)))
-    table.add_row("tick time", _times(result))
+    wall, cpu = (result.tick_times()[clock] for clock in ("wall", "cpu"))
+    table.add_row(
+        "tick time",
+        f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms "
+        f"(CPU {1e3 * cpu['median']:.2f}, {1e3 * cpu['p99']:.2f})",
+    )
     for name, text in search_rows(result.shaping) if result.shaping is not None else ():
         table.add_row(name, Text(text))
     return table
@@ -139,14 +133,6 @@ def _qp(result: Result) -> str:
     first = result.failures[0]
     count, ticks = len(result.failures), len(result.history)
     return f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
-
-
-def _times(result: Result) -> str:
-    wall, cpu = (result.tick_times()[clock] for clock in ("wall", "cpu"))
-    return (
-        f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms "
-        f"(CPU {1e3 * cpu['median']:.2f}, {1e3 * cpu['p99']:.2f})"
-    )
 
 
 # ---------------------------------------------------------------------- search over postures
