@@ -144,13 +144,17 @@ def random_ticks(options: argparse.Namespace) -> None:
 
 
 def watched(robot: Robot, fit: str, few: bool) -> SelfCollision:
-    """Return margins for all pairs, or for the 25 that are nearest when standing and no others."""
+    """Return margins for all pairs, or for the 25 that are nearest when standing and no others.
+
+    Those that stand too near to keep the margin are not among the 25: they would be pushed apart.
+    """
     margins = SelfCollision(robot, margin=MARGIN, pairs=PAIRS, fit=fit)
     if not few:
         return margins
     model = margins.model
-    nearest = model.nearest(robot.snapshot(robot.posture("standing")), PAIRS)
-    pairs = [(a, b) for a, b in model.pairs[nearest.pairs].tolist()]
+    distance = model.nearest(robot.snapshot(robot.posture("standing"))).distance
+    distance[margins.margins < MARGIN] = np.inf
+    pairs = [(a, b) for a, b in model.pairs[np.sort(distance.argsort()[:PAIRS])].tolist()]
     only = CollisionModel(robot, model.bodies, pairs)
     return SelfCollision(robot, margin=MARGIN, pairs=PAIRS, model=only)
 

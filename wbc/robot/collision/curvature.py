@@ -22,9 +22,11 @@ from wbc.robot.collision.covers import chosen_of
 from wbc.robot.collision.shapes import Body, HalfSpace
 from wbc.validate import Array
 
+FEW = 8  # corners, of a capsule or a box
 LEVER = 1.0  # m: on which joints carry bodies, for an estimate of curvature
 Index = NDArray[np.int64]
 Placements = tuple[Array, Array]  # rotations (njoints, 3, 3) and origins (njoints, 3) of all joints
+Nearest = tuple[Array, Array, Array]
 
 
 class CurvatureBounds:
@@ -52,12 +54,14 @@ class CurvatureBounds:
         self._least = np.where(flat, np.inf, 0.0)  # half-spaces have no corners to go by
         self._counts = np.array([len(body.shape.core) for body in bodies])
         most = int(self._counts.max())
-        # (bodies, most, 3): those with fewer corners repeat their last.
+        # (bodies, 5, most): x, y, z, |x|^2, 1; those with fewer corners repeat their last.
         self._corners = np.stack([_filled(body.shape.core, most) for body in bodies])
+        self._few_corners = np.ascontiguousarray(self._corners[:, :, :FEW])
 
     def place(self, body: int, core: Array) -> None:
         """Set the corners (k, 3) of a body of joint 0 in the world."""
-        self._corners[body] = _filled(core, self._corners.shape[1])
+        self._corners[body] = _filled(core, self._corners.shape[2])
+        self._few_corners[body] = self._corners[body, :, :FEW]
 
     def quick(self, pairs: Index | None, step: Array) -> Array:
         """Return the bound (k,) [m] by lengths, of all pairs if None, for a ``step`` (nv,)."""
@@ -65,47 +69,62 @@ class CurvatureBounds:
         curvature += chosen_of(self._shorter, pairs) * angle
         return curvature
 
-    def by_corners(
-        self, places: Placements, pairs: Index, contact: tuple[Array, Array, Array], step: Array
+    def tight(
+        self, places: Placements, pairs: Index, nearest: Nearest, step: Array, clearance: Array
     ) -> Array:
-        """Return the bound (k,) [m] from the corners of some pairs.
+        """Return :meth:`quick`, or less from the corners where it is above ``clearance`` (k,).
 
         Parameters
         ----------
-        contact:
-            Normals (k, 3) from the second to the first body, nearest points (k, 3) on both.
+        nearest:
+            Distances (k,), normals (k, 3) from second to first and points (k, 3) on the first.
         """
-        bound = np.empty(len(pairs))
-        # Capsules by themselves: they have few corners.
-        round_ones = self._counts[self._pairs.take(pairs, axis=0)].max(axis=1) <= 2
-        for some in (np.flatnonzero(round_ones), np.flatnonzero(~round_ones)):
-            if some.size:
-                parts = tuple(part.take(some, axis=0) for part in contact)
-                bound[some] = self._by_corners(places, pairs.take(some), parts, step)
+        angle, curvature = self._angles(pairs, step)
+        bound = chosen_of(self._shorter, pairs) * angle
+        bound += curvature
+        unsure = np.flatnonzero(bound > clearance)
+        if unsure.size:
+            distance, normal, first = (part.take(unsure, axis=0) for part in nearest)
+            contact = normal, first, first - distance[:, None] * normal
+            jump = self._by_corners(places, pairs.take(unsure), contact, angle.take(unsure))
+            jump += curvature.take(unsure)
+            bound[unsure] = np.minimum(bound.take(unsure), jump)
         return bound
 
     def _by_corners(
-        self, places: Placements, pairs: Index, contact: tuple[Array, ...], step: Array
+        self, places: Placements, pairs: Index, contact: tuple[Array, ...], angle: Array
     ) -> Array:
-        angle, curvature = self._angles(pairs, step)
+        """Return the bound (k,) of the jump [m] from the corners of some pairs."""
         normal, first, second = contact
         bodies = self._pairs.take(pairs, axis=0).T.ravel()  # all first ones, then all second ones
         outward = np.concatenate((normal, -normal))  # away from the other body
-        joints = self._joints.take(bodies)
-        R, origins = (part.take(joints, axis=0) for part in places)
-        origins -= np.concatenate((first, second))
-        origins -= self._radii.take(bodies)[:, None] * outward
-        most = int(self._counts.take(bodies).max())
-        x = np.matmul(self._corners[:, :most].take(bodies, axis=0), R.transpose(0, 2, 1))
-        x += origins[:, None]
-        ahead = np.matmul(x, outward[:, :, None])[:, :, 0]
         phi = np.concatenate((angle, angle))[:, None]
-        ahead *= 1.0 - 0.5 * phi * phi
-        lost = phi * np.sqrt(np.einsum("kci,kci->kc", x, x))
-        lost -= ahead
-        jumps = np.maximum(lost.max(axis=1), self._least.take(bodies)).reshape(2, -1)
-        curvature += np.minimum(*jumps)
-        return curvature
+        joints = self._joints.take(bodies)
+        R, origin = (part.take(joints, axis=0) for part in places)
+        origin -= np.concatenate((first, second))
+        origin -= self._radii.take(bodies)[:, None] * outward
+        # With x = R c + origin of a corner c, m . x (1 - phi^2 / 2) and |x|^2 are linear in
+        # (c, |c|^2, 1): no corner is turned.
+        m = (1.0 - 0.5 * phi * phi) * outward
+        factors = np.zeros((len(bodies), 2, 5))
+        factors[:, 0, :3], factors[:, 1, :3] = m, 2.0 * origin
+        factors[:, :, 4] = np.matmul(factors[:, :, :3], origin[:, :, None])[:, :, 0]
+        factors[:, 1, 4] *= 0.5
+        factors[:, :, :3] = np.matmul(factors[:, :, :3], R)
+        factors[:, 1, 3] = 1.0
+        counts, jumps = self._counts.take(bodies), self._least.take(bodies)
+        few = counts <= FEW  # by themselves: the others' arrays are long
+        for some in (np.flatnonzero(few), np.flatnonzero(~few)):
+            if some.size:
+                corners = self._few_corners if few[some[0]] else self._corners
+                corners = corners.take(bodies.take(some), axis=0)
+                ahead, lost = found = np.empty((2, len(some), corners.shape[2]))
+                np.matmul(factors.take(some, axis=0), corners, out=found.transpose(1, 0, 2))
+                np.sqrt(np.maximum(lost, 0.0, out=lost), out=lost)
+                lost *= phi.take(some, axis=0)
+                lost -= ahead
+                jumps[some] = np.maximum(jumps.take(some), lost.max(axis=1))
+        return np.minimum(*jumps.reshape(2, -1))
 
     def _angles(self, pairs: Index | None, step: Array) -> tuple[Array, Array]:
         """Return by how much pairs turn against each other (k,) [rad], how far paths curve [m]."""
@@ -118,4 +137,5 @@ class CurvatureBounds:
 
 
 def _filled(core: Array, most: int) -> Array:
-    return core[np.minimum(np.arange(most), len(core) - 1)]
+    corners = core[np.minimum(np.arange(most), len(core) - 1)].T
+    return np.concatenate((corners, [(corners * corners).sum(axis=0), np.ones(most)]))

@@ -169,16 +169,9 @@ class CollisionModel:
 
         Only surfaces that are parallel and near each other keep the first bound.
         """
-        bound = self.curvature_bound(found.pairs, step)
-        unsure = np.flatnonzero(bound > clearance)
-        if unsure.size:
-            pairs = found.pairs.take(unsure)
-            normal, point = found.normal.take(unsure, axis=0), found.point.take(unsure, axis=0)
-            contact = normal, point, point - found.distance.take(unsure)[:, None] * normal
-            places = found.snapshot.joint_placements
-            tight = self._curvature.by_corners(places, pairs, contact, step)
-            bound[unsure] = np.minimum(bound[unsure], tight)
-        return bound
+        nearest = found.distance, found.normal, found.point
+        places = found.snapshot.joint_placements
+        return self._curvature.tight(places, found.pairs, nearest, step, clearance)
 
     def _or_all(self, pairs: Index) -> Index | None:
         """Return the numbers of some pairs; None if these are all."""
