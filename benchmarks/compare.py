@@ -4,9 +4,9 @@
    hold is compared: final state, errors, histories, plans, verdicts. A difference of numbers counts
    above 1e-6 of one plus their size; the older revision then runs ``--repeat`` times more and is
    compared with itself, since identical processes differ in rounding and some problems amplify it.
-2. Ticks of the same jobs, by processes of each revision in turns on one core: thread CPU time of
-   snapshot and step. Each round has new processes; the range of the ratio over rounds says what it
-   is worth. "Apart": difference of the configurations in the end, zero if both did the same work.
+2. Ticks of the same jobs, by processes of each revision in turns on one core: CPU time of snapshot
+   and step. Each round has new processes, hence the range of the ratio. "Apart": difference of the
+   configurations in the end, rounding if both did the same work.
 
     python benchmarks/compare.py --base REV [--problems 'plan_*'] [--only results|times]
 """
@@ -153,9 +153,8 @@ def compare_results(before: Path, after: Path, pattern: str, repeat: int) -> boo
     """Print the table of problems; return whether all agree."""
     old, new = ({file.stem for file in (t / "problems").glob("*.yaml")} for t in (before, after))
     print("| problem | largest difference | where | of older runs | verdict before | after |")
-    print("|---|---|---|---|---|---|", flush=True)
-    notes = [f"{name}: in one revision only" for name in sorted(old ^ new)]
-    agreed: list[bool] = []
+    print("|---|---|---|---|---|---|")
+    notes, agreed = [f"{name}: in one revision only" for name in sorted(old ^ new)], []
     for name in sorted(one for one in old & new if fnmatch(one, pattern)):
         was, now = run_problem(before, name), run_problem(after, name)
         found = compare(was, now)
@@ -163,8 +162,8 @@ def compare_results(before: Path, after: Path, pattern: str, repeat: int) -> boo
         (gap, where), *others = sorted(found.gaps, reverse=True)
         runs = [run_problem(before, name) for _ in range(repeat if gap > TOLERANCE else 0)]
         itself = " ".join(f"{max(compare(was, run).gaps)[0]:.0e}" for run in runs)
-        cells = (name, f"{gap:.0e}", where, itself, was.verdict, now.verdict)
-        print("| " + " | ".join(cells) + " |", flush=True)
+        cells = ("", name, f"{gap:.0e}", where, itself, was.verdict, now.verdict, "")
+        print(" | ".join(cells).strip(), flush=True)
         wide = [where for other, where in others[:8] if other > TOLERANCE]
         notes += [f"{name}: {one}" for one in (*found.words, *wide)]
     print("\n".join(["", *(f"- {note}" for note in notes), ""]))

@@ -124,3 +124,17 @@ def test_a_row_with_large_numbers_does_not_excuse_a_small_one():
     residuals = kkt_residuals(qp, x, y, NONE, np.zeros(1))
     assert residuals.primal == pytest.approx(2e-4)
     assert not acceptable(residuals, 1e-8, qp, x, y, NONE, np.zeros(1))
+
+
+def test_diverging_multipliers_excuse_nothing() -> None:
+    """min 1/2 (x - 1)^2 with a row x >= 1.98 and the bound x <= 2: the optimum is 1.98, not 1.99.
+
+    ProxQP ends at its iteration limit with multipliers of 1e8 and more that cancel; relative to
+    them every residual is small.
+    """
+    qp = QP.build(np.eye(1), [-1.0], C=np.eye(1), l=[1.98], u=[np.inf], upper=[2.0])
+    for x, pushed, good in ((1.99, 1e9, False), (1.98, 0.0, True)):
+        point = np.array([x]), NONE, np.array([1.0 - x - pushed]), np.array([pushed])
+        residuals = kkt_residuals(qp, *point)
+        assert residuals.dual < 1e-6
+        assert acceptable(residuals, 1e-9, qp, *point) == good

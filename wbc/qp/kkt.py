@@ -16,6 +16,9 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array
 
+# Part of the cost's terms that an accepted point may cost too much by the look of its multipliers.
+DOUBT = 1e-4
+
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
     """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,); 10-13 us at n = 35.
@@ -56,20 +59,37 @@ def acceptable(
 ) -> bool:
     """Whether the residuals are below eps, or below eps relative to the terms they are made of.
 
-    Each row is measured by its own terms: a row of large numbers does not excuse the others. The
-    relative test is only made when the plain one fails.
+    Each row is measured by its own terms: a row of large numbers does not excuse the others. Nor do
+    multipliers: diverging ones (1e8, even 1e26) would make any residual small beside them, hence
+    the cost that they leave in doubt must be small beside the cost's own terms. The relative test
+    is only made when the plain one fails.
     """
     r = residuals
     if r.primal <= eps and r.dual <= eps and r.complementarity <= eps:
         return True
     primal, dual = reference_magnitudes(qp, x, y, z, z_box)
+    cost = 1.0 + abs(float(x @ qp.P @ x)) + abs(float(qp.g @ x))
     return (
         r.primal <= eps * (1.0 + primal)
         and r.dual <= eps * (1.0 + dual)
         and r.complementarity <= eps * (1.0 + max(primal, dual))
         and _within(qp.A, x, qp.b, qp.b, eps)
         and _within(qp.C, x, qp.l, qp.u, eps)
+        and doubtful_cost(qp, x, y, z, z_box) <= DOUBT * cost
     )
+
+
+def doubtful_cost(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> float:
+    """Return the duality gap, multipliers times distances to bounds, and the gradient left over x.
+
+    Multipliers smaller than the distance are left out: there, they are what should be 0.
+    """
+    gradient = qp.P @ x + qp.g + z_box + y @ qp.A + z @ qp.C
+    values, multipliers = np.concatenate((x, qp.C @ x)), np.concatenate((z_box, z))
+    upper, lower = np.concatenate((qp.upper, qp.u)), np.concatenate((qp.lower, qp.l))
+    slack = np.abs(np.where(multipliers > 0.0, upper - values, values - lower))
+    pulls = np.abs(multipliers) > slack
+    return float(np.abs(multipliers[pulls]) @ slack[pulls] + np.abs(gradient) @ np.abs(x))
 
 
 def reference_magnitudes(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> tuple[float, float]:
