@@ -85,3 +85,14 @@ def test_all_unknowns_fixed(backend):
     solution = backend.solve(qp)
     assert solution.solved, solution.describe()
     np.testing.assert_allclose(solution.x, [1.0, 2.0, 3.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("rows", [0, 4])
+def test_read_only_arrays(backend, solvable, rows: int) -> None:
+    """What is planned once is shared and read-only; Cython's solvers ask for writable arrays."""
+    qp = solvable(np.random.default_rng(0), mi=rows)
+    frozen = {name: np.array(getattr(qp, name)) for name in ("P", "g", "A", "b", "C", "l", "u")}
+    for array in frozen.values():
+        array.flags.writeable = False
+    solution = backend.solve(replace(qp, **frozen))
+    np.testing.assert_allclose(solution.x, backend.solve(qp).x, atol=1e-7)

@@ -72,10 +72,10 @@ class Daqp:
         equalities = n + mi
         sense = np.zeros(equalities + qp.b.size, dtype=np.intc)
         sense[equalities:] = _EQUALITY
-        x, _, exitflag, info = daqp.solve(
-            qp.P,
-            qp.g,
-            np.concatenate((qp.C, qp.A)) if mi else qp.A,
+        x, _, exitflag, info = daqp.solve(  # it takes no read-only arrays
+            np.require(qp.P, requirements="W"),
+            np.require(qp.g, requirements="W"),
+            np.concatenate((qp.C, qp.A)),
             np.concatenate((qp.upper, qp.u, qp.b)),
             np.concatenate((qp.lower, qp.l, qp.b)),
             sense,
