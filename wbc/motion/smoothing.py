@@ -71,12 +71,9 @@ def smooth_trajectory(
         )
     grid = even_grid(motion.time)
     own_rate = (len(grid) - 1) / float(grid[-1] - grid[0])
-    joints, base = (
-        motion.joints.copy(),
-        np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(motion.time), 1)),
-    )
-    if motion.base is not None:
-        base[:] = motion.base
+    joints = motion.joints.copy()
+    base: Array = np.empty((len(motion.time), BASE_NQ))
+    base[:] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) if motion.base is None else motion.base
     unwrap(motion.robot, joints, base[:, 3:])
     rows = np.hstack((base, joints))
     smooth = low_passed(on_grid(motion.time, rows, grid), own_rate, cutoff)

@@ -48,15 +48,11 @@ def plot_analysis(
     Parameters
     ----------
     path:
-        The file: png, svg or pdf by its suffix.
+        The file, which is returned: png, svg or pdf by its suffix.
     title:
         Written above all.
     snapshots:
         How many, evenly spread over the motion; or their times [s]. 1 to 10.
-
-    Returns
-    -------
-    The file.
 
     Raises
     ------

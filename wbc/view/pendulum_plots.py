@@ -119,7 +119,7 @@ def _traces(axes: Axes, history: PendulumHistory, *, over_time: bool) -> list[Li
 
 def _square(axes: Axes, x: Range, y: Range) -> None:
     """Show both ranges at the same scale, below the room for the legend."""
-    sizes = (WIDTH, HEIGHT - _room(1))  # inches
+    sizes = (WIDTH, HEIGHT - MARGIN - ROW)  # inches
     scale = max((high - low) / inches for (low, high), inches in zip((x, y), sizes, strict=True))
     axes.set_xlim(*_at_least(x, scale * sizes[0]))
     axes.set_ylim(*_at_least(y, scale * sizes[1]))
@@ -177,15 +177,10 @@ def _ticks(axes: Axes) -> None:
         axis.set_major_formatter(lambda x, _: f"{x:.4g}".replace("-", "−"))  # noqa: RUF001
 
 
-def _room(rows: int) -> float:
-    """Return the height of a legend [inches]."""
-    return MARGIN + ROW * rows
-
-
 def _legend(axes: Axes, lines: Iterable[Line2D], columns: int, also: Axes | None = None) -> None:
     """Put a legend above all that is drawn in ``axes``, and in ``also``, which shares its place."""
     entries = [line for line in lines if not str(line.get_label()).startswith("_")]
-    room = _room(math.ceil(len(entries) / columns))
+    room = MARGIN + ROW * math.ceil(len(entries) / columns)
     for each in (axes,) if also is None else (axes, also):
         low, high = each.get_ylim()
         each.set_ylim(low, high + (high - low) * room / (HEIGHT - room))

@@ -67,11 +67,7 @@ def plot_run(robot: Robot, history: History, path: str | Path, *, title: str) ->
         ``phase`` (n,) that is not empty: the name of the phase at each time; it then may have a
         ``support`` (n,), what the robot stood on, and a ``balance`` (n,), the margin [m].
     path:
-        The file: png, svg or pdf by its suffix.
-
-    Returns
-    -------
-    The file.
+        The file, which is returned: png, svg or pdf by its suffix.
 
     Raises
     ------
