@@ -76,6 +76,7 @@ OUTSIDE = 1e-6  # a command may exceed its box by this [rad/s or m/s]
 MET = 1e-7  # a point meets a row within this, relative to 1 + |end|
 SLOW = 5e-3  # CPU time of a tick [s]
 WARM_UP, EVERY = 5_000, 250  # ticks of a process before its memory counts, and between samples
+BLOCKS = 20  # of samples
 GROWTH = 10.0  # MB per million ticks that are no growth
 SAVE = 15.0  # between saves [s]
 RESULTS = Path(__file__).parent / "results"
@@ -173,21 +174,21 @@ class Record:
     def growth(self) -> tuple[float, float] | None:
         """Return the slope of memory [MB per million ticks] after warm-up, and its uncertainty.
 
-        A line through the samples of the longest process; its uncertainty from ten blocks of the
-        residuals, since neighbours are alike.
+        The median increase from one block of samples of the longest process to the next: a leak
+        shows in every block, a shape that is loaded late is a step in one of them.
         """
         series = [np.array(one) for one in self.memory if one]
         if not series:
             return None
         longest = max(series, key=len)
         ticks, size = longest[longest[:, 0] >= WARM_UP].T
-        if ticks.size < 100:
+        if ticks.size < 5 * BLOCKS:
             return None
-        slope, offset = np.polyfit(ticks * 1e-6, size, 1)
-        left = size - (slope * ticks * 1e-6 + offset)
-        blocks = np.array([block.mean() for block in np.array_split(left, 10)])
-        spread = np.ptp(ticks) * 1e-6 / np.sqrt(12.0)
-        return float(slope), float(2.0 * blocks.std() / (spread * np.sqrt(10.0)))
+        when = np.array([block.mean() for block in np.array_split(ticks * 1e-6, BLOCKS)])
+        level = np.array([np.median(block) for block in np.array_split(size, BLOCKS)])
+        slopes = np.diff(level) / np.diff(when)
+        slope = float(np.median(slopes))
+        return slope, float(3.7 * np.median(np.abs(slopes - slope)) / np.sqrt(BLOCKS))
 
     def failed(self) -> bool:
         """Whether a rule was broken, or memory grows beyond doubt."""
@@ -644,7 +645,7 @@ def spoilt(good: np.ndarray, rng: Rng, entries: tuple[int, ...] | None = None) -
 
 def may_be_accepted(value: Any) -> bool:
     """Whether ``value`` is a fault that is no fault of its kind: real, finite numbers."""
-    if np.ndim(value) == 0 or isinstance(value, list):
+    if not isinstance(value, np.ndarray):
         return False
     array = np.asarray(value)
     return array.dtype.kind == "f" and bool(np.isfinite(array).all())

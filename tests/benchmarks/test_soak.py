@@ -87,16 +87,18 @@ def test_growth_is_seen_and_noise_is_not() -> None:
     for slope, fails in ((0.0, False), (5.0, False), (60.0, True)):
         record = Record(seed=1)
         memory = 250.0 + slope * 1e-6 * ticks + 0.2 * noise + 40.0 * np.exp(-ticks / 500.0)
+        memory += 9.0 * (ticks > 50_000.0)  # something was loaded late
         record.memory.append(np.column_stack((ticks, memory)).tolist())
         growth = record.growth()
         assert growth is not None
-        assert growth[0] == pytest.approx(slope, abs=4.0)
+        assert growth[0] == pytest.approx(slope, abs=12.0)
         assert record.failed() is fails
 
 
 def test_faults_that_must_be_refused_are_told_from_large_numbers() -> None:
     rng = np.random.default_rng(0)
     assert may_be_accepted(np.array([1e12, 1.0]))
+    assert may_be_accepted(np.array(1e12))
     for value in (np.array([np.nan]), np.ones(2) + 0j, [1j], "x", 10**400, None, object()):
         assert not may_be_accepted(value)
     kinds = {type(spoilt(np.ones(3), rng)).__name__ for _ in range(200)}
