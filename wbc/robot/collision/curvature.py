@@ -79,8 +79,9 @@ class CurvatureBounds:
         nearest:
             Distances (k,), normals (k, 3) from second to first and points (k, 3) on the first.
         """
-        angle, curvature = self._angles(pairs, step)
-        bound = chosen_of(self._shorter, pairs) * angle
+        chosen = None if len(pairs) == len(self._pairs) else pairs
+        angle, curvature = self._angles(chosen, step)
+        bound = chosen_of(self._shorter, chosen) * angle
         bound += curvature
         unsure = np.flatnonzero(bound > clearance)
         if unsure.size:

@@ -88,12 +88,11 @@ class CollisionModel:
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
         self._covers = Covers(self.bodies, self.pairs)
         # Pairs of capsules are measured as segments, the others by coal.
-        solid = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
-        self._solid = solid[self.pairs].any(axis=1)  # (pairs,)
-        self._solid_number = np.cumsum(self._solid) - 1
-        self._solids = None
-        if self._solid.any():
-            self._solids = ShapePairs(robot, self.bodies, self.pairs[self._solid])
+        other = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
+        solid = np.logical_or(other[first], other[second])  # (pairs,)
+        self._solid_number = np.where(solid, np.cumsum(solid) - 1, -1)  # (pairs,)
+        self._every_solid = np.flatnonzero(solid), np.arange(np.count_nonzero(solid))
+        self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
 
     def __repr__(self) -> str:
         return (
@@ -174,8 +173,8 @@ class CollisionModel:
         return self._curvature.tight(places, found.pairs, nearest, step, clearance)
 
     def _or_all(self, pairs: Index) -> Index | None:
-        """Return the numbers of some pairs; None if these are all."""
-        return None if pairs is self._every else pairs
+        """Return the numbers of some pairs, which increase; None if these are all."""
+        return None if len(pairs) == len(self.pairs) else pairs
 
     def _measured(
         self,
@@ -189,51 +188,39 @@ class CollisionModel:
 
         Those beyond ``farthest`` need not be exact.
         """
-        solids, solid = self._solids, self._solid.take(tried)
-        if solids is not None and count == len(tried) and solid.all():
-            found = solids.measure(snapshot, self._solid_number.take(tried))
-            return tried, found
+        solids, (where, numbers) = self._solids, self._solids_among(tried)
+        if solids is not None and len(where) == count == len(tried):
+            return tried, solids.measure(snapshot, numbers)
         placed = self._covers.placed(snapshot) if placed is None else placed
         found = self._covers.capsules(placed, self._or_all(tried))
-        where = np.flatnonzero(solid)
-        if where.size:
-            self._measure_shapes(snapshot, tried, found, where, count, farthest)
+        distance, rank, limit = found[0], NARROWED * count, farthest
+        if self._covers.flat.size:
+            distance[np.isin(tried, self._covers.flat)] = -np.inf  # nothing is round a plane
+        if where.size > rank:
+            limit = min(farthest, float(np.partition(distance, rank)[rank]))
+        while solids is not None and where.size:  # those that may be among the nearest
+            some, now, far = where, numbers, where[:0]
+            if limit < np.inf:
+                near = distance.take(where) <= limit
+                some, now, far, numbers = where[near], numbers[near], where[~near], numbers[~near]
+            if some.size:
+                found[:, some] = solids.measure(snapshot, now)
+            elif rank < count:
+                break
+            where, rank = far, min(count, len(tried)) - 1
+            if where.size:
+                limit = min(farthest, float(np.partition(distance, rank)[rank]))
         if count < len(tried):
             tried, found = _least(tried, found, count)
         return tried, found
 
-    def _measure_shapes(
-        self,
-        snapshot: Snapshot,
-        tried: Index,
-        found: Array,
-        left: Index,
-        count: int,
-        farthest: float,
-    ) -> None:
-        """Replace capsules by the shapes inside, at the places ``left`` in ``tried``.
-
-        Only those that may be among the ``count`` nearest: what is inside a capsule is no nearer.
-        """
-        assert self._solids is not None
-        distance = found[0]
-        if self._covers.flat.size:
-            distance[np.isin(tried, self._covers.flat)] = -np.inf  # nothing is round a plane
-        rank = NARROWED * count
-        if left.size <= rank:  # all at once
-            rank = -1
-        while left.size:
-            limit = farthest
-            if rank >= 0:
-                limit = min(limit, float(np.partition(distance, rank)[rank]))
-            near = distance.take(left) <= limit
-            some, left = left[near], left[~near]
-            if some.size:
-                numbers = self._solid_number.take(tried.take(some))
-                found[:, some] = self._solids.measure(snapshot, numbers)
-            elif rank < count:
-                return
-            rank = min(count, len(tried)) - 1
+    def _solids_among(self, tried: Index) -> tuple[Index, Index]:
+        """Return where coal measures among pairs, and their numbers there."""
+        if self._or_all(tried) is None:
+            return self._every_solid
+        numbers = self._solid_number.take(tried)
+        where = np.flatnonzero(numbers >= 0)
+        return where, numbers.take(where)
 
 
 def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
