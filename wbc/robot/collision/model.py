@@ -17,9 +17,10 @@ from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]
-# Pairs looked at for each pair asked for: bounding balls say little about long shapes.
-CANDIDATES = 3
-# Of these, pairs measured where that needs GJK (1.5 us each): capsules round the shapes say more.
+# Pairs looked at for each pair asked for: bounding balls say little about long shapes, and where
+# most shapes are no capsules, the capsules round them say no more than which to measure.
+CANDIDATES, CANDIDATES_OF_SOLIDS = 3, 5
+# Pairs measured at once for each asked for, where that needs GJK (1.5 us each).
 NARROWED = 3
 
 
@@ -92,6 +93,8 @@ class CollisionModel:
         solid = np.logical_or(other[first], other[second])  # (pairs,)
         self._solid_number = np.where(solid, np.cumsum(solid) - 1, -1)  # (pairs,)
         self._every_solid = np.flatnonzero(solid), np.arange(np.count_nonzero(solid))
+        most = 2 * np.count_nonzero(solid) > len(solid)
+        self._candidates = CANDIDATES_OF_SOLIDS if most else CANDIDATES
         self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
 
     def __repr__(self) -> str:
@@ -120,7 +123,7 @@ class CollisionModel:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
-        tried = CANDIDATES * count
+        tried = self._candidates * count
         if tried >= total:
             return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))
         placed = self._covers.placed(snapshot)
