@@ -12,17 +12,23 @@ import numpy as np
 
 from wbc import __version__
 from wbc.problem.source import Source
+from wbc.qp.native import BUILD
 
 PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of this package, of Python and of what a result depends on."""
-    return {
+    """Return the versions of this package, of Python and of what a result depends on.
+
+    After proxsuite's: its build, if that is one whose last bits vary (:mod:`wbc.qp.native`).
+    """
+    found = {
         "wbc": __version__,
         "python": platform.python_version(),
         **{name: version_of(name) for name in PACKAGES},
     }
+    found["proxsuite"] += f" ({BUILD})" if BUILD else ""
+    return found
 
 
 def version_of(package: str) -> str:

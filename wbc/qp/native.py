@@ -15,20 +15,49 @@ QPs. "Wrong" means status "solved" and KKT residuals that disagree; x was then o
 - Median us of update and solve: smooth 50 (p99 200), jumping 165, torque 180; cold 120 to 190.
   Refreshing the preconditioner every tick costs 25 and gains nothing. PrimalLDLT stalls.
 - The infeasibility tests at their default of 1e-4 are often wrong; at 1e-14 hardly ever.
+
+Same input, same bits: ProxQP keeps its factors in memory of plain ``malloc``, aligned to 16 bytes.
+Its builds for AVX2 and AVX-512 work in packets of 32 bytes and more from the first aligned entry
+on, so that where the memory lies decides how sums are grouped: the last bits differ between
+identical processes. The build without AVX has packets of 16 bytes, and gives the same bits wherever
+its memory lies and whatever AVX the machine has; at n = 35 it takes 2 to 5 % longer, at n = 59 a
+third. One process can load one build only: it is the wide one if proxsuite was imported before.
 """
 
 from __future__ import annotations
 
+import importlib
 import math
+import sys
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from proxsuite import proxqp
 
 from wbc.qp.problem import QP
 from wbc.qp.solution import RawSolution, Status
 from wbc.validate import Array
+
+# Builds of proxsuite that are taken by what the processor can do.
+_WIDE = ("avx512", "avx2")
+
+
+def _import_proxqp() -> Any:
+    """Import ProxQP in the build whose results do not depend on where memory lies."""
+    wide = [f"proxsuite.proxsuite_pywrap_{build}" for build in _WIDE]
+    if "proxsuite" not in sys.modules:
+        sys.modules.update(dict.fromkeys(wide))  # None: proxsuite finds these missing
+        try:
+            importlib.import_module("proxsuite")
+        finally:
+            for name in wide:
+                del sys.modules[name]
+    return importlib.import_module("proxsuite").proxqp
+
+
+proxqp = _import_proxqp()
+# "" or, where others imported proxsuite before, the wide build: the last bits then vary.
+BUILD = next((build for build in _WIDE if build in proxqp.__name__), "")
 
 _RHO = 1e-7
 # The solver is asked for this part of the accuracy promised; see above why.
