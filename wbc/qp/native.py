@@ -20,13 +20,12 @@ Same input, same bits: ProxQP keeps its factors in memory of plain ``malloc``, a
 Its builds for AVX2 and AVX-512 work in packets of 32 bytes and more from the first aligned entry
 on, so that where the memory lies decides how sums are grouped: the last bits differ between
 identical processes. The build without AVX has packets of 16 bytes, and gives the same bits wherever
-its memory lies and whatever AVX the machine has; at n = 35 it takes 2 to 5 % longer, at n = 59 a
+its memory lies and whatever AVX the machine has; at n = 35 it takes 3 to 5 % longer, at n = 59 a
 third. One process can load one build only: it is the wide one if proxsuite was imported before.
 """
 
 from __future__ import annotations
 
-import importlib
 import math
 import sys
 from dataclasses import dataclass
@@ -45,14 +44,17 @@ _WIDE = ("avx512", "avx2")
 def _import_proxqp() -> Any:
     """Import ProxQP in the build whose results do not depend on where memory lies."""
     wide = [f"proxsuite.proxsuite_pywrap_{build}" for build in _WIDE]
-    if "proxsuite" not in sys.modules:
-        sys.modules.update(dict.fromkeys(wide))  # None: proxsuite finds these missing
+    loaded: dict[str, Any] = sys.modules
+    if "proxsuite" not in loaded:
+        loaded |= dict.fromkeys(wide)  # None: proxsuite finds these missing
         try:
-            importlib.import_module("proxsuite")
+            import proxsuite  # noqa: F401
         finally:
             for name in wide:
-                del sys.modules[name]
-    return importlib.import_module("proxsuite").proxqp
+                del loaded[name]
+    from proxsuite import proxqp
+
+    return proxqp
 
 
 proxqp = _import_proxqp()

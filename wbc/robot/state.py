@@ -235,8 +235,9 @@ class KinematicState:
     @cached_property
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
-        self._kinematics()  # makes sure that the workspace holds this state
-        rotations, origins = self.robot.workspace.placements.copies()
+        work = self.robot.workspace
+        work.kinematics(self, self.q, self.v)  # makes sure that the workspace holds this state
+        rotations, origins = work.placements.copies()
         return read_only(rotations), read_only(origins)
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -24,6 +25,12 @@ UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
 # Entries of q and v beyond this are no measurement, and rounding would take over: at 1e6 m the
 # inertia about the CoM, a difference of terms m p^2, has a few digits left.
 LARGEST = 1e6
+
+
+class _PerThread(threading.local):
+    """What each thread has its own of."""
+
+    workspace: Workspace
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,9 +160,17 @@ class KinematicTree:
         return self.feet[name]
 
     @cached_property
+    def _scratch(self) -> _PerThread:
+        return _PerThread()
+
+    @property
     def workspace(self) -> Workspace:
-        """Scratch memory of this robot's snapshots; a copied or pickled robot gets its own."""
-        return Workspace(self.model)
+        """Scratch memory of snapshots, one for each thread and for each copy of the robot."""
+        try:
+            return self._scratch.workspace
+        except AttributeError:  # the first time in this thread
+            self._scratch.workspace = Workspace(self.model)
+            return self._scratch.workspace
 
     # ------------------------------------------------------------------ configurations
 

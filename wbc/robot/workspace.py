@@ -2,8 +2,8 @@
 
 Allocating a ``pin.Data`` costs more than a whole control tick, so a robot owns one set for all its
 snapshots. A snapshot that reads from it first makes sure that the passes were run at its own state:
-results are therefore always right, whatever was evaluated in between. Not safe to share between
-threads: give each thread its own :class:`~wbc.robot.model.Robot`.
+results are therefore always right, whatever was evaluated in between. A robot has one workspace for
+each thread: another thread cannot run its passes between a check and what is then read.
 """
 
 from __future__ import annotations
