@@ -65,7 +65,7 @@ def finite_number(
 ) -> float:
     """Return ``value`` as a finite float, strictly above ``above`` and at least ``least``."""
     try:
-        if np.ndim(value) or np.iscomplexobj(value):
+        if np.ndim(value) or np.iscomplexobj(value) or isinstance(value, str | bytes):
             raise TypeError("no real scalar")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:

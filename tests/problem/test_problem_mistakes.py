@@ -333,3 +333,26 @@ def test_a_robot_without_feet_need_not_say_that_it_floats(file: Path) -> None:
     )
     file.write_text(text)
     assert load_problem(file).parts.contacts == ()
+
+
+def test_a_task_does_not_pull_at_what_is_held(file: Path) -> None:
+    old, new = "frame: left_hand, control: position", "frame: left_foot, control: position"
+    words = "tasks.hand: task 'hand' moves what the support holds (left_foot); give active: false"
+    assert words in complaint(file, GOOD.replace(old, new))
+    soft = "support: [right_sole, {frame: left_sole, slack: 1.0}]"
+    file.write_text(GOOD.replace(old, new).replace("support: double", soft))
+    load_problem(file)
+
+
+def test_a_task_without_weight_does_nothing(file: Path) -> None:
+    message = complaint(file, GOOD.replace("weight: 0.1", "weight: 0"))
+    assert "tasks.calm.weight: without weight the task does nothing" in message
+
+
+def test_the_robot_is_not_inside_an_obstacle_at_the_start(file: Path) -> None:
+    room = (
+        "constraints: {room: {type: obstacles, links: [torso], things: "
+        "{ball: {sphere: 1.0, position: [0, 0, 0.3]}}}}\n"
+    )
+    message = complaint(file, GOOD + room)
+    assert "constraints.room: the robot is inside an obstacle at the start: torso" in message

@@ -71,9 +71,7 @@ class SelfCollision(Margin):
     ) -> None:
         super().__init__(robot, "self-collision", braking, limits)
         self.margin = finite_number("self-collision, margin", margin, least=0.0)
-        if pairs < 1:
-            raise InvalidInputError(f"self-collision, pairs: at least 1, got {pairs}")
-        self.count = int(pairs)
+        self.count = int(finite_number("self-collision, pairs", pairs, least=1.0))
         self.excluded: dict[str, str] = {}
         self.finer: dict[str, str] = {}
         margins: Sequence[float] = ()

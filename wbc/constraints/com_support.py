@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sized
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,8 +65,8 @@ class ComSupport(Margin):
 
     def set_polygon(self, polygon: ArrayLike) -> None:
         """Change the polygon, for instance when a foot is lifted; see the class."""
-        given = np.asarray(polygon, dtype=float)
-        points = finite_array("com support, polygon", polygon, (len(given), 2))
+        count = len(polygon) if isinstance(polygon, Sized) else 0
+        points = finite_array("com support, polygon", polygon, (count, 2))
         corners = convex_hull(points)
         edges = np.roll(corners, -1, axis=0) - corners
         lengths = np.linalg.norm(edges, axis=1)

@@ -11,7 +11,7 @@ in two places do contradict each other; they keep their rows, so that the tick c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import qr
 
 from wbc.constraints.rows import Index
-from wbc.errors import UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual, Rows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
@@ -249,7 +249,13 @@ def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...
     ------
     UnknownNameError
         A mode, foot or frame that does not exist.
+    InvalidInputError
+        No snapshot, or no mode.
     """
+    if not isinstance(snapshot, Snapshot):
+        raise InvalidInputError(f"support: expected a snapshot of a robot, got {snapshot!r}")
+    if not isinstance(mode, Iterable):
+        raise InvalidInputError(f"support: expected a mode or a list of frames, got {mode!r}")
     frames = list(mode)
     if isinstance(mode, str):
         frames = [snapshot.robot.foot(foot).frame for foot in _feet_of(mode)]

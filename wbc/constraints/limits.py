@@ -27,6 +27,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
@@ -84,6 +85,7 @@ class Limits:
         base_twist: ArrayLike | None = None,
         recovery: float = 0.2,
     ) -> None:
+        check_robot("limits", robot)
         self.robot = robot
         joints = robot.nv - 6
         self.lower, self.upper = _position_bounds(robot, position, margin)

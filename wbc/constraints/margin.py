@@ -31,6 +31,7 @@ from wbc.constraints.rows import Bounds, Constraint, Distances, Index, Separated
 from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ class Margin(Constraint):
         braking: BrakingParameters | None,
         limits: Limits | None = None,
     ) -> None:
+        check_robot(name, robot)
         if limits is not None and limits.robot is not robot:
             raise InvalidInputError(f"{name}: the limits were made for another robot object")
         self.robot = robot

@@ -68,12 +68,12 @@ class Obstacles(Margin):
     ) -> None:
         super().__init__(robot, "obstacles", braking, limits)
         self.margin = finite_number("obstacles, margin", margin, least=0.0)
+        if isinstance(obstacles, Obstacle) or not all(isinstance(o, Obstacle) for o in obstacles):
+            raise InvalidInputError(f"obstacles: expected a list of Obstacle, got {obstacles!r}")
         if not obstacles:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
-        if pairs < 1:
-            raise InvalidInputError(f"obstacles, pairs: at least 1, got {pairs}")
         self.obstacles = tuple(obstacles)
-        self.count = int(pairs)
+        self.count = int(finite_number("obstacles, pairs", pairs, least=1.0))
         own = _bodies_of(robot_bodies(robot, fit), links)
         around = [Body(one.name, one.name, 0, one.shape) for one in self.obstacles]
         self._first = len(own)

@@ -118,6 +118,8 @@ class Controller(ABC):
         self.on_failure = one_of("failure policy", on_failure, POLICIES)
         unlimited = np.full(robot.nv, np.inf)
         self._no_box = read_only(-unlimited), read_only(unlimited)
+        if slack is not None and not isinstance(slack, Mapping):
+            raise InvalidInputError(f"controller, slack: expected weights by name, got {slack!r}")
         self._slack = dict(slack or {})
         self._verified = False  # whether the parts were seen to return what they should
         self._plan(tuple(contacts))

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from wbc.constraints import Contact, Limits
+from wbc.constraints import Constraint, Contact, Limits, Obstacles
+from wbc.constraints.margin import SKIN
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.constraint_spec import surroundings
@@ -23,9 +24,11 @@ from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import check_said, contacts_of, slack_by_frame
+from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask
 
 MAX_TICKS = 1_000_000
+OVERLAP = 0.05  # m: simple shapes may stick out of the bodies that they stand for by less
 
 
 def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
@@ -80,7 +83,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     )
     for name, one in around.constraints.items():  # what stands is now known
         with mistakes.at("constraints", name):
-            one.during(start, parts.contacts)
+            check_outside(one.during(start, parts.contacts), start)
     mistakes.raise_any()
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     mistakes.require(("controller",), make)
@@ -88,6 +91,26 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         search = partial(global_shaping, parts, spec, spec.controller)
         mistakes.require(("controller",), search)
     return parts
+
+
+def check_outside(constraint: Constraint | None, start: Snapshot) -> None:
+    """Refuse obstacles in which the robot is at the start.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names body, obstacle and depth.
+    """
+    if not isinstance(constraint, Obstacles):
+        return
+    distances = constraint.distances(start)
+    depth = -(distances.clearance + SKIN + constraint.margin)
+    worst = int(depth.argmax())
+    if depth[worst] > OVERLAP:
+        raise InvalidInputError(
+            f"the robot is inside an obstacle at the start: {constraint.labels(distances)[worst]},"
+            f" by {1e3 * depth[worst]:.3g} mm; move one of them, or name the links that keep clear"
+        )
 
 
 def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:

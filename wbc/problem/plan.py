@@ -7,16 +7,18 @@ themselves. Whether a foot has really come to the ground shows only in the run.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 
+import numpy as np
 from pydantic import ValidationError
 
 from wbc.constraints import Contact
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
 from wbc.problem.source import Source
 from wbc.problem.spec import PhaseSpec, PhaseTaskSpec, ProblemSpec
-from wbc.problem.support import contacts_of
+from wbc.problem.support import contacts_of, slack_by_frame
 from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.phases import Change, Phase
@@ -42,6 +44,7 @@ def plan(
 ) -> tuple[Phase, ...]:
     """Return the phases of a problem in order; what is wrong with them goes to ``mistakes``."""
     if spec.phases is None:
+        _check_free(spec, start, mistakes)
         return (single_phase(spec, built),)
     planner = _Planner(spec, built, start, source, mistakes)
     return tuple(planner.phase(name, phase) for name, phase in spec.phases.items())
@@ -184,6 +187,29 @@ class _Planner:
         """Return the joint that carries the frame of a task; None if the task has no frame."""
         frame = self._specs[name].moved_frame
         return None if frame is None else carrier(self._start.robot, frame)
+
+
+def _check_free(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
+    """Refuse tasks without weight, and those that pull at what is held and may not give way."""
+    try:
+        contacts = contacts_of(spec.support, start)
+    except WbcError:  # noted where the support is made
+        return
+    soft = slack_by_frame([spec.support])
+    held = held_joints(start.robot, [one for one in contacts if one.frame not in soft])
+    for name, task in spec.tasks.items():
+        with mistakes.at("tasks", name), suppress(UnknownNameError):  # of the frame: noted before
+            if task.active and not np.any(task.weight):
+                raise Misplaced(
+                    "without weight the task does nothing; give active: false", "weight"
+                )
+            if not task.active or task.moved_frame is None:
+                continue
+            if carrier(start.robot, task.moved_frame) in held:
+                raise InvalidInputError(
+                    f"task {name!r} moves what the support holds ({task.moved_frame}); give "
+                    "active: false, or let go of it"
+                )
 
 
 def _check_feet_below(spec: TaskSpec, start: Snapshot, contacts: Iterable[Contact]) -> None:

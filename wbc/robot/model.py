@@ -217,6 +217,20 @@ class Robot(KinematicTree):
         return Snapshot(self, q, self.check_velocity(v), moving=True)
 
 
+def check_robot(what: str, robot: object) -> None:
+    """Refuse what is no robot, such as its name.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what to write.
+    """
+    if not isinstance(robot, Robot):
+        raise InvalidInputError(
+            f"{what}: expected a robot as Robot.load() returns it, got {robot!r}"
+        )
+
+
 class Snapshot(KinematicState):
     """Everything known about a robot at one measured state, read-only: see :meth:`Robot.snapshot`.
 

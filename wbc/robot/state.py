@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from wbc.errors import InvalidInputError
 from wbc.robot import inertia as crb
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
@@ -47,6 +48,15 @@ class KinematicState:
         self.inertia: Array = read_only(np.array(data.Ig.inertia))
         self._placements: dict[str, tuple[Array, Array]] = {}
         self._jacobians: dict[str, Array] = {}
+        self.__dict__["_sealed"] = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
+            raise InvalidInputError(
+                f"snapshot: {name!r} cannot be assigned, a snapshot is what was measured; take "
+                "another one of the configuration you mean"
+            )
+        object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError, suggest
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 if TYPE_CHECKING:
@@ -51,7 +52,12 @@ class _Sealed(ABCMeta):
     """Attributes of a task are those it has when it is made: a misspelt one is an error."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
-        made = super().__call__(*args, **kwargs)
+        try:
+            made = super().__call__(*args, **kwargs)
+        except AttributeError:  # of what should have been a robot, before Task.__init__ saw it
+            if "robot" in kwargs or args:
+                check_robot(cls.__name__, kwargs.get("robot", args[0] if args else None))
+            raise
         object.__setattr__(made, "_sealed", True)
         return made
 
@@ -116,6 +122,7 @@ class Task(metaclass=_Sealed):
         priority: int = 0,
         **law: Unpack[LawKeywords],
     ) -> None:
+        check_robot(type(self).__name__, robot)
         self.robot = robot
         self.name = name
         self.rows = tuple(rows)
