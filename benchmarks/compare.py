@@ -119,8 +119,8 @@ def compare(before: Outcome, after: Outcome) -> Comparison:
     found = Comparison()
     if before.code != after.code:
         found.words.append(f"exit code {before.code} -> {after.code} {after.message}")
-    if old.keys() != new.keys():
-        found.words.append(f"in one revision only: {', '.join(sorted(old.keys() ^ new.keys()))}")
+    if old.keys() - new.keys():  # what is new is no difference
+        found.words.append(f"only before: {', '.join(sorted(old.keys() - new.keys()))}")
     for name in sorted(old.keys() & new.keys()):
         a, b = old[name], new[name]
         if a.shape != b.shape:
