@@ -117,11 +117,20 @@ def analyze(
 
 
 def _cutoff(text: str) -> float | None:
-    from wbc.validate import finite_number
-
     if text.lower() in ("none", "0"):
         return None
-    return finite_number("--cutoff (Hz, or none)", text, least=0.0) or None
+    return _number("--cutoff (Hz, or none)", text) or None
+
+
+def _number(option: str, text: str) -> float:
+    """Return the number >= 0 that an option's text spells."""
+    from wbc.validate import finite_number
+
+    try:
+        value: object = float(text)
+    except ValueError:
+        value = text  # refused by its name
+    return finite_number(option, value, least=0.0)
 
 
 def _feet(text: str) -> str | list[str] | None:
@@ -131,11 +140,9 @@ def _feet(text: str) -> str | list[str] | None:
 
 
 def _snapshots(text: str) -> int | list[float]:
-    from wbc.validate import finite_number
-
     if text.strip().isdecimal():
         return int(text)
-    return [finite_number("--snapshots (how many, or times in s)", t) for t in text.split(",")]
+    return [_number("--snapshots (how many, or times in s)", t) for t in text.split(",")]
 
 
 def _check_outputs(

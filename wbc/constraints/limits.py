@@ -34,6 +34,9 @@ BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
 BRAKING = ("free", "bounded")
 # Time in which a joint reaches full speed if no acceleration limit is given [s].
 DEFAULT_RISE_TIME = 0.1
+# A joint this little outside its limit [rad or m] is at the limit: which side rounding leaves it on
+# must not decide whether a cost that outweighs all tasks appears.
+AT_LIMIT = 1e-9
 # Stands for the distance to a limit that does not exist: finite, so that no inf/inf can arise.
 FAR = 1e12
 Box = tuple[Array, Array]
@@ -118,9 +121,10 @@ class Limits:
         """
         distance = self._signed_distance(snapshot)
         box = self._box(snapshot, distance, dt, bounded=self.braking == "bounded")
-        if np.minimum.reduce(distance, axis=None, initial=0.0) >= 0.0:
+        if np.minimum.reduce(distance, axis=None, initial=0.0) >= -AT_LIMIT:
             return box, None
-        outside = np.minimum(distance[0], 0.0) - np.minimum(distance[1], 0.0)
+        distance = np.where(distance < -AT_LIMIT, distance, 0.0)
+        outside = distance[0] - distance[1]
         joints = np.flatnonzero(outside)
         matrix = np.zeros((joints.size, BASE_NV + outside.size))
         matrix[np.arange(joints.size), BASE_NV + joints] = 1.0

@@ -299,7 +299,10 @@ class KinematicState:
         return self.rotation(BASE).T @ self.com_jacobian
 
     def _kinematics(self) -> pin.Data:
-        work = self.robot.workspace
+        try:
+            work = self.robot.scratch.workspace
+        except AttributeError:  # the first time in this thread
+            work = self.robot.workspace
         if work.kinematics_owner is self:
             return work.kinematics_data
         return work.kinematics(self, self.q, self.v)

@@ -160,17 +160,18 @@ class KinematicTree:
         return self.feet[name]
 
     @cached_property
-    def _scratch(self) -> _PerThread:
+    def scratch(self) -> _PerThread:
+        """What each thread has of its own; see :attr:`workspace`."""
         return _PerThread()
 
     @property
     def workspace(self) -> Workspace:
         """Scratch memory of snapshots, one for each thread and for each copy of the robot."""
         try:
-            return self._scratch.workspace
+            return self.scratch.workspace
         except AttributeError:  # the first time in this thread
-            self._scratch.workspace = Workspace(self.model)
-            return self._scratch.workspace
+            self.scratch.workspace = Workspace(self.model)
+            return self.scratch.workspace
 
     # ------------------------------------------------------------------ configurations
 
