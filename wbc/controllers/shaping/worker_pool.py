@@ -24,6 +24,7 @@ from wbc.controllers.shaping.multi_start import MultiStart
 from wbc.controllers.shaping.nlp import Ipopt, Local, Nlp, Start
 from wbc.controllers.shaping.outcome import Stopped
 from wbc.controllers.shaping.separation import SeparatedIpopt, searcher
+from wbc.errors import WbcError
 
 MOMENT = 0.05  # s to wait for a result, before looking whether Ctrl-C was pressed
 AHEAD = 2  # searches that each process has been given, so that none waits for this one
@@ -125,7 +126,8 @@ class WorkerPool:
         return found, lost
 
     def _begin(self, function: Callable[..., Any], *arguments: object) -> Future[Any]:
-        assert self._pool is not None
+        if self._pool is None:
+            raise WbcError("global shaping: a search was submitted to a pool without workers")
         with _blocked_interrupt():  # this may start processes
             return self._pool.submit(function, *arguments)
 

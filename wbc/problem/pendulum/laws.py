@@ -6,6 +6,7 @@ A new law is its own file, and a :class:`LawSpec` here that is listed in ``LawCh
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -61,9 +62,9 @@ class LawSpec(Section):
     needs: ClassVar[Literal["rmp_planar", "rmp_solid"] | None] = None  # the only model it is for
     pivot: ClassVar[bool] = False  # whether the foot is bolted to a pivot, which pulls as well
 
+    @abstractmethod
     def build(self, on: Setting) -> BalanceLaw:
         """Return the law; it raises InvalidInputError for numbers that it refuses."""
-        raise NotImplementedError
 
     def leg(self, on: Setting) -> Array:
         """Return the direction (3,) in which the leg should point, from foot to CoM."""
