@@ -155,7 +155,10 @@ def compare_results(before: Path, after: Path, pattern: str, repeat: int) -> boo
     print("| problem | largest difference | where | of older runs | verdict before | after |")
     print("|---|---|---|---|---|---|")
     notes, agreed = [f"{name}: in one revision only" for name in sorted(old ^ new)], []
-    for name in sorted(one for one in old & new if fnmatch(one, pattern)):
+    names = sorted(one for one in old & new if fnmatch(one, pattern))
+    if not names:
+        sys.exit(f"no problem of both revisions is called {pattern!r}; names, such as 'plan_*'")
+    for name in names:
         was, now = run_problem(before, name), run_problem(after, name)
         found = compare(was, now)
         agreed.append(found.agrees)

@@ -20,6 +20,11 @@ def test_a_revision_agrees_with_itself(capsys) -> None:
     assert "1 of 1 problems agree" in written
 
 
+def test_a_pattern_that_matches_nothing_is_no_agreement() -> None:
+    with pytest.raises(SystemExit, match=r"is called 'plan_\*\.yaml'"):
+        compare_results(HERE, HERE, "plan_*.yaml", repeat=0)
+
+
 def test_rounding_and_new_entries_agree() -> None:
     assert compare(outcome(q=[1.0, 1000.0]), outcome(q=[1.0, 1000.0005], v=[0.0])).agrees
 
