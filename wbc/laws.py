@@ -165,7 +165,9 @@ class VelocityLaw:
 class AccelerationLaw:
     """Second order: ``e'' = -kp e - kd e'``, as rows on the velocity at the end of the tick.
 
-    With e'' = J (v+ - v)/dt + drift the rows are ``J v+ = J v + dt (-kp e - kd e' - drift)``.
+    With e'' = J (v+ - v)/dt + drift the rows are ``J v+ = J v + dt (-kp e - kd e' - drift)``; the
+    drift has the target's acceleration in it, the rate e' its rate. A task about a rate (momentum,
+    damping) has e = 0 and is of first order: e'' = -kd e', so e' decays as exp(-kd t).
 
     Attributes
     ----------
@@ -189,7 +191,7 @@ class AccelerationLaw:
         Parameters
         ----------
         drift:
-            (k,) e'' at zero acceleration of v.
+            (k,) e'' at zero acceleration of v: J' v less the target's acceleration.
         v:
             (nv,) measured velocity.
         """

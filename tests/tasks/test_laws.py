@@ -5,7 +5,7 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
-from wbc.tasks import ComTask
+from wbc.tasks import ComTask, DampingTask, MomentumTask
 
 
 def test_velocity_law_removes_the_gain_in_one_tick(robot, rng, random_snapshot) -> None:
@@ -26,6 +26,41 @@ def test_velocity_law_follows_a_moving_target(robot, rng, random_snapshot) -> No
     task.set_target(here.com, rate)
     rows = VelocityLaw(0.5).rows(task.residual(here), task.weight, 0.005)
     np.testing.assert_allclose(rows.target, rate)
+
+
+@pytest.mark.parametrize("kd", [None, 5.0])
+def test_momentum_decays_by_kd_to_a_target_that_moves(robot_named, rng, kd: float | None) -> None:
+    """Oracle: h - h* = (h - h*)(0) exp(-kd t), with h*' = force, whatever the joints do."""
+    robot = robot_named("hoap2_like")
+    q, v = robot.posture("standing"), 0.3 * rng.normal(size=robot.nv)
+    force, dt, steps = np.array([2.0, -1.0, 3.0, 0.1, 0.2, -0.3]), 5e-5, 1000
+    task = MomentumTask(robot, np.zeros(6), kd=kd)
+    start = robot.snapshot(q, v).momentum
+    for k in range(steps):
+        task.set_target(k * dt * force, force)
+        here = robot.snapshot(q, v)
+        residual = task.residual(here)
+        rows = task.acceleration_law.rows(residual, task.drift(here), v, task.weight, dt)
+        v = v + np.linalg.pinv(rows.matrix) @ (rows.target - rows.matrix @ v)
+        q = robot.integrate(q, v, dt)
+    task.set_target(steps * dt * force, force)
+    here = robot.snapshot(q, v)
+    expected = start * np.exp(-(20.0 if kd is None else kd) * steps * dt)
+    # Euler steps: kd dt / 2 of the whole decay in proportion, 5e-4 for 20/s, and the drift's own.
+    found = task.deviation(here, task.residual(here))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=3e-3 * np.abs(start).max())
+
+
+def test_what_acts_on_errors_is_refused_by_tasks_without(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    for key in ("gain", "gain_per_second", "lm_damping", "curvature_damping", "kp"):
+        for kind in (MomentumTask, DampingTask):
+            with pytest.raises(InvalidInputError, match=f"{key}: has no effect.*give kd"):
+                kind(robot, **{key: 1.0})
+    task = MomentumTask(robot, kd=3.0)
+    with pytest.raises(InvalidInputError, match="gain: has no effect"):
+        task.gain = 0.3
+    assert task.acceleration_law == AccelerationLaw(kd=3.0)
 
 
 def test_lm_damping_is_proportional_to_the_weighted_error() -> None:

@@ -116,7 +116,8 @@ class MinimumJerk:
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """Return value, rate and acceleration at ``t`` [s]; at rest before 0 and after the end.
 
-        Rate and acceleration are those along :attr:`displacement`.
+        Rate and acceleration are those along :attr:`displacement`, a direction that stays: for
+        rotations angular velocity and acceleration in the rotating axes.
         """
         x = min(max(t / self.duration, 0.0), 1.0)
         slope, curvature = minimum_jerk_rates(x)
@@ -179,9 +180,34 @@ class TargetedTask:
         return MovingTarget(ramp, self.set_target)
 
 
-def value_only(task: Any) -> SetTarget:
-    """Return what hands a task the value only, for it has no use for rate and acceleration."""
-    return lambda value, _, __: task.set_target(value)
+def placed(task: Any) -> SetTarget:
+    """Return what hands a pose task a placement (3, 4) and how it moves (:data:`PLACEMENTS`)."""
+
+    def set_target(value: Array, rate: Array, acceleration: Array) -> None:
+        R = value[:, :3]
+        turning = (np.concatenate((one[:3], R @ one[3:])) for one in (rate, acceleration))
+        task.set_target(value[:, 3], R, *turning)
+
+    return set_target
+
+
+def turned(task: Any) -> SetTarget:
+    """Return what hands an orientation task a rotation and how it turns (:data:`ROTATIONS`)."""
+
+    def set_target(value: Array, rate: Array, acceleration: Array) -> None:
+        task.set_target(value, value @ rate, value @ acceleration)
+
+    return set_target
+
+
+def pointed(task: Any) -> SetTarget:
+    """Return what hands an axis task a direction and how it moves (:data:`DIRECTIONS`)."""
+
+    def set_target(value: Array, w: Array, alpha: Array) -> None:
+        rate = np.cross(w, value)
+        task.set_target(value, rate, np.cross(alpha, value) + np.cross(w, rate))
+
+    return set_target
 
 
 def fixed_goal(goal: Array) -> Goal:

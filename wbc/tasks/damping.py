@@ -11,7 +11,7 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
-from wbc.tasks.task import LawKeywords, Task
+from wbc.tasks.task import OF_ERRORS, LawKeywords, Task
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -21,8 +21,9 @@ if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
 class DampingTask(Task):
     """Bring the velocity to zero; no configuration is preferred to another.
 
-    The error is zero and all of the task is in its rate, which is the velocity. At the torque level
-    velocities decay by ``kd``.
+    The error is zero and all of the task is in its rate, which is the velocity: the velocity level
+    asks for zero at once. At the torque level velocities decay as exp(-kd t), kd 20/s by default.
+    Gains that would act on an error (``gain``, ``kp``) are refused.
 
     Parameters
     ----------
@@ -34,6 +35,8 @@ class DampingTask(Task):
     base:
         Whether the base's velocity counts too: linear [m/s] and angular [rad/s], base axes.
     """
+
+    _unused = OF_ERRORS
 
     def __init__(
         self,

@@ -55,12 +55,14 @@ class DistanceTask(Task):
         self.frame, self.other = frame, other
         self.set_target(target)
 
-    def set_target(self, target: float, rate: float = 0.0) -> None:
-        """Set the wanted distance [m] and, for a moving target, its rate [m/s]."""
+    def set_target(
+        self, target: float, rate: float | None = None, acceleration: float | None = None
+    ) -> None:
+        """Set the wanted distance [m] and, if it changes, its rate and acceleration."""
         wanted = finite_number(f"{self}, target", target, least=0.0)
-        speed = finite_number(f"{self}, target rate", rate)
-        self._goal = read_only(np.array([wanted]))
-        self._bias = read_only(np.array([-speed]))
+        rates = (None if one is None else [one] for one in (rate, acceleration))
+        self._set_rates((1,), *rates)
+        self._goal, self._bias = read_only(np.array(wanted)), read_only(-self.target_rate)
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return distance minus target [m]."""
@@ -75,20 +77,21 @@ class DistanceTask(Task):
         return ("m",)
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the second derivative of the distance at zero acceleration of v [m/s^2]."""
+        """Return the distance's second derivative at v' = 0, less the target's [m/s^2]."""
         direction, distance = self._direction(snapshot)
         relative = snapshot.jacobian(self.frame)[:3] - snapshot.jacobian(self.other)[:3]
         velocity = relative @ snapshot.v
         acceleration = snapshot.drift(self.frame)[:3] - snapshot.drift(self.other)[:3]
         along = float(direction @ velocity)
         across = float(velocity @ velocity) - along * along
-        return np.array([direction @ acceleration + across / max(distance, TOGETHER)])
+        own = direction @ acceleration + across / max(distance, TOGETHER)
+        return own - self.target_acceleration
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return distance minus target [m]."""
         arm = posture.position(self.frame) - posture.position(self.other)
         # Smooth where the two meet; elsewhere off by less than 1e-12 m.
-        return (arm.T @ arm + TOGETHER**2) ** 0.5 - self._goal
+        return (arm.T @ arm + TOGETHER**2) ** 0.5 - float(self._goal)
 
     def _direction(self, snapshot: Snapshot) -> tuple[Array, float]:
         """Return the unit vector (3,) from ``other`` to ``frame`` and the distance [m]."""

@@ -14,7 +14,7 @@ from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_r
 from wbc.spatial import skew
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Gains, Task
-from wbc.validate import Array
+from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -41,19 +41,29 @@ class OrientationTask(Task):
         super().__init__(robot, name or f"{frame} orientation", TURNS, **law)
         robot.frame_id(frame)
         self.frame = frame
-        self._none = self._zeros()
         self.set_target(target)
 
-    def set_target(self, target: ArrayLike) -> None:
-        """Set the wanted rotation (3, 3) from frame axes to world axes."""
+    def set_target(
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted rotation (3, 3) from frame axes to world axes.
+
+        Parameters
+        ----------
+        rate, acceleration:
+            If it turns: its angular velocity [rad/s] and acceleration (3,), world axes.
+        """
         rotation = self._target(target, (3, 3))
         check_rotation(f"task {self.name!r}, target", rotation)
+        self._set_rates((3,), rate, acceleration)
         self._goal = rotation
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return log(target' R) [rad]."""
-        error, jacobian = orientation_residual(snapshot, self.frame, self.target)
-        return Residual(error, jacobian, self._none)
+        return orientation_residual(snapshot, self.frame, self._goal, self.target_rate)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -61,8 +71,10 @@ class OrientationTask(Task):
         return ("rad",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the rate of the error's Jacobian times v [rad/s^2]."""
-        return orientation_drift(snapshot, self.frame, self.target)
+        """Return the error's second derivative at v' = 0 [rad/s^2], the target's motion in it."""
+        return orientation_drift(
+            snapshot, self.frame, self._goal, self.target_rate, self.target_acceleration
+        )
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return log(target' R) [rad]."""
@@ -85,22 +97,45 @@ class PoseTask(Task):
         super().__init__(robot, name or f"{frame} pose", AXES + TURNS, **law)
         robot.frame_id(frame)
         self.frame = frame
-        self._none = self._zeros()
         self.set_target(position, rotation)
 
-    def set_target(self, position: ArrayLike, rotation: ArrayLike) -> None:
-        """Set the wanted position (3,) [m] and rotation (3, 3)."""
+    def set_target(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted position (3,) [m] and rotation (3, 3).
+
+        Parameters
+        ----------
+        rate, acceleration:
+            If they move: velocity [m/s] and angular velocity [rad/s] (6,), and the derivatives of
+            both, world axes.
+        """
         place = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(f"task {self.name!r}, rotation", turn)
+        self._set_rates((6,), rate, acceleration)
         self.position, self.rotation = place, turn
+        self._goal = read_only(homogeneous(place, turn))
+
+    @property
+    def target(self) -> Array:
+        """Position and rotation as one homogeneous matrix (4, 4); may be assigned."""
+        return self._goal
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self.set_target(*placement_of(f"{self}, target", value))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m] above log(target' R) [rad]."""
-        turn, turn_jacobian = orientation_residual(snapshot, self.frame, self.rotation)
-        error = np.concatenate((snapshot.position(self.frame) - self.position, turn))
-        jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn_jacobian))
-        return Residual(error, jacobian, self._none)
+        turn = orientation_residual(snapshot, self.frame, self.rotation, self.target_rate[3:])
+        error = np.concatenate((snapshot.position(self.frame) - self.position, turn.error))
+        jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn.jacobian))
+        return Residual(error, jacobian, np.concatenate((-self.target_rate[:3], turn.bias)))
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -108,9 +143,10 @@ class PoseTask(Task):
         return ("m",) * 3 + ("rad",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the drift of both parts."""
-        turn = orientation_drift(snapshot, self.frame, self.rotation)
-        return np.concatenate((snapshot.drift(self.frame)[:3], turn))
+        """Return the drift of both parts, the target's motion in it."""
+        rate, acceleration = self.target_rate, self.target_acceleration
+        turn = orientation_drift(snapshot, self.frame, self.rotation, rate[3:], acceleration[3:])
+        return np.concatenate((snapshot.drift(self.frame)[:3] - acceleration[:3], turn))
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m] above log(target' R) [rad]."""
@@ -138,18 +174,38 @@ class AxisTask(Task):
         robot.frame_id(frame)
         self.frame = frame
         self.axis = self._unit(axis, "axis")
-        self._none = self._zeros()
         self.set_target(target)
 
-    def set_target(self, target: ArrayLike) -> None:
-        """Set the wanted direction (3,), of any length but zero."""
-        self._goal = self._unit(target, "target")
+    def set_target(
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted direction (3,), of any length but zero.
+
+        Parameters
+        ----------
+        rate, acceleration:
+            If it moves: its derivatives (3,), of ``target`` as given; changes of length do not
+            count. Afterwards ``target_rate`` is that of the unit vector.
+        """
+        goal = self._unit(target, "target")
+        self._set_rates((3,), rate, acceleration)
+        n = float(np.linalg.norm(np.asarray(target, dtype=float)))
+        # With d = n u: d' = n u' + n' u and d'' = n u'' + 2 n' u' + n'' u, where u'.u = 0.
+        d1, d2 = self.target_rate, self.target_acceleration
+        stretch = float(goal @ d1)
+        u1 = (d1 - stretch * goal) / n
+        u2 = (d2 - 2.0 * stretch * u1 - (float(u1 @ d1) + float(goal @ d2)) * goal) / n
+        self._goal, self.target_rate, self.target_acceleration = goal, read_only(u1), read_only(u2)
+        self._bias = read_only(-u1)
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the axis minus the target, both unit vectors in world axes."""
         pointing = snapshot.rotation(self.frame) @ self.axis
         jacobian = -skew(pointing) @ snapshot.jacobian(self.frame)[3:]
-        return Residual(pointing - self.target, jacobian, self._none)
+        return Residual(pointing - self._goal, jacobian, self._bias)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -157,11 +213,12 @@ class AxisTask(Task):
         return ("1",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return w x (w x a) + alpha x a at zero acceleration of v [1/s^2]."""
+        """Return w x (w x a) + alpha x a at v' = 0, less the target's second derivative."""
         pointing = snapshot.rotation(self.frame) @ self.axis
         w = snapshot.jacobian(self.frame)[3:] @ snapshot.v
         alpha = snapshot.drift(self.frame)[3:]
-        return np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
+        own = np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
+        return np.asarray(own - self.target_acceleration)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the axis minus the target, both unit vectors in world axes."""
@@ -175,19 +232,50 @@ class AxisTask(Task):
         return vector / length
 
 
-def orientation_residual(snapshot: Snapshot, frame: str, target: Array) -> tuple[Array, Array]:
-    """Return the error log(target' R) (3,) and its Jacobian (3, nv)."""
+def homogeneous(position: Array, rotation: Array) -> Array:
+    """Return the (4, 4) matrix of a position and a rotation."""
+    matrix = np.eye(4)
+    matrix[:3, 3], matrix[:3, :3] = position, rotation
+    return matrix
+
+
+def placement_of(what: str, matrix: ArrayLike) -> tuple[Array, Array]:
+    """Return position (3,) and rotation (3, 3) of a homogeneous matrix (4, 4)."""
+    values = finite_array(what, matrix, (4, 4))
+    if np.abs(values[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-9:
+        raise InvalidInputError(f"{what}: the last row of a homogeneous matrix is 0 0 0 1")
+    return values[:3, 3], values[:3, :3]
+
+
+def orientation_residual(
+    snapshot: Snapshot, frame: str, target: Array, target_rate: Array
+) -> Residual:
+    """Return the error log(R*' R) (3,) and its first derivative.
+
+    R*' R turns at R'(w - w*) in its own axes.
+    """
     R = snapshot.rotation(frame)
     relative = target.T @ R
     to_error = log_jacobian(relative) @ R.T  # world angular velocity -> rate of the error
-    return log_rotation(relative), to_error @ snapshot.jacobian(frame)[3:]
+    jacobian = to_error @ snapshot.jacobian(frame)[3:]
+    return Residual(log_rotation(relative), jacobian, -(to_error @ target_rate))
 
 
-def orientation_drift(snapshot: Snapshot, frame: str, target: Array) -> Array:
-    """Return the second derivative (3,) of log(target' R) at zero acceleration of v."""
+def orientation_drift(
+    snapshot: Snapshot, frame: str, target: Array, target_rate: Array, target_acceleration: Array
+) -> Array:
+    """Return the second derivative (3,) of log(R*' R) at zero acceleration of v.
+
+    d/dt R'(w - w*) = R'(w' - w*' + w x w*).
+    """
     R = snapshot.rotation(frame)
     relative = target.T @ R
+    w = snapshot.jacobian(frame)[3:] @ snapshot.v
+    alpha = snapshot.drift(frame)[3:] - target_acceleration + np.cross(w, target_rate)
+    return log_drift(relative, R.T @ (w - target_rate), R.T @ alpha)
+
+
+def log_drift(relative: Array, w: Array, alpha: Array) -> Array:
+    """Return d2/dt2 log(Q) (3,) of a rotation Q that turns at ``w`` and ``alpha`` in its axes."""
     J = log_jacobian(relative)
-    w = R.T @ (snapshot.jacobian(frame)[3:] @ snapshot.v)
-    alpha = R.T @ snapshot.drift(frame)[3:]
     return J @ alpha + log_jacobian_rate(log_rotation(relative), J @ w) @ w

@@ -87,7 +87,6 @@ class InertiaTask(Task):
         self.per_mass = per_mass
         scale = 1.0 / robot.mass if per_mass else 1.0
         self._selection = read_only(scale * _selection(components))
-        self._none = self._zeros()
         self.set_target(target)
 
     @property
@@ -95,15 +94,21 @@ class InertiaTask(Task):
         """Matrix (k, 6), read-only: the error is selection @ (actual - target), both as vech."""
         return self._selection
 
-    def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
-        """Set the wanted inertia [kg m^2] and, for a moving target, its rate, in the same form."""
-        goal = vech_target(f"task {self.name!r}, target", target, self.rows)
-        bias = self._none
-        if rate is not None:
-            what = f"task {self.name!r}, target rate"
-            bias = -self._selection @ vech_target(what, rate, self.rows)
-        self._goal, self._bias = read_only(goal), bias
-        self._wanted = self._selection @ goal
+    def set_target(
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted inertia [kg m^2] and, if it moves, rate and acceleration in that form."""
+        goal = vech_target(f"{self}, target", target, self.rows)
+        moving = (
+            None if one is None else vech_target(f"{self}, target {what}", one, self.rows)
+            for one, what in ((rate, "rate"), (acceleration, "acceleration"))
+        )
+        self._set_rates((6,), *moving)
+        self._goal, self._wanted = read_only(goal), self._selection @ goal
+        self._bias = read_only(-self._selection @ self.target_rate)
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
@@ -127,8 +132,8 @@ class InertiaTask(Task):
         return ("m^2" if self.per_mass else "kg m^2",) * len(self.rows)
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the second derivative of the selected entries at zero acceleration of v."""
-        return self._selection @ snapshot.inertia_drift_in(self.frame)
+        """Return the second derivative of the selected entries at v' = 0, less the target's."""
+        return self._selection @ (snapshot.inertia_drift_in(self.frame) - self.target_acceleration)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the selected entries of actual minus target inertia."""

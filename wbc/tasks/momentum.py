@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Gains, Task
+from wbc.tasks.task import OF_ERRORS, Gains, Task
 from wbc.validate import Array
 
 if TYPE_CHECKING:
@@ -24,7 +24,10 @@ class MomentumTask(Task):
     """Bring the centroidal momentum h = A_g v to ``target`` (paper eq. 17 at the CoM).
 
     Momentum is itself of the velocity level: no configuration has "its" momentum, so the error that
-    a gain would act on is zero and the whole task is in the rate, ``A_g v - target``.
+    a gain would act on is zero and the whole task is in the rate, ``e' = A_g v - target``. At the
+    velocity level the target is met in one tick. At the torque level ``e'' = -kd e'`` is of first
+    order in the momentum, h' = h*' - kd (h - h*), and the error decays as exp(-kd t), kd 20/s by
+    default. Gains that would act on an error (``gain``, ``kp``) are refused.
 
     Parameters
     ----------
@@ -33,6 +36,8 @@ class MomentumTask(Task):
     components:
         Which of ``lx ly lz kx ky kz``.
     """
+
+    _unused = OF_ERRORS
 
     def __init__(
         self,
@@ -51,10 +56,10 @@ class MomentumTask(Task):
         self._no_error = self._zeros()
         self.set_target(target)
 
-    def set_target(self, target: ArrayLike, rate: ArrayLike = (0, 0, 0, 0, 0, 0)) -> None:
+    def set_target(self, target: ArrayLike, rate: ArrayLike | None = None) -> None:
         """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
         goal = self._target(target, (6,))
-        self.target_rate = self._target(rate, (6,), "target rate")
+        self._set_rates((6,), rate)
         self._goal = goal
 
     def residual(self, snapshot: Snapshot) -> Residual:

@@ -14,13 +14,12 @@ from wbc.errors import UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Gains, Task
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 AXES = ("x", "y", "z")
-STILL = (0.0, 0.0, 0.0)
 
 
 class PointTask(Task):
@@ -39,13 +38,15 @@ class PointTask(Task):
         self.set_target(target)
 
     def set_target(
-        self, target: ArrayLike, rate: ArrayLike = STILL, acceleration: ArrayLike = STILL
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
     ) -> None:
-        """Set target position [m] and, for a moving target, its velocity and acceleration."""
+        """Set target position (3,) [m] and, for a moving target, its velocity and acceleration."""
         place = self._target(target, (3,))
-        speed = self._target(rate, (3,), "target rate")
-        push = self._target(acceleration, (3,), "target acceleration")
-        self._goal, self.target_rate, self.target_acceleration = place, speed, push
+        self._set_rates((3,), rate, acceleration)
+        self._goal, self._bias = place, read_only(-self.target_rate[self._selected])
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m]."""
@@ -53,7 +54,7 @@ class PointTask(Task):
         position, jacobian = self._point(snapshot)
         error = (position - self._goal)[rows]
         bound = self._curvature_bound(snapshot, position, error)
-        return Residual(error, jacobian[rows], -self.target_rate[rows], curvature_bound=bound)
+        return Residual(error, jacobian[rows], self._bias, curvature_bound=bound)
 
     @property
     def units(self) -> tuple[str, ...]:

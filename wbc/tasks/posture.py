@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NV
 from wbc.tasks.task import LawKeywords, Task
 from wbc.validate import Array, finite_number, read_only
 
@@ -54,22 +55,33 @@ class PostureTask(Task):
         super().__init__(robot, name, names, weight=weights, priority=priority, **law)
         self._joints = slice(None) if chosen.size == factors.size else chosen
         selection = np.zeros((chosen.size, robot.nv))
-        selection[np.arange(chosen.size), 6 + chosen] = 1.0
+        selection[np.arange(chosen.size), BASE_NV + chosen] = 1.0
         self._jacobian = read_only(selection)
-        self._none = self._zeros()
         self.set_target(target)
 
-    def set_target(self, target: ArrayLike) -> None:
-        """Set the wanted configuration (nq,)."""
-        self._goal = read_only(self.robot.check_configuration(target))
-        self._positions = self.robot.limits.joint_positions(self.target)
+    def set_target(
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted configuration (nq,) and, if it moves, its rate and acceleration (nv,).
+
+        Entries of the base are ignored.
+        """
+        goal = read_only(self.robot.check_configuration(target))
+        self._set_rates((self.robot.nv,), rate, acceleration)
+        self._goal = goal
+        self._positions = self.robot.limits.joint_positions(goal)
+        self._bias = read_only(-self.target_rate[BASE_NV:][self._joints])
+        self._drift = read_only(-self.target_acceleration[BASE_NV:][self._joints])
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return joint positions minus target [rad or m], the shorter way round if continuous."""
         error = snapshot.joint_positions - self._positions
         for k in self.robot.limits.unbounded:
             error[k] = math.remainder(error[k], math.tau)
-        return Residual(error[self._joints], self._jacobian, self._none)
+        return Residual(error[self._joints], self._jacobian, self._bias)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -79,8 +91,8 @@ class PostureTask(Task):
         return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return zero: joint rates are coordinates of v."""
-        return self._none
+        """Return minus the target's acceleration: joint rates are coordinates of v."""
+        return self._drift
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return joint positions minus target [rad or m], the shorter way round if continuous."""

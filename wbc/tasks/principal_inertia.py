@@ -46,7 +46,6 @@ class PrincipalInertiaTask(Task):
         super().__init__(robot, name, ALL, **law)
         self.per_mass = per_mass
         self._selection = read_only((1.0 / robot.mass if per_mass else 1.0) * FROBENIUS_ROWS)
-        self._none = self._zeros()
         self.set_target(target)
 
     @property
@@ -54,10 +53,22 @@ class PrincipalInertiaTask(Task):
         """Matrix (6, 6), read-only: the error is selection @ vech(I - N)."""
         return self._selection
 
-    def set_target(self, target: ArrayLike) -> None:
-        """Set the wanted principal moments (3,) [kg m^2]; they are sorted."""
-        moments = finite_array(f"task {self.name!r}, target", target, (3,))
-        self._goal = read_only(np.sort(moments))
+    def set_target(
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted principal moments (3,) [kg m^2] and, if they move, how; all are sorted.
+
+        ``rate`` and ``acceleration`` (3,) are sorted as the moments are.
+        """
+        moments = finite_array(f"{self}, target", target, (3,))
+        self._set_rates((3,), rate, acceleration)
+        order = np.argsort(moments, kind="stable")
+        self._goal = read_only(moments[order])
+        self.target_rate = read_only(self.target_rate[order])
+        self.target_acceleration = read_only(self.target_acceleration[order])
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return vech(I - N) with off-diagonal entries times sqrt(2), and its Jacobian."""
@@ -70,7 +81,8 @@ class PrincipalInertiaTask(Task):
         error_rows = self._selection @ vech(error)
         pull = self._selection.T @ self._gradient(error_rows)
         bound = curvature_bound(pull, snapshot.inertia)
-        return Residual(error_rows, self._selection @ jacobian, self._none, curvature_bound=bound)
+        bias = -(self._selection @ vech((V * self.target_rate) @ V.T))
+        return Residual(error_rows, self._selection @ jacobian, bias, curvature_bound=bound)
 
     @property
     def reported_rows(self) -> tuple[str, ...]:
@@ -83,14 +95,18 @@ class PrincipalInertiaTask(Task):
         return ("m^2" if self.per_mass else "kg m^2",) * 3
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the second derivative of the error at zero acceleration of v."""
+        """Return the second derivative of the error at v' = 0, the target's motion in it.
+
+        The axes of N turn no faster than the Jacobian lets them: see :func:`turning_ratios`.
+        """
         moments, V = np.linalg.eigh(snapshot.inertia_in(BASE))
         rate = V.T @ vech_inverse(snapshot.base_inertia_jacobian @ snapshot.v) @ V
         curvature = V.T @ vech_inverse(snapshot.inertia_drift_in(BASE)) @ V
-        spin, spin_rate = eigenvector_spin(moments, rate, curvature)
-        S = np.diag(self.target)
-        turned = spin @ S - S @ spin
+        spin, spin_rate = eigenvector_spin(moments, rate, curvature, self.target)
+        S, S_rate = np.diag(self.target), np.diag(self.target_rate)
+        turned = spin @ S - S @ spin + 2.0 * S_rate
         nearest = spin @ turned - turned @ spin + spin_rate @ S - S @ spin_rate
+        nearest += np.diag(self.target_acceleration)
         return self._selection @ vech(V @ (curvature - nearest) @ V.T)
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
@@ -139,12 +155,18 @@ def turning_ratios(moments: Array, wanted: Array) -> Array:
     return np.divide(wanted_gap, gap, out=np.zeros((3, 3)), where=gap > 0.0)
 
 
-def eigenvector_spin(moments: Array, rate: Array, curvature: Array) -> tuple[Array, Array]:
+def eigenvector_spin(
+    moments: Array, rate: Array, curvature: Array, wanted: Array
+) -> tuple[Array, Array]:
     """Return Omega and its rate (3, 3) with V' = V Omega for the eigenvectors V of I.
 
-    ``rate`` and ``curvature`` are V' dI/dt V and V' d2I/dt2 V. Pairs of equal moments get 0.
+    ``rate`` and ``curvature`` are V' dI/dt V and V' d2I/dt2 V, ``moments`` and ``wanted`` increase.
+    Where wanted moments lie further apart than the actual ones their distance is divided by, as in
+    :func:`turning_ratios`: the limit of what N is made to follow. Pairs of equal moments get 0.
     """
     gap = moments[:, None] - moments
+    wanted_gap = wanted[:, None] - wanted
+    gap = np.where(np.abs(wanted_gap) > np.abs(gap), wanted_gap, gap)
     distinct = np.abs(gap) > EQUAL * np.abs(moments).max()
     none = np.zeros((3, 3))
     spin = np.divide(-rate, gap, out=none.copy(), where=distinct)

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
+from wbc.rotations import check_rotation, log_jacobian, log_rotation
 from wbc.spatial import skew
-from wbc.tasks.frame import TURNS
+from wbc.tasks.frame import TURNS, homogeneous, log_drift, placement_of
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Gains, Task
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -66,15 +66,38 @@ class RelativePoseTask(Task):
             raise InvalidInputError(f"{self}: {frame!r} never moves as seen from itself")
         self.frame, self.relative_to = frame, relative_to
         self._selected = np.array([(AXES + TURNS).index(one) for one in components])
-        self._still = self._zeros()
         self.set_target(position, rotation)
 
-    def set_target(self, position: ArrayLike, rotation: ArrayLike) -> None:
-        """Set the wanted position (3,) [m] and rotation (3, 3), in axes of ``relative_to``."""
+    def set_target(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted position (3,) [m] and rotation (3, 3), in axes of ``relative_to``.
+
+        Parameters
+        ----------
+        rate, acceleration:
+            If they move, as seen from ``relative_to`` and in its axes: velocity [m/s] and angular
+            velocity [rad/s] (6,), and the derivatives of both.
+        """
         wanted = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(f"{self}, rotation", turn)
+        self._set_rates((6,), rate, acceleration)
         self.position, self.rotation = wanted, turn
+        self._goal = read_only(homogeneous(wanted, turn))
+
+    @property
+    def target(self) -> Array:
+        """Position and rotation as one homogeneous matrix (4, 4); may be assigned."""
+        return self._goal
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self.set_target(*placement_of(f"{self}, target", value))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return relative position minus target [m] above log(R_t' R_a' R_b) [rad]."""
@@ -84,9 +107,12 @@ class RelativePoseTask(Task):
         relative = self.rotation.T @ Ra.T @ Rb
         error = np.concatenate((Ra.T @ arm - self.position, log_rotation(relative)))
         linear = Ra.T @ (Jb[:3] - Ja[:3] + skew(arm) @ Ja[3:])
-        angular = log_jacobian(relative) @ Rb.T @ (Jb[3:] - Ja[3:])
-        jacobian = np.concatenate((linear, angular))
-        return Residual(error[self._selected], jacobian[self._selected], self._still)
+        to_error = log_jacobian(relative) @ Rb.T
+        jacobian = np.concatenate((linear, to_error @ (Jb[3:] - Ja[3:])))
+        turning = to_error @ (Ra @ self.target_rate[3:])
+        bias = -np.concatenate((self.target_rate[:3], turning))
+        chosen = self._selected
+        return Residual(error[chosen], jacobian[chosen], bias[chosen])
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -94,7 +120,7 @@ class RelativePoseTask(Task):
         return tuple("m" if row in AXES else "rad" for row in self.rows)
 
     def drift(self, snapshot: Snapshot) -> Array:
-        """Return the error's second derivative at zero acceleration of v [m/s^2, rad/s^2]."""
+        """Return the error's second derivative at v' = 0, the target's motion in it."""
         Ra, Rb = snapshot.rotation(self.relative_to), snapshot.rotation(self.frame)
         Ja, Jb = snapshot.jacobian(self.relative_to), snapshot.jacobian(self.frame)
         arm = snapshot.position(self.frame) - snapshot.position(self.relative_to)
@@ -108,10 +134,14 @@ class RelativePoseTask(Task):
             - 2.0 * np.cross(w, slide)
             + np.cross(w, np.cross(w, arm))
         )
+        # The target's angular velocity and acceleration in the world: it rides on relative_to.
+        spin = Ra @ self.target_rate[3:]
+        turning = w + spin
+        speeding = Aa[3:] + Ra @ self.target_acceleration[3:] + np.cross(w, spin)
         relative = self.rotation.T @ Ra.T @ Rb
-        J, turn = log_jacobian(relative), Rb.T @ (Vb[3:] - Va[3:])
-        spin_up = Rb.T @ (Ab[3:] - Aa[3:] + np.cross(Vb[3:], Va[3:]))
-        angular = J @ spin_up + log_jacobian_rate(log_rotation(relative), J @ turn) @ turn
+        spin_up = Ab[3:] - speeding + np.cross(Vb[3:], turning)
+        angular = log_drift(relative, Rb.T @ (Vb[3:] - turning), Rb.T @ spin_up)
+        linear = linear - self.target_acceleration[:3]
         return np.concatenate((linear, angular))[self._selected]
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:

@@ -3,6 +3,15 @@
 A task is written once. At the velocity level :meth:`Task.residual` and :attr:`Task.law` are used;
 at the torque level :meth:`Task.drift` and :attr:`Task.acceleration_law` too. A task met exactly
 instead of by its weight is a contact: see :mod:`wbc.constraints.contact`.
+
+With a(t) the actual value and a*(t) the target, the error is e = a - a*, and
+
+    e'  = J v + bias            bias:  minus the target's rate          residual(), both levels
+    e'' = J v' + drift          drift: J' v minus a*''                  drift(), torque level
+
+so a target that moves is followed without lag when its rate and acceleration are given with it:
+``set_target(target, rate, acceleration)``. What is left out is zero; assigning ``task.target``
+gives the value alone, at rest.
 """
 
 from __future__ import annotations
@@ -10,7 +19,7 @@ from __future__ import annotations
 from abc import ABCMeta, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +55,8 @@ class Gains(LawKeywords, total=False):
 
 _FIRST_ORDER = frozenset(field.name for field in fields(VelocityLaw))
 _SECOND_ORDER = frozenset(field.name for field in fields(AccelerationLaw))
+# What acts on the error alone: of no use to tasks that are about a rate.
+OF_ERRORS = frozenset(("gain", "gain_per_second", "lm_damping", "curvature_damping", "kp"))
 
 
 class _Sealed(ABCMeta):
@@ -96,6 +107,9 @@ class Task(metaclass=_Sealed):
         How the velocity level drives it.
     acceleration_law:
         How the torque level does.
+    target_rate, target_acceleration:
+        How the target moves, as last given to ``set_target``; zeros for a target at rest. Tasks
+        without a target have none.
 
     Raises
     ------
@@ -107,9 +121,12 @@ class Task(metaclass=_Sealed):
 
     law: VelocityLaw
     acceleration_law: AccelerationLaw
+    target_rate: Array
+    target_acceleration: Array
     _goal: Array
     _sealed = False
     _kind = "task"  # as error messages call it
+    _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
     _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
 
     def __init__(
@@ -167,7 +184,7 @@ class Task(metaclass=_Sealed):
 
     @property
     def target(self) -> Array:
-        """What the task aims at; assigning calls ``set_target``, with its checks."""
+        """What the task aims at; assigning calls ``set_target``: checked, and at rest from then."""
         return self._goal
 
     @target.setter
@@ -213,6 +230,10 @@ class Task(metaclass=_Sealed):
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second time derivative (k,) of the error at zero acceleration of v.
+
+        It includes that of a moving target: e'' = J v' + drift, so drift = J' v minus the target's
+        acceleration (and for errors that are not differences, such as log(R*' R), all else that
+        the target's motion adds).
 
         Raises
         ------
@@ -260,6 +281,12 @@ class Task(metaclass=_Sealed):
 
     def _set_law(self, **changes: Any) -> None:
         """Replace entries of either law; errors name the task."""
+        for key in sorted(changes.keys() & self._unused):
+            raise InvalidInputError(
+                f"{self}, {key}: has no effect, since a {type(self).__name__} has no error but a"
+                " rate, which the velocity level meets at once; at the torque level it decays as"
+                " exp(-kd t): give kd, or leave this out"
+            )
         first = {key: value for key, value in changes.items() if key in _FIRST_ORDER}
         second = {key: value for key, value in changes.items() if key in _SECOND_ORDER}
         try:
@@ -282,6 +309,19 @@ class Task(metaclass=_Sealed):
 
     def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
         return read_only(finite_array(f"{self}, {what}", value, shape))
+
+    def _set_rates(
+        self,
+        shape: tuple[int, ...],
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Check and set how the target moves; None is rest."""
+        rest = np.zeros(shape)
+        speed = self._target(rest if rate is None else rate, shape, "target rate")
+        push = rest if acceleration is None else acceleration
+        self.target_acceleration = self._target(push, shape, "target acceleration")
+        self.target_rate = speed
 
     def _gradient(self, error: Array) -> Array:
         """Return weight^2 * error (k,): the gradient of the task's cost by its error."""

@@ -39,8 +39,8 @@ class DistanceSpec(ErrorTaskSpec):
         def current(now: Snapshot) -> Array:
             return task.residual(now).error + task.target
 
-        def set_target(value: Array, rate: Array, _: Array) -> None:
-            task.set_target(float(value[0]), float(rate[0]))
+        def set_target(value: Array, rate: Array, acceleration: Array) -> None:
+            task.set_target(float(value[0]), float(rate[0]), float(acceleration[0]))
 
         goal = fixed_goal(np.array([self.target]))
         return TargetedTask(task, goal, current, VECTORS, set_target, self.ramp)

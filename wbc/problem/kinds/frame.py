@@ -28,8 +28,10 @@ from wbc.run.ramps import (
     VECTORS,
     TargetedTask,
     fixed_goal,
+    placed,
     placement,
-    value_only,
+    pointed,
+    turned,
 )
 from wbc.tasks import AxisTask, OrientationTask, PoseTask, PositionTask
 from wbc.tasks.frame import TURNS
@@ -92,7 +94,7 @@ class OrientationSpec(FrameSpec):
         def current(now: Snapshot) -> Array:
             return now.rotation(self.frame)
 
-        return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, value_only(task))
+        return TargetedTask(task, fixed_goal(goal), current, ROTATIONS, turned(task))
 
 
 class PlacementTarget(Section):
@@ -119,18 +121,15 @@ class PoseSpec(FrameSpec):
         start.robot.frame_id(self.frame)
         wanted = PlacementTarget() if isinstance(self.target, str) else self.target
         position = point(wanted.position, start.position(self.frame))
-        turned = rotation(wanted.orientation, start.rotation(self.frame))
+        orientation = rotation(wanted.orientation, start.rotation(self.frame))
         settings = self.settings(AXES + TURNS)
-        task = PoseTask(start.robot, self.frame, position, turned, name=name, **settings)
+        task = PoseTask(start.robot, self.frame, position, orientation, name=name, **settings)
 
         def current(now: Snapshot) -> Array:
             return placement(now.position(self.frame), now.rotation(self.frame))
 
-        def set_target(value: Array, _: Array, __: Array) -> None:
-            task.set_target(value[:, 3], value[:, :3])
-
-        goal = fixed_goal(placement(position, turned))
-        return TargetedTask(task, goal, current, PLACEMENTS, set_target)
+        goal = fixed_goal(placement(position, orientation))
+        return TargetedTask(task, goal, current, PLACEMENTS, placed(task))
 
 
 class AxisSpec(FrameSpec):
@@ -154,4 +153,4 @@ class AxisSpec(FrameSpec):
         def current(now: Snapshot) -> Array:
             return now.rotation(self.frame) @ task.axis
 
-        return TargetedTask(task, fixed_goal(task.target), current, DIRECTIONS, value_only(task))
+        return TargetedTask(task, fixed_goal(task.target), current, DIRECTIONS, pointed(task))

@@ -31,7 +31,7 @@ from wbc.problem.section import (
 from wbc.problem.targets import Start
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, value_only
+from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
 from wbc.spatial import DIAGONAL, vech
 from wbc.tasks import InertiaTask, PrincipalInertiaTask
 from wbc.tasks.inertia import ALL, DIAGONAL_COMPONENTS, TRACE, vech_target
@@ -120,10 +120,7 @@ class InertiaSpec(ErrorTaskSpec):
             **self.settings(rows),
         )
 
-        def set_target(value: Array, rate: Array, _: Array) -> None:
-            task.set_target(value, rate)
-
-        return TargetedTask(task, fixed_goal(goal), current, VECTORS, set_target, self.ramp)
+        return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
 
     def _goal(self, rows: tuple[str, ...], start: Array) -> Array:
         """Return the wanted inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
@@ -165,8 +162,7 @@ class InertiaSpec(ErrorTaskSpec):
         task = PrincipalInertiaTask(
             start.robot, goal, per_mass=self.per_mass, name=name, **self.settings()
         )
-        set_target = value_only(task)
-        return TargetedTask(task, fixed_goal(goal), current, VECTORS, set_target, self.ramp)
+        return TargetedTask(task, fixed_goal(goal), current, VECTORS, task.set_target, self.ramp)
 
     def _principal_goal(self, start: Array) -> Array:
         """Return the wanted principal moments (3,) [kg m^2], smallest first."""

@@ -11,7 +11,7 @@ from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import LIST, WORD, Distinct, Number, Weight, Words, default_of, forms
 from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal, value_only
+from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
 from wbc.tasks import MomentumTask
 from wbc.tasks.momentum import ANGULAR, LINEAR
 from wbc.validate import Array
@@ -51,7 +51,10 @@ class MomentumSpec(TaskSpec):
         goal = self._goal(rows)
         settings = self.settings(rows)
         task = MomentumTask(start.robot, goal, components=rows, name=name, **settings)
-        set_target = value_only(task)
+
+        def set_target(value: Array, rate: Array, _: Array) -> None:
+            task.set_target(value, rate)
+
         return TargetedTask(task, fixed_goal(goal), lambda now: now.momentum, VECTORS, set_target)
 
     def _goal(self, rows: tuple[str, ...]) -> Array:

@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field
 from wbc.problem.section import MAPPING, WORD, Name, NonNegative, Number, form_of
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
-from wbc.run.ramps import TargetedTask, configurations, fixed_goal, value_only
+from wbc.run.ramps import TargetedTask, configurations, fixed_goal
 from wbc.tasks import PostureTask
 from wbc.validate import Array
 
@@ -53,7 +53,7 @@ class PostureSpec(ErrorTaskSpec):
             goal = with_joints(robot, start.q, self.target)
         task = PostureTask(robot, goal, joints=self.joints, name=name, **self.settings())
         space = configurations(robot)
-        return TargetedTask(task, fixed_goal(goal), lambda now: now.q, space, value_only(task))
+        return TargetedTask(task, fixed_goal(goal), lambda now: now.q, space, task.set_target)
 
 
 def with_joints(robot: Robot, q: Array, joints: Mapping[str, float]) -> Array:

@@ -12,7 +12,7 @@ from wbc.problem.section import MAPPING, START, Distinct, Name, Weight, Words, d
 from wbc.problem.targets import Start, point, rotation
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import PLACEMENTS, TargetedTask, fixed_goal, placement
+from wbc.run.ramps import PLACEMENTS, TargetedTask, fixed_goal, placed, placement
 from wbc.tasks import RelativePoseTask
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
@@ -66,11 +66,8 @@ class RelativePoseSpec(ErrorTaskSpec):
             **self.settings(self.components),
         )
 
-        def set_target(value: Array, _: Array, __: Array) -> None:
-            task.set_target(value[:, 3], value[:, :3])
-
         goal = fixed_goal(placement(position, turned))
-        return TargetedTask(task, goal, self._current, PLACEMENTS, set_target)
+        return TargetedTask(task, goal, self._current, PLACEMENTS, placed(task))
 
     def _current(self, now: Snapshot) -> Array:
         Ra = now.rotation(self.relative_to)

@@ -1,0 +1,85 @@
+"""What a ramp of a file hands on: every kind of task gets the rate and acceleration of its target.
+
+The oracle is the task's error at a robot that stands still, as its target moves: its derivatives by
+differences in time share nothing with what the ramp says. h = 1e-4 with rounding of 1e-16 / h^2.
+"""
+
+import numpy as np
+import pytest
+
+from wbc.problem.kinds.com import ComSpec
+from wbc.problem.kinds.distance import DistanceSpec
+from wbc.problem.kinds.frame import AxisSpec, OrientationSpec, PoseSpec, PositionSpec
+from wbc.problem.kinds.inertia import InertiaSpec
+from wbc.problem.kinds.momentum import MomentumSpec
+from wbc.problem.kinds.posture import PostureSpec
+from wbc.problem.kinds.relative_pose import RelativePoseSpec
+from wbc.problem.task_spec import TaskSpec
+from wbc.run.ramps import MinimumJerk, MovingTarget
+
+H = 1e-4
+RPY = {"rpy": [0.6, -0.4, 0.9]}
+PLACE = {"position": [0.3, 0.2, 0.9], "orientation": RPY}
+PALM = {"type": "frame", "frame": "left_palm"}
+SPECS: dict[str, TaskSpec] = {
+    "com": ComSpec.model_validate({"type": "com", "target": [0.1, -0.2, 0.3]}),
+    "position": PositionSpec.model_validate({**PALM, "control": "position", "target": [1, 0, 1]}),
+    "orientation": OrientationSpec.model_validate(
+        {**PALM, "control": "orientation", "target": RPY}
+    ),
+    "pose": PoseSpec.model_validate({**PALM, "control": "pose", "target": PLACE}),
+    "axis": AxisSpec.model_validate({**PALM, "control": "axis", "target": [1, -2, 0.3]}),
+    "relative pose": RelativePoseSpec.model_validate(
+        {"type": "relative_pose", "frame": "left_palm", "relative_to": "right_palm"}
+        | {"target": PLACE}
+    ),
+    "distance": DistanceSpec.model_validate(
+        {"type": "distance", "frame": "left_palm", "other": "right_palm", "target": 0.5}
+    ),
+    "posture": PostureSpec.model_validate(
+        {"type": "posture", "target": {"*_elbow_pitch": -0.6, "*_knee_pitch": 0.9}}
+    ),
+    "inertia": InertiaSpec.model_validate(
+        {"type": "inertia", "components": "all", "target": {"scale": 1.4}}
+    ),
+    "principal inertia": InertiaSpec.model_validate(
+        {"type": "inertia", "components": "principal", "target": {"scale": 1.2}}
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SPECS)
+def test_ramps_hand_on_rate_and_acceleration(kind: str, robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    one = SPECS[kind].build(kind, start)
+    here = one.current(start)
+    moving = MovingTarget(MinimumJerk(here, one.goal(start, here), 2.0, one.space), one.set_target)
+
+    def error(t: float) -> np.ndarray:
+        moving.move_to(t)
+        return one.task.residual(start).error
+
+    for t in (0.3, 1.4):
+        behind, middle, ahead = error(t - H), error(t), error(t + H)
+        moving.move_to(t)
+        rate, second = (ahead - behind) / (2 * H), (ahead - 2.0 * middle + behind) / H**2
+        scale = np.abs(second).max()
+        assert scale > 0.01  # it moves
+        np.testing.assert_allclose(one.task.residual(start).bias, rate, atol=2e-6)
+        np.testing.assert_allclose(one.task.drift(start), second, atol=1e-4 * max(scale, 1.0))
+    moving.move_to(9.0)
+    assert not one.task.residual(start).bias.any()
+
+
+def test_a_momentum_that_ramps_is_a_force(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    spec = MomentumSpec.model_validate({"type": "momentum", "target": [1, 2, 3, 0.1, 0.2, 0.3]})
+    one = spec.build("momentum", start)
+    ramp = MinimumJerk(np.zeros(6), np.array(spec.target), 2.0)
+    MovingTarget(ramp, one.set_target).move_to(1.0)
+    # Half way a minimum-jerk ramp has its peak slope, 1.875 / duration (Flash and Hogan 1985).
+    force = 1.875 / 2.0 * np.array(spec.target)
+    np.testing.assert_allclose(one.task.target_rate, force)
+    np.testing.assert_allclose(one.task.drift(start), -force, atol=1e-12)
