@@ -13,7 +13,8 @@ from wbc.errors import WbcError
 if TYPE_CHECKING:
     from wbc.robot import Robot
 
-BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED = 1, 3, 4, 130
+SHOWN = 6  # joints that are named
+BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED, TERMINATED = 1, 3, 4, 130, 143
 
 
 @contextmanager
@@ -36,7 +37,24 @@ def complain(text: str) -> None:
 
 
 def print_notes(robot: Robot) -> None:
-    """Print to stderr what was tolerated while a robot was loaded."""
+    """Print to stderr what was tolerated while a robot was loaded, and the limits that it lacks."""
     head = typer.style("note:", fg="yellow", bold=True)
-    for note in robot.notes:
+    missing = missing_limits(robot)
+    lacks = (f"joints without a limit: {missing}",) if missing else ()
+    for note in (*robot.notes, *lacks):
         typer.echo(f"{head} {robot.name}: {note}", err=True)
+
+
+def missing_limits(robot: Robot) -> str:
+    """Return which limits the robot's files do not give, by kind; empty if they give all."""
+    joints: dict[str, list[str]] = {}
+    for entry in robot.limits.missing:  # such as "left_knee: velocity"
+        name, _, kind = entry.rpartition(": ")
+        joints.setdefault(kind, []).append(name)
+    told = []
+    for kind, names in joints.items():
+        count = len(robot.joint_names)
+        all_of_them = f"all {count} joints" if len(names) == count > SHOWN else None
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        told.append(f"{kind} ({all_of_them or ', '.join(names[:SHOWN]) + more})")
+    return "; ".join(told)

@@ -19,6 +19,7 @@ def json_schema() -> dict[str, Any]:
     places, schema = models_json_schema([(ProblemSpec, "validation"), (PendulumSpec, "validation")])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": "urn:wbc:schema:problem:1",
         "title": "wbc problem",
         "if": {"type": "object", "required": ["model"]},
         "then": places[PendulumSpec, "validation"],

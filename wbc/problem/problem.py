@@ -22,7 +22,7 @@ from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
-from wbc.run.simulate import Observe, Progress, simulate
+from wbc.run.simulate import Cancelled, Observe, Progress, simulate
 from wbc.run.stopping import Stop
 
 if TYPE_CHECKING:
@@ -50,10 +50,16 @@ class Problem:
     spec: ProblemSpec
     parts: Parts
 
-    def run(self, progress: Progress | None = None, observe: Observe | None = None) -> Result:
+    def run(
+        self,
+        progress: Progress | None = None,
+        observe: Observe | None = None,
+        *,
+        cancelled: Cancelled | None = None,
+    ) -> Result:
         """Run the problem from its start until it is at rest, out of time, or has failed.
 
-        For ``progress`` and ``observe`` see :func:`wbc.run.simulate`, and
+        For ``progress``, ``observe`` and ``cancelled`` see :func:`wbc.run.simulate`, and
         :func:`wbc.run.global_shaping.shape_globally` for the method ``global``, which starts other
         processes: a script needs the usual ``if __name__ == "__main__"`` guard. A run starts
         afresh, so a second one gives the same result.
@@ -85,6 +91,7 @@ class Problem:
                 progress=progress,
                 observe=observe,
                 provenance=made_with,
+                cancelled=cancelled,
             )
         phases = PhaseExecutor(
             parts.phases,
@@ -94,7 +101,7 @@ class Problem:
             start,
             parts.surroundings.move_to,
         )
-        return simulate(phases, parts.start, stop, progress, observe, made_with)
+        return simulate(phases, parts.start, stop, progress, observe, made_with, cancelled)
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""
@@ -110,6 +117,8 @@ def load_problem(
 
     Parameters
     ----------
+    path:
+        The file; ``-`` is stdin.
     overrides:
         Values by key path, such as ``{"tasks.com.gain": 0.3}``, that replace the file's. They are
         checked like the file.

@@ -8,6 +8,7 @@ merge keys are refused, and so are duplicate keys, of which plain YAML keeps eit
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from wbc.errors import ProblemFileError
 from wbc.problem.source import KeyPath, Source, written
 
+DASH, STDIN = Path("-"), "<stdin>"
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 32
 MAX_ALIASES = 50
@@ -47,41 +49,45 @@ _STAR = re.compile(r"(?:^|[\s{\[,])\*\w")
 
 
 def read_source(path: Path) -> Source:
-    """Read a problem file.
+    """Read a problem file; ``-`` is stdin.
 
     Raises
     ------
     ProblemFileError
         Missing, unreadable, too large, not UTF-8, not YAML, or not a mapping.
     """
-    source = parse(_text_of(path), str(path))
+    name = STDIN if path == DASH else str(path)
+    source = parse(_text_of(path, name), name)
     if source.data is None:
-        raise ProblemFileError(f"{path}: empty; a problem needs at least 'robot:' and 'tasks:'")
+        raise ProblemFileError(f"{name}: empty; a problem needs at least 'robot:' and 'tasks:'")
     if not isinstance(source.data, dict):
         raise ProblemFileError(
-            f"{path}:1: expected keys such as 'robot:' and 'tasks:', got "
+            f"{name}:1: expected keys such as 'robot:' and 'tasks:', got "
             f"{'a list' if isinstance(source.data, list) else repr(source.data)}"
         )
     return source
 
 
-def _text_of(path: Path) -> str:
+def _text_of(path: Path, name: str) -> str:
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+        if path == DASH:
+            content = sys.stdin.buffer.read(MAX_BYTES + 1)
+        else:
+            with path.open("rb") as file:
+                content = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ProblemFileError(f"{path}: no such file") from None
+        raise ProblemFileError(f"{name}: no such file") from None
     except IsADirectoryError:
-        raise ProblemFileError(f"{path}: a folder; name a problem file in it") from None
+        raise ProblemFileError(f"{name}: a folder; name a problem file in it") from None
     except (OSError, ValueError) as error:
-        raise ProblemFileError(f"{path}: cannot be read: {error}") from error
+        raise ProblemFileError(f"{name}: cannot be read: {error}") from error
     if len(content) > MAX_BYTES:
-        raise ProblemFileError(f"{path}: larger than {MAX_BYTES:,} bytes; is it a problem file?")
+        raise ProblemFileError(f"{name}: larger than {MAX_BYTES:,} bytes; is it a problem file?")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise ProblemFileError(f"{path}:{line}: not UTF-8 text; save the file as UTF-8") from error
+        raise ProblemFileError(f"{name}:{line}: not UTF-8 text; save the file as UTF-8") from error
 
 
 def parse(text: str, name: str) -> Source:

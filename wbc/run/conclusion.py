@@ -34,6 +34,7 @@ def conclude(
     at_rest: bool,
     broken_off: str | None = None,
     provenance: Mapping[str, Any] | None = None,
+    interrupted: float | None = None,
 ) -> Result:
     """Return the result of a run that ended at ``end``, its targets being as they were then.
 
@@ -45,6 +46,8 @@ def conclude(
         Why a phase could not begin, or None.
     provenance:
         Where the run came from, as plain data; becomes a part of the result.
+    interrupted:
+        When the run was asked to end [s], if that is why it did.
     """
     final = recorder.measure(end, standing)
     results = {
@@ -62,7 +65,7 @@ def conclude(
     balance = _worst_balance(states, history)
     not_kept = tuple(_not_kept(stop, states, [*recorder.standings, standing], balance))
     status, reason = ending(
-        stop, at_rest, len(recorder.failures), ticks, norms, broken_off, not_kept
+        stop, at_rest, len(recorder.failures), ticks, norms, broken_off, not_kept, interrupted
     )
     return Result(
         robot=end.robot,

@@ -21,6 +21,7 @@ from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relativ
 from wbc.run.simulate import (
     DEFAULT_STOP,
     PROGRESS_EVERY,
+    Cancelled,
     Observe,
     Progress,
     progress_info,
@@ -55,6 +56,7 @@ def shape_globally(
     progress: Progress | None = None,
     observe: Observe | None = None,
     provenance: Mapping[str, Any] | None = None,
+    cancelled: Cancelled | None = None,
 ) -> Result:
     """Search for the best posture, then run from rest at ``q`` (nq,) to one that can be reached.
 
@@ -74,7 +76,8 @@ def shape_globally(
     Notes
     -----
     The search starts other processes: a script needs the usual ``if __name__ == "__main__"`` guard.
-    Ctrl-C ends it, and the motion goes to the best posture found until then.
+    Ctrl-C ends it, and the motion goes to the best posture found until then; ``cancelled`` is asked
+    on the way there only.
 
     Raises
     ------
@@ -96,8 +99,10 @@ def shape_globally(
     standing = Standing.on("", problem.contacts, problem.constraints, problem.limits)
     recorders: list[Recorder] = []
     total = ticks_in(stop.duration, dt)
+    interrupted: float | None = None
 
-    def watch(attempt: int, now: LoopTick) -> None:
+    def watch(attempt: int, now: LoopTick) -> bool:
+        nonlocal interrupted
         if attempt == len(recorders):
             recorders.append(Recorder(problem.robot, tasks))
         recorder = recorders[attempt]
@@ -110,6 +115,9 @@ def shape_globally(
         if progress is not None and (done - 1) % PROGRESS_EVERY == 0:
             info = progress_info(now, errors, len(recorder.failures))
             progress(done, total, {**info, "posture": attempt + 1})
+        if cancelled is not None and cancelled():
+            interrupted = done * dt
+        return interrupted is not None
 
     motion = shaping.reach(
         q,
@@ -126,7 +134,16 @@ def shape_globally(
     recorder = recorders[_led_to(outcome, motion)]
     end = problem.robot.snapshot(motion.q[-1], recorder.history().v[-1])
     at_rest = motion.at_rest
-    result = conclude(tasks, stop, recorder, standing, end, at_rest, provenance=provenance)
+    result = conclude(
+        tasks,
+        stop,
+        recorder,
+        standing,
+        end,
+        at_rest,
+        provenance=provenance,
+        interrupted=interrupted,
+    )
     done = outcome.statistics
     effort = SearchEffort(
         starts=starts,
@@ -179,7 +196,8 @@ def _with_search(
         effort=effort,
     )
     status = result.status
-    if not report.arrived and status not in (RunStatus.QP_FAILED, RunStatus.NOT_KEPT):
+    ended = (RunStatus.QP_FAILED, RunStatus.NOT_KEPT, RunStatus.INTERRUPTED)
+    if not report.arrived and status not in ended:
         status = RunStatus.NOT_REACHED
     reason = f"{result.reason}; {report.describe()}"
     stopped = _ENDED_BY.get(outcome.statistics.stopped)

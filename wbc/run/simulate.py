@@ -22,6 +22,7 @@ from wbc.validate import Array
 # search with searches done, searches in all, and cost.
 Progress = Callable[[int, int, Mapping[str, Any]], None]
 Observe = Callable[[Tick], None]
+Cancelled = Callable[[], bool]  # asked after every tick whether the run is to end there
 PROGRESS_EVERY = 10
 DEFAULT_STOP = Stop()
 
@@ -33,6 +34,7 @@ def simulate(
     progress: Progress | None = None,
     observe: Observe | None = None,
     provenance: Mapping[str, Any] | None = None,
+    cancelled: Cancelled | None = None,
 ) -> Result:
     """Run from rest at ``q`` (nq,) until the robot is at rest, out of time, or has failed.
 
@@ -51,6 +53,8 @@ def simulate(
         Called with every tick: its QP, solution and errors.
     provenance:
         Where the run comes from, as plain data; becomes a part of the result.
+    cancelled:
+        Called after every tick; True ends the run there, with what was computed.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def simulate(
     total = ticks_in(stop.duration, dt)
     recorder = Recorder(robot, phases.tasks)
     watch = RestWatch(stop.speed, phases.ramps_over)
-    at_rest = False
+    at_rest, interrupted = False, None
     for now in closed_loop(first, q, total, phases.update):
         recorder.add(now, phases.standing)
         if observe is not None:
@@ -72,14 +76,26 @@ def simulate(
         at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
         done = len(recorder.states)
         over = at_rest or now.gave_up or done == total
+        if not over and cancelled is not None and cancelled():
+            over, interrupted = True, done * dt
         if progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or over):
             progress(done, total, progress_info(now, now.tick.errors, len(recorder.failures)))
         if over:
             break
     phases.move_to(done * dt)
     end = robot.snapshot(now.q, now.tick.velocity)
-    standing, complaint = phases.standing, phases.complaint
-    return conclude(phases.tasks, stop, recorder, standing, end, at_rest, complaint, provenance)
+    standing = phases.standing
+    return conclude(
+        phases.tasks,
+        stop,
+        recorder,
+        standing,
+        end,
+        at_rest,
+        phases.complaint,
+        provenance,
+        interrupted,
+    )
 
 
 def ticks_in(duration: float, dt: float) -> int:

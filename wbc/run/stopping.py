@@ -50,7 +50,7 @@ class RunStatus(StrEnum):
     ``NOT_REACHED``: a tolerance was not met. ``NOT_KEPT``: balance, a contact or a margin was not
     kept all the time, as :class:`Stop` asks; the robot may fall or collide. ``QP_FAILED``: a tick
     had no solution. ``NOT_STANDING``: a phase could not begin, because a foot that it stands on
-    was in the air or tilted; the run ended there.
+    was in the air or tilted; the run ended there. ``INTERRUPTED``: it was asked to end early.
     """
 
     CONVERGED = "converged"
@@ -61,6 +61,7 @@ class RunStatus(StrEnum):
     NOT_KEPT = "not_kept"
     QP_FAILED = "qp_failed"
     NOT_STANDING = "not_standing"
+    INTERRUPTED = "interrupted"
 
     @property
     def good(self) -> bool:
@@ -99,6 +100,7 @@ def ending(
     norms: Mapping[str, float],
     broken_off: str | None = None,
     not_kept: Sequence[str] = (),
+    interrupted: float | None = None,
 ) -> Ending:
     """Return how a run ended.
 
@@ -112,11 +114,17 @@ def ending(
         Why a phase could not begin, or None.
     not_kept:
         What was to be kept all the time and was not, in words.
+    interrupted:
+        When the run was asked to end [s], if that is why it did.
     """
     if failed:
         return Ending(RunStatus.QP_FAILED, f"{failed} of {ticks} ticks had no solution")
     if broken_off is not None:
         return Ending(RunStatus.NOT_STANDING, broken_off)
+    if interrupted is not None:
+        also = f"; {'; '.join(not_kept)}" if not_kept else ""
+        reason = f"at {interrupted:.4g} s of at most {stop.duration:g} s{also}"
+        return Ending(RunStatus.INTERRUPTED, reason)
     missed = [
         f"{name} (error {norms[name]:.3g}, tolerance {tolerance:g})"
         for name, tolerance in stop.accept.items()

@@ -27,8 +27,9 @@ from wbc.validate import Array, read_only
 
 MakeController = Callable[[Sequence[Task]], Controller]
 # Called after every tick with the attempt's number, which is the index of its candidate in the
-# outcome, and the tick; on the way there its errors are those of the guiding tasks.
-Watch = Callable[[int, LoopTick], None]
+# outcome, and the tick; on the way there its errors are those of the guiding tasks. True ends the
+# motion there, and no other is tried.
+Watch = Callable[[int, LoopTick], bool | None]
 
 LINGERING = 0.5  # s for which the guiding tasks stay at the end of their path
 SETTLING = 4.0  # s at most, after the path
@@ -37,7 +38,7 @@ GIVE_UP = 10  # ticks in a row without solution
 AT_REST = 1e-5  # rad/s or m/s
 # In motion contacts are held by feedback and limits by a braking rule, so a little more is allowed.
 MOVING = Tolerances(contact=1e-3, limit=1e-6, support=1e-3, clearance=1e-4)
-ARRIVED = "arrived"
+ARRIVED, INTERRUPTED = "arrived", "interrupted"
 NEGLIGIBLE = 1e-9  # of the cost at the start: a target that is met to this is met
 HORIZONTAL = ("x", "y")
 COM_WEIGHT = 30.0  # 1/(m/s); the joints' and the base's weight is 1
@@ -150,7 +151,7 @@ class Reach:
             motion, reason = self.motion(candidate, number)
             tried.append(Attempt(number, float(motion.cost[-1]), reason))
             motions.append(motion)
-            if motion.arrived:
+            if motion.arrived or reason == INTERRUPTED:
                 break
         # Arrived, or else the one that keeps the constraints and came to the least cost.
         chosen = min(motions, key=lambda m: (not m.arrived, bool(m.kept.broken), m.cost[-1]))
@@ -201,8 +202,9 @@ class Reach:
         ticks = max(1, math.ceil(longest / self.dt - 1e-9))
         for now in closed_loop(guided, self.q_start, ticks, update):
             states.append(now.snapshot)
-            if self.watch is not None:
-                self.watch(number, now)
+            if self.watch is not None and self.watch(number, now):
+                fault = INTERRUPTED
+                break
             slow = self.rest_speed is not None and now.speed < self.rest_speed
             still = still + 1 if slow and now.tick.ok and not guides(now.time) else 0
             # By its policy the controller stands still without solution; the next may have one.

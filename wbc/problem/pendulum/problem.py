@@ -15,7 +15,7 @@ from wbc.problem.provenance import provenance, versions
 from wbc.problem.source import Source
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.run.simulate import Progress
+from wbc.run.simulate import Cancelled, Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,9 @@ class PendulumProblem:
     spec: PendulumSpec
     parts: Balance | Planning
 
-    def run(self, progress: Progress | None = None) -> PendulumResult:
+    def run(
+        self, progress: Progress | None = None, *, cancelled: Cancelled | None = None
+    ) -> PendulumResult:
         """Simulate the law, or solve for the plan.
 
         Parameters
@@ -47,6 +49,8 @@ class PendulumProblem:
         progress:
             Called now and then with steps done, steps at most, and a mapping with ``time`` [s].
             Not called by the planner, whose iterations have no known end.
+        cancelled:
+            Asked before each step; True ends the simulation there. Not asked by the planner.
 
         Raises
         ------
@@ -56,7 +60,7 @@ class PendulumProblem:
         provenance = {"problem": self.provenance(), "versions": versions()}
         if isinstance(self.parts, Planning):
             return self.parts.run(provenance)
-        return self.parts.run(provenance, progress)
+        return self.parts.run(provenance, progress, cancelled)
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""

@@ -90,8 +90,8 @@ class PendulumStatus(StrEnum):
 
     ``COMPLETED``: stood for the whole time, every tolerance met and no bound broken. ``PLANNED``: a
     plan was found and checked. ``NOT_REACHED``: a tolerance was not met, or a bound was broken on
-    the way. ``PLAN_BROKEN``: the plan found does not stand its check at twice the knots. The
-    others: the simulation ended early.
+    the way. ``PLAN_BROKEN``: the plan found does not stand its check at twice the knots.
+    ``INTERRUPTED``: it was asked to end early. The others: the simulation ended early.
     """
 
     COMPLETED = "completed"
@@ -102,6 +102,7 @@ class PendulumStatus(StrEnum):
     CONTACT_LOST = "contact_lost"
     LAW_FAILED = "law_failed"
     DIVERGED = "diverged"
+    INTERRUPTED = "interrupted"
 
     @property
     def good(self) -> bool:

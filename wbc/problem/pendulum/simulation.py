@@ -22,7 +22,7 @@ from wbc.rmp.balance.simulate import Push, impulses_by_step, simulate, whole_ste
 from wbc.rmp.ground import centroidal_moment_pivot
 from wbc.rmp.planar import PlanarRmp
 from wbc.rotations import rotations_from
-from wbc.run.simulate import Progress
+from wbc.run.simulate import Cancelled, Progress
 from wbc.validate import Array
 
 # The phase of a run that ended before its first step.
@@ -56,9 +56,12 @@ class Balance:
     stop: PendulumStopSpec
 
     def run(
-        self, provenance: Mapping[str, Any], progress: Progress | None = None
+        self,
+        provenance: Mapping[str, Any],
+        progress: Progress | None = None,
+        cancelled: Cancelled | None = None,
     ) -> PendulumResult:
-        """Simulate the law and return what came of it."""
+        """Simulate the law and return what came of it; ``cancelled`` is asked before each step."""
         on, stop = self.setting, self.stop
         total = round(stop.duration / stop.dt)
 
@@ -76,12 +79,16 @@ class Balance:
             bounds=on.bounds,
             pushes=self.pushes,
             pivot=self.spec.pivot,
+            stop=None if cancelled is None else lambda *_: cancelled(),
             progress=tell,
         )
         history = simulation_history(simulation)
         measures = _measures(history, simulation.v[-1], self.spec.leg(on))
         measures |= self.spec.measures(self.law, simulation.v[-1])
         status, reason = _verdict(simulation, stop, measures)
+        if simulation.ending is Ending.COMPLETE and len(history.time) <= total:
+            status = PendulumStatus.INTERRUPTED
+            reason = f"at {history.time[-1]:.4g} s of {stop.duration:g} s"
         measures |= {
             f"margin to {name}": room
             for name, room in simulation.margins().items()

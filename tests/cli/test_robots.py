@@ -1,0 +1,47 @@
+"""What a robot is described by: everything that a problem can name or must respect."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from wbc.cli import app
+from wbc.robot import Robot
+
+
+def command(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_joints_have_limits_and_masses_and_the_masses_add_up() -> None:
+    robot = Robot.load("hoap2_like")
+    text = command("robots", "hoap2_like").stdout
+    table, _, _ = text.partition("missing limits")
+    rows = {line.split()[0]: line.split()[1:] for line in table.splitlines() if line.strip()}
+    elbow = robot.joint_names.index("left_elbow_pitch")
+    limits = robot.limits
+    shown = [limits.lower[elbow], limits.upper[elbow], limits.velocity[elbow], limits.effort[elbow]]
+    assert [float(cell) for cell in rows["left_elbow_pitch"][:4]] == pytest.approx(shown, rel=1e-3)
+    masses = [float(rows[name][-1]) for name in ("base", *robot.joint_names)]
+    assert sum(masses) == pytest.approx(robot.mass, abs=5e-4 * len(masses))  # printed to 1 g
+    assert "missing limits: none" in text
+    assert set(robot.frame_names) <= set(text.split())
+
+
+def test_missing_limits_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    inertial = (
+        '<inertial><mass value="1"/>'
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+    )
+    path.write_text(
+        f'<robot name="arm"><link name="arm_link0">{inertial}</link>'
+        f'<link name="upper">{inertial}</link><joint name="j" type="revolute">'
+        '<parent link="arm_link0"/><child link="upper"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="0" velocity="0"/></joint></robot>'
+    )
+    answer = command("robots", path)
+    assert "missing limits: velocity (j); effort (j)" in answer.stdout
+    assert "note: arm: joints without a limit: velocity (j); effort (j)" in answer.stderr
+    row = next(line for line in answer.stdout.splitlines() if line.startswith("j "))
+    assert row.split() == ["j", "-1", "1", "none", "none", "1.000"]

@@ -1,0 +1,109 @@
+"""``wbc robots`` and ``wbc collisions``: which robots there are, and what is known of one."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wbc.cli.completion import robots_beginning
+from wbc.cli.errors import errors_in_one_line, missing_limits, print_notes
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from wbc.robot import Robot
+
+
+def robots(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="Describe this robot: a name, or a URDF or MJCF file.",
+            autocompletion=robots_beginning,
+        ),
+    ] = None,
+) -> None:
+    """List the robots that a problem can name, or describe one: joints, limits, links, frames."""
+    with errors_in_one_line():
+        from wbc.errors import ModelError
+        from wbc.robot import Robot
+        from wbc.robot.library import find_robot, robot_names
+
+        if name is not None:
+            robot = Robot.load(name)
+            _describe(robot)
+            print_notes(robot)
+            return
+        width = max(len(name) for name in robot_names())
+        for name in robot_names():
+            try:
+                where = str(find_robot(name).path)
+            except ModelError:
+                where = "not installed (pip install 'wbc[robots]')"
+            typer.echo(f"{name:{width}}  {where}")
+
+
+def _describe(robot: Robot) -> None:
+    """Print everything that a problem file can name or must respect."""
+    from rich.columns import Columns
+    from rich.console import Console
+
+    base = "fixed" if robot.fixed_base else "floating"
+    typer.echo(f"{robot.name}  {robot.path}")
+    typer.echo(f"{len(robot.joint_names)} joints, {robot.mass:.2f} kg, {base} base")
+    feet = ", ".join(f"{foot.name} ({foot.link})" for foot in robot.feet.values())
+    typer.echo(f"feet: {feet or 'none'}")
+    typer.echo(f"postures: {', '.join(robot.postures)}")
+    console = Console(highlight=False)
+    console.print(_joints(robot))
+    missing = missing_limits(robot)
+    console.print(f"\nmissing limits: {missing or 'none'}", markup=False)
+    console.print("\nframes:", markup=False)
+    console.print(Columns(robot.frame_names, padding=(0, 2), column_first=True))
+
+
+def _joints(robot: Robot) -> Table:
+    """Return a table of the joints with their limits, and the mass that each carries."""
+    from rich.text import Text
+
+    from wbc.cli.printing import heads
+
+    limits, model = robot.limits, robot.model
+    columns = ("lower", "upper", "speed [/s]", "effort", "mass [kg]")
+    table = heads("joint [rad, N m; m, N]", *columns)
+    table.add_row(Text("base"), "", "", "", "", f"{model.inertias[1].mass:.3f}")
+    for k, name in enumerate(limits.names):
+        bounds = (limits.lower[k], limits.upper[k], limits.velocity[k], limits.effort[k])
+        mass = model.inertias[model.getJointId(name)].mass
+        table.add_row(Text(name), *(_limit(float(one)) for one in bounds), f"{mass:.3f}")
+    return table
+
+
+def _limit(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.4g}"
+
+
+def collisions(
+    robot: Annotated[
+        str,
+        typer.Argument(help="Name or file of a robot.", autocompletion=robots_beginning),
+    ],
+    margin: Annotated[float, typer.Option(help="Distance that bodies keep [m].")] = 0.01,
+    fit: Annotated[str, typer.Option(help="capsule or hull")] = "capsule",
+) -> None:
+    """List the pairs of a robot's bodies that self-collision does not watch, and why."""
+    with errors_in_one_line():
+        from wbc.constraints import SelfCollision
+        from wbc.robot import Robot
+
+        loaded = Robot.load(robot)
+        print_notes(loaded)
+        margins = SelfCollision(loaded, margin=margin, fit=fit)
+        typer.echo(f"{len(margins.model.pairs)} pairs are watched; with finer shapes:")
+        for pair, why in margins.finer.items():
+            typer.echo(f"  {pair}: {why}")
+        typer.echo(f"{len(margins.excluded)} pairs are not watched:")
+        for pair, why in sorted(margins.excluded.items(), key=lambda both: both[1]):
+            typer.echo(f"  {pair}: {why}")

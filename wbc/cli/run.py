@@ -1,0 +1,145 @@
+"""``wbc run``: a problem, run, printed, written and drawn."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wbc.cli.completion import solvers_beginning
+from wbc.cli.errors import (
+    BAD_INPUT,
+    NOT_REACHED,
+    QP_FAILED,
+    complain,
+    errors_in_one_line,
+    print_notes,
+)
+
+if TYPE_CHECKING:
+    from wbc.cli.interrupts import Interrupts
+    from wbc.problem import Problem, Result
+    from wbc.problem.pendulum.problem import PendulumProblem
+    from wbc.problem.pendulum.result import PendulumResult
+
+EXIT_CODES = (
+    "Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met in"
+    " time, or balance, contacts or margins not kept; 4 a QP failed; 130 or 143 ended by Ctrl-C or"
+    " SIGTERM, with what was computed until then written."
+)
+
+
+def run(
+    problem: Annotated[
+        Path,
+        typer.Argument(help="The problem file; - reads it from stdin.", metavar="PROBLEM.yaml"),
+    ],
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output", "-o", help="Write the result: .json, or .npz with histories; repeatable."
+        ),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the run into a picture.")] = None,
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            help="QP solver; short for --set controller.solver=NAME.",
+            autocompletion=solvers_beginning,
+        ),
+    ] = None,
+    assign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Replace a value of the file, as in --set tasks.com.gain=0.3; repeatable.",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Run a problem and say what came of it."""
+    with errors_in_one_line():
+        code = _solve(problem, output or [], plot, overrides_of(assign, solver), quiet)
+    raise typer.Exit(code)
+
+
+def overrides_of(assignments: list[str] | None, solver: str | None = None) -> dict[str, Any]:
+    """Return what ``--set`` and ``--solver`` replace, by key path."""
+    from wbc.problem import parse_override
+
+    overrides = dict(parse_override(assignment) for assignment in assignments or [])
+    return overrides if solver is None else {**overrides, "controller.solver": solver}
+
+
+def _solve(
+    path: Path, output: list[Path], plot: Path | None, overrides: dict[str, Any], quiet: bool
+) -> int:
+    """Run a problem, write and print what came of it, and return the exit code."""
+    from wbc.cli.outputs import Outputs, check_picture, check_place, draw_result
+    from wbc.cli.printing import print_pendulum_result, print_result
+    from wbc.problem import Problem, Result, load_problem
+    from wbc.run.saving import result_format
+
+    for each in output:
+        result_format(each)
+        check_place("--output", each)
+    if plot is not None:
+        check_picture("--plot", plot)
+    problem = load_problem(path, overrides)
+    if isinstance(problem, Problem) and not quiet:
+        print_notes(problem.parts.robot)
+    result, interrupts = _run(problem, quiet)
+    interrupted = interrupts() or _search_interrupted(result)
+    name = "stdin" if str(path) == "-" else path.stem
+    if interrupted and not output:
+        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{name}.npz"]
+    outputs = Outputs()
+    for each in output:
+        outputs.save(each, result.save)
+    if plot is not None:
+        outputs.draw(plot, lambda picture: draw_result(result, picture, name))
+    if not quiet:
+        if isinstance(result, Result):
+            print_result(result, outputs.written)
+        else:
+            print_pendulum_result(result, outputs.written)
+    for failure in outputs.failures:
+        complain(failure)
+    if interrupted:
+        where = ", ".join(str(one) for one in outputs.written) or "nowhere"
+        complain(f"interrupted; what was computed until then is in {where}")
+        return interrupts.exit_code
+    return BAD_INPUT if outputs.failures else _exit_code(result)
+
+
+def _run(
+    problem: Problem | PendulumProblem, quiet: bool
+) -> tuple[Result | PendulumResult, Interrupts]:
+    """Run a problem, until its end or a signal."""
+    from wbc.cli.interrupts import Interrupts, noted_interrupts
+    from wbc.cli.progress import shown_progress
+    from wbc.problem import Problem
+
+    with nullcontext() if quiet else shown_progress() as progress:
+        if not isinstance(problem, Problem) and problem.spec.plan is not None:
+            return problem.run(progress), Interrupts()  # nothing to keep until it is done
+        with noted_interrupts() as interrupts:
+            return problem.run(progress, cancelled=interrupts), interrupts
+
+
+def _search_interrupted(result: Result | PendulumResult) -> bool:
+    """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
+    shaping = getattr(result, "shaping", None)
+    return shaping is not None and shaping.effort.stopped == "interrupted"
+
+
+def _exit_code(result: Result | PendulumResult) -> int:
+    from wbc.problem import RunStatus
+
+    if result.status.good:
+        return 0
+    return QP_FAILED if result.status is RunStatus.QP_FAILED else NOT_REACHED

@@ -1,0 +1,72 @@
+"""A commented problem file to begin with."""
+
+from __future__ import annotations
+
+from wbc.robot import Robot
+
+_TEXT = """\
+{editor}\
+# Try it:            wbc run {file} --plot picture.png
+# Check it only:     wbc check {file}
+# Change one value:  wbc run {file} --set tasks.com.weight=3
+# What can be named: wbc robots {robot}
+
+robot: {robot}               # a name that `wbc robots` lists, or a .urdf or .xml file
+start: {{posture: standing}}  # or neutral; joints: {{"*elbow*": 0.4}} changes some [rad or m]
+support: {support}           # what is held: floating, {feet}or a list of frames
+
+# What the robot should do. Where tasks disagree the weights decide; tasks with a higher priority:
+# number never disturb those with a lower one.
+tasks:
+  com:                       # the centre of mass stays where it is
+    type: com
+    target: start            # or {{offset: [0, 0, -0.02]}}, or a point [x, y, z] in m
+    weight: 10.0
+  shape:                     # arms spread: it becomes harder to turn about the vertical
+    type: inertia
+    components: [zz]
+    target: {{scale: 1.1}}     # times the inertia at the start; or numbers in kg m^2
+    per_mass: true
+    weight: 10.0
+    gain: 0.1                # part of the error to take back in one tick, up to 1
+    ramp: 1.0                # s: the target moves there smoothly
+  # hand:                    # a frame of the robot goes to a place
+  #   {{type: frame, frame: FRAME, control: position, target: {{offset: [0, 0, 0.1]}}}}
+  posture: {{type: posture, target: start, weight: 0.01}}  # what no other task asks for
+
+limits: {{position: true, velocity: 1.0}}  # factor on the velocity limits of the robot's file
+
+# What it must respect. With `slack: 1000` a constraint may give way, at that cost.
+constraints: {{}}
+  # bodies: {{type: self_collision, margin: 0.01}}
+  # room: {{type: obstacles, things: {{wall: {{half_space: [-1, 0, 0], position: [0.6, 0, 0]}}}}}}
+
+controller: {{dt: 0.005}}      # s, a tick
+stop:
+  duration: 10.0             # s, at most; it ends sooner when nothing moves any more
+  speed: 1.0e-4              # rad/s or m/s, below which nothing moves
+  accept: {{com: 2.0e-3}}      # m: farther from its target at the end is no success
+"""
+EDITOR_LINE = "# yaml-language-server: $schema={}\n"
+
+
+def problem_template(robot: Robot, name: str, file: str, schema: str | None = None) -> str:
+    """Return the text of a problem that runs: a robot makes itself wider where it stands.
+
+    Parameters
+    ----------
+    name:
+        What the file calls the robot.
+    file:
+        What the comments call the file.
+    schema:
+        Where an editor finds the JSON Schema, relative to the file; None: not said.
+    """
+    double = {"left", "right"} <= set(robot.feet)
+    return _TEXT.format(
+        robot=name,
+        file=file,
+        support="double  " if double else "floating",
+        feet="left, right, double, " if double else "",
+        editor="" if schema is None else EDITOR_LINE.format(schema),
+    )
