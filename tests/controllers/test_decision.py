@@ -12,8 +12,7 @@ import pytest
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import Controller
-from wbc.controllers.levels import Physics
-from wbc.controllers.plan import Decision
+from wbc.controllers.plan import Decision, Physics
 from wbc.laws import Residual, Rows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask

@@ -3,6 +3,7 @@
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.com_support import ComSupport
 from wbc.constraints.contact import Contact, PointContact, support
+from wbc.constraints.friction import FrictionCone
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.obstacles import Obstacles
@@ -16,6 +17,7 @@ __all__ = [
     "Constraint",
     "Contact",
     "Distances",
+    "FrictionCone",
     "Limits",
     "Margin",
     "Obstacles",

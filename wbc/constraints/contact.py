@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import qr
 
+from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual, Rows
@@ -29,7 +30,7 @@ from wbc.spatial import skew
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
 from wbc.tasks.task import LawKeywords, Task
-from wbc.validate import Array
+from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -40,6 +41,7 @@ DEPENDENT = 1e-6
 # contradiction.
 DRIFT, TURN = 5e-3, 5e-2
 SUPPORTS = ("floating", "left", "right", "double")
+DEFAULT_FRICTION = FrictionCone()
 
 
 class Contact(Task):
@@ -55,10 +57,25 @@ class Contact(Task):
     position, rotation:
         Its anchor in the world: (3,) [m] and (3, 3).
     gain:
-        Fraction of the drift from the anchor that is taken back in one tick, in [0, 1].
+        Fraction of the drift from the anchor that is taken back in one tick, in [0, 1]. At the
+        torque level ``kp`` and ``kd`` do that, 400/s^2 and critical unless given.
+    friction:
+        What it bears, for the torque level: forces at its corners inside this cone. None for a
+        contact that also pulls and twists: a grip, a bolt. Assign another one at any time.
+    corners:
+        (k, 2) or (k, 3) points in the frame's axes at which forces act [m], the frame's z axis
+        being the normal; by default those of the sole that the frame is.
+
+    Attributes
+    ----------
+    friction:
+        The :class:`~wbc.constraints.friction.FrictionCone`, or None.
+    corners:
+        (k, 3) in the frame's axes [m], or None if the frame is no sole and none were given.
     """
 
     ROWS: tuple[str, ...] = AXES + TURNS
+    STIFFNESS = 400.0  # 1/s^2: what keeps a light foot from drifting, see tests/simulation
     _kind = "contact"
     _may_rest = True
 
@@ -68,21 +85,44 @@ class Contact(Task):
         frame: str,
         position: ArrayLike,
         rotation: ArrayLike,
+        *,
+        friction: FrictionCone | None = DEFAULT_FRICTION,
+        corners: ArrayLike | None = None,
         **law: Unpack[LawKeywords],
     ) -> None:
         robot.frame_id(frame)
+        law.setdefault("kp", self.STIFFNESS)
         super().__init__(robot, frame, self.ROWS, **law)
         self.frame = frame
+        self.friction = None if frame == BASE else friction
+        self.corners = self._corners(corners)
         self.position = self._target(position, (3,), "position")
         self.rotation = self._target(rotation, (3, 3), "rotation")
         check_rotation(f"contact {frame!r}, rotation", self.rotation)
         self._still = self._zeros()
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if name == "friction" and not isinstance(value, FrictionCone | None):
+            raise InvalidInputError(
+                f"{self}, friction: expected a FrictionCone or None, got {value!r}"
+            )
+        super().__setattr__(name, value)
+
     @classmethod
-    def hold(cls, snapshot: Snapshot, frame: str, **law: Unpack[LawKeywords]) -> Contact:
+    def hold(
+        cls,
+        snapshot: Snapshot,
+        frame: str,
+        *,
+        friction: FrictionCone | None = DEFAULT_FRICTION,
+        corners: ArrayLike | None = None,
+        **law: Unpack[LawKeywords],
+    ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
         position, rotation = snapshot.position(frame), snapshot.rotation(frame)
-        return cls(snapshot.robot, frame, position, rotation, **law)
+        return cls(
+            snapshot.robot, frame, position, rotation, friction=friction, corners=corners, **law
+        )
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.frame!r})"
@@ -111,11 +151,34 @@ class Contact(Task):
         """Return how far the frame's origin is from its anchor [m]."""
         return float(np.linalg.norm(snapshot.position(self.frame) - self.position))
 
+    def _corners(self, given: ArrayLike | None) -> Array | None:
+        if given is None:
+            feet = self.robot.feet.values()
+            given = next((foot.polygon for foot in feet if foot.frame == self.frame), None)
+            if given is None:
+                return None
+        points = np.asarray(given, dtype=float)
+        if points.ndim != 2 or not len(points) or points.shape[1] not in (2, 3):
+            raise InvalidInputError(
+                f"{self}, corners: expected (k, 2) or (k, 3) points, got shape {points.shape}"
+            )
+        corners = np.zeros((len(points), 3))
+        corners[:, : points.shape[1]] = finite_array(f"{self}, corners", points, points.shape)
+        return read_only(corners)
+
 
 class PointContact(Contact):
-    """A point held in position and free to turn (three rows: x y z)."""
+    """A point held in position and free to turn (three rows: x y z).
+
+    Its force acts at the frame's origin; the normal of its friction cone is the world's z axis.
+    """
 
     ROWS = AXES
+
+    def _corners(self, given: ArrayLike | None) -> Array:
+        if given is not None:
+            raise InvalidInputError(f"{self}, corners: a point has none; use Contact for surfaces")
+        return read_only(np.zeros((1, 3)))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the drift from the anchor [m]."""
@@ -235,7 +298,12 @@ def _twist_rows(lever: Array) -> Array:
     return np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
 
 
-def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...]:
+def support(
+    snapshot: Snapshot,
+    mode: str | Sequence[str],
+    *,
+    friction: FrictionCone | None = DEFAULT_FRICTION,
+) -> tuple[Contact, ...]:
     """Return the contacts of a support mode, anchored at ``snapshot`` (paper 5.2).
 
     Those of a robot whose base is fixed begin with its base, whatever the mode.
@@ -244,6 +312,8 @@ def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...
     ----------
     mode:
         ``"floating"``, ``"left"``, ``"right"``, ``"double"``, or a list of frames to hold.
+    friction:
+        Of each contact, for the torque level.
 
     Raises
     ------
@@ -259,7 +329,8 @@ def support(snapshot: Snapshot, mode: str | Sequence[str]) -> tuple[Contact, ...
     frames = list(mode)
     if isinstance(mode, str):
         frames = [snapshot.robot.foot(foot).frame for foot in _feet_of(mode)]
-    return base_contact(snapshot) + tuple(Contact.hold(snapshot, frame) for frame in frames)
+    held = tuple(Contact.hold(snapshot, frame, friction=friction) for frame in frames)
+    return base_contact(snapshot) + held
 
 
 def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:

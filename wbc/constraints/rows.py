@@ -140,9 +140,10 @@ def relax_for_contacts(bounds: Bounds, held: Sequence[Rows]) -> Bounds:
 
 
 def stack(parts: Sequence[Bounds]) -> Bounds:
-    """Return several constraints' rows as one."""
+    """Return several constraints' rows as one, as wide as the widest (columns behind are zero)."""
     if len(parts) == 1:
         return parts[0]
+    widest = max(part.matrix.shape[1] for part in parts)
     pushes = [part.push for part in parts if part.push is not None]
     push = None
     if pushes:
@@ -158,12 +159,21 @@ def stack(parts: Sequence[Bounds]) -> Bounds:
         slack = np.concatenate([h if part.slack is None else part.slack for part, h in slacks])
     return Bounds(
         sum((part.labels for part in parts), ()),
-        np.concatenate([part.matrix for part in parts]),
+        np.concatenate([widened(part.matrix, widest) for part in parts]),
         np.concatenate([part.lower for part in parts]),
         np.concatenate([part.upper for part in parts]),
         push,
         slack=slack,
     )
+
+
+def widened(matrix: Array, n: int) -> Array:
+    """Return a matrix (k, m) with zero columns behind, (k, n)."""
+    if matrix.shape[1] == n:
+        return matrix
+    rows = np.zeros((len(matrix), n))
+    rows[:, : matrix.shape[1]] = matrix
+    return rows
 
 
 def take(names: Sequence[str], which: Index) -> tuple[str, ...]:

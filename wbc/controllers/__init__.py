@@ -3,5 +3,6 @@
 from wbc.controllers.controller import Controller
 from wbc.controllers.kinematic import KinematicController
 from wbc.controllers.tick import Tick
+from wbc.controllers.torque import TorqueController, TorqueTick
 
-__all__ = ["Controller", "KinematicController", "Tick"]
+__all__ = ["Controller", "KinematicController", "Tick", "TorqueController", "TorqueTick"]

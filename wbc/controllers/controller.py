@@ -24,10 +24,10 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
-from wbc.controllers.levels import NO_PHYSICS, LevelProblem, LevelSolver, Outcome, Physics
+from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.parts import check_parts, one_of, verify_parts
-from wbc.controllers.plan import Decision, Plan
+from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, Tick, Times
@@ -89,6 +89,9 @@ class Controller(ABC):
         A part that is none, was made for another robot, or has the name of another.
     """
 
+    _policies: tuple[str, ...] = POLICIES
+    _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
+
     def __init__(
         self,
         robot: Robot,
@@ -115,7 +118,7 @@ class Controller(ABC):
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = make_backend(solver) if isinstance(solver, str) else solver
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
-        self.on_failure = one_of("failure policy", on_failure, POLICIES)
+        self.on_failure = one_of("failure policy", on_failure, self._policies)
         unlimited = np.full(robot.nv, np.inf)
         self._no_box = read_only(-unlimited), read_only(unlimited)
         if slack is not None and not isinstance(slack, Mapping):
@@ -189,13 +192,7 @@ class Controller(ABC):
         if self.constraints:
             margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
         ready = perf_counter()
-        step_scale = 1.0
-        if margins is None:
-            outcome = self._solver.solve(problem)
-        else:
-            solve = partial(self._solver.solve, problem)
-            outcome, step_scale = solve_with_look_ahead(solve, margins, contacts)
-        outcome = self._within_limits(outcome)
+        outcome, step_scale = self._solve(problem, margins)
         tick = self._tick(snapshot, residuals, outcome, step_scale, singular, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
@@ -223,6 +220,14 @@ class Controller(ABC):
         """Return what ties the unknowns behind v+ to it."""
         return NO_PHYSICS
 
+    def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
+        """Return the optimum, and the part of it that is safe to command."""
+        if margins is None:
+            return self._within_limits(self._solver.solve(problem)), 1.0
+        solve = partial(self._solver.solve, problem)
+        outcome, step_scale = solve_with_look_ahead(solve, margins, problem.contacts)
+        return self._within_limits(outcome), step_scale
+
     # ------------------------------------------------------------------ parts of the tick
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
@@ -239,10 +244,11 @@ class Controller(ABC):
             self.plan,
             [task.name for task in self.tasks],
             self.backend,
-            self.limits,
+            None if self._relaxes else self.limits,
             self.dt,
             np.sqrt(self.joint_weights),
             self.formulation == "reduced",
+            quick=self._relaxes,
         )
 
     def _within_limits(self, outcome: Outcome) -> Outcome:

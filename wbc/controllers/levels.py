@@ -22,7 +22,8 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, stack
 from wbc.controllers.active_set import ActiveSet, achieved_rows
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
-from wbc.controllers.plan import Plan, assemble
+from wbc.controllers.plan import Physics, Plan, assemble
+from wbc.controllers.relaxation import relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
@@ -78,27 +79,6 @@ class Outcome(NamedTuple):
         return self.first.lower[: self.nv], self.first.upper[: self.nv]
 
 
-class Physics(NamedTuple):
-    """What ties the unknowns behind v+ to it at one snapshot: nothing at the velocity level.
-
-    Attributes
-    ----------
-    equalities:
-        Rows (k, n) met exactly, in the order of their names in the plan.
-    bounds:
-        Inequality rows (m, n), such as friction cones; None for none.
-    costs:
-        Rows added to the first level.
-    """
-
-    equalities: Sequence[Rows] = ()
-    bounds: Bounds | None = None
-    costs: Sequence[Rows] = ()
-
-
-NO_PHYSICS = Physics()
-
-
 class LevelProblem(NamedTuple):
     """Everything that the levels of one tick have in common.
 
@@ -131,6 +111,8 @@ class LevelSolver:
         (nv,) square roots of the joints' weights.
     reduced:
         Whether the first level's equalities are eliminated too.
+    quick:
+        Whether solvers are asked for one bounded attempt, since the caller relaxes what fails.
     """
 
     def __init__(
@@ -142,10 +124,11 @@ class LevelSolver:
         dt: float,
         root: Array,
         reduced: bool,
+        quick: bool = False,
     ) -> None:
         self.plan = plan
         self._names = tuple(names)
-        self._backend = backend
+        self._solve_qp = partial(backend.solve, quick=True) if quick else backend.solve
         self._limits = limits
         self._dt = dt
         self._root = root
@@ -166,7 +149,7 @@ class LevelSolver:
         solution = self._solve_first(qp)
         spent = solution.solve_time
         if solution.status is not Status.SOLVED and self._limits is not None:
-            gently = partial(self._backend.solve, workspace=(*self._workspace, "braking"))
+            gently = partial(self._solve_qp, workspace=(*self._workspace, "braking"))
             wider = relax_box(qp, self._limits, problem.snapshot, self._dt, gently)
             if wider is not None:
                 qp, solution = wider, self._solve_first(wider)
@@ -189,6 +172,17 @@ class LevelSolver:
         for k, row in zip(members, eased, strict=True):
             rows[k] = row
         return rows, {self._names[members[k]]: one for k, one in found.items()}
+
+    def solve_relaxed(self, problem: LevelProblem, margins: Sequence[Bounds]) -> Outcome:
+        """Return the optimum with all but physics giving way, in one QP for all levels.
+
+        See :mod:`wbc.controllers.relaxation`.
+        """
+        qp = relaxed_qp(
+            self.plan, problem.rows, problem.contacts, problem.box, margins, problem.physics
+        )
+        solution = self._solve_qp(qp, workspace=(*self._workspace, "relaxed"))
+        return Outcome(qp, solution, qp, self.plan.decision.nv, solution.solve_time, {})
 
     def _descend(
         self, problem: LevelProblem, held: list[Rows], bounds: Bounds | None, first: Outcome
@@ -239,7 +233,8 @@ class LevelSolver:
             if dominating or problem.physics.costs:
                 outweighing = [_outweighing(extra, costs) for extra in dominating]
                 costs = [*costs, *outweighing, *problem.physics.costs]
-        qp = assemble(plan.decision, costs, held, box, bounds, plan.labels[level])
+        labels, rest = plan.labels[level], problem.physics.rest
+        qp = assemble(plan.decision, costs, held, box, bounds, labels, rest)
         if self._limits is None or self._limits.braking == "free":
             return qp
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
@@ -250,14 +245,14 @@ class LevelSolver:
             elimination = eliminate(qp)
             if elimination.reduced.g.size > 0:
                 return self._solve_reduced(elimination, level=0)
-        return self._backend.solve(qp, workspace=self._workspace)
+        return self._solve_qp(qp, workspace=self._workspace)
 
     def _solve_reduced(self, elimination: Elimination, level: int) -> Solution:
         """Solve without the equalities; the answer is that of the full QP, and judged by it."""
         workspace = (*self._workspace, level)
-        lifted = elimination.lift(self._backend.solve(elimination.reduced, workspace=workspace))
+        lifted = elimination.lift(self._solve_qp(elimination.reduced, workspace=workspace))
         if lifted.status is Status.SOLVED and not elimination.admits(lifted):
-            return self._backend.solve(elimination.full, workspace=(*workspace, "full"))
+            return self._solve_qp(elimination.full, workspace=(*workspace, "full"))
         return lifted
 
 

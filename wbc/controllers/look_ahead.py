@@ -19,6 +19,7 @@ from wbc.robot import Snapshot
 from wbc.validate import Array
 
 ROUNDS = 3
+CUT_ROUNDS = 1  # at the torque level, where a tick has less time and takes shorter steps
 SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 
 Box = tuple[Array, Array]
@@ -97,3 +98,22 @@ def solve_with_look_ahead(
     if not outcome.solved:
         return solve(relax_for_contacts(bounds, held), outcome.box), 1.0
     return outcome, margins.step_scale(outcome.velocity)
+
+
+def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bounds]]:
+    """Return the outcome with margins kept where it leads, and the rows that this took.
+
+    For the torque level, where no part of a command is safer than the whole: after the last round,
+    or when a QP has no solution, the outcome is returned as it is.
+    """
+    rows = list(margins.parts)
+    outcome = solve(stack(rows), None)
+    for _ in range(CUT_ROUNDS):
+        if not outcome.solved:
+            break
+        found = margins.violated(outcome.velocity)
+        if not found:
+            break
+        rows += found
+        outcome = solve(stack(rows), None)
+    return outcome, rows

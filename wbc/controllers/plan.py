@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.constraints.contact import ContactRows
 from wbc.constraints.limits import BASE_ROWS
-from wbc.constraints.rows import Bounds
+from wbc.constraints.rows import Bounds, widened
 from wbc.controllers.slack import Slacks, with_slack
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
@@ -78,6 +79,30 @@ class Decision:
         """No inequality rows on these unknowns."""
         none = read_only(np.zeros(0))
         return Bounds((), read_only(np.zeros((0, self.size))), none, none)
+
+
+class Physics(NamedTuple):
+    """What ties the unknowns behind v+ to it at one snapshot: nothing at the velocity level.
+
+    Attributes
+    ----------
+    equalities:
+        Rows (k, n) met exactly, in the order of their names in the plan.
+    bounds:
+        Inequality rows (m, n), such as friction cones; None for none.
+    costs:
+        Rows added to the first level.
+    rest:
+        (n,) what the damping of the unknowns pulls towards; None for zero.
+    """
+
+    equalities: Sequence[Rows] = ()
+    bounds: Bounds | None = None
+    costs: Sequence[Rows] = ()
+    rest: Array | None = None
+
+
+NO_PHYSICS = Physics()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +178,7 @@ def assemble(
     box: tuple[Array, Array],
     bounds: Bounds | None,
     labels: Labels,
+    rest: Array | None = None,
 ) -> QP:
     """Return a level's QP: costs squared and added, equalities, inequality rows and the box.
 
@@ -168,6 +194,8 @@ def assemble(
         Inequality rows, or None for none.
     labels:
         Names; those of the inequality rows are taken from ``bounds``.
+    rest:
+        (n,) what the decision's damping pulls towards; None for zero.
     """
     n, nv = decision.damping.size, decision.nv
     lower, upper = box
@@ -204,8 +232,11 @@ def assemble(
         bounds = none
     else:
         labels = Labels(labels.equality, bounds.labels, labels.variables)
-    C = bounds.matrix if bounds.matrix.shape[1] == n else stacked([bounds.matrix], n)
-    qp = QP(P, -(wanted @ J), A, b, C, bounds.lower, bounds.upper, lower, upper, labels)
+    C = bounds.matrix if bounds.matrix.shape[1] == n else widened(bounds.matrix, n)
+    g = -(wanted @ J)
+    if rest is not None:
+        g -= decision.damping * rest
+    qp = QP(P, g, A, b, C, bounds.lower, bounds.upper, lower, upper, labels)
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
 
 

@@ -35,11 +35,12 @@ class Backend(Protocol):
     """Solves QPs; ``Solution.status`` rests on recomputed residuals.
 
     ``workspace`` names the contact set, so that a backend may keep a warm start for each.
+    ``quick`` asks for a bounded attempt: no search for the rows in conflict if it fails.
     """
 
     name: str
 
-    def solve(self, qp: QP, workspace: Hashable = ...) -> Solution:
+    def solve(self, qp: QP, workspace: Hashable = ..., quick: bool = ...) -> Solution:
         """Return the checked solution of ``qp``; InvalidInputError for a QP that is none."""
         ...
 

@@ -54,15 +54,17 @@ class Daqp:
         self.eps = finite_number("eps of DAQP", eps, least=1e-12)
         self.max_iterations = int(finite_number("max_iterations of DAQP", max_iterations, least=1))
 
-    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
+
+        ``quick``: if there is none, do not search for the rows in conflict.
 
         Raises
         ------
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
-        check = SolveCheck(self.name, self.eps, perf_counter())
+        check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         check_qp(qp)
         return check.judge(qp, self.answer(qp))
 

@@ -115,11 +115,15 @@ def _largest(vector: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class SolveCheck:
-    """One call of a backend: which solver, what accuracy is promised, and when it started."""
+    """One call of a backend: which solver, what accuracy is promised, and when it started.
+
+    ``explain``: whether rows in conflict are looked for where there is no solution.
+    """
 
     solver: str
     eps: float
     started: float  # perf_counter() at the call
+    explain: bool = True
 
     def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the solution when its KKT residuals are small, else None."""
@@ -135,6 +139,8 @@ class SolveCheck:
 
         A point that meets every row shows that the QP is feasible, and nothing is searched.
         """
+        if not self.explain:
+            return None
         residuals = self._residuals(qp, raw)
         conflict = None if residuals.primal <= self.eps else find_conflict(qp)
         if conflict is None:

@@ -59,7 +59,7 @@ class ProxQP:
         self._active_set = Daqp(self.eps, ACTIVE_SET_ITERATIONS)
         self._workspaces: dict[Hashable, Workspace] = {}
 
-    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; 70-80 us at n = 35 on a smooth tick.
 
         Parameters
@@ -67,19 +67,26 @@ class ProxQP:
         workspace:
             Names the contact set. QPs of the same name and sizes share a warm start, so two
             contact sets of equal size need two names.
+        quick:
+            Give up after step (2), without a search for the rows in conflict: for who knows what
+            to do instead, in bounded time.
 
         Raises
         ------
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
-        check = SolveCheck(self.name, self.eps, perf_counter())
+        check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         check_qp(qp)
         key = (workspace, qp.g.size, qp.b.size, qp.u.size)
         last = self._workspaces.pop(key, None)
         native = last or Workspace.create(qp, self.eps, self.max_iterations)
         raw = native.solve_cold() if last is None else native.solve_warm(qp)
         accepted = check.accept(qp, raw)
+        if accepted is None and quick:
+            exact = self._active_set.answer(qp)
+            nearly = replace(check, eps=NEARLY * self.eps)
+            return nearly.accept(qp, exact, 2) or check.judge(qp, raw, 2)
         if accepted is None:
             return self._retry(qp, check, raw, cold=last is None)
         if self.warm:

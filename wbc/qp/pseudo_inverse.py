@@ -26,7 +26,7 @@ class PseudoInverse:
 
     name = "pseudo_inverse"
 
-    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the clipped pseudo-inverse solution of ``qp``.
 
         Raises

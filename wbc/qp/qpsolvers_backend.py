@@ -63,8 +63,10 @@ class QpsolversBackend:
         self._settings = accuracy | settings
         self._matrix = _dense if name in qpsolvers.dense_solvers else csc_matrix
 
-    def solve(self, qp: QP, workspace: Hashable = "default") -> Solution:
+    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
+
+        ``quick``: if there is none, do not search for the rows in conflict.
 
         Raises
         ------
@@ -73,7 +75,7 @@ class QpsolversBackend:
         SolverError
             The solver does not take the settings it was given.
         """
-        check = SolveCheck(self.name, self.eps, perf_counter())
+        check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         check_qp(qp)
         return check.judge(qp, self._answer(qp))
 

@@ -1,0 +1,243 @@
+"""The torque level against Pinocchio's recursive dynamics, exact cones and hostile states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.robot import Robot, Snapshot
+
+Load = Callable[[str], Robot]
+ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
+
+
+def standing(robot: Robot) -> Snapshot:
+    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+
+
+def stack(here: Snapshot) -> list[wbc.Task]:
+    """CoM, trunk and posture with no gains given at all."""
+    robot = here.robot
+    return [
+        wbc.ComTask(robot, here.com),
+        wbc.OrientationTask(robot, "base", here.rotation("base")),
+        wbc.PostureTask(robot, here.q),
+    ]
+
+
+def disturbed(here: Snapshot, rng: np.random.Generator, size: float) -> Snapshot:
+    robot = here.robot
+    q = robot.integrate(here.q, size * rng.normal(size=robot.nv), 1.0)
+    return robot.snapshot(q, 3.0 * size * rng.normal(size=robot.nv))
+
+
+def generalized(here: Snapshot, forces: dict[str, np.ndarray]) -> np.ndarray:
+    """Sum of J' f by Pinocchio's own Jacobians, computed afresh."""
+    model, total = here.robot.model, np.zeros(here.robot.nv)
+    data = model.createData()
+    for frame, wrench in forces.items():
+        J = pin.computeFrameJacobian(
+            model, data, here.q, model.getFrameId(frame), pin.LOCAL_WORLD_ALIGNED
+        )
+        total += J.T @ wrench
+    return total
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("mode", ["double", "left", "floating"])
+def test_torque_is_what_recursive_newton_euler_needs(
+    name: str, mode: str, robot_named: Load
+) -> None:
+    """Oracle: Pinocchio's RNEA at the tick's acceleration, less its forces; exact to rounding."""
+    robot = robot_named(name)
+    here, rng = standing(robot), np.random.default_rng(3)
+    bounds = robot.limits.effort
+    for k in range(4):
+        there = disturbed(here, rng, 0.02)
+        contacts = wbc.support(there, mode)
+        controller = wbc.TorqueController(
+            robot,
+            stack(here),
+            contacts=contacts,
+            limits=wbc.Limits(robot),
+            solver=("proxqp", "daqp")[k % 2],
+        )
+        tick = controller.step(there)
+        needed = pin.rnea(
+            robot.model, robot.model.createData(), there.q, there.v, tick.acceleration
+        )
+        needed -= generalized(there, tick.forces)
+        needed[6:] += robot.model.damping[6:] * tick.velocity[6:]  # no part of rnea
+        size = np.abs(needed).max() + 9.81 * robot.mass
+        assert np.abs(needed[:6]).max() < 1e-9 * size
+        clipped = np.clip(needed[6:], -bounds, bounds)  # by what a solver leaves at a bound
+        np.testing.assert_allclose(needed[6:], clipped, atol=1e-5 * size)
+        np.testing.assert_allclose(tick.torque, clipped, atol=1e-9 * size)
+        for frame, (points, forces) in tick.corner_forces.items():
+            assert len(points) == len(forces)
+            for force in forces @ there.rotation(frame):  # in the sole's axes
+                # 1e-8 of an unknown is 1e-8 m / dt newton.
+                assert np.hypot(*force[:2]) <= 0.6 * force[2] + 1e-6 * robot.mass / 0.002
+        assert set(tick.forces) == {contact.name for contact in contacts}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_humanoid_stands_still_without_a_gain(name: str, robot_named: Load) -> None:
+    robot = robot_named(name)
+    here = standing(robot)
+    controller = wbc.TorqueController(robot, stack(here), contacts=wbc.support(here, "double"))
+    tick = controller.step(here)
+    assert tick.ok and tick.policy is None, tick.report()
+    weight = sum(force[2] for force in tick.forces.values())
+    assert weight == pytest.approx(9.81 * robot.mass, rel=1e-3)
+    assert tick.cop is not None
+    np.testing.assert_allclose(tick.cop[:2], here.com[:2], atol=2e-3)
+    assert np.abs(tick.acceleration).max() < 0.05
+
+
+def test_contacts_do_not_accelerate(robot_named: Load) -> None:
+    """Oracle: the drift of Pinocchio's own forward kinematics with the tick's acceleration."""
+    robot = robot_named("g1")
+    here, rng = standing(robot), np.random.default_rng(1)
+    there = disturbed(here, rng, 0.01)
+    contacts = wbc.support(there, "double")
+    tick = wbc.TorqueController(
+        robot, [wbc.ComTask(robot, here.com + 0.02), *stack(here)[2:]], contacts=contacts
+    ).step(there)
+    assert tick.policy is None, tick.report()
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, there.q, there.v, tick.acceleration)
+    for contact in contacts:
+        frame = robot.frame_id(contact.frame)
+        got = pin.getFrameClassicalAcceleration(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        rate = pin.getFrameVelocity(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        # At its anchor a contact is braked with kd = 2 sqrt(400).
+        np.testing.assert_allclose(got.vector, -40.0 * rate.vector, atol=1e-4)
+
+
+def test_centre_of_pressure_agrees_with_the_wrenches(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    tasks = [wbc.ComTask(robot, here.com + [0.05, 0.02, 0.0]), *stack(here)[1:]]
+    tick = wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double")).step(here)
+    total, moment = np.zeros(3), np.zeros(3)
+    for frame, wrench in tick.forces.items():
+        total += wrench[:3]
+        moment += wrench[3:] + np.cross(here.position(frame), wrench[:3])
+    assert tick.cop is not None
+    np.testing.assert_allclose(tick.cop[0], -moment[1] / total[2], atol=1e-9)
+    np.testing.assert_allclose(tick.cop[1], moment[0] / total[2], atol=1e-9)
+
+
+def test_what_cannot_be_kept_gives_way_by_name(robot_named: Load) -> None:
+    """A sole that rushes upwards cannot be stopped by forces that only push."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    v = np.zeros(robot.nv)
+    v[2] = 2.0
+    there = robot.snapshot(here.q, v)
+    controller = wbc.TorqueController(
+        robot, stack(here), contacts=wbc.support(here, "double"), limits=wbc.Limits(robot)
+    )
+    tick = controller.step(there)
+    assert tick.ok and tick.policy == "relax"
+    assert any("sole" in name for name in tick.relaxed)
+    assert "gave way" in tick.report()
+    # The strongest thing legs can do is pull their feet down no faster than torques allow.
+    assert (np.abs(tick.torque) <= robot.limits.effort).all()
+
+
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_every_command_is_finite_and_inside_the_torque_bounds(
+    solver: str, robot_named: Load
+) -> None:
+    """States no stance can be in: limits exceeded, feet off the ground, rushing joints."""
+    robot = robot_named("g1")
+    here, rng = standing(robot), np.random.default_rng(5)
+    contacts = wbc.support(here, "double")
+    controller = wbc.TorqueController(
+        robot,
+        stack(here),
+        contacts=contacts,
+        limits=wbc.Limits(robot),
+        constraints=[wbc.SelfCollision(robot, margin=0.01)],
+        solver=solver,
+    )
+    relaxed = 0
+    for _ in range(40):
+        tick = controller.step(disturbed(here, rng, 0.3))
+        assert np.isfinite(tick.torque).all() and np.isfinite(tick.velocity).all()
+        assert (np.abs(tick.torque) <= robot.limits.effort).all()
+        assert tick.ok, tick.report()  # the last resort is for what we have not seen
+        relaxed += tick.policy == "relax"
+    assert relaxed > 30
+
+
+def test_last_resort_and_its_policy(robot_named: Load) -> None:
+    class Lazy:
+        name = "lazy"
+
+        def solve(self, qp, workspace=None, quick=False):  # type: ignore[no-untyped-def]
+            solution = wbc.qp.make_backend("daqp").solve(qp)
+            from dataclasses import replace
+
+            from wbc.qp.solution import Status
+
+            return replace(solution, status=Status.FAILED, x=solution.x * np.nan)
+
+    robot = robot_named("hoap2_like")
+    here = standing(robot)
+    v = np.zeros(robot.nv)
+    v[10] = 3.0
+    there = robot.snapshot(here.q, v)
+    contacts = wbc.support(here, "double")
+    controller = wbc.TorqueController(robot, stack(here), contacts=contacts, solver=Lazy())
+    tick = controller.step(there)
+    assert not tick.ok and tick.policy == "damp"
+    assert np.isfinite(tick.torque).all()
+    assert abs(tick.velocity[10]) < 3.0
+    strict = wbc.TorqueController(
+        robot, stack(here), contacts=contacts, solver=Lazy(), on_failure="raise"
+    )
+    with pytest.raises(ControllerFailure):
+        strict.step(there)
+
+
+def test_a_surface_of_unknown_shape_is_refused(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    hand = next(name for name in robot.frame_names if "wrist_yaw" in name)
+    with pytest.raises(InvalidInputError, match="corners"):
+        wbc.TorqueController(robot, stack(here), contacts=[wbc.Contact.hold(here, hand)])
+    for held in (
+        wbc.Contact.hold(here, hand, friction=None),
+        wbc.Contact.hold(here, hand, corners=[[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]]),
+        wbc.PointContact.hold(here, hand),
+    ):
+        tick = wbc.TorqueController(
+            robot, stack(here), contacts=[*wbc.support(here, "double"), held]
+        ).step(here)
+        assert tick.ok and tick.policy is None, tick.report()
+        assert tick.forces[hand].shape == (6,)
+
+
+def test_normal_forces_keep_their_range(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    left, right = wbc.support(here, "double")
+    left.friction = wbc.FrictionCone(least=30.0, most=80.0)
+    controller = wbc.TorqueController(robot, stack(here), contacts=[left, right], solver="daqp")
+    tick = controller.step(here)
+    assert tick.policy is None
+    assert tick.forces["left_sole"][2] == pytest.approx(80.0, abs=1e-2)
+    left.friction = wbc.FrictionCone(0.1, most=40.0, facets=8)  # a ramp, and another cone
+    tick = controller.step(here)
+    assert tick.forces["left_sole"][2] == pytest.approx(40.0, abs=1e-2)
+    left.friction = wbc.FrictionCone(least=1e4)  # more than the ground can be pushed with
+    tick = controller.step(here)
+    assert tick.ok and tick.forces["left_sole"][2] < 1e4

@@ -1,0 +1,61 @@
+"""What a contact can bear: a friction cone at each of its points, and a range of normal force."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_number
+
+MOST_FACETS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionCone:
+    """A linearised friction cone: forces push, and slide by no more than friction allows.
+
+    Attributes
+    ----------
+    coefficient:
+        Friction coefficient mu, > 0: tangential force over normal force.
+    facets:
+        Of the pyramid that stands for the cone, at least 3.
+    inner:
+        Whether the pyramid is inscribed in the cone, so that every force it allows is inside the
+        true one; otherwise it is circumscribed.
+    least, most:
+        Range of the contact's whole normal force [N]. ``least`` keeps a foot loaded; it gives way
+        where a stance cannot have it.
+    """
+
+    coefficient: float = 0.6
+    facets: int = 4
+    inner: bool = True
+    least: float = 0.0
+    most: float = math.inf
+
+    def __post_init__(self) -> None:
+        finite_number("friction, coefficient", self.coefficient, above=0.0)
+        finite_number("friction, least", self.least, least=0.0)
+        facets = finite_number("friction, facets", self.facets, least=3)
+        if facets != int(facets) or facets > MOST_FACETS:
+            raise InvalidInputError(
+                f"friction, facets: expected a whole number from 3 to {MOST_FACETS}, got {facets:g}"
+            )
+        if not self.most >= self.least:  # NaN is not
+            raise InvalidInputError(
+                f"friction, most: {self.most} is below the least normal force {self.least:g}"
+            )
+
+    def matrix(self) -> Array:
+        """Return A (facets, 3) with A f <= 0 for the forces f allowed, the normal along z."""
+        angles = 2.0 * math.pi * np.arange(self.facets) / self.facets
+        slope = self.coefficient * (math.cos(math.pi / self.facets) if self.inner else 1.0)
+        return np.stack((np.cos(angles), np.sin(angles), np.full(self.facets, -slope)), axis=1)
+
+    def excess(self, force: Array) -> float:
+        """Return by how much a force (3,) leaves the exact cone [N]; negative inside."""
+        return math.hypot(force[0], force[1]) - self.coefficient * float(force[2])

@@ -1,0 +1,251 @@
+"""Contact forces as unknowns: where they act, what they do to the robot, what contacts bear.
+
+A surface bears a force at each of its corners, in the contact frame's axes with the normal along z;
+a point bears one, in the world's. What pulls and twists as well (a grip, a bolted base, the gear of
+a mimic joint) bears a free force along each of its rows. Tasks that are held exactly without being
+any of these, such as a CoM held over a point, bear none: motors alone hold them.
+
+The unknowns are not forces but what they do in one tick to a robot of this mass, ``f dt / m`` in
+m/s. They are then as large as velocities, which the QP's conditioning needs: beside tasks of
+curvature 1 to 1000 a damping of forces in newton makes it nearly singular.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.constraints.contact import Contact, PointContact
+from wbc.constraints.friction import FrictionCone
+from wbc.constraints.mechanics import BoltedBase, Gear
+from wbc.constraints.rows import Bounds
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+from wbc.spatial import skew
+from wbc.tasks.task import Task
+from wbc.validate import Array
+
+# A contact with less normal force than this [N] has no CoP worth speaking of.
+UNLOADED = 1e-6
+
+
+class _Part(NamedTuple):
+    """The unknowns of one contact.
+
+    Attributes
+    ----------
+    columns:
+        Which of the force unknowns they are.
+    grasp:
+        (6, k) wrench at the contact's frame, in the axes of the forces, by them; None for free
+        forces along the contact's own rows.
+    """
+
+    contact: Task
+    columns: slice
+    grasp: Array | None
+
+    @property
+    def surface(self) -> Contact | None:
+        """The contact, if it bears forces inside a friction cone."""
+        return self.contact if self.grasp is not None else None  # type: ignore[return-value]
+
+    def axes(self, snapshot: Snapshot) -> Array:
+        """Return the rotation (3, 3) from the axes of the forces to the world's."""
+        if isinstance(self.contact, PointContact):
+            return np.eye(3)
+        return snapshot.rotation(self.contact.frame)  # type: ignore[attr-defined]
+
+
+class ContactForces:
+    """The force unknowns of a set of contacts.
+
+    Parameters
+    ----------
+    unit:
+        Newtons per unit of an unknown, m / dt.
+
+    Attributes
+    ----------
+    size:
+        How many unknowns there are, k.
+    names:
+        (k,).
+    lower, upper:
+        (k,) bounds: normal forces push.
+    labels:
+        Of the rows of :meth:`bounds`.
+
+    Raises
+    ------
+    InvalidInputError
+        A contact with a friction cone on a frame whose corners are not known.
+    """
+
+    def __init__(self, robot: Robot, contacts: Sequence[Task], unit: float) -> None:
+        self.robot = robot
+        self.unit = unit
+        names: list[str] = []
+        parts = []
+        for contact in contacts:
+            part = _part(contact, len(names))
+            if part is not None:
+                names += _names(part)
+                parts.append(part)
+        self._parts = tuple(parts)
+        self.names = tuple(names)
+        self.size = len(names)
+        self.surfaces = tuple(one for part in parts if (one := part.surface) is not None)
+        self.lower, self.upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        for part in parts:
+            if part.surface is not None:
+                self.lower[part.columns][2::3] = 0.0
+        self._read_cones()
+
+    def generalized(self, snapshot: Snapshot) -> Array:
+        """Return J' G (nv, k): generalized forces by the forces of all contacts."""
+        G = np.empty((self.robot.nv, self.size))
+        for part in self._parts:
+            if part.grasp is None:
+                G[:, part.columns] = part.contact.residual(snapshot).jacobian.T
+                continue
+            contact = part.contact
+            J, R = snapshot.jacobian(contact.frame), part.axes(snapshot)  # type: ignore[attr-defined]
+            local = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
+            G[:, part.columns] = local.T @ part.grasp
+        return G
+
+    def bounds(self) -> Bounds:
+        """Return cones, and ranges of the normal forces, as rows (m, k) on the unknowns."""
+        if tuple(_shape(contact.friction) for contact in self.surfaces) != self._shapes:
+            self._read_cones()
+        lower, upper = self._lower.copy(), self._upper.copy()
+        for k, contact in enumerate(self.surfaces):
+            cone = contact.friction
+            if cone is not None:
+                lower[k], upper[k] = cone.least / self.unit, cone.most / self.unit
+        return Bounds(self.labels, self._matrix, lower, upper)
+
+    def corner_forces(self, snapshot: Snapshot, f: Array) -> Mapping[str, tuple[Array, Array]]:
+        """Return points (k, 3) [m] and forces (k, 3) [N] by contact, world axes."""
+        found = {}
+        for part in self._parts:
+            contact = part.surface
+            if contact is None or contact.corners is None:
+                continue
+            R = part.axes(snapshot)
+            local = self.unit * f[part.columns].reshape(-1, 3)
+            points = snapshot.position(contact.frame) + contact.corners @ R.T
+            found[contact.name] = (points, local @ R.T)
+        return found
+
+    def wrenches(self, snapshot: Snapshot, f: Array) -> dict[str, Array]:
+        """Return the wrench (6,) [N, N m] of each contact at its frame's origin, world axes.
+
+        Free forces along rows that are no frame's (gears) are given as they are, (rows,).
+        """
+        found = {}
+        for part in self._parts:
+            own = self.unit * f[part.columns]
+            if part.grasp is not None:
+                wrench = (part.axes(snapshot) @ (part.grasp @ own).reshape(2, 3).T).T.reshape(6)
+                found[part.contact.name] = wrench
+            else:
+                found[part.contact.name] = own
+        return found
+
+    def cop(self, snapshot: Snapshot, f: Array) -> Array | None:
+        """Return the centre of pressure (3,) of all surfaces and points, or None if none is loaded.
+
+        The mean of the points at which forces act, weighed by the normal forces there: that is the
+        CoP of coplanar contacts, and a point between them otherwise.
+        """
+        total, moment = 0.0, np.zeros(3)
+        for part in self._parts:
+            contact = part.surface
+            if contact is None or contact.corners is None:
+                continue
+            normal = f[part.columns][2::3]
+            R = part.axes(snapshot)
+            points = snapshot.position(contact.frame) + contact.corners @ R.T
+            total += float(normal.sum())
+            moment += normal @ points
+        return moment / total if total * self.unit > UNLOADED else None
+
+    @cached_property
+    def columns(self) -> Mapping[str, slice]:
+        """Which of the force unknowns belong to each contact, by its name."""
+        return {part.contact.name: part.columns for part in self._parts}
+
+    def grasp(self, name: str) -> Array | None:
+        """Return the grasp map (6, k) of a contact in the axes of its forces, or None if free."""
+        return next(part.grasp for part in self._parts if part.contact.name == name)
+
+    def _read_cones(self) -> None:
+        """Lay out the rows: one for each whole normal force, then the facets of each corner."""
+        self._shapes = tuple(_shape(contact.friction) for contact in self.surfaces)
+        labels, rows = [], []
+        parts = [part for part in self._parts if part.surface is not None]
+        for part in parts:
+            row = np.zeros((1, self.size))
+            row[0, part.columns] = np.tile([0.0, 0.0, 1.0], _corners(part))
+            rows.append(row)
+            labels.append(f"{part.contact.name} normal force")
+        for part in parts:
+            contact = part.surface
+            if contact is None or contact.friction is None:
+                continue
+            facets = contact.friction.matrix()
+            count = _corners(part)
+            row = np.zeros((count * len(facets), self.size))
+            row[:, part.columns] = np.kron(np.eye(count), facets)
+            rows.append(row)
+            labels += [
+                f"{contact.name} corner {corner} friction"
+                for corner in range(count)
+                for _ in facets
+            ]
+        self._matrix = np.concatenate([np.zeros((0, self.size)), *rows])
+        self.labels = tuple(labels)
+        self._lower = np.full(len(labels), -np.inf)
+        self._upper = np.zeros(len(labels))
+
+
+def _part(contact: Task, begin: int) -> _Part | None:
+    """Return the unknowns of a contact behind ``begin`` others; None if it bears no force."""
+    if isinstance(contact, Contact) and contact.friction is not None:
+        corners = contact.corners
+        if corners is None:
+            raise InvalidInputError(
+                f"{contact}: where its forces act is not known, {contact.frame!r} is no sole of "
+                f"{contact.robot.name}; give corners=[[x, y], ...] in the frame's axes, or "
+                "friction=None for a grip that also pulls and twists"
+            )
+        grasp = np.empty((6, 3 * len(corners)))
+        for k, corner in enumerate(corners):
+            grasp[:3, 3 * k : 3 * k + 3] = np.eye(3)
+            grasp[3:, 3 * k : 3 * k + 3] = skew(corner)
+        return _Part(contact, slice(begin, begin + grasp.shape[1]), grasp)
+    if isinstance(contact, Contact | Gear | BoltedBase):
+        return _Part(contact, slice(begin, begin + len(contact.rows)), None)
+    return None
+
+
+def _names(part: _Part) -> list[str]:
+    name = part.contact.name
+    if part.grasp is None:
+        return [f"{name} force {row}" for row in part.contact.rows]
+    return [
+        f"{name} corner {k} {axis}" for k in range(_corners(part)) for axis in ("fx", "fy", "fz")
+    ]
+
+
+def _corners(part: _Part) -> int:
+    return (part.columns.stop - part.columns.start) // 3
+
+
+def _shape(cone: FrictionCone | None) -> tuple[float, int, bool] | None:
+    return None if cone is None else (cone.coefficient, cone.facets, cone.inner)

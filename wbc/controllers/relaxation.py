@@ -1,0 +1,114 @@
+"""What gives way at the torque level when a tick cannot have everything.
+
+At the velocity level rest is always allowed; a robot with finite torques on slippery ground cannot
+promise that. Dynamics, friction cones and torque bounds always have a solution (no force, any
+torque): they are physics, and stay hard. Everything else gives way, in this order, by squared slack
+costs that outweigh the tasks:
+
+1. ranges of normal force (dropped: a foot that must be loaded may not be);
+2. contacts: a foot may slip or tip rather than a joint pass its limit;
+3. joint limits and margins between bodies.
+
+All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
+gave way, and by how much, is reported by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from wbc.constraints.mechanics import BoltedBase, Gear
+from wbc.constraints.rows import Bounds, stack, take
+from wbc.controllers.plan import Physics, Plan, assemble
+from wbc.controllers.slack import SLACK_OF
+from wbc.laws import Rows
+from wbc.qp.problem import QP, Labels
+from wbc.validate import Array
+
+# Squared cost of a contact's, and of a limit's or margin's velocity missed [1/(m/s)^2], by the
+# heaviest row of the tasks.
+CONTACT, LIMIT = 1e1, 1e3
+# A velocity missed by less [m/s or rad/s] is what solvers and these costs leave.
+NEGLIGIBLE = 1e-5
+
+
+def relaxed_qp(
+    plan: Plan,
+    rows: Sequence[Rows],
+    contacts: Sequence[Rows],
+    box: tuple[Array, Array],
+    margins: Sequence[Bounds],
+    physics: Physics,
+) -> QP:
+    """Return the QP in which only physics is hard.
+
+    Parameters
+    ----------
+    rows:
+        Of all tasks and soft contacts.
+    contacts:
+        Of those that are met exactly while the tick can.
+    box:
+        Bounds (nv,), (nv,) on the velocity.
+    margins:
+        Rows of each constraint, with cutting planes where there are some.
+    physics:
+        What stays hard, but for its slack.
+    """
+    equalities, hard, extra, rest = physics
+    decision, n = plan.decision, plan.decision.size
+    heaviest = max(float(np.square(row.weight).max(initial=0.0)) for row in rows)
+    unit = max(heaviest, 1e-6)
+    costs, held = [*rows, *extra], list(equalities)
+    for contact, row in zip(plan.held.contacts, contacts, strict=True):
+        if isinstance(contact, Gear | BoltedBase):
+            held.append(row)
+        else:
+            costs.append(row._replace(weight=np.sqrt(CONTACT * unit) * np.ones(len(row.target))))
+    parts = [] if hard is None else [hard]
+    parts += [_soft(part, LIMIT * unit) for part in margins if part.lower.size]
+    limits = _as_rows(box, decision.names, n)
+    if limits is not None:
+        parts.append(_soft(limits, LIMIT * unit))
+    free = np.full(decision.nv, np.inf)
+    physical = sum(len(row.target) for row in held)
+    labels = Labels(plan.labels[0].equality[:physical], (), decision.names)
+    bounds = stack(parts) if parts else None
+    return assemble(decision, costs, held, (-free, free), bounds, labels, rest)
+
+
+def given_way(plan: Plan, contacts: Sequence[Rows], qp: QP, x: Array) -> dict[str, float]:
+    """Return what a relaxed QP's solution misses, by the name of contact row, limit or margin."""
+    missed = {
+        name.removeprefix(SLACK_OF): float(value)
+        for name, value in zip(qp.labels.variables, x, strict=True)
+        if name.startswith(SLACK_OF) and abs(value) > NEGLIGIBLE
+    }
+    return dict(_contacts_missed(plan, contacts, x)) | missed
+
+
+def _contacts_missed(plan: Plan, contacts: Sequence[Rows], x: Array) -> Iterator[tuple[str, float]]:
+    labels = iter(plan.held.labels)
+    for row in contacts:
+        values = row.matrix @ x[: row.matrix.shape[1]] - row.target
+        for value, name in zip(values.tolist(), labels, strict=False):
+            if abs(value) > NEGLIGIBLE:
+                yield name, value
+
+
+def _soft(bounds: Bounds, weight: float) -> Bounds:
+    own = np.full(bounds.lower.size, weight)
+    return bounds._replace(slack=own if bounds.slack is None else np.minimum(own, bounds.slack))
+
+
+def _as_rows(box: tuple[Array, Array], names: Sequence[str], n: int) -> Bounds | None:
+    """Return the finite bounds of a box on v+ as rows (m, n)."""
+    lower, upper = box
+    finite = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
+    if not finite.size:
+        return None
+    matrix = np.zeros((finite.size, n))
+    matrix[np.arange(finite.size), finite] = 1.0
+    return Bounds(take(names, finite), matrix, lower[finite], upper[finite])

@@ -1,0 +1,303 @@
+"""The torque level: the same tasks as inverse dynamics, by one QP per tick.
+
+The unknowns are the velocity at the end of the tick and the contact forces, x = (v+, f). With the
+floating-base dynamics, one step of dt,
+
+    M (v+ - v)/dt + bias + D v+ = [0; tau] + J' f        D the joints' damping
+
+torques are an affine expression of x: its base rows are equalities, its joint rows give the torque
+bounds, the torque costs and the command. Tasks follow their second-order laws, contacts stand still
+to second order; limits and margins are those of the velocity level, statements about v+.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Bounds, Constraint
+from wbc.controllers.contact_forces import ContactForces
+from wbc.controllers.controller import Controller
+from wbc.controllers.joint_weights import JointWeights
+from wbc.controllers.levels import LevelProblem, Outcome
+from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
+from wbc.controllers.plan import Decision, Physics
+from wbc.controllers.relaxation import given_way
+from wbc.controllers.tick import Tick
+from wbc.errors import InvalidInputError
+from wbc.laws import Residual, Rows
+from wbc.qp.backend import Backend
+from wbc.qp.solution import Status
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.task import Task
+from wbc.validate import Array, finite_number, read_only
+
+BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
+POLICIES = ("damp", "raise")
+# A command may exceed the torque bounds by this part of them before it is clipped [solvers' eps].
+RELAX = "relax"
+# Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
+REST_TIME = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueTick(Tick):
+    """The answer of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
+
+    Attributes
+    ----------
+    torque:
+        (nv - 6,) command [N m or N]; always finite and inside the torque bounds.
+    acceleration:
+        (nv,) of v, over the tick.
+    forces:
+        By contact: wrench (6,) on the robot at the contact frame's origin, world axes, force [N]
+        then moment [N m]; of a gear, its generalized force.
+    corner_forces:
+        By contact with a friction cone: points (k, 3) [m] and forces (k, 3) [N], world axes.
+    cop:
+        Centre of pressure (3,) of all contacts [m], None if none is loaded.
+    """
+
+    torque: Array = field(default_factory=lambda: np.zeros(0))
+    acceleration: Array = field(default_factory=lambda: np.zeros(0))
+    forces: Mapping[str, Array] = field(default_factory=dict)
+    corner_forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    cop: Array | None = None
+
+    @property
+    def relaxed(self) -> tuple[str, ...]:
+        """Names of the contact rows, limits and margins that gave way; see ``slack``.
+
+        Empty in a tick that kept them all; ``policy`` is then None.
+        """
+        return tuple(self.slack) if self.policy == RELAX else ()
+
+    def report(self) -> str:
+        """Return what gave way or went wrong in one or two sentences, or ``"solved"``."""
+        if self.policy != RELAX:
+            return Tick.report(self)
+        missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
+        return f"not everything could be kept; gave way: {missed or 'nothing noticeable'}"
+
+
+class TorqueController(Controller):
+    """Inverse dynamics by one QP per tick; commands torques.
+
+    Tasks are driven by their :class:`~wbc.laws.AccelerationLaw` (``kp``, ``kd``).
+
+    **Always an answer.** Dynamics, friction cones and torque bounds are hard. Contacts, limits and
+    margins are hard while a tick can keep them; otherwise they give way in one more QP
+    (:mod:`wbc.controllers.relaxation`), by name: ``tick.policy`` is ``"relax"``. If even that
+    fails, joints are brought to rest within the torque bounds (``"damp"``).
+
+    Parameters
+    ----------
+    contacts:
+        What stands on the ground, with its friction: :func:`wbc.support`.
+    dt:
+        Period of the control loop [s].
+    torque_limits:
+        Factor on the robot's effort limits, or None for no torque bounds.
+    damping:
+        Weight of 1/2 |v+ - v|^2 in the cost.
+    force_damping:
+        Weight of 1/2 |f dt/m|^2, the contact forces as the velocity [m/s] that each alone would
+        give to the robot's mass in a tick: shares the load among corners.
+    on_failure:
+        ``"damp"`` or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`), if even the relaxed QP
+        has no solution.
+
+    See :class:`~wbc.controllers.controller.Controller` for the others.
+
+    Raises
+    ------
+    InvalidInputError
+        A contact of which it is not known where its forces act, or a joint that follows another
+        one and has an effort limit of its own to keep.
+    """
+
+    _policies = POLICIES
+    _relaxes = True
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Sequence[Task],
+        *,
+        contacts: Sequence[Task] = (),
+        limits: Limits | None = None,
+        constraints: Sequence[Constraint] = (),
+        slack: Mapping[str, float] | None = None,
+        dt: float = 0.002,
+        solver: str | Backend = "proxqp",
+        formulation: str = "equality",
+        torque_limits: float | None = 1.0,
+        damping: float = 1e-3,
+        force_damping: float = 1e-2,
+        joint_weights: JointWeights | None = None,
+        on_failure: str = "damp",
+    ) -> None:
+        self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
+        self.torque_bounds = _torque_bounds(robot, torque_limits)
+        super().__init__(
+            robot,
+            tasks,
+            contacts=contacts,
+            limits=limits,
+            constraints=constraints,
+            slack=slack,
+            dt=dt,
+            solver=solver,
+            formulation=formulation,
+            damping=damping,
+            joint_weights=joint_weights,
+            on_failure=on_failure,
+        )
+
+    # ------------------------------------------------------------------ what the level says
+
+    def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
+        drift = task.drift(snapshot)
+        return task.acceleration_law.rows(residual, drift, snapshot.v, task.weight, self.dt)
+
+    def _decision(self) -> Decision:
+        robot = self.robot
+        self._unit = robot.mass / self.dt  # N per unit of a force unknown
+        self.contact_forces = forces = ContactForces(robot, self.contacts, self._unit)
+        followers = [robot.joint_index(name) for name in robot.couplings]
+        bounded = np.isfinite(self.torque_bounds)
+        bounded[[k - 6 for k in followers]] = False
+        self._bounded = 6 + np.flatnonzero(bounded)
+        # Base, and joints without a motor of their own: no torque there.
+        self._passive = np.array([*range(6), *followers])
+        self._most = self.torque_bounds[bounded] / self._unit
+        self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
+        self._joint_damping = np.array(robot.model.damping) * (self.dt / robot.mass)
+        self._joint_damping[:6] = 0.0
+        velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
+        damping = np.full(forces.size, self.force_damping)
+        return velocity.extended(forces.names, forces.lower, forces.upper, damping)
+
+    def _physics_names(self) -> tuple[str, ...]:
+        followers = tuple(f"dynamics {name}" for name in self.robot.couplings)
+        return BASE_FORCES + followers
+
+    def _physics(self, snapshot: Snapshot) -> Physics:
+        matrix, offset = self._torque_expression(snapshot)
+        passive = self._passive
+        dynamics = Rows(matrix[passive], -offset[passive], np.ones(len(passive)))
+        cones, nv = self.contact_forces.bounds(), self.robot.nv
+        count = self._bounded.size
+        rows = np.zeros((count + cones.lower.size, matrix.shape[1]))
+        rows[:count] = matrix[self._bounded]
+        rows[count:, nv:] = cones.matrix
+        known = offset[self._bounded]
+        bounds = Bounds(
+            self._torque_labels + cones.labels,
+            rows,
+            np.concatenate((-self._most - known, cones.lower)),
+            np.concatenate((self._most - known, cones.upper)),
+        )
+        rest = np.zeros(matrix.shape[1])
+        rest[:nv] = snapshot.v
+        self._expression = matrix, offset
+        return Physics([dynamics], bounds, rest=rest)
+
+    def _torque_expression(self, snapshot: Snapshot) -> tuple[Array, Array]:
+        """Return E (nv, n) and e (nv,) with ``E x + e = [0; tau]``, in units of ``m / dt``."""
+        nv, mass = self.robot.nv, self.robot.mass
+        matrix = np.empty((nv, nv + self.contact_forces.size))
+        np.multiply(snapshot.mass_matrix, 1.0 / mass, out=matrix[:, :nv])
+        offset = snapshot.bias * (self.dt / mass)
+        offset -= matrix[:, :nv] @ snapshot.v
+        matrix.flat[: nv * matrix.shape[1] : matrix.shape[1] + 1] += self._joint_damping
+        np.negative(self.contact_forces.generalized(snapshot), out=matrix[:, nv:])
+        return matrix, offset
+
+    # ------------------------------------------------------------------ parts of the tick
+
+    def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
+        rows: list[Bounds] = []
+        if margins is None:
+            outcome = self._solver.solve(problem)
+        else:
+            outcome, rows = solve_with_cuts(partial(self._solver.solve, problem), margins)
+        self._first = self._within_limits(outcome)
+        self._missed: dict[str, float] | None = None
+        if self._first.solved:
+            return self._first, 1.0
+        relaxed = self._solver.solve_relaxed(self._without_least(problem), rows)
+        if relaxed.solved:
+            x = relaxed.solution.x
+            self._missed = given_way(self.plan, problem.contacts, relaxed.qp, x)
+        return relaxed._replace(solve_time=outcome.solve_time + relaxed.solve_time), 1.0
+
+    def _without_least(self, problem: LevelProblem) -> LevelProblem:
+        """Return the problem without least normal forces."""
+        bounds = problem.physics.bounds
+        if bounds is None:
+            return problem
+        lower, begin = bounds.lower.copy(), self._bounded.size
+        lower[begin : begin + len(self.contact_forces.surfaces)] = -np.inf
+        physics = problem.physics._replace(bounds=bounds._replace(lower=lower))
+        return problem._replace(physics=physics)
+
+    def _tick(self, snapshot: Snapshot, *parts: Any) -> TorqueTick:
+        tick = super()._tick(snapshot, *parts)
+        known = {one.name: getattr(tick, one.name) for one in fields(Tick)}
+        if tick.status is Status.SOLVED:
+            velocity, f = self._exact(tick.solution.x[: self.plan.decision.size])
+            if self._missed is not None:
+                known |= {"policy": RELAX, "slack": self._missed}
+        else:
+            velocity, f = self._at_rest(snapshot), np.zeros(self.contact_forces.size)
+        matrix, offset = self._expression
+        torque = self._unit * (matrix @ np.concatenate((velocity, f)) + offset)[6:]
+        np.clip(torque, -self.torque_bounds, self.torque_bounds, out=torque)
+        forces = self.contact_forces
+        known["velocity"] = read_only(velocity)
+        return TorqueTick(
+            **known,
+            torque=read_only(torque),
+            acceleration=read_only((velocity - snapshot.v) / self.dt),
+            forces=forces.wrenches(snapshot, f),
+            corner_forces=forces.corner_forces(snapshot, f),
+            cop=forces.cop(snapshot, f),
+        )
+
+    def _exact(self, x: Array) -> tuple[Array, Array]:
+        """Return velocity and forces that meet the base's dynamics to rounding, not to eps."""
+        nv = self.robot.nv
+        matrix, offset = self._expression
+        velocity = x[:nv].copy()
+        missed = matrix[:6] @ x + offset[:6]
+        velocity[:6] -= np.linalg.solve(matrix[:6, :6], missed)
+        return velocity, x[nv:]
+
+    def _at_rest(self, snapshot: Snapshot) -> Array:
+        """Return the velocity of a robot whose joints come to rest: the last resort."""
+        velocity = snapshot.v.copy()
+        velocity[6:] *= max(0.0, 1.0 - self.dt / REST_TIME)
+        return velocity
+
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
+        return self._at_rest(snapshot), {}
+
+
+def _torque_bounds(robot: Robot, factor: float | None) -> Array:
+    """Return the largest torques (nv - 6,), infinite where there is no bound."""
+    if not isinstance(robot, Robot):
+        raise InvalidInputError(
+            f"controller: expected a robot as Robot.load() returns it, got {robot!r}"
+        )
+    if factor is None:
+        return read_only(np.full(robot.nv - 6, np.inf))
+    return read_only(
+        finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
+    )
