@@ -10,7 +10,6 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController, Tick
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, MomentumTask, PoseTask, PositionTask, PostureTask, Task
-from wbc.tasks.point import STILL
 
 Load = Callable[[str], Robot]
 # Pitch joints of the legs (hip, knee, ankle), an elbow and its hand, and where the arm is straight.
@@ -172,7 +171,7 @@ def reaching(robot: Robot, name: str, angle: float, least: float) -> tuple[Snaps
     here = robot.snapshot(robot.posture("standing", {elbow: angle}), np.zeros(robot.nv))
     away = here.position(hand) - here.position(elbow)
     reach = PositionTask(
-        robot, hand, STILL, name="hand", priority=1, weight=3.0, singular_threshold=least
+        robot, hand, (0.0, 0.0, 0.0), name="hand", priority=1, weight=3.0, singular_threshold=least
     )
     reach.set_target(here.position(hand), away / np.linalg.norm(away))
     return here, [

@@ -13,7 +13,6 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask, PostureTask
-from wbc.tasks.point import STILL
 
 Load = Callable[[str], Robot]
 
@@ -90,7 +89,7 @@ def test_two_tasks_that_nearly_repeat_each_other(robot_named: Load) -> None:
 
     def step(yaw: float, pitch: float) -> Tick:
         tasks = [
-            PositionTask(robot, frame, STILL, singular_threshold=least, name=frame)
+            PositionTask(robot, frame, (0.0, 0.0, 0.0), singular_threshold=least, name=frame)
             for frame, least in zip(places, (yaw, pitch), strict=True)
         ]
         for task, sign in zip(tasks, (1, -1), strict=True):
