@@ -30,6 +30,11 @@ from wbc.problem.section import (
 )
 from wbc.robot import FootSpec, Robot
 
+JointNumbers = Annotated[
+    Annotated[NonNegative, NUMBER] | Annotated[dict[Name, NonNegative], MAPPING],
+    forms("a number, or {joint or pattern: number}"),
+]
+
 
 class FootSection(Section):
     """A foot: the link that stands on the ground, and its sole."""
@@ -59,6 +64,22 @@ class RobotSpec(Section):
     package_dirs: Names | None = None
     """Folders to look for package:// meshes in, relative to this file."""
 
+    armature: JointNumbers | None = None
+    """Rotor inertia as felt at the joints [kg m^2, or kg where they slide], one number or by joint
+    name or pattern; as in the robot's file where it is not given here."""
+    damping: JointNumbers | None = None
+    """Viscous friction of the joints [N m s/rad or N s/m], likewise."""
+    friction: JointNumbers | None = None
+    """Dry friction of the joints [N m or N], likewise."""
+    effort: (
+        Annotated[
+            Annotated[Positive, NUMBER] | Annotated[dict[Name, Positive], MAPPING],
+            forms("a number, or {joint or pattern: number}"),
+        ]
+        | None
+    ) = None
+    """Largest torque [N m] or force [N] of the joints, likewise."""
+
     def load(self, folder: Path) -> Robot:
         """Return the robot; relative paths start from ``folder``.
 
@@ -77,6 +98,10 @@ class RobotSpec(Section):
             base=self.base,
             srdf=None if self.srdf is None else folder / Path(self.srdf).expanduser(),
             package_dirs=[folder / Path(name).expanduser() for name in self.package_dirs or ()],
+            armature=self.armature,
+            damping=self.damping,
+            friction=self.friction,
+            effort=self.effort,
         )
 
 

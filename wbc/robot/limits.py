@@ -80,6 +80,11 @@ class Limits:
         )
         return cls(names, lower, upper, velocity, effort, missing, tuple(starts), unbounded)
 
+    @property
+    def without_effort(self) -> tuple[str, ...]:
+        """Joints whose largest torque or force is not known, in order."""
+        return tuple(self.names[k] for k in np.flatnonzero(np.isinf(self.effort)))
+
     def joint_positions(self, q: Array) -> Array:
         """Return the joint positions (nv-6,) held in ``q`` (nq,); angles of continuous joints.
 

@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot.drives import JointValues, effort_note, set_drives
 from wbc.robot.feet import NO_FEET, FootSpec, find_feet, is_arm
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import GeometrySource, lock_joints
@@ -80,6 +81,10 @@ class Robot(KinematicTree):
         srdf: str | Path | None = None,
         package_dirs: Iterable[str | Path] = (),
         name: str | None = None,
+        armature: JointValues | None = None,
+        damping: JointValues | None = None,
+        friction: JointValues | None = None,
+        effort: JointValues | None = None,
     ) -> Self:
         """Read a robot from a URDF or MJCF file, or by name.
 
@@ -102,6 +107,12 @@ class Robot(KinematicTree):
             Folders to look for ``package://`` meshes in.
         name:
             The robot's name, if not the file's.
+        armature, damping, friction:
+            Rotor inertia as felt at the joint [kg m^2], viscous [N m s/rad] and dry friction [N m]
+            (kg, N s/m and N where a joint slides): one number, or by joint name or pattern, later
+            entries win. What is not given stays as in the file, 0 if that is silent.
+        effort:
+            Largest torque [N m] or force [N], likewise; a note says which joints have none.
 
         Raises
         ------
@@ -110,8 +121,8 @@ class Robot(KinematicTree):
         UnknownNameError
             Unknown robot, locked joint, or foot link.
         InvalidInputError
-            A locked value outside its joint's limits, a foot that makes no sense, or another
-            word for ``base``.
+            A locked value outside its joint's limits, a foot that makes no sense, another word for
+            ``base``, or a negative friction, inertia or effort.
         """
         if base not in (None, *BASES):
             raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")
@@ -122,6 +133,7 @@ class Robot(KinematicTree):
         rigid = {**(known.locked if known else {}), **(locked or {})}
         model, couplings = lock_joints(description, rigid)
         notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
+        set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         states = {**description.states, **(read_states(states_file) if states_file else {})}
@@ -153,7 +165,11 @@ class Robot(KinematicTree):
             fixed_base=base == "fixed" or bool(bolted),
             couplings=couplings,
             postures=postures,
-            notes=(known.notes if known else ()) + notes + posture_notes + foot_notes,
+            notes=(known.notes if known else ())
+            + notes
+            + posture_notes
+            + foot_notes
+            + effort_note(limits),
             srdf=states_file,
             geometry=description.geometry,
         )

@@ -271,13 +271,17 @@ class KinematicState:
 
     @cached_property
     def mass_matrix(self) -> Array:
-        """Joint-space mass matrix M (nv, nv)."""
+        """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
         upper = np.triu(pin.crba(self.robot.model, self.robot.workspace.scratch, self.q))
         return read_only(upper + np.triu(upper, 1).T)
 
     @cached_property
     def bias(self) -> Array:
-        """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``."""
+        """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
+
+        ``tau`` is what arrives at the links: the joints' damping and dry friction
+        (``robot.damping``, ``robot.friction``) are taken off what the motors give before.
+        """
         robot = self.robot
         forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
         return read_only(forces.copy())

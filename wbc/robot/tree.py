@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
@@ -19,7 +20,7 @@ from wbc.robot.formats.description import Coupling
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
-from wbc.validate import Array, finite_number, finite_vector
+from wbc.validate import Array, finite_number, finite_vector, read_only
 
 UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
 # Entries of q and v beyond this are no measurement, and rounding would take over: at 1e6 m the
@@ -96,6 +97,21 @@ class KinematicTree:
     def mass(self) -> float:
         """Total mass [kg]."""
         return float(pin.computeTotalMass(self.model))
+
+    @cached_property
+    def armature(self) -> Array:
+        """Rotor inertia (nv-6,), as felt at the joint [kg m^2 or kg]; in the mass matrix."""
+        return read_only(np.array(self.model.armature[BASE_NV:]))
+
+    @cached_property
+    def damping(self) -> Array:
+        """Viscous friction (nv-6,) of the joints [N m s/rad or N s/m]; not in the bias."""
+        return read_only(np.array(self.model.damping[BASE_NV:]))
+
+    @cached_property
+    def friction(self) -> Array:
+        """Dry friction (nv-6,) of the joints [N m or N], against their motion; not in the bias."""
+        return read_only(np.array(self.model.upperDryFrictionLimit[BASE_NV:]))
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -1,0 +1,153 @@
+"""Rotor inertia, friction and effort of joints: read, given, and where dynamics has them."""
+
+import pickle
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError, WbcError
+from wbc.robot import Robot
+from wbc.robot.drives import require_effort
+
+MJCF = """
+<mujoco model="leg"><compiler angle="radian"/>
+  <default><joint armature="0.02" damping="0.3" frictionloss="0.05"/>
+    <default class="strong"><joint armature="0.07" actuatorfrcrange="-11 11"/></default></default>
+  <worldbody><body name="trunk"><freejoint/>
+    <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>
+    <body name="thigh"><joint name="hip" axis="0 1 0" range="-1 1"/>
+      <inertial pos="0 0 -.1" mass="1" diaginertia=".1 .1 .1"/>
+      <body name="shank" pos="0 0 -.3">
+        <joint name="knee" class="strong" axis="0 1 0" range="-1 1" damping="0.9"/>
+        <inertial pos="0 0 -.1" mass="1" diaginertia=".1 .1 .1"/>
+        <body name="foot" pos="0 0 -.3"><joint name="ankle" axis="0 1 0" range="-1 1"/>
+          <inertial pos="0 0 -.1" mass="1" diaginertia=".1 .1 .1"/>
+  </body></body></body></body></worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def leg(tmp_path: Path) -> Path:
+    path = tmp_path / "leg.xml"
+    path.write_text(MJCF)
+    return path
+
+
+def test_what_an_mjcf_says_is_kept(leg: Path) -> None:
+    """Oracle: MuJoCo's own compiler, and its mass matrix."""
+    robot = Robot.load(leg)
+    np.testing.assert_array_equal(robot.armature, [0.02, 0.07, 0.02])
+    np.testing.assert_array_equal(robot.damping, [0.3, 0.9, 0.3])
+    np.testing.assert_array_equal(robot.friction, [0.05, 0.05, 0.05])
+    np.testing.assert_array_equal(robot.limits.effort, [np.inf, 11.0, np.inf])
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(leg))
+    for ours, theirs in (
+        (robot.armature, model.dof_armature),
+        (robot.damping, model.dof_damping),
+        (robot.friction, model.dof_frictionloss),
+    ):
+        np.testing.assert_array_equal(ours, theirs[6:])
+    data = mujoco.MjData(model)
+    data.qpos[7:] = [0.3, -0.5, 0.2]
+    mujoco.mj_forward(model, data)
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    q = robot.integrate(robot.postures["neutral"], [0, 0, 0, 0, 0, 0, 0.3, -0.5, 0.2], 1.0)
+    found = robot.snapshot(q).mass_matrix[6:, 6:]
+    np.testing.assert_allclose(found, M[6:, 6:], atol=1e-12)
+
+
+def test_what_a_urdf_says_is_kept(robot_named) -> None:
+    """Oracle: the file itself, read by the standard library."""
+    robot = robot_named("talos")
+    dynamics = {
+        joint.get("name"): joint.find("dynamics").attrib
+        for joint in ET.parse(robot.path).getroot().findall("joint")
+        if joint.find("dynamics") is not None
+    }
+    for key, values in (("damping", robot.damping), ("friction", robot.friction)):
+        expected = [float(dynamics.get(name, {}).get(key, 0)) for name in robot.joint_names]
+        np.testing.assert_array_equal(values, expected)
+        assert values.any()
+
+
+def test_rotor_inertia_is_in_the_mass_matrix_once_and_in_inverse_dynamics(rng) -> None:
+    plain = Robot.load("g1_27")
+    robot = Robot.load("g1_27", armature={"*": 0.02, "*_knee_*": 0.5})
+    expected = np.where(["knee" in name for name in robot.joint_names], 0.5, 0.02)
+    np.testing.assert_array_equal(robot.armature, expected)
+    q, a = robot.posture("standing"), rng.normal(size=robot.nv)
+    before, here = plain.snapshot(q), robot.snapshot(q)
+    added = here.mass_matrix - before.mass_matrix
+    np.testing.assert_allclose(added, np.diag(np.r_[np.zeros(6), expected]), atol=1e-12)
+    torque = pin.rnea(robot.model, robot.model.createData(), q, np.zeros(robot.nv), a)
+    np.testing.assert_allclose(torque, here.mass_matrix @ a + here.bias, atol=1e-9)
+    # A rotor turns with its joint only: no momentum, no inertia of the whole changes.
+    np.testing.assert_array_equal(here.centroidal_map, before.centroidal_map)
+    np.testing.assert_array_equal(here.inertia, before.inertia)
+
+
+def test_numbers_and_patterns_go_over_the_file(leg: Path) -> None:
+    robot = Robot.load(leg, effort={"*": 50, "ankle": 20.0}, damping={"hip": 0.0}, friction=0.2)
+    np.testing.assert_array_equal(robot.limits.effort, [50, 50, 20])
+    np.testing.assert_array_equal(robot.model.lowerEffortLimit[6:], [-50, -50, -20])
+    np.testing.assert_array_equal(robot.damping, [0.0, 0.9, 0.3])
+    np.testing.assert_array_equal(robot.friction, [0.2, 0.2, 0.2])
+    np.testing.assert_array_equal(robot.model.lowerDryFrictionLimit[6:], -robot.friction)
+    np.testing.assert_array_equal(robot.armature, [0.02, 0.07, 0.02])
+    assert not np.any(robot.model.armature[:6])
+    locked = Robot.load(leg, locked={"hip": 0.1}, armature={"ankle": 0.4})
+    np.testing.assert_array_equal(locked.armature, [0.07, 0.4])
+    again = pickle.loads(pickle.dumps(robot))
+    for one in ("armature", "damping", "friction"):
+        np.testing.assert_array_equal(getattr(again, one), getattr(robot, one))
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(again, one)[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "told"),
+    [
+        ({"effort": 0}, InvalidInputError, "effort: a joint without torque"),
+        ({"effort": {"hip": -3}}, InvalidInputError, "effort of joint 'hip'"),
+        ({"armature": np.nan}, InvalidInputError, "armature"),
+        ({"damping": "a lot"}, InvalidInputError, "damping"),
+        ({"friction": {3: 0.1}}, InvalidInputError, "friction: expected names of joints"),
+        ({"damping": {"hpi": 0.1}}, UnknownNameError, "did you mean 'hip'"),
+        ({"armature": [0.1, 0.1, 0.1]}, InvalidInputError, "armature"),
+    ],
+)
+def test_mistakes_are_named(leg: Path, given, error: type[WbcError], told: str) -> None:
+    with pytest.raises(error, match=re.escape(told)):
+        Robot.load(leg, **given)
+
+
+def test_joints_without_effort_are_named(leg: Path, robot_named) -> None:
+    robot = Robot.load(leg)
+    assert robot.limits.without_effort == ("hip", "ankle")
+    assert any("no effort limit is given for hip, ankle:" in note for note in robot.notes)
+    with pytest.raises(ModelError, match=r"'leg': 2 of 3 joints.*hip, ankle.*effort=\{'hip'"):
+        require_effort(robot)
+    whole = Robot.load(leg, effort={"hip": 30, "ankle": 20})
+    require_effort(whole)
+    assert not any("effort" in note for note in whole.notes)
+
+
+def test_every_robot_of_the_library_can_carry_itself(robot_named) -> None:
+    """Efforts are there, and standing on two feet with bent knees needs less than half of them."""
+    for name in ("hoap2_like", "g1_27", "talos", "icub", "romeo"):
+        robot = robot_named(name)
+        require_effort(robot)
+        q = robot.posture("standing")
+        here = robot.snapshot(q)
+        weight = np.zeros((2, 6))
+        feet = [robot.feet[side].frame for side in ("left", "right")]
+        weight[:, 2] = 0.5 * 9.81 * robot.mass
+        carried = sum(here.jacobian(f).T @ w for f, w in zip(feet, weight, strict=True))
+        share = np.abs((here.bias - carried)[6:]) / robot.limits.effort
+        assert share.max() < 0.5, (name, robot.joint_names[share.argmax()], share.max())

@@ -1,0 +1,99 @@
+"""What drives the joints: rotor inertia, friction and the largest torque, kept on the model.
+
+Pinocchio's mass matrix (``crba``) and inverse dynamics (``rnea``) have the rotor inertia in them
+once; damping and dry friction are in neither: they are torques beside M a + bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import InvalidInputError, ModelError
+from wbc.robot.limits import Limits
+from wbc.robot.names import matching
+from wbc.robot.tree import KinematicTree
+from wbc.validate import finite_number
+
+JointValues = float | Mapping[str, float]  # one for all joints, or by name or pattern
+LISTED = 5  # joints that a message names
+
+
+def set_drives(
+    model: pin.Model,
+    *,
+    armature: JointValues | None = None,
+    damping: JointValues | None = None,
+    friction: JointValues | None = None,
+    effort: JointValues | None = None,
+) -> None:
+    """Write what is given into ``model``, over what the file says of the joints named.
+
+    Raises
+    ------
+    UnknownNameError
+        No joint matches.
+    InvalidInputError
+        Not a finite number, negative, or an effort of 0.
+    """
+    names = [str(model.names[j]) for j in range(2, model.njoints) if model.nvs[j] == 1]
+    rates = np.array([model.idx_vs[model.getJointId(name)] for name in names], dtype=int)
+    for what, given, files in (
+        ("armature", armature, (model.armature,)),
+        ("damping", damping, (model.damping,)),
+        ("friction", friction, (model.lowerDryFrictionLimit, model.upperDryFrictionLimit)),
+        ("effort", effort, (model.lowerEffortLimit, model.upperEffortLimit)),
+    ):
+        if given is None:
+            continue
+        for k, value in _by_joint(what, given, names).items():
+            for sign, file in zip((1.0,) if len(files) == 1 else (-1.0, 1.0), files, strict=True):
+                file[rates[k]] = sign * value
+
+
+def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, float]:
+    entries = given if isinstance(given, Mapping) else {"*": given} if names else {}
+    values = dict[int, float]()
+    for pattern, value in entries.items():
+        if not isinstance(pattern, str):
+            raise InvalidInputError(f"{what}: expected names of joints as keys, got {pattern!r}")
+        where = what if entries is not given else f"{what} of joint {pattern!r}"
+        number = finite_number(where, value, least=0.0)
+        if what == "effort" and number == 0.0:
+            raise InvalidInputError(f"{where}: a joint without torque is locked; give locked=")
+        values |= dict.fromkeys(matching(pattern, names), number)
+    return values
+
+
+def effort_note(limits: Limits) -> tuple[str, ...]:
+    """Return a note that names the joints without a limit of torque; none if all have one."""
+    without = limits.without_effort
+    if not without:
+        return ()
+    which = "any joint" if len(without) == len(limits.names) else listed(without)
+    return (f"no effort limit is given for {which}: torques are not bounded there (effort: ...)",)
+
+
+def require_effort(robot: KinematicTree) -> None:
+    """Refuse a robot of which a joint's largest torque is not known.
+
+    Raises
+    ------
+    ModelError
+        The message names the joints and says how to give their limits.
+    """
+    without = robot.limits.without_effort
+    if without:
+        raise ModelError(
+            f"robot {robot.name!r}: {len(without)} of {len(robot.joint_names)} joints have no"
+            f" effort limit ({listed(without)}); torques need them: Robot.load(...,"
+            f" effort={{{without[0]!r}: N m}}), or effort: in the robot section of a file"
+        )
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the first few names, and how many more there are."""
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
