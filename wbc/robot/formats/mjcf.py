@@ -20,6 +20,7 @@ from wbc.robot.formats.description import (
     confirm,
     pinocchio_reads,
 )
+from wbc.robot.formats.mjcf_actuators import bound_efforts
 from wbc.robot.formats.mjcf_document import plain_document
 from wbc.robot.formats.xml import LARGEST, numbers, refuse_non_finite
 
@@ -97,6 +98,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
     confirm(model, _total_mass(root, path), [name for name in names if name], path)
     _check_slides(root, model, path)
+    bound_efforts(model, root, path)
     missing = _missing_meshes(root)
     notes: tuple[str, ...] = ()
     if missing:

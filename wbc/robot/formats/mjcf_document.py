@@ -11,9 +11,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from wbc.errors import ModelError
+from wbc.robot.formats.mjcf_actuators import merged_defaults
 from wbc.robot.formats.xml import MOST_ELEMENTS, read_xml
 
 SECTIONS = ("compiler", "option", "size", "default", "asset", "worldbody", "equality", "keyframe")
+ACTUATOR = "actuator"
 WITH_DEFAULTS = ("joint", "geom", "site")
 TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 MOST_FILES = 100  # included, whatever their size
@@ -47,6 +49,8 @@ def plain_document(root: ET.Element, path: Path) -> ET.Element:
             if child.tag in WITH_DEFAULTS:
                 default.remove(child)
     _split_joints(sections["worldbody"])
+    for actuator in sections.get(ACTUATOR, ()):
+        _write_out(actuator, ACTUATOR, classes, actuator.attrib.pop("class", "main"), path)
     for tag in SECTIONS:
         if not len(sections[tag]) and not sections[tag].attrib:
             whole.remove(sections[tag])
@@ -83,6 +87,7 @@ def _classes(
 ) -> Iterator[tuple[str, Mapping[str, Attributes]]]:
     """Yield each default class and its attributes by tag, those of the outer classes included."""
     own = {tag: dict(attributes) for tag, attributes in inherited.items()}
+    own[ACTUATOR] = merged_defaults(default, own.get(ACTUATOR, {}))
     for child in default:
         if child.tag in WITH_DEFAULTS:
             own[child.tag] = _over(own.get(child.tag, {}), child.attrib)
@@ -106,16 +111,25 @@ def _resolve_defaults(
     for child in body:
         if child.tag == "body":
             _resolve_defaults(child, outer, classes, path)
-        if child.tag not in WITH_DEFAULTS:
-            continue
-        name = child.attrib.pop("class", outer)
-        if name not in classes:
-            raise ModelError(f"{path}: <{child.tag}> is of class {name!r}, which has no <default>")
-        attributes = _over(classes[name].get(child.tag, {}), child.attrib)
-        if "fromto" not in attributes and any(key in attributes for key in TURNS):
-            attributes.setdefault("pos", "0 0 0")  # without it Pinocchio drops the rotation
-        child.attrib.clear()
-        child.attrib.update(attributes)
+        if child.tag in WITH_DEFAULTS:
+            _write_out(child, child.tag, classes, child.attrib.pop("class", outer), path)
+
+
+def _write_out(
+    element: ET.Element,
+    tag: str,
+    classes: Mapping[str, Mapping[str, Attributes]],
+    name: str,
+    path: Path,
+) -> None:
+    """Write out the attributes of an element of the class ``name``."""
+    if name not in classes:
+        raise ModelError(f"{path}: <{element.tag}> is of class {name!r}, which has no <default>")
+    attributes = _over(classes[name].get(tag, {}), element.attrib)
+    if tag != ACTUATOR and "fromto" not in attributes and any(key in attributes for key in TURNS):
+        attributes.setdefault("pos", "0 0 0")  # without it Pinocchio drops the rotation
+    element.attrib.clear()
+    element.attrib.update(attributes)
 
 
 def _split_joints(parent: ET.Element) -> None:

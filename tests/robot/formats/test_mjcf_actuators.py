@@ -1,0 +1,83 @@
+"""Effort limits from actuators. Oracle: the torque MuJoCo gives at a control without bound."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import ModelError
+from wbc.robot import Robot
+
+JOINTS = ("motor", "force", "geared", "servo", "both", "general", "joint", "servo2", "classed")
+BODY = '<body name="{0}" pos="0 0 -.1"><joint name="{0}" axis="0 1 0" range="-1 1"{1}/>'
+INERTIAL = '<inertial pos="0 0 -.1" mass="1" diaginertia=".1 .1 .1"/>'
+EXTRA = {"joint": ' actuatorfrcrange="-2 2"'}
+ACTUATORS = """
+  <motor joint="motor" ctrlrange="-4 4"/>
+  <motor joint="force" ctrlrange="-4 4" forcerange="-3 3"/>
+  <motor joint="geared" gear="-6 0 0" ctrlrange="-1 1"/>
+  <position joint="servo" kp="100" forcerange="-7 7"/>
+  <motor joint="both" ctrlrange="-1 1"/><motor joint="both" gear="2" ctrlrange="-1 1"/>
+  <general joint="general" gainprm="5" ctrlrange="-2 2"/>
+  <motor joint="joint" ctrlrange="-9 9"/>
+  <position joint="servo2" kp="100" class="strong"/>
+  <motor joint="classed" class="strong"/>
+"""
+DEFAULTS = """<default><default class="strong"><motor gear="3" forcerange="-20 20"/></default>
+  </default>"""
+
+
+def text(actuators: str = ACTUATORS, compiler: str = "") -> str:
+    bodies = "".join(BODY.format(name, EXTRA.get(name, "")) + INERTIAL for name in JOINTS)
+    return (
+        f'<mujoco model="m"><compiler angle="radian"{compiler}/>{DEFAULTS}<worldbody>'
+        f'<body name="trunk"><freejoint/>{INERTIAL}{bodies}{"</body>" * len(JOINTS)}</body>'
+        f"</worldbody><actuator>{actuators}</actuator></mujoco>"
+    )
+
+
+def load(folder: Path, content: str) -> Robot:
+    path = folder / "m.xml"
+    path.write_text(content)
+    return Robot.load(path)
+
+
+def test_efforts_are_what_the_actuators_can_give(tmp_path: Path) -> None:
+    robot = load(tmp_path, text())
+    expected = [4, 3, 6, 7, 3, 10, 2, 60, 60]
+    np.testing.assert_array_equal(robot.limits.effort, expected)
+    np.testing.assert_array_equal(robot.model.lowerEffortLimit[6:], [-e for e in expected])
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text())
+    data = mujoco.MjData(model)
+    for sign in (1.0, -1.0):
+        data.ctrl[:] = sign * 1e6
+        data.ctrl[2] *= -1.0  # a gear turned round
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.qfrc_actuator[6:], sign * robot.limits.effort)
+
+
+def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
+    loose = (
+        '<motor joint="motor"/><position joint="servo" kp="10" ctrlrange="-1 1"/>'
+        '<motor joint="force" ctrlrange="-1 1" ctrllimited="false"/>'
+    )
+    robot = load(tmp_path, text(loose))
+    assert set(robot.limits.without_effort) == {*JOINTS} - {"joint"}
+    # Ranges that need to be switched on: autolimits off.
+    off = text('<motor joint="motor" ctrlrange="-4 4"/>', ' autolimits="false"')
+    off = load(tmp_path, off.replace(' range="', ' limited="true" range="'))
+    assert "motor" in off.limits.without_effort
+
+
+@pytest.mark.parametrize(
+    ("actuator", "told"),
+    [
+        ('<motor joint="motor" ctrlrange="-4"/>', "<motor> of joint 'motor'"),
+        ('<motor joint="motor" gear="nan"/>', "<motor"),
+        ('<motor joint="motor" class="none"/>', "class 'none'"),
+    ],
+)
+def test_ill_formed_actuators_are_named(tmp_path: Path, actuator: str, told: str) -> None:
+    with pytest.raises(ModelError, match=told):
+        load(tmp_path, text(actuator))
