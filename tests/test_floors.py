@@ -29,6 +29,7 @@ FLOORS = {
     "problem": 5,
     "view": 6,
     "cli": 6,
+    "simulation": 6,
     "__main__": 6,
 }
 # Rooms inside a room that stand on a floor of their own: a balance law may solve a QP.
@@ -47,6 +48,7 @@ ONLY_IN = {
     "matplotlib": {"view"},
     "typer": {"cli"},
     "rich": {"cli"},
+    "mujoco": {"simulation"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))
 

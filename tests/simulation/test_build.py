@@ -1,0 +1,125 @@
+"""The model that MuJoCo has is the robot: oracle is Pinocchio, at random states."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import ModelError
+from wbc.robot import Robot
+from wbc.simulation import Plant
+from wbc.simulation.build import principal_inertia
+
+Load = Callable[[str], Robot]
+State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+
+
+def mass_matrix(plant: Plant, q: np.ndarray) -> np.ndarray:
+    """MuJoCo's mass matrix in the robot's coordinates."""
+    M, columns = np.zeros((plant.model.nv, plant.model.nv)), np.eye(plant.model.nv)
+    mujoco.mj_mulM(plant.model, plant.data, M[0], columns[0])
+    for k, column in enumerate(columns):
+        mujoco.mj_mulM(plant.model, plant.data, M[k], column)
+    T = plant.states.velocity_map(q)
+    return T.T @ M @ T
+
+
+def bias(plant: Plant, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """MuJoCo's bias: inverse dynamics of the acceleration that is zero in the robot's terms."""
+    qacc = plant.states.acceleration_to_mujoco(q, v, np.zeros(plant.robot.nv))
+    moved = np.zeros(plant.model.nv)
+    mujoco.mj_mulM(plant.model, plant.data, moved, qacc)
+    return plant.states.velocity_map(q).T @ (moved + plant.data.qfrc_bias)
+
+
+def agree(robot: Robot, random_state: State, rng: np.random.Generator) -> None:
+    plant = Plant(robot, shapes=False)
+    for _ in range(10):
+        q, v = random_state(robot, rng)
+        plant.reset(q, v)
+        s = robot.snapshot(q, v)
+        M, h = s.mass_matrix, s.bias
+        np.testing.assert_allclose(mass_matrix(plant, q), M, atol=1e-12 * np.abs(M).max())
+        np.testing.assert_allclose(bias(plant, q, v), h, atol=1e-12 * np.abs(h).max())
+
+
+def test_mass_matrix_and_bias_are_pinocchios(
+    humanoid: Robot, random_state: State, rng: np.random.Generator
+) -> None:
+    agree(humanoid, random_state, rng)
+
+
+def test_every_kind_of_joint(mixed: Robot, random_state: State, rng: np.random.Generator) -> None:
+    agree(mixed, random_state, rng)
+
+
+def test_armature_damping_and_dry_friction_are_the_models(load: Load) -> None:
+    for name in ("talos", "icub"):  # TALOS has damping and friction in its file
+        robot = load(name)
+        plant = Plant(robot, shapes=False)
+        at = [plant.model.joint(joint).dofadr[0] for joint in robot.joint_names]
+        np.testing.assert_array_equal(plant.model.dof_armature[at], robot.model.armature[6:])
+        np.testing.assert_array_equal(plant.model.dof_damping[at], robot.model.damping[6:])
+        friction = robot.model.upperDryFrictionLimit[6:]
+        np.testing.assert_array_equal(plant.model.dof_frictionloss[at], friction)
+    assert load("talos").model.damping.any() and load("talos").model.upperDryFrictionLimit.any()
+
+
+def test_ranges_are_the_robots(humanoid: Robot) -> None:
+    plant = Plant(humanoid, shapes=False)
+    for k, name in enumerate(humanoid.joint_names):
+        joint = plant.model.joint(name)
+        expected = humanoid.limits.lower[k], humanoid.limits.upper[k]
+        np.testing.assert_array_equal(joint.range, expected)
+        assert plant.model.jnt_limited[joint.id]
+
+
+def test_forward_dynamics_in_flight_are_those_of_the_articulated_body_algorithm(
+    humanoid: Robot, random_state: State, rng: np.random.Generator
+) -> None:
+    """With torques and a force on a link, and the damping that only the physics has."""
+    robot = humanoid
+    plant = Plant(robot, shapes=False)
+    plant.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    link = robot.feet["left"].frame
+    joint = robot.model.frames[robot.frame_id(link)].parentJoint
+    for _ in range(5):
+        q, v = random_state(robot, rng)
+        tau, force = rng.normal(size=robot.nv - 6), 10.0 * rng.normal(size=3)
+        plant.reset(q, v)
+        plant.states.torques_to_mujoco(tau, plant.data.qfrc_applied)
+        body = plant.model.body(f"body {joint}").id
+        s = robot.snapshot(q, v)
+        arm = s.position(link) - plant.data.xipos[body]
+        plant.data.xfrc_applied[body] = np.concatenate((force, np.cross(arm, force)))
+        mujoco.mj_forward(plant.model, plant.data)
+        found = plant.states.acceleration_from_mujoco(q, v, plant.data.qacc)
+        total = s.jacobian(link)[:3].T @ force - robot.model.damping * v
+        total[6:] += tau
+        a = pin.aba(robot.model, robot.model.createData(), q, v, total)
+        # two factorisations of matrices with a condition of 1e6
+        np.testing.assert_allclose(found, a, atol=1e-9 * np.abs(a).max())
+
+
+def test_icub_as_its_file_is_cannot_be_simulated() -> None:
+    with pytest.raises(ModelError, match=r"neck_yaw .* armature"):
+        Plant(Robot.load("icub"))
+
+
+def test_principal_axes_are_a_rotation(rng: np.random.Generator) -> None:
+    for _ in range(10):
+        body = pin.Inertia.Random()
+        mass, R, moments = principal_inertia(body)
+        assert mass == body.mass
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        np.testing.assert_allclose(R @ np.diag(moments) @ R.T, body.inertia, atol=1e-14)
+
+
+def test_a_robot_without_collision_shapes_has_a_note(load: Load, mixed: Robot) -> None:
+    (note,) = Plant(mixed, shapes=False).notes
+    assert "no feet" in note
+    notes = Plant(mixed).notes
+    assert any("no collision shapes" in note for note in notes)
+    assert Plant(load("g1")).notes == ()

@@ -1,0 +1,268 @@
+"""A robot in MuJoCo against mechanics: momentum, weight, impulse; and against itself."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.simulation import Plant, SimulationError, Step, Terrain
+
+Load = Callable[[str], Robot]
+State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+def holding(plant: Plant, q: np.ndarray, time: float) -> None:
+    """Keep the posture on both feet by inverse dynamics with the least forces on the soles."""
+    robot = plant.robot
+    frames = [foot.frame for foot in robot.feet.values()]
+    for _ in range(round(time / plant.dt)):
+        s = plant.snapshot()
+        a = -400.0 * robot.difference(q, s.q) - 40.0 * s.v
+        J = np.concatenate([s.jacobian(frame) for frame in frames])
+        drift = np.concatenate([s.drift(frame) for frame in frames])
+        a -= np.linalg.pinv(J) @ (J @ a + drift + 40.0 * J @ s.v)  # the soles come to rest
+        total = s.mass_matrix @ a + s.bias
+        f = np.linalg.pinv(J[:, :6].T) @ total[:6]
+        plant.step((total - J.T @ f)[6:])
+
+
+def test_flight_keeps_momentum_and_obeys_gravity(
+    humanoid: Robot, random_state: State, rng: np.random.Generator
+) -> None:
+    """No torque acts on the whole: p = p0 + m g t and k = k0, whatever the joints do."""
+    plant = Plant(humanoid, shapes=False)
+    q, v = random_state(humanoid, rng)
+    q[2] = 50.0
+    start = humanoid.snapshot(q, 0.3 * v)
+    plant.reset(q, 0.3 * v)
+    for _ in range(25):
+        plant.step(0.1 * rng.normal(size=humanoid.nv - 6))
+    now = plant.snapshot()
+    fallen = humanoid.mass * GRAVITY * plant.time
+    size = np.abs(start.momentum).max()
+    # semi-implicit Euler: linear momentum to rounding of M's factorisation, angular to O(dt)
+    np.testing.assert_allclose(now.momentum[:3], start.momentum[:3] + fallen, atol=2e-3 * size)
+    np.testing.assert_allclose(now.momentum[3:], start.momentum[3:], atol=2e-3 * size)
+
+
+def test_the_momentum_error_is_of_the_integrators_order(load: Load, random_state: State) -> None:
+    robot, errors = load("g1"), []
+    for physics_dt in (1e-3, 5e-4, 2.5e-4):
+        rng = np.random.default_rng(5)
+        plant = Plant(robot, shapes=False, physics_dt=physics_dt)
+        q, v = random_state(robot, rng)
+        q[2] = 50.0
+        start = robot.snapshot(q, 0.3 * v)
+        plant.reset(q, 0.3 * v)
+        for _ in range(25):
+            plant.step(np.zeros(robot.nv - 6))
+        errors.append(np.linalg.norm(plant.snapshot().momentum[3:] - start.momentum[3:]))
+    assert 1.7 < errors[0] / errors[1] < 2.3 and 1.7 < errors[1] / errors[2] < 2.3
+
+
+def test_standing_the_feet_carry_the_weight_under_the_com(humanoid: Robot) -> None:
+    plant = Plant(humanoid)
+    q = humanoid.posture("standing")
+    plant.reset(q)
+    holding(plant, q, 0.5)
+    total = sum(plant.contact_forces.values())
+    com = plant.snapshot().com
+    # what is left of the fall onto the ground by 0.1 mm is damped by exp(-10), joints have friction
+    assert total[2] == pytest.approx(9.81 * humanoid.mass, rel=1e-3)
+    assert plant.cop is not None
+    np.testing.assert_allclose(plant.cop[:2], com[:2], atol=1e-3)
+    assert -2e-4 < plant.cop[2] < 0.0  # soles sink in a little
+    assert set(plant.contact_forces) == {foot.frame for foot in humanoid.feet.values()}
+    assert not plant.contacts.others()
+
+
+def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion(load: Load) -> None:
+    """Newton and Euler for the whole robot, by Pinocchio, from MuJoCo's accelerations."""
+    robot = load("g1")
+    plant = Plant(robot)
+    q = robot.posture("standing")
+    plant.reset(q, 0.1 * np.random.default_rng(3).normal(size=robot.nv))
+    for _ in range(5):
+        plant.step(np.zeros(robot.nv - 6))
+    q, v = plant.state()
+    plant.model.opt.tolerance = 0.0  # the solver's forces are otherwise right to 1e-7 of these
+    mujoco.mj_forward(plant.model, plant.data)
+    plant._contacts = None  # read anew
+    s = robot.snapshot(q, v)
+    qacc = plant.states.acceleration_from_mujoco(q, v, plant.data.qacc)
+    free = s.mass_matrix @ qacc + s.bias  # base rows: only the ground acts
+    wrenches = plant.contact_forces
+    from_feet = sum(s.jacobian(frame).T @ wrench for frame, wrench in wrenches.items())
+    size = np.abs(free[:6]).max()
+    assert size > 10.0 and plant.contacts.others() == ()
+    np.testing.assert_allclose(free[:6], from_feet[:6], atol=1e-8 * size)
+    # on level ground the CoP is where the whole moment has no horizontal part, at its height
+    total = sum(wrenches.values())[:3]
+    moment = sum(w[3:] + np.cross(s.position(f) - plant.cop, w[:3]) for f, w in wrenches.items())
+    spread = np.ptp(plant.contacts.points[:, 2])  # the points are not at one height exactly
+    assert np.abs(moment[:2]).max() < 2.0 * spread * np.linalg.norm(total) + 1e-9
+
+
+@pytest.mark.parametrize("profile", ["rectangular", "half_sine"])
+@pytest.mark.parametrize("duration", [0.1, 0.0333])  # the second is no multiple of a step
+def test_a_push_changes_the_momentum_by_its_impulse(
+    load: Load, profile: str, duration: float
+) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot, shapes=False)
+    q = robot.posture("standing")
+    q[2] = 30.0
+    plant.reset(q)
+    push = plant.push(
+        "base", [3.0, -2.0, 1.0], "com", duration=duration, profile=profile, start=0.0105
+    )
+    factor = 1.0 if profile == "rectangular" else 2.0 / np.pi
+    np.testing.assert_allclose(push.impulse, push.force * duration * factor, rtol=1e-12)
+    for _ in range(70):
+        plant.step(np.zeros(robot.nv - 6))
+    assert not plant.pushes
+    momentum = plant.snapshot().momentum
+    expected = push.impulse + robot.mass * GRAVITY * plant.time
+    np.testing.assert_allclose(momentum[:3], expected, atol=2e-4 * np.abs(expected).max())
+
+
+def test_a_push_beside_the_com_turns_the_robot(load: Load) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot, shapes=False)
+    q = robot.posture("standing")
+    q[2] = 30.0
+    plant.reset(q)
+    point = np.array([0.0, 0.05, 0.02])
+    push = plant.push("left_hand", [0.2, 0.0, 0.12], point, duration=0.002)
+    s = robot.snapshot(q)
+    arm = s.position("left_hand") + s.rotation("left_hand") @ point - s.com
+    plant.step(np.zeros(robot.nv - 6))
+    turned = plant.snapshot().momentum[3:]
+    expected = np.cross(arm, push.impulse)
+    np.testing.assert_allclose(turned, expected, atol=0.005 * np.abs(expected).max())  # it moves
+
+
+def test_same_input_same_bits(load: Load, rng: np.random.Generator) -> None:
+    robot = load("g1")
+    plant, ends = Plant(robot), []
+    torques = rng.normal(size=(40, robot.nv - 6))
+    for _ in range(2):
+        plant.reset(robot.posture("standing"))
+        plant.push("pelvis", [50.0, 0.0, 0.0], duration=0.05)
+        for torque in torques:
+            plant.step(torque)
+        ends.append(np.concatenate((*plant.state(), plant.contacts.forces.ravel())))
+    fresh = Plant(robot)
+    fresh.reset(robot.posture("standing"))
+    fresh.push("pelvis", [50.0, 0.0, 0.0], duration=0.05)
+    for torque in torques:
+        fresh.step(torque)
+    ends.append(np.concatenate((*fresh.state(), fresh.contacts.forces.ravel())))
+    assert ends[0].tobytes() == ends[1].tobytes() == ends[2].tobytes()
+
+
+def test_a_fallen_robot_lies_on_the_ground(load: Load) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot)
+    plant.reset(robot.posture("standing"), np.eye(robot.nv)[0] * 1.0)
+    for _ in range(1000):
+        plant.step(-0.01 * plant.state()[1][6:])
+    s = plant.snapshot()
+    assert 0.0 < s.com[2] < 0.5 * robot.snapshot(robot.posture("standing")).com[2]
+    assert plant.contacts.others()
+    total = plant.contacts.forces.sum(axis=0)
+    assert total[2] == pytest.approx(9.81 * robot.mass, rel=0.2)
+
+
+def test_a_blow_up_is_an_error_with_time_and_joint(load: Load) -> None:
+    plant = Plant(load("hoap2_like"), saturate=False)
+    torque = np.zeros(plant.robot.nv - 6)
+    torque[plant.robot.joint_index("left_elbow_pitch") - 6] = 1e12
+    with pytest.raises(SimulationError, match="blew up") as caught:
+        for _ in range(5):
+            plant.step(torque)
+    assert caught.value.joint in (*plant.robot.joint_names, "base")
+    assert caught.value.time == pytest.approx(plant.time, abs=0.003)
+    plant.reset(plant.robot.posture("standing"))  # and it can begin again
+    plant.step(np.zeros(plant.robot.nv - 6))
+
+
+def test_torques_are_held_to_the_effort_limits(load: Load) -> None:
+    robot = load("g1")
+    plants = Plant(robot), Plant(robot)
+    limit = robot.limits.effort
+    for _ in range(3):
+        plants[0].step(10.0 * limit)
+        plants[1].step(limit)
+    assert plants[0].state()[1].tobytes() == plants[1].state()[1].tobytes()
+    assert (plants[0].saturated == 3).all() and not plants[1].saturated.any()
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_on_a_slope_it_slides_as_a_block_does(friction: float) -> None:
+    """Joints are locked: at rest up to tan(a) = mu, then with g (sin a - mu cos a)."""
+    names = Robot.load("hoap2_like").joint_names
+    standing = Robot.load("hoap2_like")
+    values = standing.limits.joint_positions(standing.posture())
+    robot = Robot.load("hoap2_like", locked=dict(zip(names[1:], values[1:], strict=True)))
+    rise, time = 0.2, 0.3
+    angle = np.arctan(rise)
+    c, s = np.cos(angle), np.sin(angle)
+    plant = Plant(robot, terrain=Terrain(friction=friction, slope=(0.0, rise)), shapes=False)
+    q = robot.posture("standing")
+    q[:3] = q[0], c * q[1] - s * q[2], s * q[1] + c * q[2]
+    q[3:7] = np.sin(angle / 2), 0.0, 0.0, np.cos(angle / 2)
+    plant.reset(q)
+    for _ in range(round(time / plant.dt)):
+        plant.step(np.zeros(robot.nv - 6))
+    moved = robot.difference(q, plant.state()[0])[:3]  # in its own axes: y is up the slope
+    slides = max(0.0, 9.81 * (s - friction * c))
+    assert abs(moved[0]) < 1e-3 and abs(moved[2]) < 1e-3
+    assert moved[1] == pytest.approx(-0.5 * slides * time**2, rel=0.02, abs=5e-4)
+    f = plant.contacts
+    along = np.linalg.norm(f.forces - f.normal_forces[:, None] * f.normals, axis=1)
+    assert (along <= friction * f.normal_forces * (1 + 1e-6) + 1e-9).all()
+
+
+def test_a_step_carries_the_foot_that_stands_on_it(load: Load) -> None:
+    robot = load("hoap2_like")
+    q = robot.posture("standing")
+    q[2] += 0.05
+    step = Step(centre=[0.0, 0.0, 0.05], size=[0.5, 0.5, 0.05], yaw=0.3)
+    plant = Plant(robot, terrain=Terrain(steps=(step,)))
+    plant.reset(q)
+    holding(plant, q, 0.2)
+    assert plant.cop is not None and plant.cop[2] == pytest.approx(0.05, abs=1e-3)
+    assert sum(plant.contact_forces.values())[2] == pytest.approx(9.81 * robot.mass, rel=0.02)
+
+
+def test_mistakes_are_typed(load: Load) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot)
+    zero = np.zeros(robot.nv - 6)
+    with pytest.raises(InvalidInputError, match="torque"):
+        plant.step(zero[1:])
+    with pytest.raises(InvalidInputError, match="torque"):
+        plant.step(zero * np.nan)
+    with pytest.raises(InvalidInputError, match="multiple of physics_dt"):
+        plant.step(zero, dt=0.0025)
+    with pytest.raises(InvalidInputError, match="multiple"):
+        Plant(robot, dt=0.0005)
+    with pytest.raises(UnknownNameError, match="frame"):
+        plant.push("left_hnad", [1, 0, 0])
+    with pytest.raises(UnknownNameError, match="half_sine"):
+        plant.push("base", [1, 0, 0], profile="halfsine")
+    with pytest.raises(UnknownNameError, match="com"):
+        plant.push("base", [1, 0, 0], "centre")
+    with pytest.raises(InvalidInputError, match="start"):
+        plant.push("base", [1, 0, 0], start=-1.0)
+    with pytest.raises(InvalidInputError, match="robot"):
+        Plant("g1")  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="not both"):
+        Plant(robot, friction=0.5, terrain=Terrain())
+    with pytest.raises(InvalidInputError, match="friction"):
+        Plant(robot, friction=-0.5)

@@ -1,0 +1,94 @@
+"""States in MuJoCo's coordinates: round trips, and rates by finite differences."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.simulation import Plant
+
+State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+
+
+@pytest.fixture
+def odd(mixed: Robot) -> Plant:
+    return Plant(mixed)  # continuous joints, slides, odd axes
+
+
+def test_round_trip(humanoid: Robot, random_state: State, rng: np.random.Generator) -> None:
+    plant = Plant(humanoid, shapes=False)
+    for _ in range(10):
+        q, v = random_state(humanoid, rng)
+        back = plant.states.from_mujoco(*plant.states.to_mujoco(q, v))
+        np.testing.assert_allclose(back[0], q, atol=1e-14)
+        np.testing.assert_allclose(back[1], v, atol=1e-14)
+
+
+def test_round_trip_of_continuous_joints(
+    odd: Plant, random_state: State, rng: np.random.Generator
+) -> None:
+    for _ in range(20):
+        q, v = random_state(odd.robot, rng)
+        back = odd.states.from_mujoco(*odd.states.to_mujoco(q, v))
+        np.testing.assert_allclose(back[0], q, atol=1e-14)
+        np.testing.assert_allclose(back[1], v, atol=1e-14)
+
+
+def test_the_velocity_is_the_rate_of_the_configuration(
+    odd: Plant, random_state: State, rng: np.random.Generator
+) -> None:
+    """MuJoCo's own integration of ``qvel`` against Pinocchio's of ``v``: they differ by h^2."""
+    h = 1e-6
+    for _ in range(5):
+        q, v = random_state(odd.robot, rng)
+        qpos, qvel = odd.states.to_mujoco(q, v)
+        mujoco.mj_integratePos(odd.model, qpos, qvel, h)
+        moved, _ = odd.states.from_mujoco(qpos, qvel)
+        step = odd.robot.difference(q, moved) / h
+        np.testing.assert_allclose(step, v, atol=1e-4)  # h |v|^2, and rounding 1e-16 / h
+
+
+def test_the_acceleration_is_the_rate_of_the_velocity(
+    odd: Plant, random_state: State, rng: np.random.Generator
+) -> None:
+    h = 1e-6
+    states, robot = odd.states, odd.robot
+    for _ in range(5):
+        q, v = random_state(robot, rng)
+        a = rng.normal(size=robot.nv)
+        before = states.to_mujoco(robot.integrate(q, v, -h), v - h * a)[1]
+        after = states.to_mujoco(robot.integrate(q, v, h), v + h * a)[1]
+        qacc = states.acceleration_to_mujoco(q, v, a)
+        np.testing.assert_allclose((after - before) / (2 * h), qacc, atol=1e-7)
+        np.testing.assert_allclose(states.acceleration_from_mujoco(q, v, qacc), a, atol=1e-12)
+
+
+def test_the_velocity_map_gives_the_velocity(
+    odd: Plant, random_state: State, rng: np.random.Generator
+) -> None:
+    q, v = random_state(odd.robot, rng)
+    qvel = odd.states.to_mujoco(q, v)[1]
+    np.testing.assert_allclose(odd.states.velocity_map(q) @ v, qvel, atol=1e-14)
+
+
+def test_a_fixed_base_stays_where_it_is_put(load: Callable[[str], Robot]) -> None:
+    robot = Robot.load("hoap2_like", base="fixed", feet={})
+    plant = Plant(robot, shapes=False)
+    q = robot.posture("neutral", on_ground=False)
+    q[:3] = 0.3, -0.2, 2.0
+    q[3:7] = np.array([0.1, 0.2, 0.3, 0.9]) / np.sqrt(0.95)
+    plant.reset(q)
+    for _ in range(20):
+        plant.step(np.zeros(robot.nv - 6))
+    end, v = plant.state()
+    np.testing.assert_array_equal(end[:7], robot.check_configuration(q)[:7])
+    assert not v[:6].any() and v[6:].any()
+    body = plant.model.body("body 2").id  # carried by the base: it was put there too
+    where = robot.snapshot(end).position(robot.model.names[2])
+    mujoco.mj_kinematics(plant.model, plant.data)
+    np.testing.assert_allclose(plant.data.xpos[body], where, atol=1e-12)
+    with pytest.raises(InvalidInputError, match=r"base .* is fixed"):
+        plant.reset(q, np.ones(robot.nv))

@@ -1,0 +1,309 @@
+"""A robot and its ground as a MuJoCo model: the same joints, inertias and friction, no second file.
+
+Masses, CoMs and inertias are Pinocchio's to the last digits; armature, damping and dry friction of
+the joints are what the robot's model has, and nothing is added: the mass matrices of both agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import ModelError
+from wbc.robot import Robot
+from wbc.robot.collision import Body, Capsule, Hull, robot_bodies
+from wbc.robot.limits import BASE_NV
+from wbc.simulation.terrain import IMPEDANCE, Terrain
+from wbc.validate import Array
+
+# Soles are balls at the corners of their polygons, lowest at the sole: all corners touch at once,
+# where MuJoCo gives four points at most to a box or prism on a plane, and each is one row triple of
+# the contact forces that controllers think of. What they miss: the edge of a step that passes
+# between corners. The radius rolls a tipping foot by so much only.
+SOLE_RADIUS = 5e-3  # m
+PLANE_HALF_SIZE = 50.0  # m, drawn; it has no end for contacts
+# A gear's error decays with this time constant [s], critically damped.
+GEAR_TIME = 4.0  # physics steps
+GROUND, ROBOT = 1, 2  # bits of contype and conaffinity: only the robot meets the ground
+# Least eigenvalue of a mass matrix that can be integrated: iCub's neck turns about points and has
+# 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
+LEAST_FELT = 1e-8  # kg m^2, or kg
+_FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A compiled model, and what its parts stand for.
+
+    Attributes
+    ----------
+    model:
+        ``mujoco.MjModel``.
+    bodies:
+        MuJoCo's body of each Pinocchio joint (njoints); 0 for the world.
+    soles:
+        For each geom the foot whose sole it belongs to, or an empty text.
+    links:
+        For each geom the link it belongs to; empty for the ground and its steps.
+    notes:
+        What was left out, in words.
+    """
+
+    model: Any
+    bodies: tuple[int, ...]
+    soles: tuple[str, ...]
+    links: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def build(mujoco: Any, robot: Robot, terrain: Terrain, shapes: bool, physics_dt: float) -> Built:
+    """Return the MuJoCo model of a robot on a terrain.
+
+    Raises
+    ------
+    ModelError
+        MuJoCo refuses the robot, or some joints feel no inertia; the message says why.
+    """
+    _check_felt_inertia(robot)
+    spec = mujoco.MjSpec()
+    _set_options(mujoco, spec, robot, physics_dt)
+    _add_terrain(mujoco, spec, terrain)
+    bodies = _add_tree(mujoco, spec, robot)
+    labels, notes = _add_shapes(mujoco, spec, bodies, robot, shapes)
+    _add_gears(mujoco, spec, robot, physics_dt)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise ModelError(f"{robot.path}: MuJoCo refuses the robot: {error}") from error
+    ids = [0] + [int(model.body(_body_name(j)).id) for j in range(1, robot.model.njoints)]
+    _set_inertias(model, robot, ids)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    geoms = [labels.get(model.geom(k).name, ("", "")) for k in range(model.ngeom)]
+    soles, links = zip(*geoms, strict=True)
+    return Built(model, tuple(ids), soles, links, notes)
+
+
+def _check_felt_inertia(robot: Robot) -> None:
+    """Refuse a robot with joints that the least torque would accelerate without bound."""
+    M = robot.snapshot(robot.postures["standing"]).mass_matrix
+    moments, directions = np.linalg.eigh(M)
+    weak = moments < LEAST_FELT
+    if weak.any():
+        parts = np.abs(directions[BASE_NV:, weak]).max(axis=1)
+        joints = [name for name, part in zip(robot.joint_names, parts, strict=True) if part > 0.3]
+        raise ModelError(
+            f"{robot.path}: joint {', '.join(joints)} can turn without moving any mass (a moment of"
+            f" {moments.min():.1g} kg m^2), which no physics can integrate; give the robot its"
+            " rotors' inertia: Robot.load(..., armature=...)"
+        )
+
+
+def _set_options(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:
+    spec.modelname = robot.name
+    spec.compiler.degree = False  # or ranges are read as degrees
+    spec.compiler.autolimits = False
+    spec.option.timestep = physics_dt
+    spec.option.gravity = robot.model.gravity.linear
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    # A state that blew up is kept as it is, to be told of, not put back to the start.
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+
+
+def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain) -> None:
+    quaternion = np.empty(4)
+    mujoco.mju_quatZ2Vec(quaternion, terrain.normal)
+    ground = spec.worldbody.add_geom(
+        name="ground",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[PLANE_HALF_SIZE, PLANE_HALF_SIZE, 1.0],
+        quat=quaternion,
+    )
+    _make_ground(ground, terrain, terrain.friction)
+    for k, step in enumerate(terrain.steps):
+        half = 0.5 * step.size
+        box = spec.worldbody.add_geom(
+            name=f"step {k}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=half,
+            pos=step.centre - [0.0, 0.0, half[2]],
+            quat=[np.cos(0.5 * step.yaw), 0.0, 0.0, np.sin(0.5 * step.yaw)],
+        )
+        _make_ground(box, terrain, terrain.friction if step.friction is None else step.friction)
+
+
+def _make_ground(geom: Any, terrain: Terrain, friction: float) -> None:
+    """Let a geom meet the robot, and decide alone what the contact is like."""
+    geom.contype, geom.conaffinity, geom.priority, geom.condim = GROUND, 0, 1, 3
+    geom.friction = [friction, 0.0, 0.0]  # sliding; neither torsional nor rolling
+    geom.solref = [terrain.time_constant, 1.0]
+    geom.solimp = [*IMPEDANCE, 0.5, 2.0]
+
+
+def _body_name(joint: int) -> str:
+    return f"body {joint}"  # of a link there may be two, and one called world
+
+
+def _add_tree(mujoco: Any, spec: Any, robot: Robot) -> list[Any]:
+    """Add bodies and joints; return the bodies by Pinocchio's joints."""
+    model, limits = robot.model, robot.limits
+    axes = _joint_axes(robot)
+    bodies = [spec.worldbody]
+    for j in range(1, model.njoints):
+        place = model.jointPlacements[j]
+        body = bodies[int(model.parents[j])].add_body(
+            name=_body_name(j),
+            pos=np.array(place.translation),
+            quat=_quaternion(mujoco, np.array(place.rotation)),
+        )
+        bodies.append(body)
+        _, axes_of_inertia, _ = principal_inertia(model.inertias[j])
+        body.explicitinertial = True
+        body.ipos = np.array(model.inertias[j].lever)
+        body.iquat = _quaternion(mujoco, axes_of_inertia)
+        body.mass, body.inertia = 1.0, np.ones(3)  # what MuJoCo accepts; see _set_inertias
+        if j == 1:
+            if not robot.fixed_base:
+                body.add_freejoint(name=str(model.names[1]))
+            continue
+        at = int(model.idx_vs[j])
+        k = at - BASE_NV
+        turns, axis = axes[k]
+        joint = body.add_joint(
+            name=str(model.names[j]),
+            type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=axis,
+            armature=float(model.armature[at]),
+        )
+        joint.damping = _first(joint.damping, float(model.damping[at]))
+        joint.frictionloss = float(model.upperDryFrictionLimit[at])
+        low, high = float(limits.lower[k]), float(limits.upper[k])
+        if np.isfinite([low, high]).any():
+            if not low < high:
+                raise ModelError(
+                    f"{robot.path}: joint {model.names[j]!r} cannot move between {low:g} and"
+                    f" {high:g}; lock it: locked={{{str(model.names[j])!r}: {low:g}}}"
+                )
+            joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+            joint.range = [max(low, -_FAR), min(high, _FAR)]
+    return bodies
+
+
+def _first(field: Any, value: float) -> Any:
+    """Return a value for a field that is a polynomial's coefficients in newer MuJoCo."""
+    if np.ndim(field) == 0:
+        return value
+    coefficients = np.zeros(np.shape(field))
+    coefficients[0] = value
+    return coefficients
+
+
+def _joint_axes(robot: Robot) -> list[tuple[bool, Array]]:
+    """Return for each actuated joint whether it turns, and its axis (3,) in its own frame."""
+    s = robot.snapshot(robot.postures["neutral"])
+    rotations, _ = s.joint_placements
+    found = []
+    for j in range(2, robot.model.njoints):
+        twist = s.joint_twists[:, int(robot.model.idx_vs[j])]
+        turns = bool(np.linalg.norm(twist[3:]) > 0.5)
+        axis = rotations[j].T @ (twist[3:] if turns else twist[:3])
+        found.append((int(robot.model.idx_vs[j]), turns, axis / np.linalg.norm(axis)))
+    return [(turns, axis) for _, turns, axis in sorted(found, key=lambda entry: entry[0])]
+
+
+def _quaternion(mujoco: Any, R: Array) -> Array:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
+    return quaternion
+
+
+def principal_inertia(inertia: Any) -> tuple[float, Array, Array]:
+    """Return mass, principal axes (3, 3) as columns, and moments (3,) of a ``pin.Inertia``."""
+    moments, R = np.linalg.eigh(np.array(inertia.inertia))
+    R[:, 2] *= np.sign(np.linalg.det(R))
+    return float(inertia.mass), R, moments
+
+
+def _set_inertias(model: Any, robot: Robot, ids: list[int]) -> None:
+    """Set masses and moments: the compiler refuses some that robots' files have.
+
+    Links without mass between two joints, points, and moments that break the triangle inequality
+    by a digit do not hinder the physics; Robot.load told of them.
+    """
+    for j in range(1, robot.model.njoints):
+        mass, _, moments = principal_inertia(robot.model.inertias[j])
+        model.body_mass[ids[j]], model.body_inertia[ids[j]] = mass, np.maximum(moments, 0.0)
+
+
+# ---------------------------------------------------------------------- shapes
+
+
+def _add_shapes(
+    mujoco: Any, spec: Any, bodies: list[Any], robot: Robot, shapes: bool
+) -> tuple[dict[str, tuple[str, str]], tuple[str, ...]]:
+    """Add soles and other shapes; return foot and link by geom, and notes."""
+    labels, notes = dict[str, tuple[str, str]](), list[str]()
+    feet = set[int]()
+    for foot in robot.feet.values():
+        frame = robot.model.frames[robot.frame_id(foot.frame)]
+        joint, place = int(frame.parentJoint), frame.placement
+        feet.add(joint)
+        corners = np.column_stack([foot.polygon, np.full(len(foot.polygon), SOLE_RADIUS)])
+        for k, corner in enumerate(corners @ np.array(place.rotation).T + place.translation):
+            name = f"{foot.name} sole {k}"
+            labels[name] = (foot.name, foot.link)
+            geom = bodies[joint].add_geom(
+                name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=corner, size=[SOLE_RADIUS, 0, 0]
+            )
+            _make_robot(geom)
+    if not robot.feet:
+        notes.append("the robot has no feet: no soles touch the ground")
+    found = tuple[Body, ...]()
+    if shapes:
+        try:
+            found = robot_bodies(robot, fit="hull")
+        except ModelError as error:
+            notes.append(f"only soles touch the ground: {error}")
+    for body in found:
+        if body.joint not in feet:  # its shapes end where the sole begins, give or take a digit
+            labels[f"shape {body.name}"] = ("", body.link)
+            _make_robot(_add_shape(mujoco, spec, bodies[body.joint], body))
+    return labels, tuple(notes)
+
+
+def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body) -> Any:
+    geom = parent.add_geom(name=f"shape {body.name}")
+    match body.shape:
+        case Capsule(ends=ends, radius=radius):
+            axis = ends[1] - ends[0]
+            length = float(np.linalg.norm(axis))
+            geom.pos = ends.mean(axis=0)
+            if length < 1e-9:
+                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0]
+            else:
+                quaternion = np.empty(4)
+                mujoco.mju_quatZ2Vec(quaternion, axis / length)
+                geom.type, geom.quat = mujoco.mjtGeom.mjGEOM_CAPSULE, quaternion
+                geom.size = [radius, 0.5 * length, 0]
+        case Hull(vertices=vertices):
+            mesh = spec.add_mesh(name=f"shape {body.name}", uservert=vertices.ravel().tolist())
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
+    return geom
+
+
+def _make_robot(geom: Any) -> None:
+    geom.contype, geom.conaffinity, geom.mass = 0, GROUND, 0.0
+
+
+def _add_gears(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:
+    """Hold mimic joints to what they follow, by constraints that are stiff but not rigid."""
+    for joint, coupling in robot.couplings.items():
+        gear = spec.add_equality(name=f"gear of {joint}", type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
+        gear.name2, gear.objtype = coupling.driver, mujoco.mjtObj.mjOBJ_JOINT
+        data = np.zeros(np.shape(gear.data))
+        data[:2] = coupling.offset, coupling.ratio
+        gear.data = data
+        gear.solref = [GEAR_TIME * physics_dt, 1.0]

@@ -1,0 +1,103 @@
+"""MuJoCo itself: loaded on demand, its warnings as errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from wbc.errors import WbcError
+
+# The warnings of MuJoCo that mean an unusable state, and what they speak of.
+_STATES = {
+    "mjWARN_BADQPOS": "position",
+    "mjWARN_BADQVEL": "velocity",
+    "mjWARN_BADQACC": "acceleration",
+}
+
+
+class SimulationError(WbcError):
+    """The physics cannot go on, or cannot be set up.
+
+    Parameters
+    ----------
+    what:
+        What is wrong, and what to do.
+    time:
+        When, in simulated time [s]; None if nothing was simulated.
+    joint:
+        Joint or ``base`` that is to blame, if one is.
+    """
+
+    def __init__(self, what: str, time: float | None = None, joint: str | None = None) -> None:
+        self.time, self.joint = time, joint
+        super().__init__(what if time is None else f"simulation at t = {time:.4f} s: {what}")
+
+
+def load_mujoco() -> Any:
+    """Return the module ``mujoco``.
+
+    Raises
+    ------
+    SimulationError
+        It is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise SimulationError(
+            "simulation needs MuJoCo; install it with: pip install 'wbc[sim]'"
+        ) from error
+    return mujoco
+
+
+@contextmanager
+def quietly(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_nothing)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _nothing(_: str) -> None: ...
+
+
+def check_warnings(
+    mujoco: Any, data: Any, coordinates: Sequence[str], velocities: Sequence[str]
+) -> None:
+    """Raise what MuJoCo warned of since the data were reset.
+
+    Parameters
+    ----------
+    coordinates, velocities:
+        Joint of each entry of ``qpos`` and ``qvel``.
+
+    Raises
+    ------
+    SimulationError
+        A state that is not finite or huge, or buffers too small for contacts or constraints.
+    """
+    given = {
+        name: warning
+        for name, kind in mujoco.mjtWarning.__members__.items()
+        if name != "mjNWARNING" and (warning := data.warning[int(kind)]).number
+    }
+    for name, what in _STATES.items():
+        if name in given:
+            names = coordinates if what == "position" else velocities
+            joint = names[given[name].lastinfo]
+            raise SimulationError(
+                f"the {what} of {joint!r} is not finite or huge: the simulation blew up; look at"
+                " the torques, or take a smaller physics_dt",
+                float(data.time),
+                joint,
+            )
+    for name in given:
+        remedy = {
+            "mjWARN_CONTACTFULL": "too many contacts for its memory; use fewer shapes",
+            "mjWARN_CNSTRFULL": "too many contacts and limits for its memory; use fewer shapes",
+        }.get(name, "see MuJoCo's manual")
+        raise SimulationError(f"MuJoCo warned ({name}): {remedy}", float(data.time))

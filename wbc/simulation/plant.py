@@ -1,0 +1,294 @@
+"""A robot in MuJoCo that is commanded by torques, and read back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot, Snapshot
+from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.robot.model import check_robot
+from wbc.robot.tree import LARGEST
+from wbc.simulation.build import build
+from wbc.simulation.contacts import Contacts, read_contacts
+from wbc.simulation.engine import SimulationError, check_warnings, load_mujoco, quietly
+from wbc.simulation.push import Push
+from wbc.simulation.states import StateMap
+from wbc.simulation.terrain import Terrain
+from wbc.validate import Array, finite_array, finite_number, finite_vector
+
+_EVEN = 1e-6  # a control period is so many physics steps, to this part of one
+STANDING = "standing"
+COM = "com"
+
+
+class Plant:
+    """A robot on its ground: torques in, states and contact forces out.
+
+    The physics has the robot's joints, limits, inertias, armature, damping and dry friction (see
+    :mod:`wbc.simulation.build`); the same input gives the same bits.
+
+    Parameters
+    ----------
+    robot:
+        Floating base, fixed base, and mimic joints are supported; the latter are held by stiff
+        springs, and take torques like any other.
+    dt:
+        Control period: how long :meth:`step` holds a torque [s].
+    physics_dt:
+        Step of the physics [s], of which the control period is a multiple.
+    terrain:
+        Ground and steps; ``friction`` is short for ``Terrain(friction=...)``.
+    shapes:
+        Whether the links' collision shapes meet the ground too, not only the soles. A robot
+        without such shapes gets a note.
+    saturate:
+        Hold torques to the robot's effort limits, as motors would; see :attr:`saturated`.
+
+    Attributes
+    ----------
+    model, data:
+        MuJoCo's own ``MjModel`` and ``MjData``: for its viewer, and for what is not offered here.
+    states:
+        Converts states between MuJoCo's coordinates and the robot's.
+    pushes:
+        Pushes that are not over yet.
+    saturated:
+        How often each joint (nv-6,) was asked for more than its effort limit, in control periods.
+    notes:
+        What the physics leaves out, in words.
+
+    Raises
+    ------
+    SimulationError
+        MuJoCo is not installed.
+    ModelError
+        MuJoCo refuses the robot.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        dt: float = 0.002,
+        physics_dt: float = 0.001,
+        friction: float | None = None,
+        terrain: Terrain | None = None,
+        shapes: bool = True,
+        saturate: bool = True,
+    ) -> None:
+        check_robot("plant, robot", robot)
+        if friction is not None and terrain is not None:
+            raise InvalidInputError("plant: give friction or a terrain that has it, not both")
+        self._mujoco = load_mujoco()
+        self.robot = robot
+        self.physics_dt = finite_number("plant, physics_dt", physics_dt, above=0.0)
+        self.dt = finite_number("plant, dt", dt, above=0.0)
+        self._substeps(self.dt)
+        if terrain is None:
+            terrain = Terrain() if friction is None else Terrain(friction=friction)
+        self.terrain = terrain
+        self._built = build(self._mujoco, robot, terrain, shapes, self.physics_dt)
+        self.notes = self._built.notes
+        self.model = self._built.model
+        self.data = self._mujoco.MjData(self.model)
+        self.states = StateMap(robot, self.model)
+        limits = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
+        self._most_torque = np.asarray(limits)
+        self.reset(robot.postures[STANDING])
+
+    def __repr__(self) -> str:
+        return (
+            f"Plant({self.robot.name!r}, t={self.time:.3f} s, dt={self.dt:g}"
+            f" physics_dt={self.physics_dt:g})"
+        )
+
+    # ------------------------------------------------------------------ time and state
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the reset [s]."""
+        return float(self.data.time)
+
+    def reset(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
+        """Begin at configuration ``q`` (nq,) moving at ``v`` (at rest if None), at time 0.
+
+        Pushes are forgotten. Nothing else is remembered either: what follows is the same, bit for
+        bit, whatever was before.
+
+        Raises
+        ------
+        InvalidInputError
+            An unusable state, or a fixed base that moves.
+        """
+        q = self.robot.check_configuration(q)
+        rates = np.zeros(self.robot.nv) if v is None else self.robot.check_velocity(v)
+        qpos, qvel = self.states.to_mujoco(q, rates)
+        self._mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos, self.data.qvel = qpos, qvel
+        if not self.states.floating:
+            self.states.base = q[:BASE_NQ].copy()
+            root = self._built.bodies[1]
+            self.model.body_pos[root] = q[:3]
+            self.model.body_quat[root] = q[[6, 3, 4, 5]]
+        self.pushes: list[Push] = []
+        self.saturated = np.zeros(self.robot.nv - BASE_NV, dtype=np.int64)
+        self._contacts: Contacts | None = None
+        with quietly(self._mujoco):
+            self._mujoco.mj_forward(self.model, self.data)
+        self._check()
+
+    def state(self) -> tuple[Array, Array]:
+        """Return the true configuration (nq,) and velocity (nv,) now; fresh arrays."""
+        return self.states.from_mujoco(self.data.qpos, self.data.qvel)
+
+    def snapshot(self) -> Snapshot:
+        """Return what the robot's own model knows of :meth:`state`."""
+        return self.robot.snapshot(*self.state())
+
+    # ------------------------------------------------------------------ what acts
+
+    def step(self, torque: ArrayLike, dt: float | None = None) -> None:
+        """Hold joint torques (nv-6,) [N m or N] for one control period, or for ``dt``.
+
+        Raises
+        ------
+        InvalidInputError
+            Torques that are not finite, or a period that is no multiple of the physics' step.
+        SimulationError
+            The physics blew up, or its memory is full; the message names time and joint.
+        """
+        torque = finite_vector("plant, torque", torque, self.robot.nv - BASE_NV)
+        count = self._substeps(self.dt if dt is None else dt)
+        applied = np.clip(torque, -self._most_torque, self._most_torque)
+        self.saturated += applied != torque
+        self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
+        self._contacts = None
+        with quietly(self._mujoco):
+            if self.pushes:
+                for _ in range(count):
+                    self._pushed_step()
+            else:
+                self._mujoco.mj_step(self.model, self.data, count)
+        self._check()
+
+    def push(
+        self,
+        body: str,
+        force: ArrayLike,
+        point: ArrayLike | str | None = None,
+        *,
+        duration: float = 0.1,
+        profile: str = "rectangular",
+        start: float | None = None,
+    ) -> Push:
+        """Push a body for a while, from now on or from ``start``; return the push.
+
+        Parameters
+        ----------
+        body:
+            A link or frame; what it is fixed to is pushed.
+        force:
+            (3,) [N], world axes; the peak of a ``half_sine``.
+        point:
+            Where (3,) [m], in the frame's axes from its origin, which is the default; or ``com``:
+            where the robot's CoM is now, carried along with the body.
+        duration:
+            [s].
+        profile:
+            ``rectangular`` or ``half_sine``.
+        start:
+            In simulated time [s], not before now.
+
+        Raises
+        ------
+        UnknownNameError
+            No such body or profile.
+        InvalidInputError
+            Not finite numbers, no duration, or a start that is over.
+        """
+        self.robot.frame_id(body)
+        if isinstance(point, str):
+            if point != COM:
+                raise UnknownNameError("point of a push", point, [COM])
+            s = self.snapshot()
+            point = s.rotation(body).T @ (s.com - s.position(body))
+        place = finite_array("push, point", np.zeros(3) if point is None else point, (3,))
+        when = self.time if start is None else finite_number("push, start", start, least=self.time)
+        push = Push(body, finite_array("push, force", force, (3,)), place, when, duration, profile)
+        self.pushes.append(push)
+        return push
+
+    def _pushed_step(self) -> None:
+        """Make one step of the physics under the mean force that each push has in it."""
+        mujoco, model, data = self._mujoco, self.model, self.data
+        mujoco.mj_step1(model, data)
+        data.xfrc_applied[:] = 0.0
+        for push in self.pushes:
+            force = push.mean_force(self.time, self.physics_dt)
+            frame = self.robot.model.frames[self.robot.frame_id(push.body)]
+            body = self._built.bodies[int(frame.parentJoint)]
+            local = np.array(frame.placement.rotation) @ push.point + frame.placement.translation
+            arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
+            data.xfrc_applied[body, :3] += force
+            data.xfrc_applied[body, 3:] += np.cross(arm, force)
+        mujoco.mj_step2(model, data)
+        self.pushes = [push for push in self.pushes if push.end > self.time + 1e-9]
+        if not self.pushes:
+            data.xfrc_applied[:] = 0.0
+
+    # ------------------------------------------------------------------ what is felt
+
+    @property
+    def contacts(self) -> Contacts:
+        """Contacts with their forces, as the last step of the physics had them."""
+        if self._contacts is None:
+            self._contacts = read_contacts(self._mujoco, self._built, self.data)
+        return self._contacts
+
+    @property
+    def contact_forces(self) -> dict[str, Array]:
+        """Wrench (6,) on each sole by its frame, as a tick's ``forces``: at its origin, world axes.
+
+        Zero for a foot in the air.
+        """
+        found, feet = self.contacts, self.robot.feet.values()
+        return {foot.frame: found.wrench(foot.name, self._origin(foot.frame)) for foot in feet}
+
+    @property
+    def cop(self) -> Array | None:
+        """Centre of pressure (3,) of all contacts [m]; None in the air."""
+        return self.contacts.cop
+
+    def _origin(self, frame: str) -> Array:
+        """Return where a frame's origin was when the contacts were found."""
+        found = self.robot.model.frames[self.robot.frame_id(frame)]
+        body = self._built.bodies[int(found.parentJoint)]
+        rotation = self.data.xmat[body].reshape(3, 3)
+        return self.data.xpos[body] + rotation @ found.placement.translation
+
+    # ------------------------------------------------------------------ checks
+
+    def _substeps(self, dt: float) -> int:
+        steps = finite_number("plant, dt", dt, above=0.0) / self.physics_dt
+        count = round(steps)
+        if count < 1 or abs(steps - count) > _EVEN:
+            raise InvalidInputError(
+                f"plant, dt: {dt:g} s is no multiple of physics_dt {self.physics_dt:g} s"
+            )
+        return count
+
+    def _check(self) -> None:
+        check_warnings(self._mujoco, self.data, self.states.coordinates, self.states.velocities)
+        for what, values, names in (
+            ("position", self.data.qpos, self.states.coordinates),
+            ("velocity", self.data.qvel, self.states.velocities),
+        ):
+            if not float(values @ values) <= LARGEST**2:  # nor NaN
+                joint = names[int(np.argmax(~(np.abs(values) <= LARGEST)))]
+                raise SimulationError(
+                    f"the {what} of {joint!r} is beyond {LARGEST:g}: the simulation blew up",
+                    self.time,
+                    joint,
+                )

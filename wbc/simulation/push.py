@@ -1,0 +1,75 @@
+"""Pushes: a force on one body for a while."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.errors import UnknownNameError
+from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
+
+PROFILES = ("rectangular", "half_sine")
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """A force (3,) in world axes on a point that moves with a frame.
+
+    Attributes
+    ----------
+    body:
+        A frame or link of the robot.
+    force:
+        Largest force (3,) [N], world axes.
+    point:
+        Where it acts (3,) [m], in the frame's axes from its origin.
+    start, duration:
+        When it begins, in simulated time, and how long it lasts [s].
+    profile:
+        ``rectangular``, or ``half_sine``, whose impulse is 2/pi of the former's.
+    """
+
+    body: str
+    force: Array
+    point: Array
+    start: float
+    duration: float
+    profile: str = "rectangular"
+
+    def __post_init__(self) -> None:
+        set_fields(
+            self,
+            force=read_only(finite_array("push, force", self.force, (3,))),
+            point=read_only(finite_array("push, point", self.point, (3,))),
+        )
+        check_fields(self, "push, ", "start")
+        check_fields(self, "push, ", "duration", above=0.0)
+        if self.profile not in PROFILES:
+            raise UnknownNameError("profile of a push", self.profile, PROFILES)
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return self.start + self.duration
+
+    @property
+    def impulse(self) -> Array:
+        """Time integral of the force (3,) [N s]."""
+        return self.force * self.duration * self._share(0.0, 1.0)
+
+    def mean_force(self, time: float, dt: float) -> Array:
+        """Return the mean force (3,) from ``time`` to ``time + dt`` [N].
+
+        Held over physics steps, these give the impulse exactly, whatever the steps are.
+        """
+        begin, end = ((t - self.start) / self.duration for t in (time, time + dt))
+        share = self._share(min(max(begin, 0.0), 1.0), min(max(end, 0.0), 1.0))
+        return self.force * (share * self.duration / dt)
+
+    def _share(self, begin: float, end: float) -> float:
+        """Return the integral of the profile over a part of [0, 1]; its peak is 1."""
+        if self.profile == "rectangular":
+            return end - begin
+        return (math.cos(np.pi * begin) - math.cos(np.pi * end)) / np.pi

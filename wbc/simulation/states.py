@@ -1,0 +1,121 @@
+"""Robot states in MuJoCo's coordinates and back: the one place that knows how they differ.
+
+A free base has in MuJoCo the linear velocity of its origin in world axes, the angular velocity in
+its own, and the quaternion w x y z; here both are in its own axes and the quaternion is x y z w.
+With R the base's rotation ``qvel = T v``, T = diag(R, 1, ...), so forces go by T' and accelerations
+by ``qacc = T a + dT/dt v``, dT/dt v = R (w x v_linear). Joints are the same, but that a continuous
+one is stored as (cos, sin) here and as an angle there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ, BASE_NV
+from wbc.rotations import rotation_from
+from wbc.validate import Array
+
+WXYZ = np.array([3, 0, 1, 2])
+XYZW = np.array([1, 2, 3, 0])
+
+
+class StateMap:
+    """Converts states of one robot; entries are found by joint names.
+
+    Attributes
+    ----------
+    coordinates, velocities:
+        Joint of each entry of MuJoCo's ``qpos`` and ``qvel``; ``base`` for the base.
+    base:
+        Where a fixed base is (7,), position and quaternion xyzw.
+    """
+
+    def __init__(self, robot: Robot, model: Any) -> None:
+        self.robot = robot
+        self.floating = not robot.fixed_base
+        self.base = robot.postures["neutral"][:BASE_NQ].copy()
+        ids = [int(model.joint(name).id) for name in robot.joint_names]
+        self._at_q = np.array([model.jnt_qposadr[j] for j in ids], dtype=np.int64)
+        self._at_v = np.array([model.jnt_dofadr[j] for j in ids], dtype=np.int64)
+        coordinates, velocities = ["base"] * int(model.nq), ["base"] * int(model.nv)
+        for name, at_q, at_v in zip(robot.joint_names, self._at_q, self._at_v, strict=True):
+            coordinates[at_q] = velocities[at_v] = name
+        self.coordinates, self.velocities = tuple(coordinates), tuple(velocities)
+        self.nq, self.nv = int(model.nq), int(model.nv)
+        limits = robot.limits
+        starts = np.array(limits.starts, dtype=np.int64)
+        self._unbounded = np.array(limits.unbounded, dtype=np.int64)
+        self._bounded = np.setdiff1d(np.arange(len(starts)), self._unbounded)
+        self._cos, self._single = starts[self._unbounded], starts[self._bounded]
+
+    # ------------------------------------------------------------------ from the robot to MuJoCo
+
+    def to_mujoco(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return ``qpos`` and ``qvel`` of a state (nq,), (nv,).
+
+        Raises
+        ------
+        InvalidInputError
+            A fixed base that moves.
+        """
+        qpos, qvel = np.empty(self.nq), np.empty(self.nv)
+        if self.floating:
+            qpos[:3], qpos[3:7] = q[:3], q[3:7][WXYZ]
+            qvel[:3], qvel[3:6] = rotation_from(q[3:7]) @ v[:3], v[3:6]
+        elif v[:BASE_NV].any():
+            raise InvalidInputError(f"v: the base of {self.robot.name} is fixed, v[:6] must be 0")
+        qpos[self._at_q] = self.robot.limits.joint_positions(q)
+        qvel[self._at_v] = v[BASE_NV:]
+        return qpos, qvel
+
+    def velocity_map(self, q: Array) -> Array:
+        """Return T (MuJoCo's nv, nv) with ``qvel = T v``; ``T.T`` takes forces back."""
+        T = np.zeros((self.nv, self.robot.nv))
+        T[self._at_v, np.arange(BASE_NV, self.robot.nv)] = 1.0
+        if self.floating:
+            T[:3, :3], T[3:6, 3:6] = rotation_from(q[3:7]), np.eye(3)
+        return T
+
+    def acceleration_to_mujoco(self, q: Array, v: Array, a: Array) -> Array:
+        """Return ``qacc`` of an acceleration (nv,), the rate of ``v``."""
+        qacc = np.empty(self.nv)
+        if self.floating:
+            qacc[:3] = rotation_from(q[3:7]) @ (a[:3] + np.cross(v[3:6], v[:3]))
+            qacc[3:6] = a[3:6]
+        qacc[self._at_v] = a[BASE_NV:]
+        return qacc
+
+    def torques_to_mujoco(self, torque: Array, out: Array) -> None:
+        """Write joint torques (nv-6,) to generalised forces ``out``; none act on the base."""
+        out[self._at_v] = torque
+
+    # ------------------------------------------------------------------ from MuJoCo to the robot
+
+    def from_mujoco(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """Return the state (nq,), (nv,) that ``qpos`` and ``qvel`` hold; fresh arrays."""
+        q, v = np.empty(self.robot.nq), np.zeros(self.robot.nv)
+        if self.floating:
+            q[:3], q[3:7] = qpos[:3], qpos[3:7][XYZW]
+            v[:3], v[3:6] = qvel[:3] @ rotation_from(q[3:7]), qvel[3:6]
+        else:
+            q[:BASE_NQ] = self.base
+        joints = qpos[self._at_q]
+        q[self._single] = joints[self._bounded]
+        if self._unbounded.size:
+            angles = joints[self._unbounded]
+            q[self._cos], q[self._cos + 1] = np.cos(angles), np.sin(angles)
+        v[BASE_NV:] = qvel[self._at_v]
+        return q, v
+
+    def acceleration_from_mujoco(self, q: Array, v: Array, qacc: Array) -> Array:
+        """Return the rate (nv,) of ``v`` from ``qacc``; inverse of the map above."""
+        a = np.zeros(self.robot.nv)
+        if self.floating:
+            a[:3] = qacc[:3] @ rotation_from(q[3:7]) - np.cross(v[3:6], v[:3])
+            a[3:6] = qacc[3:6]
+        a[BASE_NV:] = qacc[self._at_v]
+        return a
