@@ -16,6 +16,7 @@ FLOORS = {
     "rotations": 0,
     "polygon": 0,
     "braking": 0,
+    "native": 0,
     "robot": 1,
     "rmp": 1,
     "qp": 1,

@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and arrays read from files that may declare anything."""
+"""Files: written whole or not at all, the cache, arrays of files that may declare anything."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
+from platformdirs import user_cache_path
 
 from wbc.errors import InvalidInputError
 
+CACHE_VARIABLE = "WBC_CACHE"
+OFF = ("", "0", "off", "none")
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1  # flag of a zip entry
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -28,6 +31,18 @@ class ArrayFileError(InvalidInputError):
     def __init__(self, path: str | Path, what: str, name: str | None = None) -> None:
         self.what, self.name = what, name
         super().__init__(f"{path}: {what if name is None else f'array {name[:60]!r}: {what}'}")
+
+
+def cache_folder(kind: str) -> Path | None:
+    """Return the folder for what is kept of a kind, which need not exist; None if there is none.
+
+    It lies in the folder that the environment variable ``WBC_CACHE`` names (``off``: nowhere), by
+    default in the platform's folder for caches.
+    """
+    given = os.environ.get(CACHE_VARIABLE)
+    if given is not None:
+        return None if given.strip().lower() in OFF else Path(given).expanduser() / kind
+    return user_cache_path("wbc", appauthor=False) / kind
 
 
 def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:

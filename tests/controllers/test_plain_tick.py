@@ -7,15 +7,18 @@ from types import FrameType
 import wbc
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.native import VARIABLE
+from wbc.robot import Robot
 from wbc.tasks import ComTask, PostureTask
 
 FILES, FUNCTIONS = 16, 45
 PACKAGE = str(Path(wbc.__file__).parent)
 
 
-def test_a_plain_tick_crosses_few_files_and_functions(robot_named) -> None:
-    """CoM, posture, two contacts, limits, with a warm solver; Pink with qpsolvers: 13 and 29."""
-    robot = robot_named("g1")
+def test_a_plain_tick_crosses_few_files_and_functions(monkeypatch) -> None:
+    """In Python: CoM, posture, two contacts, limits, warm solver. Pink with qpsolvers: 13, 29."""
+    monkeypatch.setenv(VARIABLE, "off")
+    robot = Robot.load("g1")
     q = robot.posture("standing")
     here = robot.snapshot(q, 0.0 * robot.snapshot(q).v)
     tasks = [ComTask(robot, here.com + 0.001, weight=10.0), PostureTask(robot, q, weight=0.1)]

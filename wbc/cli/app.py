@@ -13,6 +13,7 @@ import typer
 from wbc import __version__
 from wbc.cli.analyze import analyze
 from wbc.cli.codegen import codegen
+from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, run
@@ -59,3 +60,4 @@ app.command()(robots)
 app.command()(collisions)
 app.command()(schema)
 app.command()(codegen)
+app.command()(doctor)

@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from wbc.errors import InvalidInputError
 from wbc.robot import inertia as crb
+from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
@@ -38,17 +39,30 @@ class KinematicState:
         False if no velocity was measured (``v`` is then zero).
     """
 
+    robot: KinematicTree
+    q: Array
+    v: Array
+    moving: bool
+    com: Array
+    inertia: Array
+    _state: NativeState | None
+    _placements: dict[str, tuple[Array, Array]]
+    _jacobians: dict[str, Array]
+
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
-        self.robot = robot
-        self.q = read_only(q)
-        self.v = read_only(v)
-        self.moving = moving
-        data = robot.workspace.kinematics(self, q, v)
-        self.com: Array = read_only(data.oYcrb[0].lever.copy())
-        self.inertia: Array = read_only(np.array(data.Ig.inertia))
-        self._placements: dict[str, tuple[Array, Array]] = {}
-        self._jacobians: dict[str, Array] = {}
-        self.__dict__["_sealed"] = True
+        fields = self.__dict__  # past __setattr__, which would take as long as all the rest
+        fields["robot"], fields["q"], fields["v"] = robot, read_only(q), read_only(v)
+        fields["moving"], fields["_placements"], fields["_jacobians"] = moving, {}, {}
+        native = robot.native
+        if native is None:
+            data = robot.workspace.kinematics(self, q, v)
+            com, inertia = data.oYcrb[0].lever.copy(), np.array(data.Ig.inertia)
+            fields["_state"] = None
+        else:  # all that a tick asks for, from one pass of the native core
+            fields["_state"] = state = native.evaluate(q, v)
+            com, inertia = state.com_and_inertia()
+        fields["com"], fields["inertia"] = read_only(com), read_only(inertia)
+        fields["_sealed"] = True
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
@@ -73,6 +87,8 @@ class KinematicState:
     @cached_property
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
+        if self._state is not None:
+            return self._state.part("centroidal_map", 6, -1)
         A = self._kinematics().Ag.copy()
         A.flags.writeable = False
         return A
@@ -80,6 +96,8 @@ class KinematicState:
     @cached_property
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
+        if self._state is not None:
+            return read_only(self._state.array[12:18].copy())
         return read_only(self._kinematics().hg.vector.copy())
 
     @cached_property
@@ -90,6 +108,8 @@ class KinematicState:
     @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
+        if self._state is not None:
+            return self._state.part("com_jacobian", 3, -1)
         J = self.centroidal_map[:3] / self.robot.mass
         J.flags.writeable = False
         return J
@@ -143,6 +163,8 @@ class KinematicState:
     @cached_property
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
+        if self._state is not None:
+            return self._state.part("inertia_jacobian", 6, -1)
         twists, work = self._kinematics().J, self.robot.workspace
         J = crb.inertia_rates(work.composites.read(), work.composites.masses, twists, self.com)
         J.flags.writeable = False
@@ -226,6 +248,9 @@ class KinematicState:
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
         found = self._jacobians.get(frame)
+        if found is None and self._state is not None:
+            self._placement(frame)
+            return self._jacobians[frame]
         if found is None:
             robot = self.robot
             index = robot.frame_indices.get(frame) or robot.frame_id(frame)
@@ -245,6 +270,8 @@ class KinematicState:
     @cached_property
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
+        if self._state is not None:
+            return self._state.part("rotations", -1, 3, 3), self._state.part("origins", -1, 3)
         work = self.robot.workspace
         work.kinematics(self, self.q, self.v)  # makes sure that the workspace holds this state
         rotations, origins = work.placements.copies()
@@ -256,11 +283,18 @@ class KinematicState:
 
         World axes, the linear part that of the point at the world's origin.
         """
+        if self._state is not None:
+            return self._state.part("twists", 6, -1)
         return read_only(self._kinematics().J.copy())
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         robot = self.robot
         index = robot.frame_indices.get(frame) or robot.frame_id(frame)
+        if self._state is not None:
+            position, rotation, jacobian = self._state.frame(frame, robot)
+            self._jacobians[frame] = jacobian
+            self._placements[frame] = placed = position, rotation
+            return placed
         pose = pin.updateFramePlacement(robot.model, self._kinematics(), index)
         position, rotation = pose.translation.copy(), pose.rotation.copy()
         position.flags.writeable = rotation.flags.writeable = False

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.feet import NO_FEET, Foot
 from wbc.robot.formats.description import Coupling
+from wbc.robot.kernel import NativePass, NativeTree, native_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
@@ -188,6 +189,20 @@ class KinematicTree:
         except AttributeError:  # the first time in this thread
             self.scratch.workspace = Workspace(self.model)
             return self.scratch.workspace
+
+    @property
+    def native(self) -> NativePass | None:
+        """The native core's pass over this tree, one for each thread; None where it is not used."""
+        try:
+            return self.scratch.native
+        except AttributeError:
+            tree = self._native_tree
+            self.scratch.native = tree and NativePass(tree, self.frame_indices)
+            return self.scratch.native
+
+    @cached_property
+    def _native_tree(self) -> NativeTree | None:
+        return native_tree(self.name, self.workspace)
 
     # ------------------------------------------------------------------ configurations
 

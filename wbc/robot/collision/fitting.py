@@ -20,10 +20,11 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
-from platformdirs import user_cache_path
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
+from wbc import files
+from wbc.files import CACHE_VARIABLE as CACHE_VARIABLE
 from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array
 
@@ -32,8 +33,6 @@ FEW = 8  # and with which a close hull begins
 ROUNDING = 1e-9  # m, added to every radius: "inside" must survive rounding
 THINNEST = 1e-4  # m: flat points get a box of this thickness
 _SAMPLES = 400
-CACHE_VARIABLE = "WBC_CACHE"
-OFF = ("", "0", "off", "none")
 VERSION = 2  # of the fit and of the file: change it, and everything is fitted again
 
 
@@ -270,10 +269,7 @@ def _thick_box(points: Array) -> Array:
 
 def cache_folder() -> Path | None:
     """Return the folder of fitted shapes, which need not exist, or None if the cache is off."""
-    given = os.environ.get(CACHE_VARIABLE)
-    if given is not None:
-        return None if given.strip().lower() in OFF else Path(given).expanduser() / "shapes"
-    return user_cache_path("wbc", appauthor=False) / "shapes"
+    return files.cache_folder("shapes")
 
 
 def cached_fit(kind: str, fit: Callable[[Array], Fit], points: Array) -> Fit:

@@ -1,0 +1,144 @@
+"""The native core's pass against Pinocchio's, which is what runs without it."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from tests.conftest import ROBOTS, load, random_state
+from wbc.native import VARIABLE, NativeCoreError, status
+from wbc.robot import Robot, kernel
+from wbc.robot.kernel import NativeTree, disagreement
+
+QUANTITIES = (
+    *("com", "inertia", "momentum", "centroidal_map", "com_jacobian", "inertia_jacobian"),
+    *("base_inertia_jacobian", "joint_twists", "com_velocity", "average_angular_velocity"),
+)
+pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+
+
+def both(name: str, monkeypatch) -> tuple[Robot, Robot]:
+    """Return a robot in the native core, and the same in Python."""
+    source = load(name).path
+    known = name if name in ROBOTS[:-1] else source
+    robots = []
+    for mode in ("require", "off"):
+        monkeypatch.setenv(VARIABLE, mode)
+        robot = Robot.load(known)
+        assert (robot.native is not None) == (mode == "require")
+        robots.append(robot)
+    return robots[0], robots[1]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_quantity_is_that_of_the_python_path(name: str, rng, monkeypatch) -> None:
+    """Sums in another order: 1e-12 of the largest entry."""
+    fast, plain = both(name, monkeypatch)
+    frames = [fast.frame_names[k] for k in rng.permutation(len(fast.frame_names))[:40]]
+    for _ in range(20):
+        q, v = random_state(plain, rng)
+        ours, theirs = fast.snapshot(q, v), plain.snapshot(q, v)
+        pairs = [(key, getattr(ours, key), getattr(theirs, key)) for key in QUANTITIES]
+        parts = zip(ours.joint_placements, theirs.joint_placements, strict=True)
+        pairs += [("placements", a, b) for a, b in parts]
+        for frame in frames:
+            for key in ("position", "rotation", "jacobian", "inertia_jacobian_in", "drift"):
+                pairs.append(
+                    (f"{key} {frame}", getattr(ours, key)(frame), getattr(theirs, key)(frame))
+                )
+        for key, a, b in pairs:
+            assert a.shape == b.shape
+            assert not a.flags.writeable
+            scale = max(1.0, float(np.abs(b).max()))
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-12 * scale, err_msg=key)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_it_agrees_with_pinocchio(name: str) -> None:
+    robot = load(name)
+    tree = NativeTree(status().core, robot.model)
+    assert disagreement(tree, robot.workspace, states=50, seed=1) < 1e-11
+
+
+def test_far_from_the_origin_nothing_is_lost(monkeypatch) -> None:
+    """Where bodies are is lost to rounding at 900 km; how they lie to each other is not."""
+    fast, _ = both("g1_27", monkeypatch)
+    q = fast.posture()
+    here = fast.snapshot(q)
+    q[:3] += 9e5
+    there = fast.snapshot(q)
+    np.testing.assert_allclose(there.inertia, here.inertia, atol=1e-12)
+    np.testing.assert_allclose(there.inertia_jacobian, here.inertia_jacobian, atol=1e-12)
+    np.testing.assert_allclose(there.centroidal_map, here.centroidal_map, atol=1e-12)
+
+
+def test_a_state_lasts(rng, monkeypatch) -> None:
+    """Nothing of a snapshot changes when others are made, or when frames join."""
+    fast, _ = both("hoap2_like", monkeypatch)
+    first = fast.snapshot(*random_state(fast, rng))
+    before = first.inertia_jacobian.copy(), first.jacobian("left_hand").copy()
+    for frame in fast.frame_names[:60]:  # more than states keep
+        fast.snapshot(*random_state(fast, rng)).position(frame)
+    assert len(fast.native.slots) == kernel.KEPT
+    np.testing.assert_array_equal(first.inertia_jacobian, before[0])
+    np.testing.assert_array_equal(first.jacobian("left_hand"), before[1])
+    np.testing.assert_array_equal(
+        first.jacobian(fast.frame_names[40]), fast.snapshot(first.q).jacobian(fast.frame_names[40])
+    )
+
+
+def test_frames_are_the_same_bits_kept_or_asked_for_later(rng, monkeypatch) -> None:
+    fast, _ = both("talos", monkeypatch)
+    q, v = random_state(fast, rng)
+    first, again = fast.snapshot(q, v), None
+    for frame in ("base", "left_sole", "right_sole"):
+        first.position(frame)
+    again = fast.snapshot(q, v)
+    assert set(fast.native.slots) == {"base", "left_sole", "right_sole"}
+    for frame in fast.native.slots:
+        np.testing.assert_array_equal(again.jacobian(frame), first.jacobian(frame))
+        np.testing.assert_array_equal(again.position(frame), first.position(frame))
+        np.testing.assert_array_equal(again.rotation(frame), first.rotation(frame))
+
+
+def test_small_quantities_do_not_keep_the_whole(monkeypatch) -> None:
+    """Who records the CoM of a million ticks must not keep a million Jacobians."""
+    fast, _ = both("hoap2_like", monkeypatch)
+    for _ in range(2):
+        here = fast.snapshot(fast.posture())
+        for small in (here.com, here.inertia, here.momentum, here.position("base")):
+            root = small
+            while root.base is not None:
+                root = root.base
+            assert root.nbytes <= 100
+
+
+def test_each_thread_has_its_own_memory(monkeypatch) -> None:
+    fast, _ = both("hoap2_like", monkeypatch)
+    mine, found = fast.native, []
+    thread = threading.Thread(target=lambda: found.append(fast.native))
+    thread.start()
+    thread.join()
+    assert found[0] is not mine
+    assert found[0].tree is mine.tree
+
+
+def test_a_core_that_is_wrong_is_refused_with_a_warning(monkeypatch, caplog) -> None:
+    """As if a compiler had got one body's inertia wrong by a thousandth."""
+    right = kernel._body
+    monkeypatch.setattr(kernel, "_body", lambda inertia: right(inertia) * (1 + 1e-3))
+    monkeypatch.setenv(VARIABLE, "auto")
+    robot = Robot.load("hoap2_like")
+    assert robot.native is None
+    assert "the native core and Pinocchio differ by" in caplog.text
+    assert np.isfinite(robot.snapshot(robot.posture()).com).all()
+    monkeypatch.setenv(VARIABLE, "require")
+    with pytest.raises(NativeCoreError, match="differ by"):
+        Robot.load("hoap2_like").snapshot(robot.posture())
+
+
+def test_a_core_that_answers_nan_is_refused(monkeypatch) -> None:
+    right = kernel._body
+    monkeypatch.setattr(kernel, "_body", lambda inertia: right(inertia) * np.nan)
+    monkeypatch.setenv(VARIABLE, "auto")
+    assert Robot.load("hoap2_like").native is None

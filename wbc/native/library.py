@@ -1,0 +1,106 @@
+"""The compiled core as an object, or the reason why there is none."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from wbc.errors import UnknownNameError
+from wbc.native.build import NativeCoreError, built
+
+VARIABLE = "WBC_NATIVE"
+MODES = ("auto", "off", "require")
+VERSION = 1  # WBC_CORE_VERSION of source/core.h
+# Functions by the number of their arguments: addresses and integers, which are as long.
+_FUNCTIONS = {"wbc_state": 8, "wbc_frames": 6}
+
+
+class Core:
+    """The functions of the compiled library; addresses are given as integers.
+
+    They run with the interpreter's lock held: they take microseconds, and what they write to is
+    kept by a thread for itself.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            library = ctypes.PyDLL(str(path))
+            version = int(library.wbc_core_version())
+            for name, count in _FUNCTIONS.items():
+                function = getattr(library, name)
+                function.argtypes = [ctypes.c_void_p] * count
+                function.restype = ctypes.c_int
+        except (OSError, AttributeError) as error:
+            raise NativeCoreError(f"{path} cannot be loaded: {error}") from error
+        if version != VERSION:
+            raise NativeCoreError(f"{path} is of version {version}, not {VERSION}")
+        self.wbc_state: Any = library.wbc_state
+        self.wbc_frames: Any = library.wbc_frames
+
+
+class Status(NamedTuple):
+    """Which path runs, and why."""
+
+    core: Core | None
+    reason: str
+
+
+def mode() -> str:
+    """Return what ``WBC_NATIVE`` asks for: ``auto``, ``off`` or ``require``.
+
+    Raises
+    ------
+    UnknownNameError
+        Anything else.
+    """
+    given = os.environ.get(VARIABLE, "").strip().lower() or MODES[0]
+    if given not in MODES:
+        raise UnknownNameError(f"value of {VARIABLE}", given, MODES)
+    return given
+
+
+def core() -> Core | None:
+    """Return the core, compiled and loaded when first asked for; None where it cannot be had.
+
+    Raises
+    ------
+    NativeCoreError
+        It cannot be had, and ``WBC_NATIVE=require``.
+    """
+    wanted = mode()
+    if wanted == "off":
+        return None
+    found = _loaded()
+    if found.core is None and wanted == "require":
+        raise NativeCoreError(f"{VARIABLE}=require, but {found.reason}")
+    return found.core
+
+
+def status() -> Status:
+    """Return the core, or why it is not used; unlike :func:`core` this raises nothing of its own.
+
+    Raises
+    ------
+    UnknownNameError
+        See :func:`mode`.
+    """
+    return Status(None, f"{VARIABLE}=off") if mode() == "off" else _loaded()
+
+
+@cache
+def _loaded() -> Status:
+    try:
+        path = built()
+        try:
+            found = Core(path)
+        except NativeCoreError:
+            found = Core(built(anew=True))
+    except NativeCoreError as error:
+        logging.getLogger(__name__).info("the native core is not used: %s", error)
+        return Status(None, str(error))
+    return Status(found, f"loaded from {found.path}")

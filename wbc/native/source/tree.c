@@ -1,0 +1,184 @@
+/* The kinematic tree at one state: placements, CoM, centroidal map, CRB inertia and its Jacobian.
+ *
+ * Positions are taken from the base, then from the CoM: far from the world's origin nothing is lost
+ * in differences. A joint moves the bodies that it carries as one; with their mass m, first moment
+ * h and inertia I about the robot's CoM, and the joint's angular velocity w and velocity u there,
+ *
+ *     linear  = m u + w x h        angular = h x u + I w
+ *     dI/dt   = [w] I - I [w] + 2 (u.h) 1 - u h' - h u'          (paper eqs. 24-27)
+ */
+#include "core.h"
+#include "linear.h"
+
+int wbc_core_version(void) { return WBC_CORE_VERSION; }
+
+/* R = P turned about a unit axis by the angle of c = cos, s = sin */
+static void turned(const double *P, const double *axis, double c, double s, double *R) {
+    const double x = axis[0], y = axis[1], z = axis[2], d = 1.0 - c;
+    const double turn[9] = {
+        c + d * x * x,     d * x * y - s * z, d * x * z + s * y, d * x * y + s * z, c + d * y * y,
+        d * y * z - s * x, d * x * z - s * y, d * y * z + s * x, c + d * z * z,
+    };
+    product3(P, turn, R);
+}
+
+static void from_quaternion(const double *xyzw, double *R) {
+    const double x = xyzw[0], y = xyzw[1], z = xyzw[2], w = xyzw[3];
+    R[0] = 1.0 - 2.0 * (y * y + z * z), R[1] = 2.0 * (x * y - z * w), R[2] = 2.0 * (x * z + y * w);
+    R[3] = 2.0 * (x * y + z * w), R[4] = 1.0 - 2.0 * (x * x + z * z), R[5] = 2.0 * (y * z - x * w);
+    R[6] = 2.0 * (x * z - y * w), R[7] = 2.0 * (y * z + x * w), R[8] = 1.0 - 2.0 * (x * x + y * y);
+}
+
+/* Rotation of a joint, and its origin from the base's. */
+static void place(const wbc_tree *tree, int64_t j, const double *q, double *rotations,
+                  double *arms) {
+    const double *P = tree->placement + 12 * j, *axis = tree->axis + 3 * j, *value;
+    const double *parent = rotations + 9 * tree->parent[j];
+    double local[9], shift[3], turn[3];
+    value = q + tree->iq[j];
+    for (int i = 0; i < 3; i++) shift[i] = P[9 + i];
+    switch (tree->kind[j]) {
+    case REVOLUTE:
+        turned(P, axis, cos(value[0]), sin(value[0]), local);
+        break;
+    case CONTINUOUS:
+        turned(P, axis, value[0], value[1], local);
+        break;
+    default: /* prismatic */
+        times3(P, axis, turn);
+        for (int i = 0; i < 9; i++) local[i] = P[i];
+        for (int i = 0; i < 3; i++) shift[i] += value[0] * turn[i];
+    }
+    product3(parent, local, rotations + 9 * j);
+    times3(parent, shift, turn);
+    for (int i = 0; i < 3; i++) arms[3 * j + i] = arms[3 * tree->parent[j] + i] + turn[i];
+}
+
+/* Mass, first moment and inertia (10) of a body about the base's origin. */
+static void weigh(const double *body, const double *R, const double *arm, double *out) {
+    double c[3];
+    times3(R, body + 1, c);
+    for (int i = 0; i < 3; i++) c[i] += arm[i];
+    out[0] = body[0];
+    for (int i = 0; i < 3; i++) out[1 + i] = body[0] * c[i];
+    congruent(R, body + 4, out + 4);
+    add_turning(out + 4, 0.5 * body[0], c, c);
+}
+
+/* The same about another point, in place: its distance from there is c. */
+static void shifted(const double *from, const double *c, double *out) {
+    out[0] = from[0];
+    for (int i = 0; i < 3; i++) out[1 + i] = from[1 + i] - from[0] * c[i];
+    for (int i = 4; i < 10; i++) out[i] = from[i];
+    add_turning(out + 4, -1.0, from + 1, c);
+    add_turning(out + 4, 0.5 * from[0], c, c);
+}
+
+/* Column k of the maps: a motion along, or round, an axis through a point p; h, I about the CoM. */
+static void move(int64_t nv, int64_t k, const double *axis, int turns, const double *p,
+                 const double *base, const double *com, const double *moved, double mass,
+                 double *state) {
+    double w[3] = {0.0, 0.0, 0.0}, u[3], l[3], a[3], b[3], dI[6] = {0.0}, arm[3], origin[3];
+    double *A = state + CENTROIDAL_MAP + k, *T = state + TWISTS(nv) + k;
+    for (int i = 0; i < 3; i++) {
+        if (turns) w[i] = axis[i];
+        u[i] = l[i] = axis[i];
+        arm[i] = com[i] - p[i];
+        origin[i] = base[i] + p[i];
+    }
+    if (turns) {
+        cross3(axis, arm, u);
+        cross3(origin, axis, l);
+    }
+    for (int i = 0; i < 3; i++) T[i * nv] = l[i], T[(3 + i) * nv] = w[i];
+    cross3(w, moved + 1, a);
+    for (int i = 0; i < 3; i++) {
+        l[i] = moved[0] * u[i] + a[i];
+        A[i * nv] = l[i];
+        state[COM_JACOBIAN(nv) + i * nv + k] = l[i] / mass;
+    }
+    cross3(moved + 1, u, a);
+    symmetric_times(moved + 4, w, b);
+    for (int i = 0; i < 3; i++) A[(3 + i) * nv] = a[i] + b[i];
+    add_commutator(dI, moved + 4, w);
+    add_turning(dI, 1.0, u, moved + 1);
+    for (int i = 0; i < 6; i++) state[INERTIA_JACOBIAN(nv) + i * nv + k] = dI[i];
+}
+
+int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
+              double *scratch, int64_t frames, const int64_t *joint, const double *placement) {
+    const int64_t n = tree->joints, nv = tree->nv;
+    double *R = state + ROTATIONS(nv), *origins = state + ORIGINS(nv, n);
+    double *arms = scratch, *composite = scratch + 3 * n, base[3], com[3], moved[10], local[9];
+    for (int i = 0; i < 9; i++) R[i] = i % 4 == 0;
+    for (int i = 0; i < 3; i++) origins[i] = arms[i] = arms[3 + i] = 0.0;
+    from_quaternion(q + 3, local);
+    product3(tree->placement + 12, local, R + 9);
+    times3(tree->placement + 12, q, base);
+    for (int i = 0; i < 3; i++) base[i] += tree->placement[21 + i];
+    for (int64_t j = 2; j < n; j++) place(tree, j, q, R, arms);
+    for (int64_t j = 1; j < n; j++) {
+        for (int i = 0; i < 3; i++) origins[3 * j + i] = base[i] + arms[3 * j + i];
+        weigh(tree->body + 10 * j, R + 9 * j, arms + 3 * j, composite + 10 * j);
+    }
+    for (int64_t j = n - 1; j > 1; j--)
+        for (int i = 0; i < 10; i++) composite[10 * tree->parent[j] + i] += composite[10 * j + i];
+
+    const double mass = composite[10];
+    for (int i = 0; i < 3; i++) com[i] = composite[11 + i] / mass;
+    for (int i = 0; i < 3; i++) state[COM + i] = base[i] + com[i];
+    for (int64_t j = 1; j < n; j++) {
+        const double *p = arms + 3 * j;
+        double axis[3];
+        shifted(composite + 10 * j, com, moved);
+        if (j == 1) {
+            const double *I = moved + 4;
+            const double full[9] = {I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5]};
+            for (int i = 0; i < 9; i++) state[INERTIA + i] = full[i];
+            for (int64_t k = 0; k < 6; k++) {
+                for (int i = 0; i < 3; i++) axis[i] = R[9 + 3 * i + k % 3];
+                move(nv, k, axis, k > 2, p, base, com, moved, mass, state);
+            }
+        } else {
+            times3(R + 9 * j, tree->axis + 3 * j, axis);
+            move(nv, tree->iv[j], axis, tree->kind[j] != PRISMATIC, p, base, com, moved, mass,
+                 state);
+        }
+    }
+    for (int i = 0; i < 6; i++) {
+        double sum = 0.0;
+        for (int64_t k = 0; k < nv; k++) sum += state[CENTROIDAL_MAP + i * nv + k] * v[k];
+        state[MOMENTUM + i] = sum;
+    }
+    return wbc_frames(tree, state, frames, joint, placement, state + FRAMES(nv, n));
+}
+
+int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
+               const double *placement, double *out) {
+    const int64_t n = tree->joints, nv = tree->nv;
+    const double *rotations = state + ROTATIONS(nv), *origins = state + ORIGINS(nv, n);
+    const double *T = state + TWISTS(nv);
+    for (int64_t f = 0; f < count; f++, out += FRAME_SIZE(nv), placement += 12) {
+        const double *R = rotations + 9 * joint[f];
+        double *J = out + FRAME_JACOBIAN;
+        times3(R, placement + 9, out);
+        for (int i = 0; i < 3; i++) out[i] += origins[3 * joint[f] + i];
+        product3(R, placement, out + FRAME_ROTATION);
+        for (int64_t k = 0; k < 6 * nv; k++) J[k] = 0.0;
+        for (int64_t j = joint[f]; j > 0; j = tree->parent[j]) {
+            const int64_t first = j == 1 ? 0 : tree->iv[j], last = j == 1 ? 6 : first + 1;
+            double arm[3];
+            for (int i = 0; i < 3; i++) arm[i] = out[i] - origins[3 * j + i];
+            for (int64_t k = first; k < last; k++) {
+                double axis[3] = {T[3 * nv + k], T[4 * nv + k], T[5 * nv + k]}, u[3];
+                int slides = j == 1 ? k < 3 : tree->kind[j] == PRISMATIC;
+                if (slides)
+                    for (int i = 0; i < 3; i++) u[i] = T[i * nv + k];
+                else
+                    cross3(axis, arm, u);
+                for (int i = 0; i < 3; i++) J[i * nv + k] = u[i], J[(3 + i) * nv + k] = axis[i];
+            }
+        }
+    }
+    return 0;
+}
