@@ -116,8 +116,8 @@ def test_contacts_do_not_accelerate(robot_named: Load) -> None:
         frame = robot.frame_id(contact.frame)
         got = pin.getFrameClassicalAcceleration(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
         rate = pin.getFrameVelocity(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        # At its anchor a contact is braked with kd = 2 sqrt(400).
-        np.testing.assert_allclose(got.vector, -40.0 * rate.vector, atol=1e-4)
+        # At its anchor a contact is braked with kd = 2 sqrt(100).
+        np.testing.assert_allclose(got.vector, -20.0 * rate.vector, atol=1e-4)
 
 
 def test_centre_of_pressure_agrees_with_the_wrenches(robot_named: Load) -> None:

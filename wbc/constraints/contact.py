@@ -58,7 +58,7 @@ class Contact(Task):
         Its anchor in the world: (3,) [m] and (3, 3).
     gain:
         Fraction of the drift from the anchor that is taken back in one tick, in [0, 1]. At the
-        torque level ``kp`` and ``kd`` do that, 400/s^2 and critical unless given.
+        torque level ``kp`` and ``kd`` do that, 100/s^2 and critical unless given.
     friction:
         What it bears, for the torque level: forces at its corners inside this cone. None for a
         contact that also pulls and twists: a grip, a bolt. Assign another one at any time.
@@ -75,7 +75,9 @@ class Contact(Task):
     """
 
     ROWS: tuple[str, ...] = AXES + TURNS
-    STIFFNESS = 400.0  # 1/s^2: what keeps a light foot from drifting, see tests/simulation
+    # 1/s^2, critically damped. At 400 the ankles of a robot without rotor inertia chatter: ground
+    # that gives way a little is a delay.
+    STIFFNESS = 100.0
     _kind = "contact"
     _may_rest = True
 
