@@ -47,6 +47,7 @@ ONLY_IN = {
     "ruamel": {"problem"},
     "pydantic": {"problem"},
     "matplotlib": {"view"},
+    "viser": {"view/live"},
     "typer": {"cli"},
     "rich": {"cli"},
     "mujoco": {"simulation"},

@@ -17,6 +17,7 @@ from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, run
+from wbc.cli.view import view
 
 app = typer.Typer(
     help="Whole-body control of humanoid robots, with the robot's inertia as a task.",
@@ -53,6 +54,7 @@ def common(
 
 # One line for each command, in the order of the help.
 app.command(epilog=EXIT_CODES)(run)
+app.command()(view)
 app.command()(init)
 app.command()(check)
 app.command()(analyze)

@@ -22,7 +22,7 @@ from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
-from wbc.run.simulate import Cancelled, Observe, Progress, simulate
+from wbc.run.simulate import Cancelled, Observe, Progress, Show, simulate
 from wbc.run.stopping import Stop
 
 if TYPE_CHECKING:
@@ -56,10 +56,11 @@ class Problem:
         observe: Observe | None = None,
         *,
         cancelled: Cancelled | None = None,
+        show: Show | None = None,
     ) -> Result:
         """Run the problem from its start until it is at rest, out of time, or has failed.
 
-        For ``progress``, ``observe`` and ``cancelled`` see :func:`wbc.run.simulate`, and
+        For ``progress``, ``observe``, ``cancelled`` and ``show`` see :func:`wbc.run.simulate`, and
         :func:`wbc.run.global_shaping.shape_globally` for the method ``global``, which starts other
         processes: a script needs the usual ``if __name__ == "__main__"`` guard. A run starts
         afresh, so a second one gives the same result.
@@ -92,16 +93,22 @@ class Problem:
                 observe=observe,
                 provenance=made_with,
                 cancelled=cancelled,
+                show=show,
             )
-        phases = PhaseExecutor(
+        phases = self.executor()
+        return simulate(phases, parts.start, stop, progress, observe, made_with, cancelled, show)
+
+    def executor(self) -> PhaseExecutor:
+        """Return what leads a run through the phases, from the start; it serves one run."""
+        spec, parts = self.spec, self.parts
+        return PhaseExecutor(
             parts.phases,
             parts.targeted,
             [name for name, task in spec.tasks.items() if task.active],
-            partial(parts.controller, controller),
-            start,
+            partial(parts.controller, spec.controller),
+            parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv)),
             parts.surroundings.move_to,
         )
-        return simulate(phases, parts.start, stop, progress, observe, made_with, cancelled)
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""

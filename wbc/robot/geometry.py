@@ -71,6 +71,11 @@ class RobotMeshes:
         placed = [_in_joint_frame(robot.model, shape) for shape in shapes.geometryObjects]
         self._meshes = [(joint, mesh) for joint, mesh in placed if len(mesh.faces)]
 
+    @property
+    def in_joint_frames(self) -> list[tuple[int, Mesh]]:
+        """Pinocchio's index of the joint that moves a mesh, and the mesh in that joint's frame."""
+        return list(self._meshes)
+
     def at(self, q: ArrayLike) -> list[Mesh]:
         """Return the meshes in the world at configuration ``q`` (nq,)."""
         model, q = self._robot.model, self._robot.check_configuration(q)
@@ -82,6 +87,16 @@ class RobotMeshes:
 def link_meshes(robot: Robot, q: ArrayLike) -> list[Mesh]:
     """Return the robot's meshes in the world at ``q``; see :class:`RobotMeshes` for many ``q``."""
     return RobotMeshes(robot).at(q)
+
+
+def joint_placements(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
+    """Return rotation (n, 3, 3) and origin (n, 3) in the world of each joint, by its index."""
+    model, data = robot.model, robot.model.createData()
+    pin.forwardKinematics(model, data, robot.check_configuration(q))
+    poses = data.oMi.tolist()
+    return np.array([pose.rotation for pose in poses]), np.array(
+        [pose.translation for pose in poses]
+    )
 
 
 def _in_joint_frame(model: pin.Model, shape: pin.GeometryObject) -> tuple[int, Mesh]:

@@ -24,6 +24,7 @@ from wbc.run.simulate import (
     Cancelled,
     Observe,
     Progress,
+    Show,
     progress_info,
     ticks_in,
 )
@@ -57,6 +58,7 @@ def shape_globally(
     observe: Observe | None = None,
     provenance: Mapping[str, Any] | None = None,
     cancelled: Cancelled | None = None,
+    show: Show | None = None,
 ) -> Result:
     """Search for the best posture, then run from rest at ``q`` (nq,) to one that can be reached.
 
@@ -111,6 +113,8 @@ def shape_globally(
         recorder.add(now, standing, errors)
         if observe is not None:
             observe(now.tick)
+        if show is not None:
+            show(now, None)
         done = len(recorder.states)
         if progress is not None and (done - 1) % PROGRESS_EVERY == 0:
             info = progress_info(now, errors, len(recorder.failures))

@@ -23,6 +23,8 @@ from wbc.validate import Array
 Progress = Callable[[int, int, Mapping[str, Any]], None]
 Observe = Callable[[Tick], None]
 Cancelled = Callable[[], bool]  # asked after every tick whether the run is to end there
+# Called with every tick of the loop and the controller that answered, if that is the problem's own.
+Show = Callable[[LoopTick, Controller | None], None]
 PROGRESS_EVERY = 10
 DEFAULT_STOP = Stop()
 
@@ -35,6 +37,7 @@ def simulate(
     observe: Observe | None = None,
     provenance: Mapping[str, Any] | None = None,
     cancelled: Cancelled | None = None,
+    show: Show | None = None,
 ) -> Result:
     """Run from rest at ``q`` (nq,) until the robot is at rest, out of time, or has failed.
 
@@ -55,6 +58,9 @@ def simulate(
         Where the run comes from, as plain data; becomes a part of the result.
     cancelled:
         Called after every tick; True ends the run there, with what was computed.
+    show:
+        Called with every tick of the loop, with the state and the controller that answered: for
+        what is drawn while the robot moves.
 
     Raises
     ------
@@ -73,6 +79,8 @@ def simulate(
         recorder.add(now, phases.standing)
         if observe is not None:
             observe(now.tick)
+        if show is not None:
+            show(now, phases.controller)
         at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
         done = len(recorder.states)
         over = at_rest or now.gave_up or done == total

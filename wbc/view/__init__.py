@@ -1,18 +1,23 @@
-"""Pictures of robots and of runs. The only folder that knows Matplotlib."""
+"""Pictures of robots and of runs, by Matplotlib; and the live viewer, by viser.
+
+Each is loaded when first used, so that neither needs the other's library.
+"""
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
 
 from wbc.errors import WbcError
 
-try:
-    import matplotlib as _matplotlib  # noqa: F401
-except ImportError as error:
-    raise WbcError("pictures need Matplotlib; install it with: pip install 'wbc[plot]'") from error
-
-from wbc.view.pendulum import pendulum_figure, plot_pendulum
-from wbc.view.portrait import plot_robot, robot_figure
-from wbc.view.run import History, plot_run, run_figure
+if TYPE_CHECKING:
+    from wbc.view.live.viewer import Viewer
+    from wbc.view.pendulum import pendulum_figure, plot_pendulum
+    from wbc.view.portrait import plot_robot, robot_figure
+    from wbc.view.run import History, plot_run, run_figure
 
 __all__ = [
     "History",
+    "Viewer",
     "pendulum_figure",
     "plot_pendulum",
     "plot_robot",
@@ -20,3 +25,37 @@ __all__ = [
     "robot_figure",
     "run_figure",
 ]
+
+_PICTURES = {
+    "History": "wbc.view.run",
+    "pendulum_figure": "wbc.view.pendulum",
+    "plot_pendulum": "wbc.view.pendulum",
+    "plot_robot": "wbc.view.portrait",
+    "plot_run": "wbc.view.run",
+    "robot_figure": "wbc.view.portrait",
+    "run_figure": "wbc.view.run",
+}
+_LIVE = {"Viewer": "wbc.view.live.viewer"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PICTURES:
+        if not _installed("matplotlib"):
+            raise WbcError("pictures need Matplotlib; install it with: pip install 'wbc[plot]'")
+        return getattr(import_module(_PICTURES[name]), name)
+    if name in _LIVE:
+        if not _installed("viser"):
+            raise WbcError("the live viewer needs viser; install it with: pip install 'wbc[view]'")
+        return getattr(import_module(_LIVE[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return list(__all__)
+
+
+def _installed(library: str) -> bool:
+    try:
+        return find_spec(library) is not None
+    except ValueError:  # another module was put in its place
+        return False

@@ -1,0 +1,113 @@
+"""The viewer: a page in a process of its own, which the loop does not wait for and outlives."""
+
+import os
+import signal
+import socket
+import sys
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+import wbc
+import wbc.view
+from wbc.errors import InvalidInputError, WbcError
+from wbc.view.live import process
+from wbc.view.live.process import HOST, free_place
+from wbc.view.live.viewer import Viewer
+
+
+def soon(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+    """Wait until something is so, or for too long."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.02)
+    return condition()
+
+
+@pytest.fixture(scope="module")
+def robot() -> wbc.Robot:
+    return wbc.Robot.load("hoap2_like")
+
+
+@pytest.fixture
+def viewer(robot: wbc.Robot) -> Iterator[Viewer]:
+    with Viewer(robot, quiet=True) as made:
+        yield made
+
+
+def test_the_page_is_served_on_this_machine_only(viewer: Viewer, robot: wbc.Robot) -> None:
+    viewer.show(robot.posture("standing"))
+    with urllib.request.urlopen(viewer.url, timeout=20.0) as answer:
+        assert b"<html" in answer.read().lower()
+    port = int(viewer.url.rsplit(":", 1)[1])
+    with socket.socket() as other, pytest.raises(OSError, match="refused"):
+        other.connect(("127.0.0.2", port))  # another address of the same machine
+    assert not viewer.error
+
+
+def test_updates_are_dropped_and_not_waited_for(viewer: Viewer, robot: wbc.Robot) -> None:
+    snapshot = robot.snapshot(robot.posture("standing"))
+    for k in range(10_000):
+        viewer.update(snapshot, time=0.001 * k)
+    assert viewer.dropped > 9000
+
+
+def test_the_loop_outlives_the_page(viewer: Viewer, robot: wbc.Robot) -> None:
+    snapshot = robot.snapshot(robot.posture("standing"))
+    viewer.update(snapshot)
+    os.kill(viewer._page._process.pid, signal.SIGKILL)
+    assert soon(lambda: bool(viewer.error))
+    for _ in range(3):
+        viewer.update(snapshot)
+    assert "the page has ended" in viewer.error
+
+
+def test_the_page_ends_with_the_viewer(robot: wbc.Robot) -> None:
+    viewer = Viewer(robot, quiet=True)
+    viewer.close()
+    assert viewer._page._process.returncode is not None
+    assert not viewer.error
+    with pytest.raises(OSError, match="refused"), socket.socket() as other:
+        other.connect((HOST, int(viewer.url.rsplit(":", 1)[1])))
+
+
+def test_a_port_in_use(robot: wbc.Robot) -> None:
+    with socket.socket() as other:
+        other.bind((HOST, 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(InvalidInputError, match=rf"{port}: Address already in use; choose"):
+            Viewer(robot, port=port)
+    with pytest.raises(InvalidInputError, match="from 1 to 65535"):
+        free_place(HOST, 70_000)
+    with pytest.raises(InvalidInputError, match=r"no.such.host:8080"):
+        free_place("no.such.host", 8080)
+
+
+def test_without_a_port_the_next_free_one_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket() as other:
+        other.bind((HOST, 0))
+        other.listen()
+        port = other.getsockname()[1]
+        monkeypatch.setattr(process, "PORT", port)
+        assert port < free_place(HOST, None).port < port + process.TRIED
+
+
+def test_what_cannot_be_shown(robot: wbc.Robot, viewer: Viewer) -> None:
+    with pytest.raises(InvalidInputError, match="expected a robot"):
+        Viewer("g1")  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="q: NaN"):
+        viewer.show(np.full(robot.nq, np.nan))
+    other = wbc.Robot.load("hoap2_like")
+    task = wbc.ComTask(other, [0.0, 0.0, 0.3])
+    with pytest.raises(InvalidInputError, match="another robot"):
+        Viewer(robot, wbc.KinematicController(other, [task]))
+
+
+def test_without_viser_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(WbcError, match=r"pip install 'wbc\[view\]'"):
+        _ = wbc.view.Viewer

@@ -1,0 +1,109 @@
+"""What the robot stands on: the ground, its soles, the support polygon; and the CoM above it."""
+
+from __future__ import annotations
+
+import numpy as np
+from viser import SceneApi
+
+from wbc.robot import Robot
+from wbc.view.live.layers.layer import (
+    BLACK,
+    GREY,
+    ORANGE,
+    SKY,
+    Layer,
+    closed,
+)
+from wbc.view.live.shown import Shown
+
+LIFT = 1e-3  # m above the ground: what is drawn on it would flicker
+
+
+class GroundLayer(Layer):
+    """A grid at z = 0, with the shadow of the robot."""
+
+    label = "Ground"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        cell = 0.1 if size > 0.8 else 0.05
+        scene.add_grid(
+            f"{self.path}/grid",
+            width=8.0 * size,
+            height=8.0 * size,
+            cell_size=cell,
+            section_size=5.0 * cell,
+            cell_color=(222, 226, 230),
+            section_color=(190, 196, 202),
+            fade_distance=6.0 * size,
+            shadow_opacity=0.25,
+            plane_color=(246, 247, 249),
+            plane_opacity=1.0,
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Stay where it is."""
+
+
+class SupportLayer(Layer):
+    """The soles, those that stand in orange, and the polygon that they span."""
+
+    label = "Soles and support"
+
+    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
+        super().__init__(scene, size)
+        self._soles = {
+            foot.name: scene.add_line_segments(
+                f"{self.path}/{foot.name}",
+                np.zeros((len(foot.polygon), 2, 3)),
+                GREY,
+                thickness=0.004 * size,
+            )
+            for foot in robot.feet.values()
+        }
+        self._polygon = scene.add_line_segments(
+            f"{self.path}/polygon", np.zeros((1, 2, 3)), SKY, thickness=0.006 * size
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Outline soles and polygon."""
+        standing = {foot.name for foot in shown.standing}
+        for foot in shown.robot.feet.values():
+            lines = self._soles[foot.name]
+            corners = shown.sole(foot)
+            corners[:, 2] += LIFT
+            lines.points = closed(corners).astype(np.float32)
+            colour = ORANGE if foot.name in standing else GREY
+            lines.colors = np.array(colour, dtype=np.uint8)
+        polygon = shown.polygon
+        self._polygon.visible = polygon is not None
+        if polygon is not None:
+            corners = np.column_stack([polygon, np.full(len(polygon), LIFT)])
+            self._polygon.points = closed(corners).astype(np.float32)
+
+
+class ComLayer(Layer):
+    """The CoM, and its projection on the ground."""
+
+    label = "CoM"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._ball = scene.add_icosphere(
+            f"{self.path}/com", 0.016 * size, BLACK, cast_shadow=False, receive_shadow=False
+        )
+        self._foot = scene.add_cylinder(
+            f"{self.path}/projection", 0.012 * size, 0.002, BLACK, cast_shadow=False
+        )
+        self._plumb = scene.add_line_segments(
+            f"{self.path}/plumb", np.zeros((1, 2, 3)), GREY, thickness=0.002 * size
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Put the CoM and what is below it."""
+        com = shown.snapshot.com
+        below = np.array([com[0], com[1], LIFT])
+        self._ball.position = com
+        self._foot.visible = self._plumb.visible = shown.has_ground
+        self._foot.position = below
+        self._plumb.points = np.stack([com, below])[None].astype(np.float32)

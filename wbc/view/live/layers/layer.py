@@ -1,0 +1,72 @@
+"""What all layers of the scene have in common, and the few shapes that they share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from viser import SceneApi
+from viser.transforms import SO3
+
+from wbc.validate import Array
+from wbc.view.live.messages import Cast
+from wbc.view.live.shown import Shown
+
+Colour = tuple[int, int, int]
+# Okabe and Ito's colours, as in the pictures.
+BLACK, ORANGE, SKY, GREEN = (34, 34, 34), (230, 159, 0), (86, 180, 233), (0, 158, 115)
+BLUE, VERMILION, PURPLE, GREY = (0, 114, 178), (213, 94, 0), (204, 121, 167), (138, 143, 152)
+PRINCIPAL = (VERMILION, GREEN, PURPLE)  # the ellipsoid's axes, the longest first
+AROUND = 64  # points of a circle
+
+
+class Layer(ABC):
+    """A part of the scene below one node, which is what is hidden.
+
+    Attributes
+    ----------
+    label:
+        As the page calls it.
+    begins_visible:
+        Whether it is shown at first.
+    """
+
+    label: str
+    begins_visible = True
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        self.scene, self.size = scene, size
+        self.path = "/" + self.label.lower().replace(" ", "_")
+        self.root = scene.add_frame(self.path, show_axes=False, visible=self.begins_visible)
+
+    def cast(self, cast: Cast) -> None:  # noqa: B027 - most layers do not care
+        """Take note of another controller, or other contacts."""
+
+    @abstractmethod
+    def show(self, shown: Shown) -> None:
+        """Draw a frame; called only while the layer is visible."""
+
+
+def wxyz(rotation: Array) -> Array:
+    """Return the quaternion (4,), scalar first, of a rotation (3, 3)."""
+    return np.asarray(SO3.from_matrix(rotation).wxyz)
+
+
+def along(direction: Array) -> Array:
+    """Return the quaternion (4,) of a rotation that turns z into a unit vector."""
+    x, y, z = direction
+    if z < -1.0 + 1e-9:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    half = np.array([1.0 + z, -y, x, 0.0])
+    return half / np.linalg.norm(half)
+
+
+def closed(points: Array) -> Array:
+    """Return the segments (k, 2, 3) of a closed curve through points (k, 3)."""
+    return np.stack([points, np.roll(points, -1, axis=0)], axis=1)
+
+
+def circle() -> Array:
+    """Return points (k, 3) of the unit circle in the x-y plane."""
+    angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+    return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)])

@@ -1,0 +1,155 @@
+"""The reaction mass pendulum: leg, CoP, CMP, ellipsoid, masses, momentum (paper Figs. 4, 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+from viser import SceneApi
+
+from wbc.validate import Array
+from wbc.view.live.layers.layer import (
+    BLACK,
+    BLUE,
+    ORANGE,
+    PRINCIPAL,
+    PURPLE,
+    SKY,
+    Layer,
+    circle,
+    closed,
+    wxyz,
+)
+from wbc.view.live.shown import Shown
+
+THINNEST = 1e-3  # m: a flat ellipsoid is drawn this thick
+AHEAD = 0.5  # s: a momentum arrow shows how far it carries the CoM in this time
+LEVER = 0.25  # of the robot's size: an angular momentum arrow at 1 rad/s of mean angular velocity
+
+
+def sections() -> Array:
+    """Return segments (k, 2, 3) of the unit sphere's three principal circles."""
+    ring = circle()
+    return np.concatenate([closed(np.roll(ring, shift, axis=1)) for shift in range(3)])
+
+
+class EllipsoidLayer(Layer):
+    """The equimomental ellipsoid: of the robot's mass and inertia, uniform."""
+
+    label = "Ellipsoid"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._ball = scene.add_icosphere(
+            f"{self.path}/surface",
+            1.0,
+            BLUE,
+            subdivisions=5,
+            opacity=0.22,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._rings = scene.add_line_segments(
+            f"{self.path}/sections", sections(), BLUE, thickness=1.5, thickness_units="screen"
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Stretch and turn it."""
+        ellipsoid = shown.state.ellipsoid
+        a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
+        for node in (self._ball, self._rings):
+            node.scale = (a, b, c)
+            node.wxyz, node.position = wxyz(ellipsoid.axes), shown.state.com
+
+
+class MassesLayer(Layer):
+    """Six masses M/6, at the same inertia as the robot's."""
+
+    label = "Reaction masses"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._balls = [
+            scene.add_icosphere(
+                f"{self.path}/{k} {sign:+d}", 0.018 * size, colour, cast_shadow=False
+            )
+            for k, colour in enumerate(PRINCIPAL)
+            for sign in (-1, 1)
+        ]
+        self._tracks = scene.add_line_segments(
+            f"{self.path}/tracks",
+            np.zeros((3, 2, 3)),
+            np.repeat(np.array(PRINCIPAL, dtype=np.uint8)[:, None], 2, axis=1),
+            thickness=0.004 * size,
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Put the masses on their tracks."""
+        state = shown.state
+        reach = state.axes.T * state.radii[:, None]  # (3, 3), a row per axis
+        ends = state.com + np.stack([-reach, reach], axis=1)
+        for ball, place in zip(self._balls, ends.reshape(-1, 3), strict=True):
+            ball.position = place
+        self._tracks.points = ends.astype(np.float32)
+
+
+class LegLayer(Layer):
+    """The leg from the CoP to the CoM, the CoP and the CMP; a floating robot has none of them."""
+
+    label = "Leg CoP CMP"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._leg = scene.add_line_segments(
+            f"{self.path}/leg", np.zeros((1, 2, 3)), BLACK, thickness=0.008 * size
+        )
+        disc = {"cast_shadow": False, "receive_shadow": False}
+        self._cop = scene.add_cylinder(f"{self.path}/cop", 0.02 * size, 0.003, ORANGE, **disc)
+        self._cmp = scene.add_cylinder(f"{self.path}/cmp", 0.014 * size, 0.004, PURPLE, **disc)
+        self._names = [
+            scene.add_label(f"{self.path}/{name} name", name, font_screen_scale=0.8)
+            for name in ("CoP", "CMP")
+        ]
+
+    def show(self, shown: Shown) -> None:
+        """Draw them where the ground pushes."""
+        state = shown.state
+        cop, cmp = state.cop, state.cmp
+        known = shown.has_ground and cop is not None and cmp is not None
+        cop_name, cmp_name = self._names
+        self._leg.visible = self._cop.visible = cop_name.visible = known
+        apart = known and not state.quasi_static
+        self._cmp.visible = cmp_name.visible = apart
+        if cop is None or cmp is None:
+            return
+        self._leg.points = np.stack([cop, state.com])[None].astype(np.float32)
+        self._cop.position = cop_name.position = cop
+        self._cmp.position = cmp_name.position = cmp
+        cop_name.text = "CoP (at rest)" if state.quasi_static else "CoP"
+
+
+class MomentumLayer(Layer):
+    """Linear and angular momentum, as arrows from the CoM."""
+
+    label = "Momentum"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._arrows = scene.add_arrows(
+            f"{self.path}/arrows",
+            np.zeros((2, 2, 3)),
+            np.array([SKY, PURPLE], dtype=np.uint8),
+            shaft_radius=0.006 * size,
+            head_radius=0.015 * size,
+            head_length=0.035 * size,
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Draw where the momentum carries the CoM, and about which axis the robot turns."""
+        state = shown.state
+        ways = np.stack(
+            [AHEAD * state.com_velocity, LEVER * self.size * state.average_angular_velocity]
+        )
+        long = np.linalg.norm(ways, axis=1) > 0.02 * self.size
+        self._arrows.visible = bool(long.any())
+        # An arrow of no length would be all head: it hides inside the CoM's ball.
+        ways[~long] = 0.0
+        self._arrows.points = np.stack([np.broadcast_to(state.com, (2, 3)), state.com + ways], 1)

@@ -1,0 +1,104 @@
+"""The robot: its visual shapes, or its collision shapes if those cannot be read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from viser import SceneApi
+from viser.transforms import SO3
+
+from wbc.errors import ModelError
+from wbc.robot import Robot
+from wbc.robot.collision import robot_bodies
+from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
+from wbc.validate import Array
+from wbc.view.live.layers.layer import GREY, Layer
+from wbc.view.live.layers.solids import surface_of
+from wbc.view.live.shown import Shown
+
+PALE = 0.92  # the brightest that a shape is drawn: white would have no shading
+
+
+class RobotShapes:
+    """The shapes of a robot in the frames of the joints that move them.
+
+    Attributes
+    ----------
+    shapes:
+        Index of the joint, and the mesh in its frame.
+    note:
+        What is shown instead of the visual shapes, and why; or nothing.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.note = ""
+        self.shapes: Sequence[tuple[int, Mesh]] = ()
+        try:
+            self.shapes = RobotMeshes(robot).in_joint_frames
+        except ModelError as error:
+            self.note = f"visual shapes cannot be read: {error}"
+        if not self.shapes:
+            self.shapes = self._simple(robot)
+
+    def _simple(self, robot: Robot) -> Sequence[tuple[int, Mesh]]:
+        try:
+            bodies = robot_bodies(robot)
+        except ModelError as error:
+            self.note += f"; no shapes to draw: {error}"
+            return ()
+        self.note = f"collision shapes are drawn; {self.note or 'there are no visual ones'}"
+        grey = (GREY[0] / 255.0, GREY[1] / 255.0, GREY[2] / 255.0)
+        made = [(body, surface_of(body.shape)) for body in bodies]
+        return [
+            (body.joint, Mesh(body.link, surface.vertices, surface.faces, grey))
+            for body, surface in made
+        ]
+
+    def extent(self, robot: Robot, q: Array) -> tuple[Array, Array]:
+        """Return the lowest and the highest corner (3,) of all shapes at ``q`` [m]."""
+        rotations, origins = joint_placements(robot, q)
+        corners = [
+            mesh.vertices @ rotations[joint].T + origins[joint] for joint, mesh in self.shapes
+        ]
+        points = np.concatenate([*corners, robot.snapshot(q).com[None]])
+        return points.min(axis=0), points.max(axis=0)
+
+
+class RobotLayer(Layer):
+    """The robot where it is."""
+
+    label = "Robot"
+
+    def __init__(self, scene: SceneApi, size: float, robot: Robot, shapes: RobotShapes) -> None:
+        super().__init__(scene, size)
+        self._robot = robot
+        self._joints = sorted({joint for joint, _ in shapes.shapes})
+        self._nodes = [
+            scene.add_frame(f"{self.path}/{joint}", show_axes=False) for joint in self._joints
+        ]
+        self._meshes = [
+            scene.add_mesh_simple(
+                f"{self.path}/{joint}/{number} {mesh.name}",
+                mesh.vertices,
+                mesh.faces,
+                color=tuple(round(255.0 * min(part, PALE)) for part in mesh.colour),
+                flat_shading=True,
+                side="double",
+            )
+            for number, (joint, mesh) in enumerate(shapes.shapes)
+        ]
+
+    def show(self, shown: Shown) -> None:
+        """Move the links."""
+        rotations, origins = joint_placements(self._robot, shown.frame.q)
+        quaternions = np.asarray(SO3.from_matrix(rotations[self._joints]).wxyz)
+        for node, quaternion, origin in zip(
+            self._nodes, quaternions, origins[self._joints], strict=True
+        ):
+            node.wxyz, node.position = quaternion, origin
+
+    def set_opacity(self, opacity: float) -> None:
+        """Make the robot transparent, 0, to solid, 1."""
+        for mesh in self._meshes:
+            mesh.opacity = None if opacity >= 1.0 else opacity

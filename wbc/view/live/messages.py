@@ -1,0 +1,197 @@
+"""What the control process tells the page, and what the page asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.robot import Robot
+from wbc.robot.collision import Body, Shape
+from wbc.validate import Array
+
+# ---------------------------------------------------------------------- to the page
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Once, before anything else.
+
+    Attributes
+    ----------
+    clock:
+        Whether the loop can be paused, stepped, slowed down and begun again.
+    """
+
+    robot: Robot
+    title: str
+    clock: bool
+
+
+class TaskInfo(NamedTuple):
+    """A task as the page knows it.
+
+    Attributes
+    ----------
+    kind:
+        ``com``, ``position``, ``orientation``, ``pose``, ``axis``, ``inertia``, ``principal`` or
+        ``other``.
+    frame:
+        The frame it moves, or in whose axes its inertia is.
+    axis:
+        (3,) of ``axis``, in the frame's axes.
+    units:
+        Of the entries of its error.
+    """
+
+    name: str
+    kind: str
+    frame: str
+    rows: tuple[str, ...]
+    units: tuple[str, ...]
+    axis: Array | None = None
+
+
+class ContactInfo(NamedTuple):
+    """A frame that is held; ``friction`` is None where none is asked for."""
+
+    frame: str
+    friction: float | None
+
+
+class PairsInfo(NamedTuple):
+    """The bodies that a constraint keeps apart.
+
+    Attributes
+    ----------
+    pairs:
+        (N, 2) indices of bodies.
+    margins:
+        (N,) distance that each pair keeps [m].
+    obstacles:
+        Names and shapes of the last bodies, which do not hang on the robot.
+    """
+
+    name: str
+    bodies: tuple[Body, ...]
+    pairs: NDArray[np.int64]
+    margins: Array
+    obstacles: tuple[tuple[str, Shape], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """Who plays: again whenever the controller, its contacts or its constraints change."""
+
+    dt: float
+    tasks: tuple[TaskInfo, ...]
+    contacts: tuple[ContactInfo, ...]
+    pairs: tuple[PairsInfo, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a tick says of itself.
+
+    Attributes
+    ----------
+    seconds:
+        The tick's time, of which ``solve`` was spent in the solver.
+    active:
+        Rows that hold the command back, the strongest first.
+    at_limit:
+        Joints at a bound of their velocity (their range, with braking distance, or their rate),
+        with ``lower`` or ``upper``.
+    relaxed:
+        What gave way, and by how much.
+    forces:
+        (6,) wrench at each contact's frame, world axes, by contact; empty at the velocity level.
+    acceleration:
+        (nv,), or None at the velocity level.
+    """
+
+    ok: bool
+    report: str
+    seconds: float
+    solve: float
+    step_scale: float
+    errors: Mapping[str, Array]
+    active: tuple[str, ...]
+    at_limit: tuple[str, ...]
+    relaxed: Mapping[str, float]
+    forces: Mapping[str, Array]
+    acceleration: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The robot at one instant.
+
+    Attributes
+    ----------
+    time:
+        [s].
+    targets:
+        Target of each task, by name: position; rotation; position and rotation; direction; inertia
+        xx xy xz yy yz zz or principal moments [kg m^2].
+    obstacles:
+        Rotation and origin of each obstacle, by its name.
+    remark:
+        What the user should know, such as the phase; or why the loop ended.
+    """
+
+    time: float
+    q: Array
+    v: Array
+    told: Told | None = None
+    targets: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
+    obstacles: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    remark: str = ""
+    playing: bool = True
+
+
+# ---------------------------------------------------------------------- from the page
+
+
+class SetTarget(NamedTuple):
+    """Give a task another target, in the form of :attr:`Frame.targets`."""
+
+    task: str
+    target: tuple[Array, ...]
+
+
+class SetWeight(NamedTuple):
+    """Multiply a task's weight by a factor."""
+
+    task: str
+    factor: float
+
+
+class Release(NamedTuple):
+    """Give all targets and weights back to who set them before."""
+
+
+class Play(NamedTuple):
+    """Go on, or pause."""
+
+    playing: bool
+
+
+class Step(NamedTuple):
+    """Do one tick, and pause."""
+
+
+class Speed(NamedTuple):
+    """Run this many times as fast as real time; 0: as fast as can be."""
+
+    factor: float
+
+
+class Restart(NamedTuple):
+    """Begin again."""
+
+
+Request = SetTarget | SetWeight | Release | Play | Step | Speed | Restart

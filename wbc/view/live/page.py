@@ -1,0 +1,182 @@
+"""The page: receives frames, draws the one that is looked at, and hands on what the user wants.
+
+One thread draws. What the user does is answered by viser's threads, which only take note of it or
+send it on.
+"""
+
+from __future__ import annotations
+
+import pickle
+import threading
+import time
+import traceback
+from multiprocessing.connection import Connection
+
+import numpy as np
+import viser
+
+from wbc.view.live.controls import Controls
+from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
+from wbc.view.live.layers.layer import Layer
+from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
+from wbc.view.live.layers.robot import RobotLayer, RobotShapes
+from wbc.view.live.messages import Cast, Frame, Request, Setup
+from wbc.view.live.panel import Panel
+from wbc.view.live.process import Failed, Place, Ready
+from wbc.view.live.recording import Recording
+from wbc.view.live.shown import Shown
+
+PERIOD = 1.0 / 40.0  # s between looks at what has come
+PANEL_PERIOD = 0.15  # s between changes of the numbers: faster cannot be read
+AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in sizes of the robot
+
+
+class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
+    """A server that nobody can ask to open a tunnel to the internet."""
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Refuse."""
+        return None
+
+
+class Page:
+    """The scene, the panel, and what is shown in them."""
+
+    def __init__(self, setup: Setup, place: Place, pipe: Connection) -> None:
+        self._pipe, self._sending = pipe, threading.Lock()
+        self._robot = setup.robot
+        self._recording = Recording()
+        self._cast: Cast | None = None
+        self._drawn: tuple[Frame, Cast | None] | None = None
+        self._drawn_cast: Cast | None = None
+        self._layers_changed = False
+        self._last: Shown | None = None
+        self._panel_at = self._controls_at = 0.0
+        self.server = Server(place.host, place.port, label=setup.title, verbose=False)
+        shapes = RobotShapes(self._robot)
+        q = self._robot.posture()
+        low, high = shapes.extent(self._robot, q)
+        size = float(np.max(high - low))
+        self._set_camera(0.5 * (low + high), size)
+        self._build_gui(setup, shapes, size)
+
+    def _set_camera(self, centre: np.ndarray, size: float) -> None:
+        way = np.array(
+            [
+                np.cos(ELEVATION) * np.cos(AZIMUTH),
+                np.cos(ELEVATION) * np.sin(AZIMUTH),
+                np.sin(ELEVATION),
+            ]
+        )
+        camera = self.server.initial_camera
+        camera.look_at = centre
+        camera.position = centre + DISTANCE * size * way
+        camera.near, camera.far = 0.02 * size, 60.0 * size
+
+    def _build_gui(self, setup: Setup, shapes: RobotShapes, size: float) -> None:
+        scene, gui = self.server.scene, self.server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        robot = RobotLayer(scene, size, self._robot, shapes)
+        self._layers: list[Layer] = [
+            robot,
+            GroundLayer(scene, size),
+            SupportLayer(scene, size, self._robot),
+            ComLayer(scene, size),
+            LegLayer(scene, size),
+            EllipsoidLayer(scene, size),
+            MassesLayer(scene, size),
+            MomentumLayer(scene, size),
+        ]
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Run"):
+            self._controls = Controls(gui, self.send, setup.clock)
+            self._panel = Panel(gui, shapes.note)
+        with tabs.add_tab("Layers"):
+            opacity = gui.add_slider("Robot opacity", 0.1, 1.0, 0.05, 1.0)
+            opacity.on_update(lambda event: robot.set_opacity(event.target.value))
+            for layer in self._layers:
+                self._add_checkbox(layer)
+
+    def _add_checkbox(self, layer: Layer) -> None:
+        box = self.server.gui.add_checkbox(layer.label, layer.begins_visible)
+
+        def toggle(_: object) -> None:
+            layer.root.visible = box.value
+            self._layers_changed = True
+
+        box.on_update(toggle)
+
+    def send(self, request: Request) -> None:
+        """Send on what the user wants."""
+        with self._sending:
+            self._pipe.send(request)
+
+    # ------------------------------------------------------------------ the one that draws
+
+    def run(self) -> None:
+        """Receive and draw until the pipe closes."""
+        while True:
+            if self._pipe.poll(PERIOD):
+                while self._pipe.poll():
+                    self.receive(self._pipe.recv())
+            self.draw()
+
+    def receive(self, message: Frame | Cast) -> None:
+        """Take note of a message."""
+        if isinstance(message, Cast):
+            self._cast = message
+        else:
+            self._recording.add(message, self._cast)
+
+    def draw(self) -> None:
+        """Draw the frame that is looked at, if it is not yet drawn."""
+        now, latest = time.monotonic(), self._recording.latest
+        if latest is None:
+            return
+        if now - self._controls_at > PERIOD:
+            elapsed, self._controls_at = min(now - self._controls_at, 0.2), now
+            self._controls.show(self._recording, latest[0].playing, elapsed)
+        past = self._controls.past
+        wanted = latest if past is None else self._recording.at(past)
+        if wanted is None or (wanted is self._drawn and not self._layers_changed):
+            self._write_panel(now)
+            return
+        self._drawn, self._layers_changed = wanted, False
+        frame, cast = wanted
+        previous = None if self._last is None else self._last.state
+        shown = Shown(self._robot, frame, cast, previous)
+        with self.server.atomic():
+            if cast is not None and cast is not self._drawn_cast:
+                self._drawn_cast = cast
+                for layer in self._layers:
+                    layer.cast(cast)
+            for layer in self._layers:
+                if layer.root.visible:
+                    layer.show(shown)
+        self._last = shown
+        self._write_panel(now)
+
+    def _write_panel(self, now: float) -> None:
+        if self._last is not None and now - self._panel_at > PANEL_PERIOD:
+            self._panel_at = now
+            self._panel.show(self._last, ())
+
+
+def main(descriptor: int) -> None:
+    """Serve the page until the pipe closes; run in a process of its own."""
+    with Connection(descriptor) as pipe:
+        place, setup = pickle.loads(pipe.recv_bytes()), pickle.loads(pipe.recv_bytes())
+        try:
+            page = Page(setup, place, pipe)
+            port = page.server.get_port()
+            if place.exact and port != place.port:
+                pipe.send(Failed(f"port {place.port} was taken in the meantime"))
+                return
+            pipe.send(Ready(port))
+            page.run()
+        except (EOFError, OSError):
+            return  # the one who started us has ended
+        except BaseException as error:
+            traceback.print_exc()
+            pipe.send(Failed(f"{type(error).__name__}: {error}"))
+            raise

@@ -1,0 +1,107 @@
+"""The panel of numbers: time, tick, errors, and what holds the command back, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+import numpy as np
+from viser import GuiApi
+
+from wbc.view.live.messages import Frame, Told
+from wbc.view.live.shown import Shown
+
+LISTED = 6  # names under a heading
+_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.9em 0.4em;font-variant-numeric:tabular-nums"
+_HEAD = "margin-top:0.5em;font-weight:600;color:#555"
+_NONE = "<span style='color:#999'>none</span>"
+_BAD, _WARN = "#c92a2a", "#b35900"
+
+
+class Panel:
+    """What the page says of the frame that is shown."""
+
+    def __init__(self, gui: GuiApi, note: str) -> None:
+        self._html = gui.add_html("")
+        self._note = note
+
+    def show(self, shown: Shown, nearest: Iterable[str]) -> None:
+        """Write the numbers of a frame."""
+        frame, told = shown.frame, shown.frame.told
+        parts = [_line("time", f"{frame.time:.3f} s"), _remark(frame), _remark_of(self._note)]
+        if shown.cast is not None:
+            parts.append(_line("held", escape(", ".join(shown.held) or "nothing")))
+        if told is not None:
+            budget = None if shown.cast is None else shown.cast.dt
+            parts += [_tick(told, budget), _status(told)]
+            parts += [_heading("Errors"), _errors(shown, told)]
+            parts += [_heading("Constraints that hold back"), _names(told.active)]
+            parts += [_heading("Joint limits that hold back"), _names(told.at_limit)]
+            if told.relaxed:
+                parts += [_heading("Gave way"), _relaxed(told)]
+        listed = list(nearest)
+        if listed:
+            parts += [_heading("Nearest pairs"), _names(listed)]
+        self._html.content = f"<div style='{_STYLE}'>{''.join(parts)}</div>"
+
+
+def _line(name: str, value: str) -> str:
+    return (
+        "<div style='display:flex;justify-content:space-between;gap:1em'>"
+        f"<span style='color:#555'>{name}</span><span style='text-align:right'>{value}</span></div>"
+    )
+
+
+def _heading(text: str) -> str:
+    return f"<div style='{_HEAD}'>{text}</div>"
+
+
+def _remark(frame: Frame) -> str:
+    return _remark_of(frame.remark)
+
+
+def _remark_of(text: str) -> str:
+    return f"<div style='color:{_WARN}'>{escape(text)}</div>" if text else ""
+
+
+def _tick(told: Told, budget: float | None) -> str:
+    text = f"{1e3 * told.seconds:.2f} ms (solver {1e3 * told.solve:.2f})"
+    if budget is None:
+        return _line("tick", text)
+    colour = _BAD if told.seconds > budget else "inherit"
+    return _line("tick", f"<span style='color:{colour}'>{text} of {1e3 * budget:.3g}</span>")
+
+
+def _status(told: Told) -> str:
+    if not told.ok:
+        return f"<div style='color:{_BAD}'>{escape(told.report)}</div>"
+    scaled = f", {100.0 * told.step_scale:.0f} % commanded" if told.step_scale < 1.0 else ""
+    return _line("QP", f"solved{scaled}")
+
+
+def _errors(shown: Shown, told: Told) -> str:
+    units = {}
+    if shown.cast is not None:
+        units = {task.name: _unit(task.units) for task in shown.cast.tasks}
+    lines = [
+        _line(escape(name), f"{np.linalg.norm(error):.3g} {escape(units.get(name, ''))}")
+        for name, error in told.errors.items()
+    ]
+    return "".join(lines) or _NONE
+
+
+def _unit(units: tuple[str, ...]) -> str:
+    return units[0] if len(set(units)) == 1 else ""
+
+
+def _names(names: Iterable[str]) -> str:
+    names = list(names)
+    lines = [f"<div>{escape(name)}</div>" for name in names[:LISTED]]
+    if len(names) > LISTED:
+        lines.append(f"<div style='color:#999'>and {len(names) - LISTED} more</div>")
+    return "".join(lines) or _NONE
+
+
+def _relaxed(told: Told) -> str:
+    worst = sorted(told.relaxed.items(), key=lambda one: -abs(one[1]))
+    return _names(f"{name}: {by:.3g}" for name, by in worst)

@@ -1,0 +1,154 @@
+"""The page's own process: how it is started, and the pipe to it.
+
+It is started as a program, not by ``multiprocessing``, so that a script needs no ``if __name__ ==
+"__main__"`` guard. It ends when the pipe closes, that is, with the process that started it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import socket
+import subprocess
+import sys
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple
+
+from wbc.errors import InvalidInputError, WbcError
+
+HOST, PORT = "127.0.0.1", 8080
+TRIED = 50  # ports from the default on, if none was asked for
+SECONDS = 60.0  # for the page to start: it loads the robot's meshes later
+
+_PROGRAM = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[2]); "
+    "from wbc.view.live.page import main; main(int(sys.argv[1]))"
+)
+
+
+class Place(NamedTuple):
+    """Where the page is to be served; another port will do unless it is ``exact``."""
+
+    host: str
+    port: int
+    exact: bool = False
+
+
+class Ready(NamedTuple):
+    """The page is served, at this port."""
+
+    port: int
+
+
+class Failed(NamedTuple):
+    """The page could not be served, or has ended."""
+
+    reason: str
+
+
+def require_viser() -> None:
+    """Raise WbcError if viser is not installed."""
+    if find_spec("viser") is None:
+        raise WbcError("the live viewer needs viser; install it with: pip install 'wbc[view]'")
+
+
+def free_place(host: str, port: int | None) -> Place:
+    """Return where a page can be served; the first free port from the default on if None.
+
+    Raises
+    ------
+    InvalidInputError
+        The port is in use or not allowed, or there is no such host.
+    """
+    if port is not None:
+        reason = _taken(host, port)
+        if reason:
+            raise InvalidInputError(f"viewer: cannot serve on {host}:{port}: {reason}")
+        return Place(host, port, exact=True)
+    for candidate in range(PORT, PORT + TRIED):
+        reason = _taken(host, candidate)
+        if not reason:
+            return Place(host, candidate)
+    raise InvalidInputError(
+        f"viewer: cannot serve on {host}, ports {PORT} to {PORT + TRIED - 1}: {reason}"
+    )
+
+
+def _taken(host: str, port: int) -> str:
+    """Return why nothing can be served there, or nothing."""
+    if not 0 < port < 65536:
+        return "a port is a number from 1 to 65535"
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as tried:
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            tried.bind((host, port))
+    except OSError as error:
+        return f"{error.strerror or error}; choose another host or port"
+    return ""
+
+
+class PageProcess:
+    """A running page, and the pipe to it.
+
+    Attributes
+    ----------
+    port:
+        Where it is served.
+
+    Raises
+    ------
+    WbcError
+        The page did not start; the message says why.
+    """
+
+    def __init__(self, place: Place, setup: object) -> None:
+        ours, theirs = socket.socketpair()
+        path = json.dumps([entry or os.getcwd() for entry in sys.path])
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _PROGRAM, str(theirs.fileno()), path],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C is for the control process
+            )
+        self._pipe = Connection(ours.detach())
+        self.send(place)
+        self.send(setup)
+        answer = self._pipe.recv() if self._pipe.poll(SECONDS) else Failed("it did not answer")
+        if not isinstance(answer, Ready):
+            self.close()
+            raise WbcError(f"viewer: the page did not start: {getattr(answer, 'reason', answer)}")
+        self.port = answer.port
+
+    def send(self, message: object) -> None:
+        """Send a message; waits while the pipe is full.
+
+        Raises
+        ------
+        OSError
+            The page has ended.
+        """
+        self._pipe.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
+
+    def receive(self) -> Any:
+        """Return the next message; waits for it.
+
+        Raises
+        ------
+        OSError, EOFError
+            The page has ended.
+        """
+        return self._pipe.recv()
+
+    def close(self) -> None:
+        """End the page."""
+        self._pipe.close()
+        try:
+            self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

@@ -1,0 +1,136 @@
+"""A problem that runs for as long as somebody looks at it: paced, paused, steered, begun again."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from wbc.controllers import Controller
+from wbc.controllers.closed_loop import LoopTick, closed_loop
+from wbc.errors import InvalidInputError
+from wbc.robot import Snapshot
+from wbc.view.live.clock import LOOK, Clock
+from wbc.view.live.viewer import Viewer
+
+if TYPE_CHECKING:
+    from wbc.problem.problem import Problem
+
+FOR_EVER = 10**9  # ticks
+WAITING = "the run has ended; Restart begins it again"
+
+
+class Session:
+    """Runs a problem in a closed loop and shows it, until the page ends or the user interrupts.
+
+    The loop goes on when the problem's time is over: its controller holds what it has reached and
+    follows what the user drags.
+
+    Parameters
+    ----------
+    problem:
+        See :func:`checked`.
+
+    Attributes
+    ----------
+    ticks:
+        How many there were.
+    """
+
+    def __init__(self, problem: Problem, viewer: Viewer, clock: Clock | None = None) -> None:
+        self._problem, self._viewer = problem, viewer
+        self.clock = clock or Clock()
+        self.ticks = 0
+
+    def run(self, ticks: int | None = None) -> None:
+        """Run until the page ends, or for so many ticks."""
+        last = FOR_EVER if ticks is None else self.ticks + ticks
+        while self.ticks < last and not self._viewer.error:
+            now, remark = self._run_once(last)
+            if self.ticks < last and not self.clock.restart:
+                self._wait_for_restart(now, remark)
+            self.clock.restart = False
+
+    def _run_once(self, last: int) -> tuple[LoopTick | None, str]:
+        """Run from the start until the loop ends, and return its last tick and why it ended."""
+        viewer, phases = self._viewer, self._problem.executor()
+
+        def update(tick: int, snapshot: Snapshot) -> Controller | None:
+            controller = phases.update(tick, snapshot)
+            if controller is not None:
+                viewer.controller = controller
+                viewer.steer()
+            return controller
+
+        now: LoopTick | None = None
+        remark = ""
+        for now in closed_loop(phases.controller, self._problem.parts.start, FOR_EVER, update):
+            self.ticks += 1
+            phase = phases.standing.phase
+            remark = f"phase {phase}" if phase else ""
+            self._show(now, remark)
+            if self.ticks >= last or not self._wait(now, remark):
+                return now, remark
+        complaint = phases.complaint or (now.tick.report() if now is not None else "")
+        return now, f"{complaint}; {WAITING}"
+
+    def _show(self, now: LoopTick, remark: str) -> None:
+        self._viewer.update(
+            now.snapshot,
+            now.tick,
+            now.time,
+            seconds=now.seconds,
+            remark=remark,
+            playing=self.clock.playing,
+        )
+
+    def _wait(self, now: LoopTick, remark: str) -> bool:
+        """Wait until the next tick is due; False if there is to be none."""
+        viewer, clock = self._viewer, self.clock
+        while not viewer.error:
+            changed = self._take_requests()
+            left = clock.remaining(self._problem.spec.controller.dt)
+            if not left:
+                return not clock.restart
+            if changed:  # so that the page shows targets and buttons as they are now
+                self._show(now, remark)
+            time.sleep(left)
+        return False
+
+    def _wait_for_restart(self, now: LoopTick | None, remark: str) -> None:
+        while not self._viewer.error and not self.clock.restart:
+            self._take_requests()
+            if now is not None:
+                self._show(now, remark)
+            time.sleep(LOOK)
+
+    def _take_requests(self) -> bool:
+        """Do what the user wants; True if there was anything."""
+        found = self._viewer.has_wishes
+        while (request := self._viewer.next_request()) is not None:
+            self.clock.receive(request)
+            found = True
+        return found
+
+
+def checked(problem: object) -> Problem:
+    """Return a problem that has a controller to show while it runs.
+
+    Raises
+    ------
+    InvalidInputError
+        A pendulum's problem, or a search for a posture.
+    """
+    from wbc.problem.controller_spec import GlobalSpec
+    from wbc.problem.problem import Problem
+
+    if not isinstance(problem, Problem):
+        raise InvalidInputError(
+            "the viewer shows robots, and this is a pendulum's problem; draw it with:"
+            " wbc run --plot"
+        )
+    if isinstance(problem.spec.controller, GlobalSpec):
+        raise InvalidInputError(
+            "method global searches first and moves then: there is no controller to steer; watch"
+            " the motion with: wbc run --view"
+        )
+    return problem

@@ -1,0 +1,80 @@
+"""What is known of the frame that is being shown: computed once, drawn by many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from wbc.constraints.com_support import support_polygon
+from wbc.reduction import RmpState, reduce
+from wbc.rmp.ground import Wrench
+from wbc.robot import Foot, Robot, Snapshot
+from wbc.validate import Array
+from wbc.view.live.messages import Cast, Frame
+
+FLAT = 2e-3  # m: a sole whose corners are this near to the ground stands on it
+
+
+class Shown:
+    """A frame with the robot's snapshot and its pendulum; computed when first asked for."""
+
+    def __init__(
+        self, robot: Robot, frame: Frame, cast: Cast | None, previous: RmpState | None = None
+    ) -> None:
+        self.robot, self.frame, self.cast = robot, frame, cast
+        self._previous = previous
+
+    @cached_property
+    def snapshot(self) -> Snapshot:
+        """The robot's state."""
+        return self.robot.snapshot(self.frame.q, self.frame.v)
+
+    @cached_property
+    def forces(self) -> Mapping[str, Array]:
+        """Wrenches (6,) of the contacts, by frame; empty at the velocity level."""
+        return {} if self.frame.told is None else self.frame.told.forces
+
+    @cached_property
+    def wrenches(self) -> list[Wrench]:
+        """The same with the points they act at."""
+        return [(self.snapshot.position(name), wrench) for name, wrench in self.forces.items()]
+
+    @cached_property
+    def state(self) -> RmpState:
+        """The reaction mass pendulum: of the contact forces if they are known, else at rest."""
+        feet = [foot.name for foot in self.standing] or None
+        return reduce(
+            self.snapshot, feet=feet, wrenches=self.wrenches or None, previous=self._previous
+        )
+
+    @cached_property
+    def held(self) -> tuple[str, ...]:
+        """Frames that are held."""
+        return () if self.cast is None else tuple(one.frame for one in self.cast.contacts)
+
+    @cached_property
+    def standing(self) -> list[Foot]:
+        """The feet that are held; without a controller those whose soles are on the ground."""
+        feet = self.robot.feet.values()
+        if self.cast is None:
+            return [foot for foot in feet if np.abs(self.sole(foot)[:, 2]).max() < FLAT]
+        return [foot for foot in feet if {foot.frame, foot.link} & set(self.held)]
+
+    @cached_property
+    def has_ground(self) -> bool:
+        """Whether anything stands; a floating robot has no leg and no CoP."""
+        return bool(self.standing or self.forces)
+
+    @cached_property
+    def polygon(self) -> Array | None:
+        """Corners (k, 2) of the support polygon; None if no foot stands."""
+        names = [foot.name for foot in self.standing]
+        return support_polygon(self.snapshot, names) if names else None
+
+    def sole(self, foot: Foot) -> Array:
+        """Return the corners (k, 3) of a foot's sole."""
+        flat = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
+        rotation, origin = self.snapshot.rotation(foot.frame), self.snapshot.position(foot.frame)
+        return np.asarray(flat @ rotation.T + origin)

@@ -1,0 +1,117 @@
+"""Reads off a controller and its tick what the page is told; the sender's work, not the loop's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from wbc.constraints import Contact, Obstacles, SelfCollision
+from wbc.controllers import Controller, Tick
+from wbc.tasks import (
+    AxisTask,
+    ComTask,
+    InertiaTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PrincipalInertiaTask,
+    Task,
+)
+from wbc.validate import Array
+from wbc.view.live.messages import Cast, ContactInfo, PairsInfo, TaskInfo, Told
+
+KINDS: Mapping[type[Task], str] = {
+    ComTask: "com",
+    PositionTask: "position",
+    OrientationTask: "orientation",
+    PoseTask: "pose",
+    AxisTask: "axis",
+    InertiaTask: "inertia",
+    PrincipalInertiaTask: "principal",
+}
+# A multiplier of a bound below this part of the largest is what solvers leave.
+ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
+
+
+def cast_of(controller: Controller) -> Cast:
+    """Return what does not change while a controller keeps its contacts."""
+    held = (one for one in controller.contacts if isinstance(one, Contact))
+    margins = (_pairs(one) for one in controller.constraints)
+    return Cast(
+        dt=controller.dt,
+        tasks=tuple(_task(task) for task in controller.tasks),
+        contacts=tuple(ContactInfo(one.frame, getattr(one, "friction", None)) for one in held),
+        pairs=tuple(one for one in margins if one is not None),
+    )
+
+
+def _kind(task: Task) -> str:
+    return next((kind for type_, kind in KINDS.items() if isinstance(task, type_)), "other")
+
+
+def _task(task: Task) -> TaskInfo:
+    frame, axis = str(getattr(task, "frame", "")), getattr(task, "axis", None)
+    return TaskInfo(task.name, _kind(task), frame, task.rows, task.units, axis)
+
+
+def _pairs(constraint: object) -> PairsInfo | None:
+    if isinstance(constraint, SelfCollision):
+        model = constraint.model
+        return PairsInfo(constraint.name, model.bodies, model.pairs, constraint.margins, ())
+    if isinstance(constraint, Obstacles):
+        model = constraint.model
+        margins = np.full(len(model.pairs), constraint.margin)
+        shapes = tuple((one.name, one.shape) for one in constraint.obstacles)
+        return PairsInfo(constraint.name, model.bodies, model.pairs, margins, shapes)
+    return None
+
+
+def targets_of(controller: Controller) -> dict[str, tuple[Array, ...]]:
+    """Return the targets of the tasks whose kind the page knows, by name."""
+    found = dict[str, tuple[Array, ...]]()
+    for task in controller.tasks:
+        if isinstance(task, PoseTask):
+            found[task.name] = task.position, task.rotation
+        elif _kind(task) != "other":
+            found[task.name] = (task.target,)
+    return found
+
+
+def obstacles_of(controller: Controller) -> dict[str, tuple[Array, Array]]:
+    """Return where the obstacles are: rotation and origin, by name."""
+    known = (one for one in controller.constraints if isinstance(one, Obstacles))
+    return {one.name: (one.rotation, one.origin) for around in known for one in around.obstacles}
+
+
+def told_of(tick: Tick, seconds: float | None = None) -> Told:
+    """Return what a tick says of itself; ``seconds`` includes what the tick does not know of."""
+    acceleration = getattr(tick, "acceleration", None)
+    return Told(
+        ok=tick.ok,
+        report="solved" if tick.ok else tick.report(),
+        seconds=tick.times.total if seconds is None else seconds,
+        solve=tick.times.solve,
+        step_scale=tick.step_scale,
+        errors=tick.errors,
+        active=tick.active,
+        at_limit=_at_limit(tick),
+        relaxed={name: by for name, by in tick.slack.items() if abs(by) > NEGLIGIBLE},
+        forces=dict(getattr(tick, "forces", None) or {}),
+        acceleration=acceleration,
+    )
+
+
+def _at_limit(tick: Tick) -> tuple[str, ...]:
+    """Return the joints whose velocity a bound holds back, the strongest first."""
+    if not tick.ok:
+        return ()
+    pull = tick.solution.z_box[: tick.velocity.size]
+    least = max(NEGLIGIBLE, ACTIVE * float(np.abs(tick.solution.z_box).max(initial=0.0)))
+    names = tick.qp.labels.variables
+    strongest = np.argsort(-np.abs(pull))
+    return tuple(
+        f"{names[k]} {'upper' if pull[k] > 0.0 else 'lower'}"
+        for k in strongest.tolist()
+        if abs(pull[k]) > least
+    )

@@ -1,0 +1,266 @@
+"""The viewer as a program uses it: a robot, and the ticks of its controller, shown in a browser."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+import time
+from collections import deque
+from types import TracebackType
+from typing import NamedTuple
+
+from numpy.typing import ArrayLike
+
+from wbc.controllers import Controller, Tick
+from wbc.controllers.parts import check_parts
+from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
+from wbc.view.live.mailbox import Mailbox
+from wbc.view.live.messages import Frame, Release, Request, SetTarget, Setup, SetWeight
+from wbc.view.live.process import HOST, Failed, PageProcess, free_place, require_viser
+from wbc.view.live.steering import Steering
+from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of
+
+PERIOD = 1.0 / 30.0  # s between frames
+CLOSING = 2.0  # s to wait for the threads
+
+
+class News(NamedTuple):
+    """What the loop leaves for the sender: references only."""
+
+    time: float
+    snapshot: Snapshot
+    tick: Tick | None
+    controller: Controller | None
+    seconds: float | None
+    remark: str
+    playing: bool
+
+
+class Viewer:
+    """Shows a robot in a web browser while a program moves it.
+
+        viewer = wbc.view.Viewer(robot)       # prints where to look
+        viewer.show(q)                        # a configuration
+        viewer.update(snapshot, tick)         # in a control loop, once per tick
+
+    The page is served by a process of its own. :meth:`update` stores one reference and never
+    waits; about thirty times a second the latest is sent, and what came between is dropped. The
+    page may be closed, reloaded or opened twice: the loop does not notice.
+
+    Parameters
+    ----------
+    controller:
+        Whose targets and weights the page may change; :meth:`update` applies the changes, so they
+        come between ticks. Without one the page shows and changes nothing.
+    host, port:
+        Where the page is served. Only this machine can open it unless another host is given;
+        whoever opens it may steer. By default the first free port from 8080 on.
+    title:
+        Of the page.
+
+    Attributes
+    ----------
+    url:
+        Where to look.
+    error:
+        Why the page has ended, if it has; the loop goes on all the same.
+
+    Raises
+    ------
+    WbcError
+        viser is not installed.
+    InvalidInputError
+        No robot, a controller of another robot, or a port that is in use.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        controller: Controller | None = None,
+        *,
+        host: str = HOST,
+        port: int | None = None,
+        title: str | None = None,
+        clock: bool = False,
+        quiet: bool = False,
+    ) -> None:
+        require_viser()
+        check_robot("Viewer", robot)
+        if controller is not None:
+            check_parts(robot, controller.tasks, controller.contacts, None, ())
+        place = free_place(host, port)
+        self.robot, self.controller = robot, controller
+        self.steering = Steering()
+        self.error = ""
+        self._mailbox = Mailbox[News]()
+        self._wishes = deque[SetTarget | SetWeight | Release]()
+        self._requests = deque[Request]()
+        self._closed = threading.Event()
+        self._began: float | None = None
+        self._page = PageProcess(place, Setup(robot, title or robot.name, clock))
+        self.url = f"http://{'localhost' if host == HOST else host}:{self._page.port}"
+        self._threads = [
+            threading.Thread(target=work, name=f"wbc viewer: {work.__name__[1:]}", daemon=True)
+            for work in (self._send, self._listen)
+        ]
+        for thread in self._threads:
+            thread.start()
+        if not quiet:
+            print(f"viewer: {self.url}", flush=True)
+
+    def __repr__(self) -> str:
+        return f"Viewer({self.robot.name}, {self.url})"
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ for the loop
+
+    def show(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
+        """Show a configuration (nq,).
+
+        Raises
+        ------
+        InvalidInputError
+            An unusable configuration or velocity.
+        """
+        self.update(self.robot.snapshot(q, v))
+
+    def update(
+        self,
+        snapshot: Snapshot,
+        tick: Tick | None = None,
+        time: float | None = None,
+        *,
+        seconds: float | None = None,
+        remark: str = "",
+        playing: bool = True,
+    ) -> None:
+        """Show a state and what the controller answered; never waits.
+
+        What the user asked for on the page is applied to the controller's tasks now.
+
+        Parameters
+        ----------
+        time:
+            [s]; by default that since the first call.
+        seconds:
+            The tick's whole time, by default what the tick knows of it.
+        remark:
+            Shown beside the time.
+        """
+        self.steer()
+        if time is None:
+            time = self._since_first()
+        self._mailbox.put(News(time, snapshot, tick, self.controller, seconds, remark, playing))
+
+    def steer(self) -> None:
+        """Set the targets and weights that the user wants; :meth:`update` does it too.
+
+        A program that sets targets of its own in every tick calls it between that and the step.
+        """
+        controller = self.controller
+        if controller is None:
+            return
+        while self._wishes:
+            self.steering.receive(self._wishes.popleft(), controller)
+        if self.steering:
+            self.steering.apply(controller)
+
+    def next_request(self) -> Request | None:
+        """Return the next thing the user wants of the loop's clock, or None."""
+        return self._requests.popleft() if self._requests else None
+
+    @property
+    def has_wishes(self) -> bool:
+        """Whether the user wants something of the tasks that is not yet done."""
+        return bool(self._wishes)
+
+    def wait(self) -> None:
+        """Keep the page open until Ctrl-C, or until it ends."""
+        try:
+            while not self._closed.wait(0.2):
+                pass
+        except KeyboardInterrupt:
+            self.close()
+
+    def close(self) -> None:
+        """Close the page."""
+        self._closed.set()
+        self._threads[0].join(CLOSING)
+        self._page.close()
+
+    @property
+    def dropped(self) -> int:
+        """How many updates were not sent, since a later one was there."""
+        return self._mailbox.dropped
+
+    def _since_first(self) -> float:
+        now = time.monotonic()
+        if self._began is None:
+            self._began = now
+        return now - self._began
+
+    # ------------------------------------------------------------------ threads
+
+    def _send(self) -> None:
+        """Send the latest news, at most every :data:`PERIOD`."""
+        known: tuple[object, ...] = ()
+        while not self._closed.wait(PERIOD):
+            news = self._mailbox.take()
+            if news is None:
+                continue
+            controller = news.controller
+            try:
+                if controller is not None:
+                    parts = (controller, controller.contacts, controller.constraints)
+                    if len(known) != len(parts) or any(
+                        a is not b for a, b in zip(known, parts, strict=True)
+                    ):
+                        self._page.send(cast_of(controller))
+                        known = parts
+                self._page.send(self._frame(news))
+            except (OSError, ValueError, pickle.PicklingError) as error:
+                self._ended(f"the page has ended: {error}")
+
+    def _frame(self, news: News) -> Frame:
+        controller = news.controller
+        return Frame(
+            time=news.time,
+            q=news.snapshot.q,
+            v=news.snapshot.v,
+            told=None if news.tick is None else told_of(news.tick, news.seconds),
+            targets={} if controller is None else targets_of(controller),
+            obstacles={} if controller is None else obstacles_of(controller),
+            remark=self.steering.refusal or news.remark,
+            playing=news.playing,
+        )
+
+    def _listen(self) -> None:
+        """Collect what the user wants."""
+        while not self._closed.is_set():
+            try:
+                message = self._page.receive()
+            except (OSError, EOFError):
+                self._ended("the page has ended")
+                return
+            if isinstance(message, Failed):
+                self._ended(message.reason)
+            elif isinstance(message, SetTarget | SetWeight | Release):
+                self._wishes.append(message)
+            else:
+                self._requests.append(message)
+
+    def _ended(self, reason: str) -> None:
+        if not self._closed.is_set():
+            self.error = self.error or reason
+            self._closed.set()
