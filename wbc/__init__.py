@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wbc import view
     from wbc.constraints import *
     from wbc.controllers import *
     from wbc.errors import WbcError
@@ -20,6 +21,7 @@ __version__ = "0.1.0"
 # Rooms of which every public name is wbc's too: a task is exported by its room, and nowhere else.
 # Loaded when first used, so that the command line can print its help without loading Pinocchio.
 _ROOMS = ("wbc.tasks", "wbc.constraints", "wbc.controllers")
+_PACKAGES = ("view",)  # by their own names, as in wbc.view.Viewer
 _NAMES = {
     "AccelerationLaw": "wbc.laws",
     "Motion": "wbc.motion",
@@ -43,6 +45,8 @@ def __getattr__(name: str) -> Any:
         return __dir__()
     if name in _NAMES:
         return getattr(import_module(_NAMES[name]), name)
+    if name in _PACKAGES:
+        return import_module(f"wbc.{name}")
     for room in _ROOMS if not name.startswith("_") else ():
         module = import_module(room)
         if name in module.__all__:
@@ -52,4 +56,5 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     rooms = (import_module(room).__all__ for room in _ROOMS)
-    return sorted({"__version__", *_NAMES, *(name for names in rooms for name in names)})
+    names = {"__version__", *_NAMES, *_PACKAGES}
+    return sorted(names | {name for each in rooms for name in each})

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import wbc
-import wbc.view
 from wbc.errors import InvalidInputError, WbcError
 from wbc.view.live import process
 from wbc.view.live.process import HOST, free_place
