@@ -128,7 +128,7 @@ def test_bad_input_is_one_clean_message(file: Path, tmp_path: Path) -> None:
 
 def test_outputs_are_checked_before_the_run(file: Path, tmp_path: Path) -> None:
     file.write_text(GOOD.replace("left_hand", "left_hnd"))  # would be the next complaint
-    assert "written as .json (summary) or .npz" in refused("run", file, "-o", tmp_path / "r.txt")
+    assert "written as .json (summary), .npz" in refused("run", file, "-o", tmp_path / "r.txt")
     assert "there is no folder" in refused("run", file, "-o", tmp_path / "no" / "r.json")
     (tmp_path / "r.json").mkdir()
     assert "is a folder" in refused("run", file, "-o", tmp_path / "r.json")

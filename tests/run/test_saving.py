@@ -68,6 +68,7 @@ def test_npz_holds_summary_and_histories(result: Result, tmp_path: Path) -> None
         assert json.loads(str(archive["summary"])) == json.loads((tmp_path / "r.json").read_text())
         arrays = {name: archive[name] for name in archive.files if name != "summary"}
     expected = result.history.arrays()
+    assert tuple(arrays.pop("joint_names")) == result.robot.joint_names
     assert set(arrays) == set(expected)
     for name, array in arrays.items():
         np.testing.assert_array_equal(array, expected[name])
@@ -87,7 +88,7 @@ def test_what_is_not_finite_is_null_and_lists_are_short() -> None:
 
 @pytest.mark.parametrize("name", ["r.txt", "r", "r.yaml"])
 def test_other_endings_are_refused(result: Result, tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidInputError, match=r"\.json \(summary\) or \.npz"):
+    with pytest.raises(InvalidInputError, match=r"\.json \(summary\), \.npz"):
         result.save(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

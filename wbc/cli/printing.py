@@ -35,6 +35,10 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
         console.print(_inertia(result))
     if result.shaping is not None:
         console.print(postures_table(result.shaping))
+    if result.clearance:
+        console.print(_constraints(result))
+    if result.held_back:
+        console.print(_held_back(result))
     console.print(_rest(result))
     print_written(console, written)
 
@@ -87,6 +91,28 @@ def _inertia(result: Result) -> Table:
     return table
 
 
+def _constraints(result: Result) -> Table:
+    """Return what was left of each constraint at worst, where and when."""
+    table = heads("constraint", "least left [mm]", "at", "time [s]")
+    for name, worst in result.clearance.items():
+        told = f"{name} (may give way)" if name in result.yielding else name
+        size = Text(f"{1e3 * worst.value:.3g}", style="" if worst.value >= 0.0 else "yellow")
+        table.add_row(Text(told), size, Text(worst.where), f"{worst.tick * result.dt:.3f}")
+    return table
+
+
+def _held_back(result: Result) -> Table:
+    """Return which rows held the robot back the longest."""
+    table = heads("held back by", "for [s]", "from", "to")
+    rows = list(result.held_back.items())
+    for label, one in rows[:SHOWN]:
+        times = (one.ticks * result.dt, one.first, one.last + result.dt)
+        table.add_row(Text(label), *(f"{time:.3f}" for time in times))
+    if len(rows) > SHOWN:
+        table.add_row(Text(f"and {len(rows) - SHOWN} more", style="dim"))
+    return table
+
+
 def _rest(result: Result) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
     table.add_column(style="dim", no_wrap=True)
@@ -106,10 +132,6 @@ def _rest(result: Result) -> Table:
         table.add_row(
             "balance", Text(f"CoM {size} the soles at worst ({phase}tick {balance.tick})")
         )
-    for name, worst in result.clearance.items():
-        side = "left" if worst.value >= 0.0 else "inside"
-        size = f"at worst {1e3 * abs(worst.value):.2g} mm {side}"
-        table.add_row(Text(name), Text(f"{size} ({worst.where}, tick {worst.tick})"))
     for text in result.not_kept:
         table.add_row("not kept", Text(text, style="red"))
     for name, pairs in result.provenance.get("unwatched_pairs", {}).items():

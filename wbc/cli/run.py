@@ -40,7 +40,9 @@ def run(
     output: Annotated[
         list[Path] | None,
         typer.Option(
-            "--output", "-o", help="Write the result: .json, or .npz with histories; repeatable."
+            "--output",
+            "-o",
+            help="Write the result: .json, .npz with histories, .csv a table; repeatable.",
         ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the run into a picture.")] = None,

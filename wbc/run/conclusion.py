@@ -11,6 +11,7 @@ from wbc.robot import Snapshot
 from wbc.run.history import History, Measured, Recorder
 from wbc.run.result import (
     Failure,
+    HeldBack,
     InertiaReading,
     PhaseResult,
     Result,
@@ -86,6 +87,8 @@ def conclude(
         slip=_worst_slip(states),
         balance=balance,
         clearance=_worst_clearance(states),
+        yielding=frozenset().union(*(one.yielding for one in recorder.standings)),
+        held_back=_held_back(history),
         not_kept=not_kept,
         phases=_phase_results(history),
         failures=tuple(Failure(k, report) for k, report in recorder.failures.items()),
@@ -144,6 +147,15 @@ def _worst_clearance(states: Sequence[Measured]) -> dict[str, Worst]:
     return worst
 
 
+def _held_back(history: History) -> dict[str, HeldBack]:
+    """Return which rows held the command back, the longest first."""
+    found = {
+        name: HeldBack(int(on.sum()), float(history.time[on][0]), float(history.time[on][-1]))
+        for name, on in history.active.items()
+    }
+    return dict(sorted(found.items(), key=lambda one: -one[1].ticks))
+
+
 def _not_kept(
     stop: Stop,
     states: Sequence[Measured],
@@ -183,6 +195,8 @@ def _exceeded(
     left: dict[tuple[str, str], list[Worst]] = {}
     for tick, (state, standing) in enumerate(zip(states, standings, strict=True)):
         for name, value in state.clearance.items():
+            if name in standing.yielding:
+                continue
             worst = Worst(value, state.nearest[name], tick)
             left.setdefault((standing.phase, name), []).append(worst)
         if standing.limited:

@@ -13,7 +13,9 @@ from wbc.constraints import Limits
 from wbc.controllers import Tick
 from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import Shape
 from wbc.run.standing import Standing
+from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
 from wbc.spatial import vech
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
 from wbc.validate import Array
@@ -53,7 +55,17 @@ class History:
         negative outside; NaN if no feet stand, or something else is held too.
     clearance:
         (n,) what is left of each margin [m], negative inside, by constraint; NaN while it is not in
-        use, or may give way.
+        use.
+    nearest:
+        (n,) at which of its rows, such as ``"left_hand vs pelvis"``, by constraint; empty while it
+        is not in use.
+    active:
+        (n,) whether a row held the command back, by the label of each inequality row that ever did.
+    points, targets:
+        (n, 3) the point that each task with a place to go to moves, and that place [m], by task;
+        NaN while the task is off.
+    obstacles:
+        Shape and place of each obstacle, such as ``room/wall``.
     kkt:
         (n,) largest KKT residual; NaN where the QP was not solved.
     tick_time, tick_cpu_time:
@@ -76,6 +88,11 @@ class History:
     margin: Array
     balance: Array
     clearance: Mapping[str, Array]
+    nearest: Mapping[str, NDArray[np.str_]]
+    active: Mapping[str, NDArray[np.bool_]]
+    points: Mapping[str, Array]
+    targets: Mapping[str, Array]
+    obstacles: Mapping[str, ObstacleTrack]
     kkt: Array
     tick_time: Array
     tick_cpu_time: Array
@@ -85,14 +102,19 @@ class History:
         return int(self.time.size)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return every array under a flat name; those by task or frame as ``errors/com``."""
+        """Return every array under a flat name; those by task or frame as ``errors/com``.
+
+        An obstacle has several: ``obstacles/room/wall/place`` and so on.
+        """
         flat: dict[str, NDArray[np.generic]] = {}
         for part in fields(self):
             value = getattr(self, part.name)
-            if isinstance(value, Mapping):
-                flat |= {f"{part.name}/{name}": array for name, array in value.items()}
-            else:
-                flat[part.name] = value
+            for name, entry in value.items() if isinstance(value, Mapping) else ((None, value),):
+                key = part.name if name is None else f"{part.name}/{name}"
+                if isinstance(entry, ObstacleTrack):
+                    flat |= {f"{key}/{end}": array for end, array in entry.arrays().items()}
+                else:
+                    flat[key] = entry
         return flat
 
 
@@ -130,10 +152,12 @@ class Recorder:
         self.standings: list[Standing] = []
         # By tick what the history keeps: not snapshots and QPs, which are a hundred times larger.
         self._rows: list[dict[str, Any]] = []
+        self._tasks = tuple(tasks)
+        self._shapes: dict[str, Shape] = {}
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
         self._frames = {
             task.name: task.frame if isinstance(task, InertiaTask) else "base"
-            for task in tasks
+            for task in self._tasks
             if isinstance(task, InertiaTask | PrincipalInertiaTask)
         }
 
@@ -152,6 +176,14 @@ class Recorder:
             self.failures[len(self.states)] = tick.report()
         self.states.append(state)
         self.standings.append(standing)
+        errors = tick.errors if errors is None else errors
+        aims = {
+            task.name: aim
+            for task in self._tasks
+            if task.name in errors and (aim := task.aim(now.snapshot)) is not None
+        }
+        obstacles = dict(obstacles_of(standing.margins))
+        self._shapes |= {name: one.shape for name, one in obstacles.items()}
         self._rows.append(
             {
                 **state._asdict(),
@@ -160,7 +192,11 @@ class Recorder:
                 "support": standing.label,
                 "q": now.snapshot.q,
                 "v": tick.velocity,
-                "errors": tick.errors if errors is None else errors,
+                "errors": errors,
+                "active": dict.fromkeys(tick.active, True),
+                "points": {name: aim.point for name, aim in aims.items()},
+                "targets": {name: aim.wanted for name, aim in aims.items()},
+                "obstacles": {name: place_of(one) for name, one in obstacles.items()},
                 "kkt": _kkt_residual(tick),
                 "tick_time": now.seconds,
                 "tick_cpu_time": now.cpu_seconds,
@@ -191,7 +227,12 @@ class Recorder:
     def history(self) -> History:
         """Return everything recorded, as arrays."""
         names = (part.name for part in fields(History))
-        return History(**{name: _column([row[name] for row in self._rows]) for name in names})
+        columns = {name: _column([row[name] for row in self._rows]) for name in names}
+        columns["obstacles"] = {
+            name: ObstacleTrack(self._shapes[name], place)
+            for name, place in columns["obstacles"].items()
+        }
+        return History(**columns)
 
 
 def _kkt_residual(tick: Tick) -> float:
@@ -200,11 +241,17 @@ def _kkt_residual(tick: Tick) -> float:
 
 
 def _column(rows: Sequence[Any]) -> Any:
-    """Return an array, or one array per name, NaN in the rows that do not have it."""
+    """Return an array, or one array per name; NaN, "" or False in the rows that do not have it."""
     if not isinstance(rows[0], Mapping):
         return np.array(rows)
-    shapes = {name: np.shape(value) for row in rows for name, value in row.items()}
+    lacking = {name: _nothing(value) for row in rows for name, value in row.items()}
     return {
-        name: np.array([row.get(name, np.full(shape, np.nan)) for row in rows])
-        for name, shape in shapes.items()
+        name: np.array([row.get(name, nothing) for row in rows])
+        for name, nothing in lacking.items()
     }
+
+
+def _nothing(like: Any) -> Any:
+    if isinstance(like, bool | str):
+        return type(like)()
+    return np.full(np.shape(like), np.nan)

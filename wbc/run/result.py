@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.robot import Robot
+from wbc.run.columns import history_columns
 from wbc.run.history import History, Measured
 from wbc.run.saving import save_result
 from wbc.run.shaping_report import ShapingReport
@@ -76,6 +77,18 @@ class Worst:
 
 
 @dataclass(frozen=True)
+class HeldBack:
+    """In how many ticks a row held the command back, and when the first and last of them began [s].
+
+    A row is a limit of a joint, a pair of bodies, an edge of the support and so on.
+    """
+
+    ticks: int
+    first: float
+    last: float
+
+
+@dataclass(frozen=True)
 class PhaseResult:
     """A phase: when it began [s], what was held, and the least balance margin [m] in it."""
 
@@ -117,7 +130,12 @@ class Result:
         alone.
     clearance:
         What was left of each margin at worst [m], negative inside, and at which of its rows, by the
-        name of the constraint; without those that may give way.
+        name of the constraint.
+    yielding:
+        Names of the constraints that may give way.
+    held_back:
+        Which inequality rows held the command back and for how long, by their labels, the longest
+        first.
     not_kept:
         What :class:`Stop` asks to be kept all the time and was not, in words.
     phases:
@@ -144,6 +162,8 @@ class Result:
     slip: Worst | None
     balance: Worst | None
     clearance: Mapping[str, Worst]
+    yielding: frozenset[str]
+    held_back: Mapping[str, HeldBack]
     not_kept: tuple[str, ...]
     phases: Mapping[str, PhaseResult]
     failures: tuple[Failure, ...]
@@ -156,6 +176,11 @@ class Result:
         """Largest KKT residual of the solved ticks; NaN if there is none."""
         solved = self.history.kkt[np.isfinite(self.history.kkt)]
         return float(solved.max()) if solved.size else float("nan")
+
+    @property
+    def dt(self) -> float:
+        """Time step of the run [s]; 0 of a run of one tick."""
+        return float(self.history.time[1] - self.history.time[0]) if len(self.history) > 1 else 0.0
 
     def tick_times(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of the tick's wall and CPU time [s]."""
@@ -194,8 +219,18 @@ class Result:
                 "tick": self.balance.tick,
             },
             "constraints": {
-                name: {"least_clearance": worst.value, "at": worst.where, "tick": worst.tick}
+                name: {
+                    "least_clearance": worst.value,
+                    "at": worst.where,
+                    "tick": worst.tick,
+                    "time": worst.tick * self.dt,
+                    "may_give_way": name in self.yielding,
+                }
                 for name, worst in self.clearance.items()
+            },
+            "held_back": {
+                label: {"seconds": one.ticks * self.dt, **asdict(one)}
+                for label, one in self.held_back.items()
             },
             "not_kept": list(self.not_kept),
             "phases": {name: asdict(phase) for name, phase in self.phases.items()},
@@ -225,11 +260,22 @@ class Result:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the summary to a ``.json`` file, or summary and history to an ``.npz`` file.
+        """Write the summary as ``.json``, summary and history as ``.npz``, or a table as ``.csv``.
 
-        Errors and guarantees are those of :func:`wbc.run.saving.save_result`.
+        Errors and guarantees are those of :func:`wbc.run.saving.save_result`; for the table see
+        :func:`wbc.run.columns.history_columns`. An ``.npz`` also names its joints, ``joint_names``.
         """
-        save_result(path, self.summary(), self.history.arrays)
+        names = np.array(self.robot.joint_names, dtype=str)
+        rows = {
+            name: [f"{row} [{unit}]" for row, unit in zip(task.rows, task.units, strict=True)]
+            for name, task in self.tasks.items()
+        }
+        save_result(
+            path,
+            self.summary(),
+            lambda: {"joint_names": names, **self.history.arrays()},
+            lambda: history_columns(self.robot, self.history, rows),
+        )
 
 
 def _task_summary(task: TaskResult) -> dict[str, Any]:

@@ -1,11 +1,13 @@
-"""Writing results: strict JSON and .npz, whole or not at all."""
+"""Writing results: strict JSON, .npz and .csv, whole or not at all."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,10 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.files import write_whole
+from wbc.validate import Array
 
-FORMATS = (".json", ".npz")
+FORMATS = (".json", ".npz", ".csv")
+DIGITS = "%.9g"  # of numbers in a table
 
 
 def result_format(path: str | Path) -> str:
@@ -24,12 +28,13 @@ def result_format(path: str | Path) -> str:
     Raises
     ------
     InvalidInputError
-        Neither ``.json`` nor ``.npz``.
+        None of ``.json``, ``.npz`` and ``.csv``.
     """
     ending = Path(path).suffix.lower()
     if ending not in FORMATS:
         raise InvalidInputError(
-            f"{path}: a result is written as .json (summary) or .npz (summary and histories)"
+            f"{path}: a result is written as .json (summary), .npz (summary and histories) or .csv"
+            " (a table with a row per tick)"
         )
     return ending
 
@@ -38,11 +43,12 @@ def save_result(
     path: str | Path,
     summary: Mapping[str, Any],
     arrays: Callable[[], Mapping[str, NDArray[np.generic]]],
+    columns: Callable[[], Sequence[tuple[str, Array]]],
 ) -> None:
-    """Write a summary to a ``.json`` file, or summary and arrays to an ``.npz`` file.
+    """Write a summary as ``.json``, summary and arrays as ``.npz``, or columns as ``.csv``.
 
     The file appears whole or not at all. JSON is strict: what is not finite is null. In an ``.npz``
-    the entry ``summary`` holds the JSON text.
+    the entry ``summary`` holds the JSON text. A table has its columns' names in the first line.
 
     Raises
     ------
@@ -51,12 +57,24 @@ def save_result(
     OSError
         The file cannot be written.
     """
-    text = json_text(summary)
-    if result_format(path) == ".npz":
-        entries: dict[str, Any] = {"summary": np.array(text), **arrays()}
-        write_whole(Path(path), lambda file: np.savez_compressed(file, **entries))
-    else:
-        write_whole(Path(path), lambda file: file.write(text.encode()))
+    match result_format(path):
+        case ".npz":
+            entries: dict[str, Any] = {"summary": np.array(json_text(summary)), **arrays()}
+            write_whole(Path(path), lambda file: np.savez_compressed(file, **entries))
+        case ".csv":
+            table = _csv_text(columns())
+            write_whole(Path(path), lambda file: file.write(table.encode()))
+        case _:
+            text = json_text(summary)
+            write_whole(Path(path), lambda file: file.write(text.encode()))
+
+
+def _csv_text(columns: Sequence[tuple[str, Array]]) -> str:
+    """Return a table with a line of headers; what does not exist is ``nan``."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow([header for header, _ in columns])
+    np.savetxt(text, np.column_stack([values for _, values in columns]), fmt=DIGITS, delimiter=",")
+    return text.getvalue()
 
 
 def json_text(summary: Mapping[str, Any]) -> str:

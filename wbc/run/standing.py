@@ -31,7 +31,9 @@ class Standing:
         The feet that stand, if nothing else is held; what then keeps the robot from falling is the
         polygon of their soles.
     margins:
-        The constraints that must be kept.
+        The constraints that are distances which must not close.
+    yielding:
+        Names of those that may give way.
     limited:
         Whether joint position limits must be kept.
     soft:
@@ -44,6 +46,7 @@ class Standing:
     margins: tuple[Margin, ...] = ()
     limited: bool = False
     soft: frozenset[str] = frozenset()
+    yielding: frozenset[str] = frozenset()
 
     @classmethod
     def on(
@@ -62,13 +65,15 @@ class Standing:
             Says of a contact's or constraint's name whether it may not give way.
         """
         feet = held_feet(contacts)
+        margins = tuple(one for one in constraints if isinstance(one, Margin))
         return cls(
             phase,
             tuple(contacts),
             feet if len(feet) == len(contacts) else (),
-            tuple(one for one in constraints if isinstance(one, Margin) and is_hard(one.name)),
+            margins,
             limits is not None and bool(np.isfinite(limits.upper - limits.lower).any()),
             frozenset(one.frame for one in contacts if not is_hard(one.name)),
+            frozenset(one.name for one in margins if not is_hard(one.name)),
         )
 
     @property

@@ -13,7 +13,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
 from wbc.spatial import skew
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Gains, Task
+from wbc.tasks.task import Aim, Gains, Task
 from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -136,6 +136,10 @@ class PoseTask(Task):
         error = np.concatenate((snapshot.position(self.frame) - self.position, turn.error))
         jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn.jacobian))
         return Residual(error, jacobian, np.concatenate((-self.target_rate[:3], turn.bias)))
+
+    def aim(self, snapshot: Snapshot) -> Aim:
+        """Return the frame's origin and where it is wanted."""
+        return Aim(snapshot.position(self.frame), self.position)
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Gains, Task
+from wbc.tasks.task import Aim, Gains, Task
 from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -55,6 +55,13 @@ class PointTask(Task):
         error = (position - self._goal)[rows]
         bound = self._curvature_bound(snapshot, position, error)
         return Residual(error, jacobian[rows], self._bias, curvature_bound=bound)
+
+    def aim(self, snapshot: Snapshot) -> Aim:
+        """Return the point and its target; where an axis is not controlled both agree."""
+        point, _ = self._point(snapshot)
+        wanted = point.copy()
+        wanted[self._selected] = self._goal[self._selected]
+        return Aim(point, wanted)
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from __future__ import annotations
 from abc import ABCMeta, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,13 @@ from wbc.validate import Array, finite_array, finite_number, finite_vector, read
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import Expression, SymbolicPosture
+
+
+class Aim(NamedTuple):
+    """A point of the robot, and where a task wants it: (3,) each [m], world axes."""
+
+    point: Array
+    wanted: Array
 
 
 class LawKeywords(TypedDict, total=False):
@@ -258,6 +265,10 @@ class Task(metaclass=_Sealed):
     def units(self) -> tuple[str, ...]:
         """Units of the entries of what :meth:`deviation` returns; empty if it does not say."""
         return ("",) * len(self.reported_rows)
+
+    def aim(self, snapshot: Snapshot) -> Aim | None:
+        """Return which point the task moves and where to, for pictures; None if it is no place."""
+        return None
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the error (k, 1) as an expression of the posture, for searches over postures.

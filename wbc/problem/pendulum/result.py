@@ -151,11 +151,27 @@ class PendulumResult:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the summary to a ``.json`` file, or summary and motion to an ``.npz`` file.
+        """Write the summary as ``.json``, summary and motion as ``.npz``, or a table as ``.csv``.
 
         Errors and guarantees are those of :func:`wbc.run.saving.save_result`.
         """
-        save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays})
+        save_result(path, self.summary(), lambda: {**self._motion(), **self.arrays}, self._columns)
+
+    def _columns(self) -> list[tuple[str, Array]]:
+        """Return the columns of a table of the motion, with their units."""
+        motion = self.history
+        columns = [("time [s]", motion.time)]
+        for name, unit in (
+            ("com", "m"),
+            ("com_velocity", "m/s"),
+            ("foot", "m"),
+            ("cop", "m"),
+            ("cmp", "m"),
+            ("momentum", "kg m^2/s"),
+        ):
+            values = getattr(motion, name)
+            columns += [(f"{name}/{axis} [{unit}]", values[:, k]) for k, axis in enumerate("xyz")]
+        return [*columns, *((f"radius/{k + 1} [m]", motion.radii[:, k]) for k in range(3))]
 
     def _motion(self) -> dict[str, NDArray[np.generic]]:
         plain = {
