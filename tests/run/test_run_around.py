@@ -55,8 +55,7 @@ def test_what_held_it_back_is_what_the_ticks_say(reached: tuple[Result, list[Tic
     assert (wall.first, wall.last) == (result.history.time[on[0]], result.history.time[on[-1]])
     # What holds back is near: it is braked for, and then leaned on.
     clearance = result.history.clearance["room"]
-    assert clearance[on].max() < 0.12 < 0.01 + clearance.max()
-    assert clearance[on[-1]] < 2e-4
+    assert clearance[on[-1]] < 2e-4  # rows keep 0.1 mm more than the margin
     longest = [one.ticks for one in result.held_back.values()]
     assert longest == sorted(longest, reverse=True)
 
