@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,42 @@ def finite_number(
     if number < least:
         raise InvalidInputError(f"{what}: must be at least {least:g}, got {number:g}")
     return number
+
+
+def names_of(what: str, value: Any) -> tuple[str, ...]:
+    """Return a list of distinct names, or one name.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else, or a name given twice.
+    """
+    names = (value,) if isinstance(value, str) else value
+    if not isinstance(names, Iterable):
+        raise InvalidInputError(f"{what}: expected a list of names, got {value!r}")
+    names = tuple(names)
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise InvalidInputError(f"{what}: expected names, got {name!r}")
+        if names.count(name) > 1:
+            raise InvalidInputError(f"{what}: {name!r} is named twice")
+    return names
+
+
+def by_name(what: str, value: Any) -> Mapping[str, Any]:
+    """Return ``value``, a mapping from names.
+
+    Raises
+    ------
+    InvalidInputError
+        Something else.
+    """
+    if not isinstance(value, Mapping):
+        raise InvalidInputError(f"{what}: expected {{name: value}}, got {value!r}")
+    for name in value:
+        if not isinstance(name, str):
+            raise InvalidInputError(f"{what}: expected names as keys, got {name!r}")
+    return value
 
 
 def check_fields(

@@ -368,10 +368,11 @@ def test_rows_without_weight_and_faint_tasks(robot_named: Load) -> None:
         "base",
         here.position("base"),
         here.rotation("base"),
-        weight=0.0,
         singular_threshold=0.08,
     )
-    tick = KinematicController(robot, [sideways, base], contacts=support(here, "double")).step(here)
+    controller = KinematicController(robot, [sideways, base], contacts=support(here, "double"))
+    base.weight = 0.0
+    tick = controller.step(here)
     assert tick.singular.keys() == {"com"}
     assert tick.singular["com"].rank == 2
     assert tick.singular["com"].rate_reduction is None

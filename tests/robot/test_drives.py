@@ -117,7 +117,7 @@ def test_numbers_and_patterns_go_over_the_file(leg: Path) -> None:
         ({"effort": {"hip": -3}}, InvalidInputError, "effort of joint 'hip'"),
         ({"armature": np.nan}, InvalidInputError, "armature"),
         ({"damping": "a lot"}, InvalidInputError, "damping"),
-        ({"friction": {3: 0.1}}, InvalidInputError, "friction: expected names of joints"),
+        ({"friction": {3: 0.1}}, InvalidInputError, "friction: expected names as keys"),
         ({"damping": {"hpi": 0.1}}, UnknownNameError, "did you mean 'hip'"),
         ({"armature": [0.1, 0.1, 0.1]}, InvalidInputError, "armature"),
     ],

@@ -75,6 +75,11 @@ class SelfCollision(Margin):
         self.excluded: dict[str, str] = {}
         self.finer: dict[str, str] = {}
         margins: Sequence[float] = ()
+        if model is not None and ([*include], [*exclude], fit) != ([], [], "capsule"):
+            raise InvalidInputError(
+                "self-collision: a model has its bodies and pairs already; leave out include,"
+                " exclude and fit, or the model"
+            )
         if model is None:
             bodies = robot_bodies(robot, fit)
             chosen = select_pairs(

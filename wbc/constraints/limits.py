@@ -175,6 +175,10 @@ class Limits:
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:
     margin = finite_number("limits, margin", margin, least=0.0)
     if not position:
+        if margin > 0.0:
+            raise InvalidInputError(
+                f"limits: margin={margin:g} has no effect with position=False; leave one out"
+            )
         free = np.full(robot.nv - 6, np.inf)
         return read_only(-free), read_only(free)
     lower, upper = robot.limits.lower + margin, robot.limits.upper - margin

@@ -68,7 +68,8 @@ class Obstacles(Margin):
     ) -> None:
         super().__init__(robot, "obstacles", braking, limits)
         self.margin = finite_number("obstacles, margin", margin, least=0.0)
-        if isinstance(obstacles, Obstacle) or not all(isinstance(o, Obstacle) for o in obstacles):
+        listed = isinstance(obstacles, Iterable)
+        if not listed or not all(isinstance(one, Obstacle) for one in obstacles):
             raise InvalidInputError(f"obstacles: expected a list of Obstacle, got {obstacles!r}")
         if not obstacles:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")

@@ -26,14 +26,14 @@ from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
-from wbc.controllers.parts import check_parts, one_of, verify_parts
+from wbc.controllers.parts import check_parts, held_by, one_of, refuse_idle, verify_parts
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.laws import Residual, Rows
-from wbc.qp.backend import Backend, make_backend
+from wbc.qp.backend import Backend, backend_of
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
@@ -54,6 +54,7 @@ class Controller(ABC):
         What to do; names must differ. Their priorities make strict levels, of one QP each.
     contacts:
         Tasks that are met exactly, such as frames that are held: :func:`wbc.constraints.support`.
+        Left out, a robot with feet floats, and a warning says so; () is to float on purpose.
     limits:
         Joint and base limits, or None for none.
     constraints:
@@ -97,7 +98,7 @@ class Controller(ABC):
         robot: Robot,
         tasks: Sequence[Task],
         *,
-        contacts: Sequence[Task] = (),
+        contacts: Sequence[Task] | None = None,
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
         slack: Mapping[str, float] | None = None,
@@ -108,7 +109,9 @@ class Controller(ABC):
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
     ) -> None:
+        contacts = held_by(robot, contacts)
         check_parts(robot, tasks, contacts, limits, constraints)
+        refuse_idle(tasks)
         self.robot = robot
         self.tasks = tuple(tasks)
         self.limits = limits
@@ -116,7 +119,7 @@ class Controller(ABC):
         self.dt = finite_number("controller, dt", dt, above=0.0)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
-        self.backend = make_backend(solver) if isinstance(solver, str) else solver
+        self.backend = backend_of(solver)
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
         self.on_failure = one_of("failure policy", on_failure, self._policies)
         unlimited = np.full(robot.nv, np.inf)

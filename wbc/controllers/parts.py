@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,35 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
+
+
+def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
+    """Return the contacts; warn if None are given and a robot with feet would float."""
+    if contacts is not None:
+        return contacts
+    if isinstance(robot, Robot) and robot.feet and not robot.fixed_base:
+        logging.getLogger(__name__).warning(
+            "controller: no contacts are given: nothing holds the feet of %s, it floats; "
+            'contacts=wbc.support(snapshot, "double") makes it stand, contacts=() means to float',
+            robot.name,
+        )
+    return ()
+
+
+def refuse_idle(tasks: Sequence[Task]) -> None:
+    """Refuse tasks without any weight.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names the task.
+    """
+    for task in tasks:
+        if not task.weight.any():
+            raise InvalidInputError(
+                f"controller: {task} has no weight and would do nothing; leave it out, or give it"
+                " a weight (one may be set to 0 later, to switch a task off)"
+            )
 
 
 def check_parts(
@@ -43,8 +73,19 @@ def check_parts(
         raise InvalidInputError("controller: no task given; there is nothing to do")
     parts: list[Task | Constraint | Limits] = [*tasks, *contacts, *constraints]
     for part in [*parts, *([limits] if limits else [])]:
+        if getattr(part, "robot", None) is None:
+            how = "super().__init__(robot, ...)" if isinstance(part, Task) else "self.robot = robot"
+            raise InvalidInputError(
+                f"controller: a {type(part).__name__} has no robot; call {how} when it is made"
+            )
         if part.robot is not robot:
             raise InvalidInputError(f"controller: {part!r} was made for another robot object")
+    for constraint in constraints:
+        if not isinstance(getattr(constraint, "name", None), str):
+            raise InvalidInputError(
+                f"controller: a {type(constraint).__name__} has no name, which diagnostics call it"
+                " by; set self.name, a word, when it is made"
+            )
     for kind, names in (
         ("task", [task.name for task in tasks]),
         ("contact", [contact.name for contact in contacts]),

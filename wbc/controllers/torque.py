@@ -130,7 +130,7 @@ class TorqueController(Controller):
         robot: Robot,
         tasks: Sequence[Task],
         *,
-        contacts: Sequence[Task] = (),
+        contacts: Sequence[Task] | None = None,
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
         slack: Mapping[str, float] | None = None,

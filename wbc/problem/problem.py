@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
 from wbc.problem.build import build
 from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.global_search import global_shaping
@@ -24,6 +25,7 @@ from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.simulate import Cancelled, Observe, Progress, Show, simulate
 from wbc.run.stopping import Stop
+from wbc.validate import by_name
 
 if TYPE_CHECKING:
     from wbc.problem.pendulum.problem import PendulumProblem
@@ -134,8 +136,12 @@ def load_problem(
     ------
     ProblemFileError
         With every mistake found: file, line, key path, what is wrong and what is valid.
+    InvalidInputError
+        No path, or no mapping of overrides.
     """
-    overrides = dict(overrides or {})
+    if not isinstance(path, str | Path):
+        raise InvalidInputError(f"load_problem: expected the path of a file, got {path!r}")
+    overrides = dict(by_name("load_problem, overrides", overrides or {}))
     source = apply_overrides(read_source(Path(path)), overrides)
     if isinstance(source.data, dict) and "model" in source.data:
         # Only now: a robot's problem need not wait for CasADi to load.

@@ -89,6 +89,25 @@ def make_backend(name: str, **settings: Any) -> Backend:
     return maker(**settings)
 
 
+def backend_of(solver: str | Backend) -> Backend:
+    """Return a backend, given by its name or as it is.
+
+    Raises
+    ------
+    UnknownNameError
+        No such solver.
+    InvalidInputError
+        Neither a name nor a backend.
+    """
+    if isinstance(solver, str):
+        return make_backend(solver)
+    if isinstance(solver, type) or not callable(getattr(solver, "solve", None)):
+        raise InvalidInputError(
+            f"solver: expected a name such as 'proxqp', or a backend, got {solver!r}"
+        )
+    return solver
+
+
 def installed_solvers() -> tuple[str, ...]:
     """Return the names that :func:`make_backend` accepts on this machine, sorted."""
     through_qpsolvers = importlib.import_module("qpsolvers").available_solvers

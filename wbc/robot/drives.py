@@ -15,7 +15,7 @@ from wbc.errors import InvalidInputError, ModelError
 from wbc.robot.limits import Limits
 from wbc.robot.names import matching
 from wbc.robot.tree import KinematicTree
-from wbc.validate import finite_number
+from wbc.validate import by_name, finite_number
 
 JointValues = float | Mapping[str, float]  # one for all joints, or by name or pattern
 LISTED = 5  # joints that a message names
@@ -54,11 +54,9 @@ def set_drives(
 
 
 def _by_joint(what: str, given: JointValues, names: Sequence[str]) -> dict[int, float]:
-    entries = given if isinstance(given, Mapping) else {"*": given} if names else {}
+    entries = by_name(what, given) if isinstance(given, Mapping) else {"*": given} if names else {}
     values = dict[int, float]()
     for pattern, value in entries.items():
-        if not isinstance(pattern, str):
-            raise InvalidInputError(f"{what}: expected names of joints as keys, got {pattern!r}")
         where = what if entries is not given else f"{what} of joint {pattern!r}"
         number = finite_number(where, value, least=0.0)
         if what == "effort" and number == 0.0:

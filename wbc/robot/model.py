@@ -35,7 +35,7 @@ from wbc.robot.postures import (
 )
 from wbc.robot.state import KinematicState
 from wbc.robot.tree import KinematicTree
-from wbc.validate import Array, read_only
+from wbc.validate import Array, by_name, read_only
 
 BASES = ("floating", "fixed")
 
@@ -128,9 +128,13 @@ class Robot(KinematicTree):
             raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")
         found = find_robot(source)
         known = found.known
+        if isinstance(package_dirs, str | Path):
+            package_dirs = (package_dirs,)
+        if not isinstance(package_dirs, Iterable):
+            raise InvalidInputError(f"package_dirs: expected a list, got {package_dirs!r}")
         folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
         description = read_description(found.path, folders)
-        rigid = {**(known.locked if known else {}), **(locked or {})}
+        rigid = {**(known.locked if known else {}), **by_name("locked", locked or {})}
         model, couplings = lock_joints(description, rigid)
         notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
         set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
@@ -142,7 +146,7 @@ class Robot(KinematicTree):
             follow(limits, q, couplings)
         specs = known.feet if known else {} if base == "fixed" else None
         if feet is not None:
-            specs = {name: FootSpec.of(name, spec) for name, spec in feet.items()}
+            specs = {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
         bolted = None if soles or base else description.bolted
         if bolted == "" and is_arm(model, postures[STANDING]):

@@ -33,7 +33,7 @@ def matching(pattern: str, names: Sequence[str], kind: str = "joint") -> tuple[i
     UnknownNameError
         None does; ``kind`` says what the name should have been.
     """
-    found = matches(pattern, names)
+    found = matches(pattern, names) if isinstance(pattern, str) else ()
     if not found:
         raise UnknownNameError(kind, pattern, names)
     return found

@@ -19,7 +19,7 @@ from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.names import frame_table, matches, matching
 from wbc.spatial import skew
-from wbc.validate import Array
+from wbc.validate import Array, by_name
 
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
 NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
@@ -122,7 +122,7 @@ def set_joints(limits: Limits, q: Array, joints: Mapping[str, float]) -> None:
     InvalidInputError
         A value is not finite or outside the joint's limits.
     """
-    for pattern, value in joints.items():
+    for pattern, value in by_name("joints", joints).items():
         for k in matching(pattern, limits.names):
             limits.set_joint(q, limits.names[k], value)
 

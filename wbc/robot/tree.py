@@ -245,7 +245,7 @@ class KinematicTree:
 
 
 def _looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
-    if name not in indices:
+    if not isinstance(name, str) or name not in indices:
         raise UnknownNameError(kind, name, indices)
     return indices[name]
 

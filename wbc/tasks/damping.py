@@ -12,7 +12,7 @@ from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.tasks.task import OF_ERRORS, LawKeywords, Task
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, by_name, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -51,7 +51,7 @@ class DampingTask(Task):
     ) -> None:
         factors = np.ones(robot.nv)
         factors[:BASE_NV] = float(base)
-        for pattern, factor in (joints or {}).items():
+        for pattern, factor in by_name(f"task {name!r}, joints", joints or {}).items():
             what = f"task {name!r}, weight of joint {pattern!r}"
             factors[list(robot.joint_indices(pattern))] = finite_number(what, factor, least=0.0)
         chosen = np.flatnonzero(factors)

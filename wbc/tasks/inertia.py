@@ -20,7 +20,7 @@ from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.task import Gains, Task
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, finite_array, names_of, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -79,6 +79,7 @@ class InertiaTask(Task):
         name: str = "inertia",
         **law: Unpack[Gains],
     ) -> None:
+        components = names_of("inertia task, components", components)
         super().__init__(robot, name, components, **law)
         self.second_order = second_order
         if frame != WORLD:

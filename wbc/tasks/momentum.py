@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import OF_ERRORS, Gains, Task
-from wbc.validate import Array
+from wbc.validate import Array, names_of
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -48,6 +48,7 @@ class MomentumTask(Task):
         name: str = "momentum",
         **law: Unpack[Gains],
     ) -> None:
+        components = names_of("momentum task, components", components)
         for component in components:
             if component not in LINEAR + ANGULAR:
                 raise UnknownNameError("momentum component", component, LINEAR + ANGULAR)

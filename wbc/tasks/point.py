@@ -14,7 +14,7 @@ from wbc.errors import UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Aim, Gains, Task
-from wbc.validate import Array, read_only
+from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -33,6 +33,7 @@ class PointTask(Task):
         axes: Sequence[str],
         **law: Unpack[Gains],
     ) -> None:
+        axes = names_of("axes of a point", axes)
         super().__init__(robot, name, axes, **law)
         self._selected = axis_indices(axes)
         self.set_target(target)

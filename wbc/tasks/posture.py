@@ -14,7 +14,7 @@ from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.tasks.task import LawKeywords, Task
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, by_name, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -101,7 +101,7 @@ class PostureTask(Task):
 
 def _factors(robot: Robot, joints: Mapping[str, float], name: str) -> Array:
     factors = np.ones(robot.nv - 6)
-    for pattern, factor in joints.items():
+    for pattern, factor in by_name(f"task {name!r}, joints", joints).items():
         value = finite_number(f"task {name!r}, weight of joint {pattern!r}", factor, least=0.0)
         for index in robot.joint_indices(pattern):
             factors[index - 6] = value

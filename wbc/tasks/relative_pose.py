@@ -16,7 +16,7 @@ from wbc.spatial import skew
 from wbc.tasks.frame import TURNS, homogeneous, log_drift, placement_of
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Gains, Task
-from wbc.validate import Array, read_only
+from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -58,6 +58,7 @@ class RelativePoseTask(Task):
         name: str | None = None,
         **law: Unpack[Gains],
     ) -> None:
+        components = names_of("relative pose task, components", components)
         for component in components:
             if component not in AXES + TURNS:
                 raise UnknownNameError("component of a pose", component, AXES + TURNS)

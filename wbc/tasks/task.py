@@ -28,7 +28,7 @@ from wbc.errors import InvalidInputError, UnknownNameError, WbcError, suggest
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+from wbc.validate import Array, finite_array, finite_number, finite_vector, names_of, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -148,12 +148,17 @@ class Task(metaclass=_Sealed):
     ) -> None:
         check_robot(type(self).__name__, robot)
         self.robot = robot
+        if not isinstance(name, str) or not name:
+            raise InvalidInputError(f"{type(self).__name__}, name: expected a word, got {name!r}")
         self.name = name
-        self.rows = tuple(rows)
+        self.rows = names_of(f"{self}, rows", rows)
         if not self.rows:
             raise InvalidInputError(f"{self}: no row given; there is nothing to control")
         self.weight = weight
-        self.priority = int(finite_number(f"{self}, priority", priority, least=0))
+        level = finite_number(f"{self}, priority", priority, least=0)
+        if level != int(level):
+            raise InvalidInputError(f"{self}, priority: {level:g} is not a whole number")
+        self.priority = int(level)
         for key in law:
             if key not in _FIRST_ORDER | _SECOND_ORDER:
                 known = {"weight", "priority", "name"} | _FIRST_ORDER | _SECOND_ORDER

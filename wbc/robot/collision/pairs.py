@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.errors import ModelError
+from wbc.errors import InvalidInputError, ModelError
 from wbc.robot.collision.model import CollisionModel
 from wbc.robot.collision.refine import FinerPair, FinerShapes
 from wbc.robot.collision.shapes import Body
@@ -86,11 +86,14 @@ def select_pairs(
     ------
     UnknownNameError
         A pattern that matches no link.
+    InvalidInputError
+        What is to be included or excluded is no list of pairs.
     ModelError
         The SRDF cannot be read.
     """
     finite_number("collision pairs, clearance", clearance)
-    wanted, unwanted = _links(bodies, include), _links(bodies, exclude)
+    wanted = _links(bodies, include, "include")
+    unwanted = _links(bodies, exclude, "exclude")
     disabled, parents = _disabled(robot), robot.model.parents
     reasons: dict[Pair, str] = {}
     pairs = [
@@ -221,8 +224,15 @@ def _postures(robot: Robot) -> list[Array]:
     return [robot.integrate(neutral, np.concatenate((np.zeros(6), step)), 1.0) for step in steps]
 
 
-def _links(bodies: Sequence[Body], patterns: Iterable[Pattern]) -> set[frozenset[str]]:
+def _links(bodies: Sequence[Body], patterns: Iterable[Pattern], what: str) -> set[frozenset[str]]:
     """Return the pairs of links that the patterns name."""
+    patterns = tuple(patterns) if isinstance(patterns, Iterable) else (patterns,)
+    for pair in patterns:
+        if isinstance(pair, str) or not isinstance(pair, Iterable) or len([*pair]) != 2:
+            raise InvalidInputError(
+                f"collision pairs, {what}: expected a list of two links or patterns each, such as"
+                f" [('left_wrist*', 'torso*')], got {pair!r}"
+            )
     links = tuple(dict.fromkeys(body.link for body in bodies))
     named = set()
     for first, second in patterns:

@@ -1,0 +1,164 @@
+"""What a caller gets wrong in Python is a WbcError that says what was meant, in every room."""
+
+import logging
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc import KinematicController, Limits, Robot, SelfCollision, WbcError, support
+from wbc.constraints import Constraint, Obstacles
+from wbc.constraints.rows import Bounds
+from wbc.problem import load_problem
+from wbc.qp.backend import make_backend
+from wbc.robot import Snapshot
+from wbc.tasks import (
+    ComTask,
+    DampingTask,
+    InertiaTask,
+    MomentumTask,
+    PostureTask,
+    RelativePoseTask,
+    Task,
+)
+
+
+class Nothing(Constraint):
+    """No rows; without a robot or a name unless they are given."""
+
+    def __init__(self, **attributes: Any) -> None:
+        for name, value in attributes.items():
+            setattr(self, name, value)
+
+    def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        empty = np.zeros(0)
+        return Bounds((), np.zeros((0, snapshot.robot.nv)), empty, empty)
+
+
+class Unmade(Task):
+    """Forgets to call Task.__init__."""
+
+    def __init__(self) -> None:
+        self.name = "unmade"
+
+    def residual(self, snapshot: Snapshot) -> Any:
+        return None
+
+
+def controller(robot: Robot, **keywords: Any) -> KinematicController:
+    tasks = keywords.pop("tasks", None) or [ComTask(robot, np.zeros(3))]
+    return KinematicController(robot, tasks, **{"contacts": ()} | keywords)
+
+
+def two_hands(robot: Robot, **keywords: Any) -> RelativePoseTask:
+    hands = "left_hand", "right_hand"
+    return RelativePoseTask(robot, *hands, np.zeros(3), np.eye(3), **keywords)
+
+
+CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
+    "one link": (lambda r: SelfCollision(r, include=["a"]), "include: expected a list of two"),
+    "a number": (lambda r: SelfCollision(r, include=3), "include: expected a list of two"),
+    "one of a pair": (lambda r: SelfCollision(r, exclude=[("x",)]), "exclude: expected.*'x',"),
+    "three of a pair": (lambda r: SelfCollision(r, exclude=[("a", "b", "c")]), "exclude: exp"),
+    "a pair itself": (lambda r: SelfCollision(r, exclude=("a", "b")), "exclude: expected"),
+    "no word in a pair": (lambda r: SelfCollision(r, exclude=[("left*", 3)]), "unknown link 3"),
+    "a model and pairs": (
+        lambda r: SelfCollision(r, model=SelfCollision(r).model, exclude=[("a", "b")]),
+        "leave out include",
+    ),
+    "inertia components": (lambda r: InertiaTask(r, np.eye(3), components=3), "components: exp"),
+    "components twice": (
+        lambda r: InertiaTask(r, np.eye(3), components=("xx", "xx")),
+        "components: 'xx' is named twice",
+    ),
+    "a component of none": (lambda r: InertiaTask(r, 1.0, components=("xx", 3)), "names, got 3"),
+    "momentum components": (lambda r: MomentumTask(r, components=3), "components: expected"),
+    "pose components": (lambda r: two_hands(r, components=3), "components: expected"),
+    "axes": (lambda r: ComTask(r, np.zeros(3), axes=3), "axes of a point: expected"),
+    "axes as a word": (lambda r: ComTask(r, np.zeros(3), axes="xz"), "unknown axis 'xz'"),
+    "a posture's joints": (lambda r: r.posture(joints="x"), "joints: expected {name: value}"),
+    "joints as a list": (lambda r: r.posture(joints=["x"]), "joints: expected {name: value}"),
+    "a joint without name": (lambda r: r.posture(joints={3: 1.0}), "names as keys, got 3"),
+    "joints of a task": (
+        lambda r: PostureTask(r, r.posture(), joints="x"),
+        "task 'posture', joints: expected {name: value}",
+    ),
+    "joints to damp": (lambda r: DampingTask(r, joints=["x"]), "'damping', joints: expected"),
+    "joint indices": (lambda r: r.joint_indices(3), "unknown joint 3"),
+    "a frame": (lambda r: r.frame_id(["a"]), "unknown frame"),
+    "locked": (lambda r: Robot.load("hoap2_like", locked="x"), "locked: expected {name"),
+    "feet": (lambda r: Robot.load("hoap2_like", feet="x"), "feet: expected {name: value}"),
+    "folders": (lambda r: Robot.load("hoap2_like", package_dirs=3), "package_dirs: expected"),
+    "a solver": (lambda r: controller(r, solver=3), "solver: expected a name such as 'proxqp'"),
+    "a solver's class": (
+        lambda r: controller(r, solver=type(make_backend("proxqp"))),
+        "solver: expected a name",
+    ),
+    "a task's name": (lambda r: ComTask(r, np.zeros(3), name=3), "ComTask, name: expected a word"),
+    "no name": (lambda r: ComTask(r, np.zeros(3), name=""), "ComTask, name: expected a word"),
+    "half a level": (lambda r: ComTask(r, np.zeros(3), priority=1.5), "1.5 is not a whole number"),
+    "a file": (lambda r: load_problem(3), "load_problem: expected the path of a file, got 3"),
+    "no file": (lambda r: load_problem(None), "expected the path of a file, got None"),
+    "overrides": (lambda r: load_problem("x.yaml", 3), "overrides: expected {name: value}"),
+    "an override": (lambda r: load_problem("x.yaml", {3: 3}), "names as keys, got 3"),
+    "obstacles": (lambda r: Obstacles(r, 3), "obstacles: expected a list of Obstacle"),
+    "no robot": (lambda r: controller(r, constraints=[Nothing()]), "a Nothing has no robot"),
+    "a nameless constraint": (
+        lambda r: controller(r, constraints=[Nothing(robot=r)]),
+        "a Nothing has no name",
+    ),
+    "an unmade task": (lambda r: controller(r, tasks=[Unmade()]), "Unmade has no robot.*super"),
+    "no weight": (
+        lambda r: controller(r, tasks=[ComTask(r, np.zeros(3), weight=[0, 0, 0])]),
+        "task 'com' has no weight",
+    ),
+    "a margin of no limits": (
+        lambda r: Limits(r, position=False, margin=0.1),
+        "margin=0.1 has no effect with position=False",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "told"), CASES.values(), ids=CASES)
+def test_mistakes_are_typed_and_named(make: Callable[[Robot], Any], told: str, robot_named) -> None:
+    with pytest.raises(WbcError, match=told.replace("{", re.escape("{"))):
+        make(robot_named("hoap2_like"))
+
+
+def test_floating_has_to_be_said(robot_named, caplog: pytest.LogCaptureFixture) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture())
+    tasks = [ComTask(robot, here.com)]
+    with caplog.at_level(logging.WARNING):
+        for contacts in ((), support(here, "double"), support(here, "floating")):
+            KinematicController(robot, tasks, contacts=contacts)
+        assert not caplog.records
+        floating = KinematicController(robot, tasks)
+    assert "nothing holds the feet of hoap2_like, it floats" in caplog.text
+    assert floating.contacts == ()
+
+
+def test_nothing_floats_that_is_bolted(robot_named, caplog: pytest.LogCaptureFixture) -> None:
+    bolted = Robot.load("hoap2_like", base="fixed")
+    with caplog.at_level(logging.WARNING):
+        caplog.clear()
+        KinematicController(bolted, [PostureTask(bolted, bolted.posture())])
+    assert "floats" not in caplog.text
+
+
+def test_a_weight_may_be_switched_off_later(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture())
+    tasks = [ComTask(robot, here.com), PostureTask(robot, here.q)]
+    made = KinematicController(robot, tasks, contacts=support(here, "double"))
+    tasks[0].weight = 0.0
+    made.set_contacts(support(here, "left"))
+    assert made.step(here).ok
+
+
+def test_a_constraint_with_robot_and_name_is_enough(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture())
+    assert controller(robot, constraints=[Nothing(robot=robot, name="none")]).step(here).ok
