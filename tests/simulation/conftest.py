@@ -1,22 +1,21 @@
-"""Robots that can be simulated: iCub's file needs rotor inertia (see test_build)."""
+"""Robots to simulate, and their states."""
 
 from collections.abc import Callable
 from functools import cache
 
+import mujoco
 import numpy as np
 import pytest
 
 from wbc.robot import Robot, Snapshot, robot_names
+from wbc.simulation import Plant
 
 NAMES = robot_names()
 
 
 @cache
 def loaded(name: str) -> Robot:
-    robot = Robot.load(name)
-    if name == "icub":
-        robot.model.armature[6:] = 1e-3
-    return robot
+    return Robot.load(name)
 
 
 @pytest.fixture(params=NAMES)
@@ -44,3 +43,19 @@ def random_state(
 def mixed(robot_named: Callable[[str], Robot]) -> Robot:
     """A robot of every joint type, without feet and collision shapes."""
     return robot_named("mixed_joints")
+
+
+@pytest.fixture
+def mass_and_bias() -> Callable[[Plant, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """MuJoCo's mass matrix and bias at its present state (q, v), in the robot's coordinates."""
+
+    def found(plant: Plant, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        M, columns = np.zeros((plant.model.nv, plant.model.nv)), np.eye(plant.model.nv)
+        for k, column in enumerate(columns):
+            mujoco.mj_mulM(plant.model, plant.data, M[k], column)
+        # inverse dynamics of the acceleration that is zero in the robot's terms
+        qacc = plant.states.acceleration_to_mujoco(q, v, np.zeros(plant.robot.nv))
+        T = plant.states.velocity_map(q)
+        return T.T @ M @ T, T.T @ (M @ qacc + plant.data.qfrc_bias)
+
+    return found

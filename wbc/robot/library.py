@@ -40,6 +40,9 @@ class NamedRobot:
         A posture with bent knees and level soles: joint or pattern to value [rad]; others are 0.
     base_quaternion:
         Orientation (x, y, z, w) of the base in that posture, to make the robot face +x.
+    armature:
+        Rotor inertia as felt at joints or patterns [kg m^2], where the file has none and the mass
+        matrix would be singular without.
     notes:
         What a user should know about the files.
     shipped:
@@ -52,6 +55,7 @@ class NamedRobot:
     feet: Mapping[str, FootSpec] = field(default_factory=dict)
     standing: Mapping[str, float] = field(default_factory=dict)
     base_quaternion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    armature: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     shipped: bool = False
 
@@ -138,7 +142,12 @@ ROBOTS: Mapping[str, NamedRobot] = {
             "?_shoulder_yaw": 0.5,
             "?_elbow": 0.5,
         },
-        notes=("the collision shapes of the feet are turned by 90 degrees in the files",),
+        armature={"neck_*": 1e-3},
+        notes=(
+            "the collision shapes of the feet are turned by 90 degrees in the files",
+            "the neck's joints get a rotor inertia of 0.001 kg m^2: in the file the neck turns"
+            " without moving any mass",
+        ),
     ),
     # The model without fingers, whose links have no mass in the full one.
     "romeo": NamedRobot(

@@ -22,7 +22,7 @@ from wbc.robot.formats.description import GeometrySource, lock_joints
 from wbc.robot.library import find_robot
 from wbc.robot.limits import Limits
 from wbc.robot.model_checks import check_supported
-from wbc.robot.names import add_base_frame
+from wbc.robot.names import add_base_frame, matches
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
@@ -137,6 +137,11 @@ class Robot(KinematicTree):
         rigid = {**(known.locked if known else {}), **by_name("locked", locked or {})}
         model, couplings = lock_joints(description, rigid)
         notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
+        if known is not None:
+            names = tuple(model.names)
+            set_drives(
+                model, armature={k: v for k, v in known.armature.items() if matches(k, names)}
+            )
         set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)

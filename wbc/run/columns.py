@@ -34,13 +34,14 @@ def history_columns(
     """
     return [
         ("time [s]", history.time),
-        *_configuration(robot, history.q),
-        *_rates(robot, history.v),
+        *placed_columns(robot, history.q),
+        *rate_columns(robot, history.v),
         *_measured(history, rows),
     ]
 
 
-def _configuration(robot: Robot, q: Array) -> Iterator[Column]:
+def placed_columns(robot: Robot, q: Array) -> Iterator[Column]:
+    """Yield the columns of configurations (n, nq)."""
     for k, name in enumerate(BASE):
         yield f"base_{name}", q[:, k]
     joints = np.array([robot.limits.joint_positions(one) for one in q])
@@ -48,7 +49,8 @@ def _configuration(robot: Robot, q: Array) -> Iterator[Column]:
         yield f"{name} [{'rad' if turns else 'm'}]", joints[:, k]
 
 
-def _rates(robot: Robot, v: Array) -> Iterator[Column]:
+def rate_columns(robot: Robot, v: Array) -> Iterator[Column]:
+    """Yield the columns of velocities (n, nv)."""
     for k, name in enumerate(BASE_RATES):
         yield f"velocity/base_{name}", v[:, k]
     for k, (name, turns) in enumerate(zip(robot.joint_names, turning_joints(robot), strict=True)):

@@ -6,31 +6,36 @@ the joints are what the robot's model has, and nothing is added: the mass matric
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.errors import ModelError
 from wbc.robot import Robot
-from wbc.robot.collision import Body, Capsule, Hull, robot_bodies
 from wbc.robot.limits import BASE_NV
+from wbc.simulation.mismatch import ModelMismatch, PrincipalInertia, true_inertias
+from wbc.simulation.shapes import GROUND, add_shapes
 from wbc.simulation.terrain import IMPEDANCE, Terrain
 from wbc.validate import Array
 
-# Soles are balls at the corners of their polygons, lowest at the sole: all corners touch at once,
-# where MuJoCo gives four points at most to a box or prism on a plane, and each is one row triple of
-# the contact forces that controllers think of. What they miss: the edge of a step that passes
-# between corners. The radius rolls a tipping foot by so much only.
-SOLE_RADIUS = 5e-3  # m
 PLANE_HALF_SIZE = 50.0  # m, drawn; it has no end for contacts
 # A gear's error decays with this time constant [s], critically damped.
 GEAR_TIME = 4.0  # physics steps
-GROUND, ROBOT = 1, 2  # bits of contype and conaffinity: only the robot meets the ground
 # Least eigenvalue of a mass matrix that can be integrated: iCub's neck turns about points and has
 # 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
 LEAST_FELT = 1e-8  # kg m^2, or kg
 _FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
+
+
+class Sole(NamedTuple):
+    """Where the frame of a foot's sole is."""
+
+    foot: str
+    frame: str
+    body: int  # MuJoCo's
+    origin: Array  # (3,) in the body's frame [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +48,32 @@ class Built:
         ``mujoco.MjModel``.
     bodies:
         MuJoCo's body of each Pinocchio joint (njoints); 0 for the world.
-    soles:
+    feet:
         For each geom the foot whose sole it belongs to, or an empty text.
     links:
         For each geom the link it belongs to; empty for the ground and its steps.
+    soles:
+        The frames of the soles.
     notes:
         What was left out, in words.
     """
 
     model: Any
     bodies: tuple[int, ...]
-    soles: tuple[str, ...]
+    feet: tuple[str, ...]
     links: tuple[str, ...]
+    soles: tuple[Sole, ...]
     notes: tuple[str, ...]
 
 
-def build(mujoco: Any, robot: Robot, terrain: Terrain, shapes: bool, physics_dt: float) -> Built:
+def build(
+    mujoco: Any,
+    robot: Robot,
+    terrain: Terrain,
+    mismatch: ModelMismatch,
+    shapes: bool,
+    physics_dt: float,
+) -> Built:
     """Return the MuJoCo model of a robot on a terrain.
 
     Raises
@@ -69,20 +84,30 @@ def build(mujoco: Any, robot: Robot, terrain: Terrain, shapes: bool, physics_dt:
     _check_felt_inertia(robot)
     spec = mujoco.MjSpec()
     _set_options(mujoco, spec, robot, physics_dt)
-    _add_terrain(mujoco, spec, terrain)
-    bodies = _add_tree(mujoco, spec, robot)
-    labels, notes = _add_shapes(mujoco, spec, bodies, robot, shapes)
+    _add_terrain(mujoco, spec, terrain, mismatch.friction)
+    inertias = true_inertias(robot, mismatch)
+    bodies = _add_tree(mujoco, spec, robot, inertias)
+    labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes)
     _add_gears(mujoco, spec, robot, physics_dt)
     try:
         model = spec.compile()
     except ValueError as error:
         raise ModelError(f"{robot.path}: MuJoCo refuses the robot: {error}") from error
     ids = [0] + [int(model.body(_body_name(j)).id) for j in range(1, robot.model.njoints)]
-    _set_inertias(model, robot, ids)
+    _set_inertias(model, inertias, ids)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     geoms = [labels.get(model.geom(k).name, ("", "")) for k in range(model.ngeom)]
-    soles, links = zip(*geoms, strict=True)
-    return Built(model, tuple(ids), soles, links, notes)
+    feet, links = zip(*geoms, strict=True)
+    return Built(model, tuple(ids), feet, links, _soles(robot, ids), notes)
+
+
+def _soles(robot: Robot, ids: Sequence[int]) -> tuple[Sole, ...]:
+    soles = []
+    for foot in robot.feet.values():
+        frame = robot.model.frames[robot.frame_id(foot.frame)]
+        body = ids[int(frame.parentJoint)]
+        soles.append(Sole(foot.name, foot.frame, body, np.array(frame.placement.translation)))
+    return tuple(soles)
 
 
 def _check_felt_inertia(robot: Robot) -> None:
@@ -108,11 +133,14 @@ def _set_options(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> Non
     spec.option.gravity = robot.model.gravity.linear
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    # A state that blew up is kept as it is, to be told of, not put back to the start.
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    # A state that blew up is kept as it is, to be told of, not put back to the start. Splitting the
+    # constraints into islands takes a fifth of a step and finds one robot.
+    for flag in ("mjDSBL_AUTORESET", "mjDSBL_ISLAND"):
+        if hasattr(mujoco.mjtDisableBit, flag):
+            spec.option.disableflags |= int(getattr(mujoco.mjtDisableBit, flag))
 
 
-def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain) -> None:
+def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> None:
     quaternion = np.empty(4)
     mujoco.mju_quatZ2Vec(quaternion, terrain.normal)
     ground = spec.worldbody.add_geom(
@@ -121,7 +149,7 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain) -> None:
         size=[PLANE_HALF_SIZE, PLANE_HALF_SIZE, 1.0],
         quat=quaternion,
     )
-    _make_ground(ground, terrain, terrain.friction)
+    _make_ground(ground, terrain, factor * terrain.friction)
     for k, step in enumerate(terrain.steps):
         half = 0.5 * step.size
         box = spec.worldbody.add_geom(
@@ -131,7 +159,8 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain) -> None:
             pos=step.centre - [0.0, 0.0, half[2]],
             quat=[np.cos(0.5 * step.yaw), 0.0, 0.0, np.sin(0.5 * step.yaw)],
         )
-        _make_ground(box, terrain, terrain.friction if step.friction is None else step.friction)
+        friction = terrain.friction if step.friction is None else step.friction
+        _make_ground(box, terrain, factor * friction)
 
 
 def _make_ground(geom: Any, terrain: Terrain, friction: float) -> None:
@@ -146,7 +175,9 @@ def _body_name(joint: int) -> str:
     return f"body {joint}"  # of a link there may be two, and one called world
 
 
-def _add_tree(mujoco: Any, spec: Any, robot: Robot) -> list[Any]:
+def _add_tree(
+    mujoco: Any, spec: Any, robot: Robot, inertias: Sequence[PrincipalInertia]
+) -> list[Any]:
     """Add bodies and joints; return the bodies by Pinocchio's joints."""
     model, limits = robot.model, robot.limits
     axes = _joint_axes(robot)
@@ -159,26 +190,23 @@ def _add_tree(mujoco: Any, spec: Any, robot: Robot) -> list[Any]:
             quat=_quaternion(mujoco, np.array(place.rotation)),
         )
         bodies.append(body)
-        _, axes_of_inertia, _ = principal_inertia(model.inertias[j])
         body.explicitinertial = True
-        body.ipos = np.array(model.inertias[j].lever)
-        body.iquat = _quaternion(mujoco, axes_of_inertia)
+        body.ipos, body.iquat = inertias[j].com, _quaternion(mujoco, inertias[j].axes)
         body.mass, body.inertia = 1.0, np.ones(3)  # what MuJoCo accepts; see _set_inertias
         if j == 1:
             if not robot.fixed_base:
                 body.add_freejoint(name=str(model.names[1]))
             continue
-        at = int(model.idx_vs[j])
-        k = at - BASE_NV
+        k = int(model.idx_vs[j]) - BASE_NV
         turns, axis = axes[k]
         joint = body.add_joint(
             name=str(model.names[j]),
             type=mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE,
             axis=axis,
-            armature=float(model.armature[at]),
+            armature=float(robot.armature[k]),
         )
-        joint.damping = _first(joint.damping, float(model.damping[at]))
-        joint.frictionloss = float(model.upperDryFrictionLimit[at])
+        joint.damping = _first(joint.damping, float(robot.damping[k]))
+        joint.frictionloss = float(robot.friction[k])
         low, high = float(limits.lower[k]), float(limits.upper[k])
         if np.isfinite([low, high]).any():
             if not low < high:
@@ -219,83 +247,14 @@ def _quaternion(mujoco: Any, R: Array) -> Array:
     return quaternion
 
 
-def principal_inertia(inertia: Any) -> tuple[float, Array, Array]:
-    """Return mass, principal axes (3, 3) as columns, and moments (3,) of a ``pin.Inertia``."""
-    moments, R = np.linalg.eigh(np.array(inertia.inertia))
-    R[:, 2] *= np.sign(np.linalg.det(R))
-    return float(inertia.mass), R, moments
-
-
-def _set_inertias(model: Any, robot: Robot, ids: list[int]) -> None:
+def _set_inertias(model: Any, inertias: Sequence[PrincipalInertia], ids: Sequence[int]) -> None:
     """Set masses and moments: the compiler refuses some that robots' files have.
 
     Links without mass between two joints, points, and moments that break the triangle inequality
     by a digit do not hinder the physics; Robot.load told of them.
     """
-    for j in range(1, robot.model.njoints):
-        mass, _, moments = principal_inertia(robot.model.inertias[j])
-        model.body_mass[ids[j]], model.body_inertia[ids[j]] = mass, np.maximum(moments, 0.0)
-
-
-# ---------------------------------------------------------------------- shapes
-
-
-def _add_shapes(
-    mujoco: Any, spec: Any, bodies: list[Any], robot: Robot, shapes: bool
-) -> tuple[dict[str, tuple[str, str]], tuple[str, ...]]:
-    """Add soles and other shapes; return foot and link by geom, and notes."""
-    labels, notes = dict[str, tuple[str, str]](), list[str]()
-    feet = set[int]()
-    for foot in robot.feet.values():
-        frame = robot.model.frames[robot.frame_id(foot.frame)]
-        joint, place = int(frame.parentJoint), frame.placement
-        feet.add(joint)
-        corners = np.column_stack([foot.polygon, np.full(len(foot.polygon), SOLE_RADIUS)])
-        for k, corner in enumerate(corners @ np.array(place.rotation).T + place.translation):
-            name = f"{foot.name} sole {k}"
-            labels[name] = (foot.name, foot.link)
-            geom = bodies[joint].add_geom(
-                name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=corner, size=[SOLE_RADIUS, 0, 0]
-            )
-            _make_robot(geom)
-    if not robot.feet:
-        notes.append("the robot has no feet: no soles touch the ground")
-    found = tuple[Body, ...]()
-    if shapes:
-        try:
-            found = robot_bodies(robot, fit="hull")
-        except ModelError as error:
-            notes.append(f"only soles touch the ground: {error}")
-    for body in found:
-        if body.joint not in feet:  # its shapes end where the sole begins, give or take a digit
-            labels[f"shape {body.name}"] = ("", body.link)
-            _make_robot(_add_shape(mujoco, spec, bodies[body.joint], body))
-    return labels, tuple(notes)
-
-
-def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body) -> Any:
-    geom = parent.add_geom(name=f"shape {body.name}")
-    match body.shape:
-        case Capsule(ends=ends, radius=radius):
-            axis = ends[1] - ends[0]
-            length = float(np.linalg.norm(axis))
-            geom.pos = ends.mean(axis=0)
-            if length < 1e-9:
-                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0]
-            else:
-                quaternion = np.empty(4)
-                mujoco.mju_quatZ2Vec(quaternion, axis / length)
-                geom.type, geom.quat = mujoco.mjtGeom.mjGEOM_CAPSULE, quaternion
-                geom.size = [radius, 0.5 * length, 0]
-        case Hull(vertices=vertices):
-            mesh = spec.add_mesh(name=f"shape {body.name}", uservert=vertices.ravel().tolist())
-            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
-    return geom
-
-
-def _make_robot(geom: Any) -> None:
-    geom.contype, geom.conaffinity, geom.mass = 0, GROUND, 0.0
+    for inertia, body in zip(inertias[1:], ids[1:], strict=True):
+        model.body_mass[body], model.body_inertia[body] = inertia.mass, inertia.moments
 
 
 def _add_gears(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:

@@ -38,7 +38,7 @@ class Contacts:
     @property
     def normal_forces(self) -> Array:
         """Parts (k,) of the forces along the normals [N]."""
-        return np.einsum("ij,ij->i", self.forces, self.normals)
+        return (self.forces * self.normals).sum(axis=1)
 
     @property
     def cop(self) -> Array | None:
@@ -53,33 +53,37 @@ class Contacts:
     def wrench(self, foot: str, origin: Array) -> Array:
         """Return force and moment about ``origin`` (6,) on a foot's sole, world axes [N, N m]."""
         mine = [k for k, name in enumerate(self.feet) if name == foot]
-        forces, arms = self.forces[mine], self.points[mine] - origin
-        return np.concatenate((forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)))
-
-    def others(self) -> tuple[str, ...]:
-        """Return the links that touch with anything but a sole."""
-        pairs = zip(self.feet, self.links, strict=True)
-        return tuple(sorted({link for foot, link in pairs if not foot}))
+        f, (x, y, z) = self.forces[mine], (self.points[mine] - origin).T
+        fx, fy, fz = f.T
+        moment = (y @ fz - z @ fy, z @ fx - x @ fz, x @ fy - y @ fx)
+        return np.concatenate((f.sum(axis=0), moment))
 
 
 def read_contacts(mujoco: Any, built: Built, data: Any) -> Contacts:
     """Return the contacts that the last physics step (or ``mj_forward``) found."""
-    count = int(data.ncon)
-    contact = data.contact
+    contact, count = data.contact, int(data.ncon)
     points, frames = np.array(contact.pos), np.array(contact.frame).reshape(count, 3, 3)
-    pairs = np.array(contact.geom).reshape(count, 2)
     local = np.zeros((count, 6))
     for k in range(count):
         mujoco.mj_contactForce(built.model, data, k, local[k])
     # The frame's first row is the normal, from the first geom to the second, on which the force
     # acts; MuJoCo orders a pair by the geoms' types, so that either may be the robot.
-    mine = [int(b) if built.links[b] else int(a) for a, b in pairs]
-    signs = np.where(pairs[:, 1] == mine, 1.0, -1.0) if count else np.empty(0)
+    mine, signs = list[int](), np.ones(count)
+    for k, (first, second) in enumerate(contact.geom.tolist()):
+        mine.append(second if built.links[second] else first)
+        signs[k] = 1.0 if built.links[second] else -1.0
     forces = np.einsum("kij,ki->kj", frames, local[:, :3]) * signs[:, None]
     return Contacts(
         points=points.reshape(count, 3),
         forces=forces,
         normals=frames[:, 0] * signs[:, None],
-        feet=tuple(built.soles[g] for g in mine),
+        feet=tuple(built.feet[g] for g in mine),
         links=tuple(built.links[g] for g in mine),
     )
+
+
+def touching_links(built: Built, data: Any) -> tuple[str, ...]:
+    """Return the links that touch with anything but a sole, without reading any force."""
+    geoms = {geom for pair in data.contact.geom.tolist() for geom in pair}
+    found = {built.links[geom] for geom in geoms if built.links[geom] and not built.feet[geom]}
+    return tuple(sorted(found))

@@ -80,15 +80,15 @@ def check_warnings(
     SimulationError
         A state that is not finite or huge, or buffers too small for contacts or constraints.
     """
-    given = {
-        name: warning
-        for name, kind in mujoco.mjtWarning.__members__.items()
-        if name != "mjNWARNING" and (warning := data.warning[int(kind)]).number
-    }
+    numbers = data.warning.number
+    if not numbers.any():
+        return
+    kinds = {name: int(kind) for name, kind in mujoco.mjtWarning.__members__.items()}
+    given = {name: k for name, k in kinds.items() if k < len(numbers) and numbers[k]}
     for name, what in _STATES.items():
         if name in given:
             names = coordinates if what == "position" else velocities
-            joint = names[given[name].lastinfo]
+            joint = names[int(data.warning.lastinfo[given[name]])]
             raise SimulationError(
                 f"the {what} of {joint!r} is not finite or huge: the simulation blew up; look at"
                 " the torques, or take a smaller physics_dt",

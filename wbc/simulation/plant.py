@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,16 +13,19 @@ from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.tree import LARGEST
 from wbc.simulation.build import build
-from wbc.simulation.contacts import Contacts, read_contacts
+from wbc.simulation.contacts import Contacts, read_contacts, touching_links
 from wbc.simulation.engine import SimulationError, check_warnings, load_mujoco, quietly
-from wbc.simulation.push import Push
+from wbc.simulation.mismatch import EXACT, ModelMismatch
+from wbc.simulation.push import Push, apply_pushes
+from wbc.simulation.sensors import Measurements, Sensors
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
-from wbc.validate import Array, finite_array, finite_number, finite_vector
+from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one
 STANDING = "standing"
 COM = "com"
+PERFECT = Sensors()
 
 
 class Plant:
@@ -45,6 +50,10 @@ class Plant:
         without such shapes gets a note.
     saturate:
         Hold torques to the robot's effort limits, as motors would; see :attr:`saturated`.
+    sensors:
+        Noise, delay and loss of what :meth:`measure` returns, and latency of torques.
+    mismatch:
+        How the simulated robot differs from ``robot``, which controllers know.
 
     Attributes
     ----------
@@ -54,6 +63,10 @@ class Plant:
         Converts states between MuJoCo's coordinates and the robot's.
     pushes:
         Pushes that are not over yet.
+    torque:
+        What was last commanded (nv-6,), within the effort limits.
+    push_force:
+        Sum of the pushes (3,) in the last step of the physics [N].
     saturated:
         How often each joint (nv-6,) was asked for more than its effort limit, in control periods.
     notes:
@@ -77,6 +90,8 @@ class Plant:
         terrain: Terrain | None = None,
         shapes: bool = True,
         saturate: bool = True,
+        sensors: Sensors = PERFECT,
+        mismatch: ModelMismatch = EXACT,
     ) -> None:
         check_robot("plant, robot", robot)
         if friction is not None and terrain is not None:
@@ -85,11 +100,14 @@ class Plant:
         self.robot = robot
         self.physics_dt = finite_number("plant, physics_dt", physics_dt, above=0.0)
         self.dt = finite_number("plant, dt", dt, above=0.0)
-        self._substeps(self.dt)
+        self._substeps("dt", self.dt)
+        self.sensors, self.mismatch = sensors, mismatch
+        self._delay = self._substeps("sensors, delay", sensors.delay, least=0)
+        self._latency = self._substeps("sensors, latency", sensors.latency, least=0)
         if terrain is None:
             terrain = Terrain() if friction is None else Terrain(friction=friction)
         self.terrain = terrain
-        self._built = build(self._mujoco, robot, terrain, shapes, self.physics_dt)
+        self._built = build(self._mujoco, robot, terrain, mismatch, shapes, self.physics_dt)
         self.notes = self._built.notes
         self.model = self._built.model
         self.data = self._mujoco.MjData(self.model)
@@ -134,7 +152,13 @@ class Plant:
             self.model.body_quat[root] = q[[6, 3, 4, 5]]
         self.pushes: list[Push] = []
         self.saturated = np.zeros(self.robot.nv - BASE_NV, dtype=np.int64)
+        self.torque: Array = np.zeros(self.robot.nv - BASE_NV)
+        self.push_force: Array = np.zeros(3)
         self._contacts: Contacts | None = None
+        self._measurements = Measurements(self.robot, self.sensors)
+        self._frame: tuple[tuple[Array, Array] | None] | None = None
+        self._past = deque([(qpos, qvel)], maxlen=self._delay + 1)
+        self._commands = deque[Array]()  # one for each step of the physics still to come
         with quietly(self._mujoco):
             self._mujoco.mj_forward(self.model, self.data)
         self._check()
@@ -142,6 +166,17 @@ class Plant:
     def state(self) -> tuple[Array, Array]:
         """Return the true configuration (nq,) and velocity (nv,) now; fresh arrays."""
         return self.states.from_mujoco(self.data.qpos, self.data.qvel)
+
+    def measure(self) -> tuple[Array, Array] | None:
+        """Return configuration and velocity as the sensors see them; None if the frame is lost.
+
+        However often it is asked within one control period, the answer is the same.
+        """
+        if self._frame is None:
+            state = self.states.from_mujoco(*self._past[0]) if self._delay else self.state()
+            self._frame = (self._measurements.measure(*state),)
+        found = self._frame[0]
+        return None if found is None else (found[0].copy(), found[1].copy())
 
     def snapshot(self) -> Snapshot:
         """Return what the robot's own model knows of :meth:`state`."""
@@ -160,16 +195,17 @@ class Plant:
             The physics blew up, or its memory is full; the message names time and joint.
         """
         torque = finite_vector("plant, torque", torque, self.robot.nv - BASE_NV)
-        count = self._substeps(self.dt if dt is None else dt)
+        count = self._substeps("dt", self.dt if dt is None else dt)
         applied = np.clip(torque, -self._most_torque, self._most_torque)
         self.saturated += applied != torque
-        self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
-        self._contacts = None
+        self.torque = read_only(applied)
+        self.push_force = np.zeros(3)
+        self._contacts, self._frame = None, None
         with quietly(self._mujoco):
-            if self.pushes:
-                for _ in range(count):
-                    self._pushed_step()
+            if self.pushes or self._delay or self._latency:
+                self._step_one_by_one(applied, count)
             else:
+                self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
                 self._mujoco.mj_step(self.model, self.data, count)
         self._check()
 
@@ -220,23 +256,22 @@ class Plant:
         self.pushes.append(push)
         return push
 
-    def _pushed_step(self) -> None:
-        """Make one step of the physics under the mean force that each push has in it."""
+    def _step_one_by_one(self, torque: Array, count: int) -> None:
+        """Make steps of the physics with pushes, late torques, and states kept for later."""
         mujoco, model, data = self._mujoco, self.model, self.data
-        mujoco.mj_step1(model, data)
-        data.xfrc_applied[:] = 0.0
-        for push in self.pushes:
-            force = push.mean_force(self.time, self.physics_dt)
-            frame = self.robot.model.frames[self.robot.frame_id(push.body)]
-            body = self._built.bodies[int(frame.parentJoint)]
-            local = np.array(frame.placement.rotation) @ push.point + frame.placement.translation
-            arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
-            data.xfrc_applied[body, :3] += force
-            data.xfrc_applied[body, 3:] += np.cross(arm, force)
-        mujoco.mj_step2(model, data)
+        if not self._commands:  # the first since the reset
+            self._commands.extend([torque] * self._latency)
+        self._commands.extend([torque] * count)
+        for _ in range(count):
+            mujoco.mj_step1(model, data)
+            self.states.torques_to_mujoco(self._commands.popleft(), data.qfrc_applied)
+            self.push_force = apply_pushes(
+                self.pushes, self.robot, self._built.bodies, data, self.physics_dt
+            )
+            mujoco.mj_step2(model, data)
+            self._past.append((data.qpos.copy(), data.qvel.copy()))
         self.pushes = [push for push in self.pushes if push.end > self.time + 1e-9]
-        if not self.pushes:
-            data.xfrc_applied[:] = 0.0
+        data.xfrc_applied[:] = 0.0
 
     # ------------------------------------------------------------------ what is felt
 
@@ -253,29 +288,43 @@ class Plant:
 
         Zero for a foot in the air.
         """
-        found, feet = self.contacts, self.robot.feet.values()
-        return {foot.frame: found.wrench(foot.name, self._origin(foot.frame)) for foot in feet}
+        found, data = self.contacts, self.data
+        return {
+            sole.frame: found.wrench(
+                sole.foot, data.xpos[sole.body] + data.xmat[sole.body].reshape(3, 3) @ sole.origin
+            )
+            for sole in self._built.soles
+        }
 
     @property
     def cop(self) -> Array | None:
         """Centre of pressure (3,) of all contacts [m]; None in the air."""
         return self.contacts.cop
 
-    def _origin(self, frame: str) -> Array:
-        """Return where a frame's origin was when the contacts were found."""
+    def touching(self) -> tuple[str, ...]:
+        """Return the links that touch the ground with anything but a sole."""
+        return touching_links(self._built, self.data)
+
+    @property
+    def com(self) -> Array:
+        """CoM (3,) of the simulated robot, one step of the physics ago at most [m]."""
+        return np.array(self.data.subtree_com[self._built.bodies[1]])
+
+    def body_rotation(self, frame: str) -> Array:
+        """Return the rotation (3, 3) of a frame to the world, of the same instant."""
         found = self.robot.model.frames[self.robot.frame_id(frame)]
         body = self._built.bodies[int(found.parentJoint)]
-        rotation = self.data.xmat[body].reshape(3, 3)
-        return self.data.xpos[body] + rotation @ found.placement.translation
+        return self.data.xmat[body].reshape(3, 3) @ np.array(found.placement.rotation)
 
     # ------------------------------------------------------------------ checks
 
-    def _substeps(self, dt: float) -> int:
-        steps = finite_number("plant, dt", dt, above=0.0) / self.physics_dt
+    def _substeps(self, what: str, time: float, least: int = 1) -> int:
+        """Return how many steps of the physics a time has."""
+        steps = finite_number(f"plant, {what}", time, least=0.0) / self.physics_dt
         count = round(steps)
-        if count < 1 or abs(steps - count) > _EVEN:
+        if count < least or abs(steps - count) > _EVEN:
             raise InvalidInputError(
-                f"plant, dt: {dt:g} s is no multiple of physics_dt {self.physics_dt:g} s"
+                f"plant, {what}: {time:g} s is no multiple of physics_dt {self.physics_dt:g} s"
             )
         return count
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from wbc.errors import UnknownNameError
+from wbc.robot import Robot
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
 PROFILES = ("rectangular", "half_sine")
@@ -73,3 +76,27 @@ class Push:
         if self.profile == "rectangular":
             return end - begin
         return (math.cos(np.pi * begin) - math.cos(np.pi * end)) / np.pi
+
+
+def apply_pushes(
+    pushes: Iterable[Push], robot: Robot, bodies: Sequence[int], data: Any, dt: float
+) -> Array:
+    """Write the mean forces of pushes over ``dt`` from now into MuJoCo's data; return their sum.
+
+    Parameters
+    ----------
+    bodies:
+        MuJoCo's body of each Pinocchio joint.
+    """
+    data.xfrc_applied[:] = 0.0
+    total = np.zeros(3)
+    for push in pushes:
+        force = push.mean_force(float(data.time), dt)
+        frame = robot.model.frames[robot.frame_id(push.body)]
+        body = bodies[int(frame.parentJoint)]
+        local = np.array(frame.placement.rotation) @ push.point + frame.placement.translation
+        arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]
+        data.xfrc_applied[body, :3] += force
+        data.xfrc_applied[body, 3:] += np.cross(arm, force)
+        total += force
+    return total

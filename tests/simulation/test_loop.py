@@ -1,0 +1,178 @@
+"""The loop closed with the torque controller: it stands, it falls and says why, it is recorded."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion import analyse, read_motion
+from wbc.robot import Robot
+from wbc.simulation import (
+    FallLimits,
+    FallWatch,
+    Plant,
+    Recorder,
+    Sensors,
+    simulate,
+)
+
+Load = Callable[[str], Robot]
+DT = 0.002
+
+
+def standing(robot: Robot) -> wbc.TorqueController:
+    start = robot.snapshot(robot.posture("standing"))
+    tasks = [
+        wbc.ComTask(robot, start.com, weight=10.0),
+        wbc.OrientationTask(robot, "base", start.rotation("base")),
+        wbc.PostureTask(robot, start.q, weight=0.1),
+    ]
+    return wbc.TorqueController(
+        robot, tasks, contacts=wbc.support(start, "double"), dt=DT, solver="daqp"
+    )
+
+
+def test_it_stands_and_what_is_planned_is_what_acts(humanoid: Robot) -> None:
+    plant = Plant(humanoid, dt=DT)
+    last = None
+    for last in simulate(standing(humanoid), plant, 0.3):
+        assert last.verdict.stood and last.fresh
+    assert last is not None and last.time == pytest.approx(0.3)
+    assert str(last.verdict) == "stood for 0.300 s"
+    weight = 9.81 * humanoid.mass
+    for frame, wrench in plant.contact_forces.items():
+        planned = last.tick.forces[frame]
+        # nearly at rest; TALOS's joints have dry friction, which the controller does not know
+        np.testing.assert_allclose(wrench[:3], planned[:3], atol=0.02 * weight)
+    assert last.tick.cop is not None and plant.cop is not None
+    np.testing.assert_allclose(plant.cop[:2], last.tick.cop[:2], atol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        (FallLimits(), "touched the ground"),
+        (FallLimits(touch=False, com_height=0.0), r"base tilted by 1\.2"),
+        (FallLimits(touch=False, tilt=4.0), "the CoM sank"),
+    ],
+)
+def test_a_fall_ends_the_run_and_says_why(load: Load, limits: FallLimits, words: str) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot, dt=DT)
+    plant.reset(robot.posture("standing"), 1.5 * np.eye(robot.nv)[0])
+    watch = FallWatch(plant, limits)
+    for _ in range(1000):
+        plant.step(-0.02 * plant.state()[1][6:])  # limp
+        verdict = watch.verdict()
+        if not verdict.stood:
+            break
+    assert not verdict.stood and verdict.time == plant.time < 2.0
+    assert re.search(words, str(verdict))
+
+
+def test_the_loop_ends_with_the_fall_unless_told_otherwise(load: Load) -> None:
+    robot = load("hoap2_like")
+    controller, plant = standing(robot), Plant(robot, dt=DT)
+    for falls in (FallLimits(), None):
+        plant.reset(robot.posture("standing"))
+        plant.push("base", [60.0, 0.0, 0.0], "com", duration=0.1)  # 6 N s on 7 kg
+        ticks = list(simulate(controller, plant, 1.0, falls=falls))
+        assert not ticks[-1].verdict.stood
+        assert (len(ticks) == 500) == (falls is None)
+
+
+def test_lost_frames_hold_the_torque(load: Load) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot, dt=DT, sensors=Sensors(dropout=0.4, seed=2))
+    held, last = 0, None
+    for now in simulate(standing(robot), plant, 0.4):
+        if not now.fresh and last is not None:
+            assert now.tick is last.tick and now.snapshot is last.snapshot
+            held += 1
+        last = now
+    assert last is not None and last.verdict.stood and 40 < held < 120
+
+
+def test_the_loop_is_deterministic(load: Load) -> None:
+    robot = load("hoap2_like")
+    sensors = Sensors(position_noise=1e-3, velocity_noise=0.05, delay=0.002, dropout=0.1, seed=8)
+    ends = []
+    for _ in range(2):
+        plant = Plant(robot, dt=DT, sensors=sensors)
+        plant.push("base", [5.0, 3.0, 0.0], duration=0.05, start=0.02)
+        for _ in simulate(standing(robot), plant, 0.1):
+            pass
+        ends.append(b"".join(part.tobytes() for part in plant.state()))
+    assert ends[0] == ends[1]
+
+
+def test_update_chooses_the_controller_and_ends_the_loop(load: Load) -> None:
+    robot = load("hoap2_like")
+    first, second = standing(robot), standing(robot)
+    plant = Plant(robot, dt=DT)
+    seen = []
+
+    def update(k: int, snapshot: wbc.Snapshot) -> wbc.TorqueController | None:
+        seen.append(snapshot)
+        return None if k == 5 else (first, second)[k % 2]
+
+    ticks = list(simulate(first, plant, 1.0, update=update))
+    assert len(ticks) == 5 and len(seen) == 6
+    assert ticks[0].snapshot is seen[0]
+
+
+def test_a_recording_is_read_by_analyse(load: Load, tmp_path: Path) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot, dt=DT)
+    recorder = Recorder(plant)
+    push = plant.push("base", [4.0, 0.0, 0.0], "com", duration=0.05, start=0.1)
+    for now in simulate(standing(robot), plant, 0.4):
+        recorder.add(now.tick)
+    recorder.save(tmp_path / "run.npz", {"verdict": str(now.verdict)})
+    recorder.save(tmp_path / "run.csv")
+    found = dict(np.load(tmp_path / "run.npz"))
+    rows = len(recorder)
+    assert rows == 201 and found["q"].shape == (rows, robot.nq)
+    assert tuple(found["joint_names"]) == robot.joint_names
+    assert "stood for 0.400 s" in str(found["summary"])
+    total = sum(found[f"forces/{foot.frame}"] for foot in robot.feet.values())
+    assert total[-1, 2] == pytest.approx(9.81 * robot.mass, rel=0.05)
+    planned = sum(found[f"planned_forces/{foot.frame}"] for foot in robot.feet.values())
+    assert np.isnan(planned[0]).all() and np.isfinite(planned[1:]).all()
+    # sampled at the end of each period: the impulse to one period's share
+    sampled = found["push"].sum(axis=0) * DT
+    np.testing.assert_allclose(sampled, push.impulse, atol=DT * np.abs(push.force).max())
+    for name, ignore in (("run.npz", ()), ("run.csv", ("*/*",))):
+        motion = read_motion(tmp_path / name, robot, ignore=ignore)
+        np.testing.assert_allclose(motion.time, found["time"], atol=1e-9)
+        np.testing.assert_allclose(motion.joints, found["q"][:, 7:], atol=1e-8)
+        series = analyse(motion, cutoff=None)
+        # the reaction that analysis derives from the motion is the one that was recorded
+        middle = slice(100, 190)
+        np.testing.assert_allclose(series.cop[middle, 0], found["cop"][middle, 0], atol=0.01)
+        np.testing.assert_allclose(
+            robot.mass * (series.com_acceleration[middle, 2] + 9.81), total[middle, 2], rtol=0.05
+        )
+
+
+def test_mistakes_are_typed(load: Load) -> None:
+    robot = load("hoap2_like")
+    plant = Plant(robot, dt=DT)
+    start = robot.snapshot(robot.posture("standing"))
+    kinematic = wbc.KinematicController(robot, [wbc.PostureTask(robot, start.q)], dt=DT)
+    with pytest.raises(InvalidInputError, match="KinematicController commands no torques"):
+        next(simulate(kinematic, plant, 1.0))
+    with pytest.raises(InvalidInputError, match="same object"):
+        next(simulate(standing(Robot.load("hoap2_like")), plant, 1.0))
+    with pytest.raises(InvalidInputError, match="duration"):
+        next(simulate(standing(robot), plant, -1.0))
+    with pytest.raises(UnknownNameError, match="frame"):
+        next(simulate(standing(robot), plant, 1.0, falls=FallLimits(trunk="trnk")))
+    with pytest.raises(InvalidInputError, match="com_height"):
+        FallLimits(com_height=1.0)
+    with pytest.raises(InvalidInputError, match=r"written as"):
+        Recorder(plant).save("run.txt")

@@ -1,0 +1,166 @@
+"""What is measured: nothing changed without faults; noise as asked for; late and lost frames."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.simulation import Plant, Sensors
+
+Load = Callable[[str], Robot]
+QUIET = {"shapes": False}
+
+
+def stepped(plant: Plant, count: int) -> list[tuple[np.ndarray, np.ndarray] | None]:
+    """Measurements before each of ``count`` steps from the standing posture, in free fall."""
+    q = plant.robot.posture("standing")
+    q[2] += 50.0
+    plant.reset(q)
+    found = []
+    for _ in range(count):
+        found.append(plant.measure())
+        plant.step(np.zeros(plant.robot.nv - 6))
+    return found
+
+
+def test_without_faults_the_state_is_measured(load: Load) -> None:
+    plant = Plant(load("g1"))
+    measured = plant.measure()
+    assert measured is not None
+    for seen, true in zip(measured, plant.state(), strict=True):
+        assert seen.tobytes() == true.tobytes()
+
+
+def test_noise_has_the_spread_asked_for_and_no_bias(load: Load) -> None:
+    robot = load("g1")
+    sensors = Sensors(
+        position_noise=1e-3,
+        velocity_noise=0.05,
+        base_position_noise=2e-3,
+        base_rotation_noise=3e-3,
+        base_velocity_noise=0.02,
+        base_rate_noise=0.03,
+        seed=3,
+    )
+    plant = Plant(robot, sensors=sensors, **QUIET)
+    errors_q, errors_v = [], []
+    q = robot.posture("standing")
+    q[2] += 50.0
+    plant.reset(q)
+    for _ in range(400):
+        (seen_q, seen_v), (true_q, true_v) = plant.measure(), plant.state()
+        errors_q.append(robot.difference(true_q, seen_q))
+        errors_v.append(seen_v - true_v)
+        plant.step(np.zeros(robot.nv - 6))
+    for errors, spreads in (
+        (np.array(errors_q), (2e-3, 3e-3, 1e-3)),
+        (np.array(errors_v), (0.02, 0.03, 0.05)),
+    ):
+        for part, spread in zip((slice(0, 3), slice(3, 6), slice(6, None)), spreads, strict=True):
+            sample = errors[:, part]
+            # four standard errors of a mean and of a standard deviation over n samples
+            assert np.abs(sample.mean()) < 4.0 * spread / np.sqrt(sample.size)
+            assert sample.std() == pytest.approx(spread, rel=4.0 / np.sqrt(2 * sample.size))
+        for k in (0, 4, 10):  # white: one period says nothing of the next
+            correlation = np.corrcoef(errors[1:, k], errors[:-1, k])[0, 1]
+            assert abs(correlation) < 4.0 / np.sqrt(len(errors))
+
+
+def test_a_bias_stays_until_the_seed_changes(load: Load) -> None:
+    robot = load("g1")
+    offsets = []
+    for seed in (1, 1, 2):
+        plant = Plant(robot, sensors=Sensors(position_bias=0.01, seed=seed), **QUIET)
+        for _ in range(2):
+            plant.step(np.zeros(robot.nv - 6))
+            measured = plant.measure()
+            assert measured is not None
+            offsets.append(robot.difference(plant.state()[0], measured[0]))
+    offsets = np.array(offsets)
+    np.testing.assert_allclose(offsets[0], offsets[1], atol=1e-12)
+    np.testing.assert_allclose(offsets[0], offsets[2], atol=1e-12)
+    assert not offsets[0, :6].any()
+    assert offsets[0, 6:].std() == pytest.approx(0.01, rel=0.5)
+    assert np.abs(offsets[4] - offsets[0])[6:].max() > 1e-3
+
+
+def test_a_delay_shows_the_state_of_then(load: Load) -> None:
+    robot = load("hoap2_like")
+    now = stepped(Plant(robot, **QUIET), 12)
+    late = stepped(Plant(robot, sensors=Sensors(delay=0.004), **QUIET), 12)
+    for k in range(12):
+        seen, then = late[k], now[max(0, k - 2)]
+        assert seen is not None and then is not None
+        np.testing.assert_allclose(seen[0], then[0], atol=1e-12)
+        np.testing.assert_allclose(seen[1], then[1], atol=1e-12)
+
+
+def test_a_latency_applies_the_torques_of_then(load: Load, rng: np.random.Generator) -> None:
+    """Torques shifted by hand against torques that the plant holds back."""
+    robot = load("hoap2_like")
+    torques = 0.1 * rng.normal(size=(10, robot.nv - 6))
+    by_hand = Plant(robot, dt=0.001, **QUIET)
+    late = Plant(robot, sensors=Sensors(latency=0.003), **QUIET)
+    for torque in torques:
+        late.step(torque, 0.002)
+    substeps = np.repeat(torques, 2, axis=0)
+    shifted = np.concatenate((np.repeat(torques[:1], 3, axis=0), substeps))[: len(substeps)]
+    for torque in shifted:
+        by_hand.step(torque)
+    np.testing.assert_allclose(late.state()[1], by_hand.state()[1], atol=1e-9)
+    assert late.time == pytest.approx(by_hand.time)
+
+
+def test_frames_are_lost_as_often_as_asked_for(load: Load) -> None:
+    robot = load("hoap2_like")
+    found = stepped(Plant(robot, sensors=Sensors(dropout=0.3, seed=5), **QUIET), 400)
+    share = np.mean([frame is None for frame in found])
+    assert share == pytest.approx(0.3, abs=4.0 * np.sqrt(0.3 * 0.7 / 400))
+    again = stepped(Plant(robot, sensors=Sensors(dropout=0.3, seed=5), **QUIET), 400)
+    assert [frame is None for frame in found] == [frame is None for frame in again]
+
+
+def test_asking_twice_changes_nothing(load: Load) -> None:
+    robot, sensors = load("hoap2_like"), Sensors(position_noise=0.01, velocity_noise=0.1, seed=9)
+    once = stepped(Plant(robot, sensors=sensors, **QUIET), 5)
+    plant = Plant(robot, sensors=sensors, **QUIET)
+    q = robot.posture("standing")
+    q[2] += 50.0
+    plant.reset(q)
+    for frame in once:
+        first, second = plant.measure(), plant.measure()
+        assert frame is not None and first is not None and second is not None
+        assert first[0].tobytes() == second[0].tobytes() == frame[0].tobytes()
+        first[0][:] = np.nan  # ours to spoil
+        plant.step(np.zeros(robot.nv - 6))
+
+
+def test_a_fixed_base_is_known(load: Load) -> None:
+    robot = Robot.load("hoap2_like", base="fixed", feet={})
+    plant = Plant(robot, sensors=Sensors(base_position_noise=1.0, base_rate_noise=1.0), **QUIET)
+    measured = plant.measure()
+    assert measured is not None
+    np.testing.assert_array_equal(measured[0], plant.state()[0])
+    np.testing.assert_array_equal(measured[1], plant.state()[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"position_noise": -1.0}, "position_noise"),
+        ({"dropout": 1.5}, "probability"),
+        ({"delay": np.nan}, "delay"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 1.5}, "seed"),
+    ],
+)
+def test_mistakes_are_typed(options: dict[str, float], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        Sensors(**options)
+
+
+def test_a_delay_is_a_multiple_of_the_physics_step(load: Load) -> None:
+    with pytest.raises(InvalidInputError, match=r"delay.* multiple"):
+        Plant(load("hoap2_like"), sensors=Sensors(delay=0.0015))

@@ -1,0 +1,101 @@
+"""Whether a simulated robot still stands, and why not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.robot.names import BASE
+from wbc.simulation.plant import Plant
+from wbc.validate import check_fields
+
+
+@dataclass(frozen=True)
+class FallLimits:
+    """What counts as a fall; whatever happens first.
+
+    Attributes
+    ----------
+    com_height:
+        The CoM sinks below this part of its height over the ground in the beginning.
+    tilt:
+        The trunk turns away from its first vertical by more than this [rad].
+    trunk:
+        Frame of the trunk.
+    touch:
+        Anything but a sole touches the ground.
+    """
+
+    com_height: float = 0.5
+    tilt: float = 1.2
+    trunk: str = BASE
+    touch: bool = True
+
+    def __post_init__(self) -> None:
+        check_fields(self, "fall limits, ", "com_height", least=0.0)
+        check_fields(self, "fall limits, ", "tilt", above=0.0)
+        if self.com_height >= 1.0:
+            raise InvalidInputError("fall limits, com_height: must be below 1")
+
+
+class Verdict(NamedTuple):
+    """Whether a robot stood until ``time`` [s], or why it fell then."""
+
+    stood: bool
+    time: float
+    reason: str
+
+    def __str__(self) -> str:
+        return self.reason
+
+
+class FallWatch:
+    """Watches a plant; made when it is as it should stay.
+
+    Attributes
+    ----------
+    tilt:
+        Largest angle of the trunk from its first vertical so far [rad].
+
+    Raises
+    ------
+    UnknownNameError
+        No such trunk.
+    """
+
+    def __init__(self, plant: Plant, limits: FallLimits) -> None:
+        self._plant, self.limits = plant, limits
+        plant.robot.frame_id(limits.trunk)
+        self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
+        self._first_height = self._height()
+        self.tilt = 0.0
+
+    def verdict(self) -> Verdict:
+        """Return what is true now."""
+        limits, plant = self.limits, self._plant
+        upright = float(np.clip(plant.body_rotation(limits.trunk)[2] @ self._up, -1.0, 1.0))
+        tilt = float(np.arccos(upright))
+        self.tilt = max(self.tilt, tilt)
+        height = self._height()
+        reason = ""
+        if limits.touch and (links := plant.touching()):
+            reason = f"{links[0]} touched the ground"
+        elif tilt > limits.tilt:
+            reason = f"{limits.trunk} tilted by {tilt:.2f} rad, more than {limits.tilt:g}"
+        elif height < limits.com_height * self._first_height:
+            reason = (
+                f"the CoM sank to {height:.3f} m, below {limits.com_height:g} of"
+                f" {self._first_height:.3f} m"
+            )
+        if reason:
+            return Verdict(False, plant.time, f"fell at t = {plant.time:.3f} s: {reason}")
+        return Verdict(True, plant.time, f"stood for {plant.time:.3f} s")
+
+    def _height(self) -> float:
+        """Return how far the CoM is above the plane of the ground [m]."""
+        x, y, z = self._plant.com.tolist()
+        slope = self._plant.terrain.slope
+        return z - slope[0] * x - slope[1] * y

@@ -1,0 +1,124 @@
+"""The loop closed: measure, command a torque, let the physics go on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from time import perf_counter, thread_time
+from typing import NamedTuple
+
+from wbc.controllers.closed_loop import Update
+from wbc.controllers.controller import Controller
+from wbc.controllers.torque import TorqueTick
+from wbc.errors import InvalidInputError
+from wbc.robot import Snapshot
+from wbc.simulation.falling import FallLimits, FallWatch, Verdict
+from wbc.simulation.plant import Plant
+from wbc.validate import finite_number
+
+STANDING_LIMITS = FallLimits()
+
+
+class SimulationTick(NamedTuple):
+    """One control period of a simulation, at its end.
+
+    Attributes
+    ----------
+    time:
+        Simulated time at its end [s]; the plant is there now.
+    snapshot:
+        What was measured at its beginning; of a lost frame, what was last measured.
+    tick:
+        What the controller answered to it, and the plant was given.
+    fresh:
+        Whether it was measured; if not, the last torque was held.
+    verdict:
+        Whether the robot stands at its end.
+    seconds, cpu_seconds:
+        From measurement to command, by the clock and of this thread's CPU.
+    """
+
+    time: float
+    snapshot: Snapshot
+    tick: TorqueTick
+    fresh: bool
+    verdict: Verdict
+    seconds: float
+    cpu_seconds: float
+
+
+def simulate(
+    controller: Controller,
+    plant: Plant,
+    duration: float,
+    *,
+    update: Update | None = None,
+    falls: FallLimits | None = STANDING_LIMITS,
+) -> Iterator[SimulationTick]:
+    """Yield the control periods of a plant, from the state that it is in.
+
+    It ends after ``duration``, after the period in which the robot fell, or when ``update`` returns
+    None. Between periods anything may be done: targets moved, the robot pushed, the plant recorded
+    (:class:`~wbc.simulation.recorder.Recorder`). Where the sensors lose a frame, the last torque is
+    held; before the first frame, none.
+
+    Parameters
+    ----------
+    controller:
+        Gives the period, and torques: a :class:`~wbc.controllers.torque.TorqueController`.
+    duration:
+        [s].
+    update:
+        Called before each command with the period's number and what was measured; returns the
+        controller in charge, or None to end.
+    falls:
+        What counts as a fall; None: go on whatever happens.
+
+    Raises
+    ------
+    InvalidInputError
+        A controller of another robot, one that gives no torques, or whose period is no multiple of
+        the physics' step.
+    SimulationError
+        The physics blew up.
+    ControllerFailure
+        By the controller's policy ``raise``.
+    """
+    if controller.robot is not plant.robot:
+        raise InvalidInputError(
+            f"simulate: the controller's robot {controller.robot!r} and the plant's"
+            f" {plant.robot!r} must be the same object; for errors of the model see ModelMismatch"
+        )
+    dt = controller.dt
+    total = round(finite_number("simulate, duration", duration, above=0.0) / dt)
+    watch = FallWatch(plant, falls or STANDING_LIMITS)
+    tick: TorqueTick | None = None
+    snapshot: Snapshot | None = None
+    for k in range(total):
+        began, cpu_began = perf_counter(), thread_time()
+        measured = plant.measure()
+        if measured is not None:
+            snapshot = plant.robot.snapshot(*measured)
+            present = controller if update is None else update(k, snapshot)
+            if present is None:
+                return
+            tick = _torque_tick(present, snapshot)
+        if snapshot is None or tick is None:  # not one frame has come yet
+            plant.step(plant.torque, dt)
+            continue
+        seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
+        plant.step(tick.torque, dt)
+        verdict = watch.verdict()
+        yield SimulationTick(
+            plant.time, snapshot, tick, measured is not None, verdict, seconds, cpu_seconds
+        )
+        if falls is not None and not verdict.stood:
+            return
+
+
+def _torque_tick(controller: Controller, snapshot: Snapshot) -> TorqueTick:
+    tick = controller.step(snapshot)
+    if not isinstance(tick, TorqueTick):
+        raise InvalidInputError(
+            f"simulate: a {type(controller).__name__} commands no torques; use a TorqueController"
+        )
+    return tick

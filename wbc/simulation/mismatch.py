@@ -1,0 +1,109 @@
+"""How the simulated robot differs from the model that controllers have of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
+
+SPREADS = ("mass_spread", "inertia_spread", "com_spread")
+
+
+@dataclass(frozen=True, eq=False)
+class ModelMismatch:
+    """Errors of the controller's model: the physics gets the robot as it "really" is.
+
+    Attributes
+    ----------
+    mass:
+        Factor on the mass of every link; moments of inertia go with it.
+    inertia:
+        Factor on the moments of inertia of every link, besides.
+    com:
+        Shift (3,) of the base link's CoM in its own axes [m].
+    friction:
+        Factor on the friction of the ground.
+    mass_spread, inertia_spread:
+        Each link's factors are multiplied by 1 + spread u, u uniform in [-1, 1]; below 1.
+    com_spread:
+        Each link's CoM is shifted by up to so much along each of its joint's axes [m].
+    seed:
+        Of the random numbers; the same seed is the same robot.
+    """
+
+    mass: float = 1.0
+    inertia: float = 1.0
+    com: ArrayLike = (0.0, 0.0, 0.0)
+    friction: float = 1.0
+    mass_spread: float = 0.0
+    inertia_spread: float = 0.0
+    com_spread: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "model mismatch, ", "mass", "inertia", above=0.0)
+        check_fields(self, "model mismatch, ", "friction", *SPREADS, least=0.0)
+        set_fields(self, com=read_only(finite_array("model mismatch, com", self.com, (3,))))
+        for name in ("mass_spread", "inertia_spread"):
+            if getattr(self, name) >= 1.0:
+                raise InvalidInputError(f"model mismatch, {name}: must be below 1")
+        check_seed("model mismatch, seed", self.seed)
+
+
+def check_seed(what: str, seed: object) -> None:
+    """Refuse what is no seed of NumPy's random numbers."""
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise InvalidInputError(f"{what}: expected a whole number from 0 on, got {seed!r}")
+
+
+EXACT = ModelMismatch()
+
+
+class PrincipalInertia(NamedTuple):
+    """Mass properties of a link in its joint's frame.
+
+    ``axes`` (3, 3) holds the principal axes as columns, ``moments`` (3,) belong to them.
+    """
+
+    mass: float
+    com: Array
+    axes: Array
+    moments: Array
+
+
+def principal_inertia(inertia: Any) -> PrincipalInertia:
+    """Return the principal axes and moments of a ``pin.Inertia``."""
+    moments, axes = np.linalg.eigh(np.array(inertia.inertia))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    # below zero by rounding only: robots with more are refused when loaded
+    return PrincipalInertia(
+        float(inertia.mass), np.array(inertia.lever), axes, np.maximum(moments, 0.0)
+    )
+
+
+def true_inertias(robot: Robot, mismatch: ModelMismatch) -> list[PrincipalInertia]:
+    """Return the mass properties of the link of each Pinocchio joint; entry 0 is no link."""
+    found = [principal_inertia(body) for body in robot.model.inertias]
+    if _same(mismatch):
+        return found
+    random = np.random.default_rng(mismatch.seed).uniform(-1.0, 1.0, (len(found), 5))
+    for j, (inertia, u) in enumerate(zip(found, random, strict=True)):
+        mass = mismatch.mass * (1.0 + mismatch.mass_spread * u[0])
+        moments = mass * mismatch.inertia * (1.0 + mismatch.inertia_spread * u[1])
+        shift = mismatch.com_spread * u[2:] + (mismatch.com if j == 1 else 0.0)
+        found[j] = PrincipalInertia(
+            mass * inertia.mass, inertia.com + shift, inertia.axes, moments * inertia.moments
+        )
+    return found
+
+
+def _same(mismatch: ModelMismatch) -> bool:
+    """Return whether nothing differs but the seed and the ground's friction."""
+    names = [field.name for field in fields(EXACT) if field.name not in ("seed", "friction")]
+    return all(np.array_equal(getattr(mismatch, name), getattr(EXACT, name)) for name in names)

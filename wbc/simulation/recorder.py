@@ -1,0 +1,119 @@
+"""What happened in a simulation, control period by control period, as arrays and files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.controllers.torque import TorqueTick
+from wbc.robot.series import turning_joints
+from wbc.run.columns import Column, placed_columns, rate_columns
+from wbc.run.saving import save_result
+from wbc.simulation.plant import Plant
+from wbc.validate import Array
+
+WRENCH = ("fx [N]", "fy [N]", "fz [N]", "mx [N m]", "my [N m]", "mz [N m]")
+PLACE = ("x [m]", "y [m]", "z [m]")
+_LOST = (np.nan, np.nan, np.nan)
+
+
+class Recorder:
+    """Records a plant after each of its steps; ``wbc analyze`` reads what it saves.
+
+    The first row is the state in which it is made. Arrays, one row each:
+
+    ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv): the true state.
+    ``torque`` (n, nv-6): held over the period that ended then [N m or N].
+    ``forces/FRAME`` (n, 6): measured on each sole, at its frame's origin, world axes; of the
+    physics' last step. ``cop`` (n, 3): of all contacts [m], NaN in the air.
+    ``planned_forces/FRAME``, ``planned_cop``: what the controller's tick expected, NaN without.
+    ``relaxed`` (n,): whether something gave way in the tick. ``push`` (n, 3): sum of pushes [N].
+    ``joint_names`` (nv-6,): of the columns of ``torque``.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._rows: list[dict[str, Any]] = []
+        self.add()
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, tick: TorqueTick | None = None) -> None:
+        """Record the plant as it is now, after the step that ``tick`` commanded."""
+        plant, unknown = self._plant, np.full(6, np.nan)
+        q, v = plant.state()
+        forces = plant.contact_forces
+        row: dict[str, Any] = {"time": plant.time, "q": q, "v": v, "torque": plant.torque}
+        for frame, wrench in forces.items():
+            row[f"forces/{frame}"] = wrench
+            planned = None if tick is None else tick.forces.get(frame, np.zeros(6))
+            row[f"planned_forces/{frame}"] = unknown if planned is None else planned
+        row["cop"] = _LOST if plant.cop is None else plant.cop
+        row["planned_cop"] = _LOST if tick is None or tick.cop is None else tick.cop
+        row["relaxed"] = tick is not None and bool(tick.policy)
+        row["push"] = plant.push_force
+        self._rows.append(row)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return everything recorded, by name."""
+        found: dict[str, NDArray[Any]] = {
+            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
+        }
+        found["joint_names"] = np.array(self._plant.robot.joint_names)
+        return found
+
+    def columns(self) -> list[Column]:
+        """Return a table: what :func:`wbc.read_motion` knows first, then names with a slash."""
+        found, robot = self.arrays(), self._plant.robot
+        table: list[Column] = [
+            ("time [s]", found["time"]),
+            *placed_columns(robot, found["q"]),
+            *rate_columns(robot, found["v"]),
+        ]
+        turning = zip(robot.joint_names, turning_joints(robot), strict=True)
+        units = [f"{name} [{'N m' if turns else 'N'}]" for name, turns in turning]
+        table += _split("torque", units, found["torque"])
+        for name, array in found.items():
+            if name.partition("/")[0] in ("forces", "planned_forces"):
+                table += _split(name, WRENCH, array)
+            elif name in ("cop", "planned_cop"):
+                table += _split(name, PLACE, array)
+        return table
+
+    def save(self, path: str | Path, summary: Mapping[str, Any] | None = None) -> None:
+        """Write ``.npz``, a table as ``.csv``, or the summary as ``.json``; whole or not at all.
+
+        ``summary`` is added to what is known here.
+
+        Raises
+        ------
+        InvalidInputError
+            Another ending.
+        OSError
+            The file cannot be written.
+        """
+        plant = self._plant
+        known = {
+            "robot": plant.robot.name,
+            "mass": plant.robot.mass,
+            "dt": plant.dt,
+            "physics_dt": plant.physics_dt,
+            "duration": plant.time,
+            "saturated": _counts(plant),
+            "notes": list(plant.notes),
+        }
+        save_result(path, {**known, **(summary or {})}, self.arrays, self.columns)
+
+
+def _split(name: str, parts: Sequence[str], array: Array) -> list[Column]:
+    return [(f"{name}/{part}", array[:, k]) for k, part in enumerate(parts)]
+
+
+def _counts(plant: Plant) -> dict[str, int]:
+    named = zip(plant.robot.joint_names, plant.saturated.tolist(), strict=True)
+    return {name: count for name, count in named if count}

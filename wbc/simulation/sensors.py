@@ -1,0 +1,101 @@
+"""What a robot measures of its state: noise, bias, delay, missing frames; and late commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NV
+from wbc.simulation.mismatch import check_seed
+from wbc.validate import Array, check_fields
+
+NOISES = (
+    "position_noise",
+    "velocity_noise",
+    "position_bias",
+    "base_position_noise",
+    "base_rotation_noise",
+    "base_velocity_noise",
+    "base_rate_noise",
+)
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Imperfections of measurement and command; all are off by default.
+
+    Noise is white, normal, with these standard deviations, and drawn anew for each control period.
+
+    Attributes
+    ----------
+    position_noise, velocity_noise:
+        Of the joints [rad or m], [rad/s or m/s].
+    position_bias:
+        Of an offset of each joint [rad or m] that is drawn at the reset and then stays.
+    base_position_noise, base_rotation_noise:
+        Of the base's position along each axis [m], and rotation about each [rad].
+    base_velocity_noise, base_rate_noise:
+        Of its linear [m/s] and angular velocity [rad/s] along each axis.
+    delay:
+        How old what is measured is [s]. In the beginning that is the state at the reset.
+    latency:
+        How late a torque arrives [s]. The first one counts as given before the reset.
+    dropout:
+        Probability that the frame of a control period is missing.
+    seed:
+        Of the random numbers, which begin anew at each reset.
+    """
+
+    position_noise: float = 0.0
+    velocity_noise: float = 0.0
+    position_bias: float = 0.0
+    base_position_noise: float = 0.0
+    base_rotation_noise: float = 0.0
+    base_velocity_noise: float = 0.0
+    base_rate_noise: float = 0.0
+    delay: float = 0.0
+    latency: float = 0.0
+    dropout: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "sensors, ", *NOISES, "delay", "latency", "dropout", least=0.0)
+        if self.dropout > 1.0:
+            raise InvalidInputError(f"sensors, dropout: a probability, got {self.dropout:g}")
+        check_seed("sensors, seed", self.seed)
+
+
+class Measurements:
+    """Measures states with the faults of some sensors, from one reset to the next."""
+
+    def __init__(self, robot: Robot, sensors: Sensors) -> None:
+        self._robot, self._sensors = robot, sensors
+        self._random = np.random.default_rng(sensors.seed)
+        joints = robot.nv - BASE_NV
+        s = sensors
+        place = [s.base_position_noise, s.base_rotation_noise]
+        rates = [s.base_velocity_noise, s.base_rate_noise]
+        if robot.fixed_base:
+            place = rates = [0.0, 0.0]
+        self._position = np.concatenate((np.repeat(place, 3), np.full(joints, s.position_noise)))
+        self._velocity = np.concatenate((np.repeat(rates, 3), np.full(joints, s.velocity_noise)))
+        self._bias = np.zeros(robot.nv)
+        self._bias[BASE_NV:] = s.position_bias * self._random.normal(size=joints)
+        self._noisy = bool(any(getattr(s, name) for name in NOISES))
+
+    def measure(self, q: Array, v: Array) -> tuple[Array, Array] | None:
+        """Return what is measured of a state, or None for a missing frame.
+
+        Every call draws as many random numbers as any other.
+        """
+        lost = bool(self._random.uniform() < self._sensors.dropout)
+        noise = self._random.normal(size=(2, self._robot.nv))
+        if lost:
+            return None
+        if not self._noisy:
+            return q, v
+        error = self._position * noise[0] + self._bias
+        return self._robot.integrate(q, error, 1.0), v + self._velocity * noise[1]
