@@ -181,7 +181,7 @@ class LevelSolver:
         qp = relaxed_qp(
             self.plan, problem.rows, problem.contacts, problem.box, margins, problem.physics
         )
-        solution = self._solve_qp(qp, workspace=(*self._workspace, "relaxed"))
+        solution = self._solve_qp(qp, workspace=None)
         return Outcome(qp, solution, qp, self.plan.decision.nv, solution.solve_time, {})
 
     def _descend(
