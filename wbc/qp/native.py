@@ -110,6 +110,10 @@ class Workspace:
         native.init(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
         return cls(native, mi, scale)
 
+    def cap(self, max_iterations: int) -> None:
+        """Bound the outer iterations of the next solves."""
+        self.native.settings.max_iter = max_iterations
+
     def solve_cold(self) -> RawSolution:
         """Solve the QP given to :meth:`create`; the workspace is warm afterwards."""
         self.native.solve()

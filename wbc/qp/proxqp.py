@@ -18,7 +18,7 @@ from wbc.validate import finite_number
 NEARLY = 100.0
 # Cap on DAQP's iterations: of 400 QPs that needed it one took 244, where it cycles it takes all.
 ACTIVE_SET_ITERATIONS = 300
-# Cap on ProxQP's outer iterations where the time is bounded: smooth ticks take 1 to 3.
+# Cap on ProxQP's outer iterations where the time is bounded: most warm ticks take 1 to 3.
 QUICK_ITERATIONS = 4
 
 
@@ -71,8 +71,8 @@ class ProxQP:
             contact sets of equal size need two names. None: a QP that will not come again; it is
             solved by the active-set method, which starts from nothing in a third of the time.
         quick:
-            Give up after step (2), at a lower cap of iterations and without a search for the rows
-            in conflict: for who knows what to do instead, in bounded time.
+            Give up after step (2), at a lower cap of iterations when warm and without a search for
+            the rows in conflict: for who knows what to do instead, in bounded time.
 
         Raises
         ------
@@ -85,8 +85,7 @@ class ProxQP:
             return self._solve_actively(qp, check)
         key = (workspace, qp.g.size, qp.b.size, qp.u.size)
         last = self._workspaces.pop(key, None)
-        cap = min(QUICK_ITERATIONS, self.max_iterations) if quick else self.max_iterations
-        native = last or Workspace.create(qp, self.eps, cap)
+        native = last or Workspace.create(qp, self.eps, self.max_iterations)
         raw = native.solve_cold() if last is None else native.solve_warm(qp)
         accepted = check.accept(qp, raw)
         if accepted is None and quick:
@@ -95,6 +94,8 @@ class ProxQP:
             return self._retry(qp, check, raw, cold=last is None)
         if self.warm:
             self._workspaces[key] = native
+            if quick:
+                native.cap(QUICK_ITERATIONS)
         return accepted
 
     def _solve_actively(self, qp: QP, check: SolveCheck, attempts: int = 1) -> Solution:
