@@ -13,6 +13,7 @@ curvature 1 to 1000 a damping of forces in newton makes it nearly singular.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -32,7 +33,7 @@ from wbc.validate import Array
 UNLOADED = 1e-6
 
 
-class _Part(NamedTuple):
+class ContactPart(NamedTuple):
     """The unknowns of one contact.
 
     Attributes
@@ -59,6 +60,15 @@ class _Part(NamedTuple):
             return np.eye(3)
         return snapshot.rotation(self.contact.frame)  # type: ignore[attr-defined]
 
+    def points(self, snapshot: Snapshot) -> Array:
+        """Return where the forces of a surface act (k, 3), world axes [m]."""
+        contact = self.surface
+        if contact is None or contact.corners is None:
+            return np.zeros((0, 3))
+        return (
+            snapshot.position(contact.frame) + contact.corners @ snapshot.rotation(contact.frame).T
+        )
+
 
 class ContactForces:
     """The force unknowns of a set of contacts.
@@ -74,6 +84,8 @@ class ContactForces:
         How many unknowns there are, k.
     names:
         (k,).
+    parts:
+        Of each contact that bears forces.
     lower, upper:
         (k,) bounds: normal forces push.
     labels:
@@ -95,7 +107,7 @@ class ContactForces:
             if part is not None:
                 names += _names(part)
                 parts.append(part)
-        self._parts = tuple(parts)
+        self.parts = tuple(parts)
         self.names = tuple(names)
         self.size = len(names)
         self.surfaces = tuple(one for part in parts if (one := part.surface) is not None)
@@ -108,7 +120,7 @@ class ContactForces:
     def generalized(self, snapshot: Snapshot) -> Array:
         """Return J' G (nv, k): generalized forces by the forces of all contacts."""
         G = np.empty((self.robot.nv, self.size))
-        for part in self._parts:
+        for part in self.parts:
             if part.grasp is None:
                 G[:, part.columns] = part.contact.residual(snapshot).jacobian.T
                 continue
@@ -129,66 +141,20 @@ class ContactForces:
                 lower[k], upper[k] = cone.least / self.unit, cone.most / self.unit
         return Bounds(self.labels, self._matrix, lower, upper)
 
-    def corner_forces(self, snapshot: Snapshot, f: Array) -> Mapping[str, tuple[Array, Array]]:
-        """Return points (k, 3) [m] and forces (k, 3) [N] by contact, world axes."""
-        found = {}
-        for part in self._parts:
-            contact = part.surface
-            if contact is None or contact.corners is None:
-                continue
-            R = part.axes(snapshot)
-            local = self.unit * f[part.columns].reshape(-1, 3)
-            points = snapshot.position(contact.frame) + contact.corners @ R.T
-            found[contact.name] = (points, local @ R.T)
-        return found
-
-    def wrenches(self, snapshot: Snapshot, f: Array) -> dict[str, Array]:
-        """Return the wrench (6,) [N, N m] of each contact at its frame's origin, world axes.
-
-        Free forces along rows that are no frame's (gears) are given as they are, (rows,).
-        """
-        found = {}
-        for part in self._parts:
-            own = self.unit * f[part.columns]
-            if part.grasp is not None:
-                wrench = (part.axes(snapshot) @ (part.grasp @ own).reshape(2, 3).T).T.reshape(6)
-                found[part.contact.name] = wrench
-            else:
-                found[part.contact.name] = own
-        return found
-
-    def cop(self, snapshot: Snapshot, f: Array) -> Array | None:
-        """Return the centre of pressure (3,) of all surfaces and points, or None if none is loaded.
-
-        The mean of the points at which forces act, weighed by the normal forces there: that is the
-        CoP of coplanar contacts, and a point between them otherwise.
-        """
-        total, moment = 0.0, np.zeros(3)
-        for part in self._parts:
-            contact = part.surface
-            if contact is None or contact.corners is None:
-                continue
-            normal = f[part.columns][2::3]
-            R = part.axes(snapshot)
-            points = snapshot.position(contact.frame) + contact.corners @ R.T
-            total += float(normal.sum())
-            moment += normal @ points
-        return moment / total if total * self.unit > UNLOADED else None
-
     @cached_property
     def columns(self) -> Mapping[str, slice]:
         """Which of the force unknowns belong to each contact, by its name."""
-        return {part.contact.name: part.columns for part in self._parts}
+        return {part.contact.name: part.columns for part in self.parts}
 
     def grasp(self, name: str) -> Array | None:
         """Return the grasp map (6, k) of a contact in the axes of its forces, or None if free."""
-        return next(part.grasp for part in self._parts if part.contact.name == name)
+        return next(part.grasp for part in self.parts if part.contact.name == name)
 
     def _read_cones(self) -> None:
         """Lay out the rows: one for each whole normal force, then the facets of each corner."""
         self._shapes = tuple(_shape(contact.friction) for contact in self.surfaces)
         labels, rows = [], []
-        parts = [part for part in self._parts if part.surface is not None]
+        parts = [part for part in self.parts if part.surface is not None]
         for part in parts:
             row = np.zeros((1, self.size))
             row[0, part.columns] = np.tile([0.0, 0.0, 1.0], _corners(part))
@@ -214,7 +180,64 @@ class ContactForces:
         self._upper = np.zeros(len(labels))
 
 
-def _part(contact: Task, begin: int) -> _Part | None:
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """The contact forces of one tick.
+
+    Attributes
+    ----------
+    layout:
+        Which unknown is what.
+    snapshot:
+        Where they act.
+    f:
+        (k,) the unknowns.
+    """
+
+    layout: ContactForces
+    snapshot: Snapshot
+    f: Array
+
+    def wrenches(self) -> dict[str, Array]:
+        """Return the wrench (6,) [N, N m] of each contact at its frame's origin, world axes.
+
+        Free forces along rows that are no frame's (gears) are given as they are, (rows,).
+        """
+        found = {}
+        for part in self.layout.parts:
+            own = self.layout.unit * self.f[part.columns]
+            if part.grasp is not None:
+                local = (part.grasp @ own).reshape(2, 3)
+                own = (local @ part.axes(self.snapshot).T).reshape(6)
+            found[part.contact.name] = own
+        return found
+
+    def corner_forces(self) -> dict[str, tuple[Array, Array]]:
+        """Return points (k, 3) [m] and forces (k, 3) [N] by contact, world axes."""
+        found: dict[str, tuple[Array, Array]] = {}
+        for part in self.layout.parts:
+            if part.surface is not None:
+                local = self.layout.unit * self.f[part.columns].reshape(-1, 3)
+                forces = local @ part.axes(self.snapshot).T
+                found[part.contact.name] = (part.points(self.snapshot), forces)
+        return found
+
+    def cop(self) -> Array | None:
+        """Return the centre of pressure (3,) of all surfaces and points, or None if none is loaded.
+
+        The mean of the points at which forces act, weighed by the normal forces there: that is the
+        CoP of coplanar contacts, and a point between them otherwise.
+        """
+        total, moment = 0.0, np.zeros(3)
+        for part in self.layout.parts:
+            if part.surface is not None:
+                normal = self.f[part.columns][2::3]
+                total += float(normal.sum())
+                moment += normal @ part.points(self.snapshot)
+        return moment / total if total * self.layout.unit > UNLOADED else None
+
+
+def _part(contact: Task, begin: int) -> ContactPart | None:
     """Return the unknowns of a contact behind ``begin`` others; None if it bears no force."""
     if isinstance(contact, Contact) and contact.friction is not None:
         corners = contact.corners
@@ -228,13 +251,13 @@ def _part(contact: Task, begin: int) -> _Part | None:
         for k, corner in enumerate(corners):
             grasp[:3, 3 * k : 3 * k + 3] = np.eye(3)
             grasp[3:, 3 * k : 3 * k + 3] = skew(corner)
-        return _Part(contact, slice(begin, begin + grasp.shape[1]), grasp)
+        return ContactPart(contact, slice(begin, begin + grasp.shape[1]), grasp)
     if isinstance(contact, Contact | Gear | BoltedBase):
-        return _Part(contact, slice(begin, begin + len(contact.rows)), None)
+        return ContactPart(contact, slice(begin, begin + len(contact.rows)), None)
     return None
 
 
-def _names(part: _Part) -> list[str]:
+def _names(part: ContactPart) -> list[str]:
     name = part.contact.name
     if part.grasp is None:
         return [f"{name} force {row}" for row in part.contact.rows]
@@ -243,7 +266,7 @@ def _names(part: _Part) -> list[str]:
     ]
 
 
-def _corners(part: _Part) -> int:
+def _corners(part: ContactPart) -> int:
     return (part.columns.stop - part.columns.start) // 3
 
 

@@ -13,15 +13,16 @@ to second order; limits and margins are those of the velocity level, statements 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.linalg import lapack
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
-from wbc.controllers.contact_forces import ContactForces
+from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import LevelProblem, Outcome
@@ -43,9 +44,10 @@ POLICIES = ("damp", "raise")
 RELAX = "relax"
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
 REST_TIME = 0.05
+_FIELDS = tuple(one.name for one in fields(Tick))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TorqueTick(Tick):
     """The answer of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
 
@@ -55,20 +57,31 @@ class TorqueTick(Tick):
         (nv - 6,) command [N m or N]; always finite and inside the torque bounds.
     acceleration:
         (nv,) of v, over the tick.
-    forces:
-        By contact: wrench (6,) on the robot at the contact frame's origin, world axes, force [N]
-        then moment [N m]; of a gear, its generalized force.
-    corner_forces:
-        By contact with a friction cone: points (k, 3) [m] and forces (k, 3) [N], world axes.
-    cop:
-        Centre of pressure (3,) of all contacts [m], None if none is loaded.
+    reaction:
+        The contact forces, from which the properties below are made when they are asked for.
     """
 
-    torque: Array = field(default_factory=lambda: np.zeros(0))
-    acceleration: Array = field(default_factory=lambda: np.zeros(0))
-    forces: Mapping[str, Array] = field(default_factory=dict)
-    corner_forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
-    cop: Array | None = None
+    torque: Array
+    acceleration: Array
+    reaction: Reaction
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """By contact: wrench (6,) on the robot at the frame's origin, world axes, [N] then [N m].
+
+        Of a gear, its generalized force.
+        """
+        return self.reaction.wrenches()
+
+    @property
+    def corner_forces(self) -> dict[str, tuple[Array, Array]]:
+        """By contact with a friction cone: points (k, 3) [m] and forces (k, 3) [N], world axes."""
+        return self.reaction.corner_forces()
+
+    @property
+    def cop(self) -> Array | None:
+        """Centre of pressure (3,) of all contacts [m], None if none is loaded."""
+        return self.reaction.cop()
 
     @property
     def relaxed(self) -> tuple[str, ...]:
@@ -250,7 +263,7 @@ class TorqueController(Controller):
 
     def _tick(self, snapshot: Snapshot, *parts: Any) -> TorqueTick:
         tick = super()._tick(snapshot, *parts)
-        known = {one.name: getattr(tick, one.name) for one in fields(Tick)}
+        known = {name: getattr(tick, name) for name in _FIELDS}
         if tick.status is Status.SOLVED:
             velocity, f = self._exact(tick.solution.x[: self.plan.decision.size])
             if self._missed is not None:
@@ -260,15 +273,12 @@ class TorqueController(Controller):
         matrix, offset = self._expression
         torque = self._unit * (matrix @ np.concatenate((velocity, f)) + offset)[6:]
         np.clip(torque, -self.torque_bounds, self.torque_bounds, out=torque)
-        forces = self.contact_forces
         known["velocity"] = read_only(velocity)
         return TorqueTick(
             **known,
             torque=read_only(torque),
             acceleration=read_only((velocity - snapshot.v) / self.dt),
-            forces=forces.wrenches(snapshot, f),
-            corner_forces=forces.corner_forces(snapshot, f),
-            cop=forces.cop(snapshot, f),
+            reaction=Reaction(self.contact_forces, snapshot, f),
         )
 
     def _exact(self, x: Array) -> tuple[Array, Array]:
@@ -277,7 +287,7 @@ class TorqueController(Controller):
         matrix, offset = self._expression
         velocity = x[:nv].copy()
         missed = matrix[:6] @ x + offset[:6]
-        velocity[:6] -= np.linalg.solve(matrix[:6, :6], missed)
+        velocity[:6] -= lapack.dposv(matrix[:6, :6], missed)[1]
         return velocity, x[nv:]
 
     def _at_rest(self, snapshot: Snapshot) -> Array:

@@ -1,4 +1,4 @@
-"""How the composite-rigid-body (CRB) inertia changes with the joints: Jacobian and drift.
+"""How the composite-rigid-body (CRB) inertia changes with the joints: Jacobian, drift, Hessian.
 
 The Jacobian (paper eqs. 24-27) follows from the composite inertias that Pinocchio keeps: a joint
 moves the bodies that it carries as one. The second derivative is read off the equations of motion.
@@ -8,10 +8,9 @@ T = 1/2 w' I_c w, and Lagrange's equations say that joint j then needs the *cent
     tau_j(w) = - dT/dq_j = - 1/2 w' (dI_c/dq_j) w.
 
 So six spins, one for each entry of a symmetric matrix, give the Jacobian too (the tests' oracle),
-and the derivative of these torques along the motion gives the second derivative: exact for every
-joint type, O(n), and no loop over the links in Python. That part is seen from the base, where the
-inertia depends on the joints alone (paper 5.2.1); :mod:`wbc.robot.state` adds how the base and
-other frames turn.
+and the derivative of these torques by the joints gives the Hessian: exact for every joint type.
+That part is seen from the base, where the inertia depends on the joints alone (paper 5.2.1). The
+second derivative along a motion has a closed form of its own, without a loop over the links.
 """
 
 from __future__ import annotations
@@ -19,11 +18,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.robot.workspace import Workspace
+from wbc.robot.workspace import CarriedColumns, Workspace
 from wbc.spatial import (
     COLUMNS,
     DIAGONAL,
-    FROBENIUS_WEIGHTS,
     ROWS,
     commutator_matrix,
     skew,
@@ -31,13 +29,6 @@ from wbc.spatial import (
     vech_inverse,
 )
 from wbc.validate import Array
-
-# Spin axes e_a for the diagonal entries and e_a + e_b for the off-diagonal ones, in vech order.
-_SPINS = np.zeros((6, 3))
-_SPINS[np.arange(6), ROWS] = 1.0
-_SPINS[np.arange(6), COLUMNS] = 1.0
-# Takes the six quadratic forms w' S w to vech(S).
-_POLARISATION = np.linalg.inv(_SPINS[:, ROWS] * _SPINS[:, COLUMNS] * FROBENIUS_WEIGHTS)
 
 
 def _rates() -> Array:
@@ -108,9 +99,54 @@ def joint_hessian(
     return hessian
 
 
-def joint_curvature(
-    work: Workspace, q: Array, v: Array, com_in_base: Array, com_jacobian: Array
-) -> Array:
-    """Return the second time derivative (6,) of the base-frame inertia at constant joint rates."""
-    forms = [v @ joint_hessian(work, q, com_in_base, com_jacobian, axis) @ v for axis in _SPINS]
-    return _POLARISATION @ np.array(forms)
+def inertia_curvature(
+    columns: CarriedColumns, composites: Array, masses: Array, twists: Array, com: Array, v: Array
+) -> tuple[Array, Array]:
+    """Return the first and second time derivative (3, 3) of the centroidal inertia at constant v.
+
+    A body that moves by the twist W, as a 4x4 matrix, carries its pseudo-inertia
+    P = integral of (x, 1)(x, 1)' dm along: P' = W P + P W'. Column k of v, with twist w_k v_k,
+    moves all that it carries, P_k, so the robot's is
+
+        P' = sum w_k P_k + (..)',   P'' = sum (w_k' P_k + w_k P_k') + (..)'
+        w_k' = [W_k, w_k],          P_k' = W_k P_k + sum over columns below (w_j P_j) + (..)'
+
+    with W_k the whole twist of the column's body. In axes through the robot's CoM; parameters as of
+    :func:`inertia_rates`.
+    """
+    n, mass = len(masses), masses[0]
+    arms = composites[:, :3] - com
+    P = np.empty((n, 4, 4))
+    P[:, :3, :3] = (composites[:, 3:] @ _SECOND_MOMENTS)[:, _MATRIX]
+    P[:, :3, 3] = P[:, 3, :3] = masses[:, None] * arms
+    P[:, :3, :3] += arms[:, :, None] * P[:, None, :3, 3]
+    P[:, 3, 3] = masses
+    angular = twists[3:] * v
+    linear = twists[:3] * v - skew(com) @ angular
+    w = (np.concatenate((linear, angular)).T @ _TWISTS).reshape(n, 4, 4)
+    W = (columns.above @ w.reshape(n, 16)).reshape(n, 4, 4)
+    carried = w @ P
+    spread = W @ P
+    spread += (columns.below @ carried.reshape(n, 16)).reshape(n, 4, 4)
+    spread += spread.transpose(0, 2, 1)
+    turned = W @ w
+    turned -= w @ W
+    first = carried.sum(axis=0)
+    second = np.tensordot(turned, P, ((0, 2), (0, 1))) + np.tensordot(w, spread, ((0, 2), (0, 1)))
+    velocity = first[:3, 3] / mass
+    rate = first[:3, :3] + first[:3, :3].T
+    curvature = second[:3, :3] + second[:3, :3].T
+    curvature -= 2.0 * mass * velocity[:, None] * velocity
+    return _of_second_moments(rate), _of_second_moments(curvature)
+
+
+def _of_second_moments(S: Array) -> Array:
+    """Return tr(S) 1 - S (3, 3)."""
+    return S.trace() * np.eye(3) - S
+
+
+# From vech to the (3, 3) matrix, and from a twist to its 4x4 matrix, flat (6, 16).
+_MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+_TWISTS = np.zeros((6, 16))
+_TWISTS[np.arange(3), 4 * np.arange(3) + 3] = 1.0
+_TWISTS.reshape(6, 4, 4)[3:, :3, :3] = [skew(axis) for axis in np.eye(3)]

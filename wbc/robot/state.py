@@ -18,7 +18,7 @@ from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
-from wbc.spatial import commutator_matrix, congruence, skew, vech, vech_inverse
+from wbc.spatial import commutator_matrix, congruence, skew, vech
 from wbc.validate import Array, read_only
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -188,27 +188,26 @@ class KinematicState:
     def inertia_drift_in(self, frame: str = WORLD) -> Array:
         """Drift (6,) of :meth:`inertia_in` for the same ``frame``: the second derivative.
 
-        With R the axes of ``frame`` as seen from the base, it is that of R' I_base R. As seen from
-        ``frame`` the base turns at w and at the rate a of zero acceleration of v, so
-        I'' = I''_b + 2 [w, I'_b] + [a, I] + [w, [w, I]] in the commutator of skew matrices.
+        In a frame that turns at w, at the rate a of zero acceleration of v, the inertia R' I R has
+        the second derivative R' (I'' - 2 [w, I'] - [a, I] + [w, [w, I]]) R, in the commutator of
+        skew matrices.
         """
-        base = self.rotation(BASE)
-        R = base if frame == WORLD else self.rotation(frame).T @ base
-        I_base = vech_inverse(vech(base.T @ self.inertia @ base))
-        rate = vech_inverse(self.base_inertia_jacobian @ self.v)
-        w, a = self._base_spin_seen_from(frame)
-        W, A = skew(w), skew(a)
-        turned = W @ I_base - I_base @ W
-        total = 2.0 * (W @ rate - rate @ W) + (A @ I_base - I_base @ A) + (W @ turned - turned @ W)
-        total += vech_inverse(self._base_inertia_drift)
-        return read_only(vech(R @ total @ R.T))
+        rate, total = self._inertia_motion
+        if frame == WORLD:
+            return read_only(vech(total))
+        R, turn = self.rotation(frame), self.jacobian(frame)[3:] @ self.v
+        W, A, inertia = skew(turn), skew(self.drift(frame)[3:]), self.inertia
+        half = W @ inertia - inertia @ W - 2.0 * rate
+        total = total + W @ half - half @ W - A @ inertia + inertia @ A
+        return read_only(vech(R.T @ total @ R))
 
     @cached_property
-    def _base_inertia_drift(self) -> Array:
-        """Second derivative (6,) of the inertia in base axes at zero acceleration of v."""
-        work = self.robot.workspace
-        return crb.joint_curvature(
-            work, self.q, self.v, self._com_in_base, self._com_jacobian_in_base
+    def _inertia_motion(self) -> tuple[Array, Array]:
+        """First and second derivative (3, 3) of the inertia at constant v, world axes."""
+        data, work = self._kinematics(), self.robot.workspace
+        composites = work.composites
+        return crb.inertia_curvature(
+            work.columns, composites.read(), composites.masses, data.J, self.com, self.v
         )
 
     def base_inertia_hessian(self, weights: Array) -> Array:
@@ -223,17 +222,6 @@ class KinematicState:
         for factor, axis in zip(factors, axes.T, strict=True):
             hessian += factor * crb.joint_hessian(work, self.q, com, J, axis)
         return read_only(hessian)
-
-    def _base_spin_seen_from(self, frame: str) -> tuple[Array, Array]:
-        """Return the base's angular velocity and acceleration relative to ``frame``, base axes."""
-        w_base = self.v[3:6]
-        if frame == WORLD:
-            return w_base, np.zeros(3)
-        R = self.rotation(BASE)
-        w_frame = R.T @ (self.jacobian(frame)[3:] @ self.v)
-        a_frame = R.T @ self.drift(frame)[3:]
-        # In axes that turn with the base, d/dt of (w_base - w_frame) picks up w_base x w_frame.
-        return w_base - w_frame, -a_frame + np.cross(w_base, w_frame)
 
     # ------------------------------------------------------------------ frames
 
@@ -306,8 +294,10 @@ class KinematicState:
     @cached_property
     def mass_matrix(self) -> Array:
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
-        upper = np.triu(pin.crba(self.robot.model, self.robot.workspace.scratch, self.q))
-        return read_only(upper + np.triu(upper, 1).T)
+        work = self.robot.workspace
+        # Pinocchio fills the upper triangle.
+        half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
+        return read_only(half + half.T)
 
     @cached_property
     def bias(self) -> Array:

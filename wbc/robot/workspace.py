@@ -28,10 +28,12 @@ class Workspace:
         self.kinematics_owner: Any = None
         self.placements = JointPlacements(self.kinematics_data)
         self.composites = CompositeInertias(model, self.kinematics_data)
+        self.columns = CarriedColumns(model)
         self._rates = model.createData()
         self._rates_owner: Any = None
         self.scratch = model.createData()
         self.at_rest = np.zeros(model.nv)
+        self.upper_half: Array = np.triu(np.ones((model.nv, model.nv))) - 0.5 * np.eye(model.nv)
 
     def kinematics(self, owner: Any, q: Array, v: Array) -> pin.Data:
         """Return data holding placements, joint Jacobians, centroidal map and inertia at (q, v)."""
@@ -115,6 +117,27 @@ class CompositeInertias:
     def _one_by_one(self) -> Array:
         rows, columns = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
         return np.array([[*Y.lever, *Y.inertia[rows, columns]] for Y in self._data.oYcrb])
+
+
+class CarriedColumns:
+    """Which entries of v carry which: the structure of the tree, column by column.
+
+    Attributes
+    ----------
+    above:
+        (nv, nv), 1 where column j moves the body that column k moves first (its own, too).
+    below:
+        (nv, nv), 1 where the body of column j hangs below that of column k.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        body = np.zeros(model.nv, dtype=int)
+        for j in range(1, model.njoints):
+            body[model.idx_vs[j] : model.idx_vs[j] + model.nvs[j]] = j
+        chains = [set(map(int, chain)) for chain in model.supports]
+        reaches = np.array([[int(j) in chains[k] for j in body] for k in body])
+        self.above: Array = reaches.astype(float)
+        self.below: Array = (reaches.T & (body[:, None] != body)).astype(float)
 
 
 def side_by_side(fields: Sequence[Any]) -> Array | None:
