@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -55,13 +56,16 @@ def pinocchio_reads(path: Path, failure: str, copy: str = "") -> Iterator[None]:
         raise ModelError(f"{path}: {failure}: {reason}") from error
 
 
-def confirm(model: pin.Model, mass: float | None, joints: Iterable[str], path: Path) -> None:
+def confirm(
+    model: pin.Model, masses: Mapping[str, float], joints: Iterable[str], path: Path
+) -> None:
     """Compare what Pinocchio read with a reading of the file that shares nothing with it.
 
     Parameters
     ----------
-    mass:
-        Sum of the masses in the file [kg], if known.
+    masses:
+        What each moving joint in the file carries up to the next ones [kg], by its name, ``""`` for
+        the root; NaN where the file does not give it as a number.
     joints:
         Names of the moving joints in the file.
 
@@ -70,12 +74,18 @@ def confirm(model: pin.Model, mass: float | None, joints: Iterable[str], path: P
     ModelError
         Another mass, or other joints.
     """
-    read = float(pin.computeTotalMass(model))
-    if mass is not None and not abs(read - mass) <= 1e-9 * abs(mass):
-        raise ModelError(f"{path}: the masses sum to {mass:g} kg, but {read:g} kg were read")
     lost = sorted(set(joints) ^ (set(joints) & set(model.names)))
     if lost:
         raise ModelError(f"{path}: joints {', '.join(map(repr, lost[:5]))} were not read")
+    total = math.fsum(masses.values())
+    read = float(pin.computeTotalMass(model))
+    if abs(read - total) > 1e-9 * abs(total):  # NaN is not
+        raise ModelError(f"{path}: the masses sum to {total:g} kg, but {read:g} kg were read")
+    for name, mass in masses.items():
+        carried = float(model.inertias[model.getJointId(name) if name else 1].mass)
+        if abs(carried - mass) > 1e-9 * abs(mass):
+            what = f"joint {name!r} carries" if name else "the root weighs"
+            raise ModelError(f"{path}: {what} {mass:g} kg, but {carried:g} kg were read")
 
 
 class GeometrySource(Protocol):

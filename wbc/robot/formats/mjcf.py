@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -36,6 +37,7 @@ COUNTS = {
 }
 DIRECTIONS = {"quat", "zaxis", "axis", "xyaxes", "fromto"}
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "plane": 3}
+UNNAMED = "?"
 QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 
 
@@ -96,7 +98,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     with _file_of(text, path, "Pinocchio cannot read this MJCF") as file:
         model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
-    confirm(model, _total_mass(root, path), [name for name in names if name], path)
+    confirm(model, _carried_masses(root, path), [name for name in names if name], path)
     _check_slides(root, model, path)
     bound_efforts(model, root, path)
     missing = _missing_meshes(root)
@@ -149,21 +151,37 @@ def _check_size(geom: ET.Element, where: str) -> None:
         raise ModelError(f"{where}: <geom size> of a {kind} needs {least} numbers, none negative")
 
 
-def _total_mass(root: ET.Element, path: Path) -> float | None:
-    """Return the mass that the document says [kg]; None where shapes' volumes give it."""
-    from_shapes = _compiler(root).get("inertiafromgeom", "auto")
-    total = 0.0
-    for body in root.findall("worldbody//body"):
-        where = f"{path}: body {body.get('name', '?')!r}"
-        inertial = body.find("inertial")
-        if inertial is not None and from_shapes != "true":
-            total += numbers(inertial, "mass", 1, where)[0]
-            continue
-        for geom in body.findall("geom"):
-            if "mass" not in geom.attrib:
-                return None
-            total += numbers(geom, "mass", 1, where)[0]
-    return total
+def _carried_masses(root: ET.Element, path: Path) -> dict[str, float]:
+    """Return what each moving joint carries up to the next ones [kg]; ``""`` is the root.
+
+    NaN where shapes' volumes give it, and nothing for joints without a name.
+    """
+    from_shapes = _compiler(root).get("inertiafromgeom", "auto") == "true"
+    carried = dict[str, float]()
+    bodies = [("", body) for body in root.findall("worldbody/body")]
+    roots = len(bodies)
+    for k, (joint, body) in enumerate(bodies):  # the list grows on the way
+        joints = [*body.findall("joint"), *body.findall("freejoint")]
+        free = [j for j in joints if j.tag == "freejoint" or j.get("type") == "free"]
+        own = [j.get("name") for j in joints if k >= roots or j not in free]
+        name = (own[0] or UNNAMED) if own else joint
+        mass = _mass(body, from_shapes, f"{path}: body {body.get('name', '?')!r}")
+        carried[name] = carried.get(name, 0.0) + mass
+        bodies += [(name, child) for child in body.findall("body")]
+    if UNNAMED in carried:  # several may be added up there
+        del carried[UNNAMED]
+        carried[""] = math.nan  # so that the sum is not compared
+    return carried
+
+
+def _mass(body: ET.Element, from_shapes: bool, where: str) -> float:
+    inertial = body.find("inertial")
+    if inertial is not None and not from_shapes:
+        return numbers(inertial, "mass", 1, where)[0]
+    geoms = body.findall("geom")
+    return math.fsum(
+        numbers(geom, "mass", 1, where)[0] if "mass" in geom.attrib else math.nan for geom in geoms
+    )
 
 
 def _compiler(root: ET.Element) -> Mapping[str, str]:

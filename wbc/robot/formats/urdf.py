@@ -94,9 +94,8 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
         root_joint = () if floats else (pin.JointModelFreeFlyer(),)
         model = pin.buildModelFromXML(text, *root_joint)
-    masses = [float(mass.get("value", 0)) for mass in root.findall("link/inertial/mass")]
     moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
-    confirm(model, math.fsum(masses), moving, path)
+    confirm(model, _carried_masses(root, joints), moving, path)
     return Description(
         name=root.get("name", path.stem),
         path=path,
@@ -163,6 +162,21 @@ def _ends(joint: ET.Element, links: Collection[str], path: Path) -> tuple[str, s
             raise ModelError(f"{path}: joint {joint.get('name')!r}: no {tag} link {link!r}")
         ends.append(link)
     return ends[0], ends[1]
+
+
+def _carried_masses(root: ET.Element, joints: list[ET.Element]) -> dict[str, float]:
+    """Return what each moving joint carries up to the next ones [kg]; ``""`` is the root."""
+    above = {child.get("link", ""): joint for joint in joints for child in joint.findall("child")}
+    carried = dict[str, list[float]]()
+    for link in root.findall("link"):
+        joint = above.get(link.get("name", ""))
+        while joint is not None and joint.get("type") == "fixed":
+            joint = above.get(_parent(joint) or "")
+        moved = joint is not None and joint.get("type") in MOVING
+        name = joint.get("name", "") if joint is not None and moved else ""
+        masses = (float(mass.get("value", 0)) for mass in link.findall("inertial/mass"))
+        carried.setdefault(name, []).extend(masses)
+    return {name: math.fsum(masses) for name, masses in carried.items()}
 
 
 def _check_floating(joints: list[ET.Element], base: ET.Element, path: Path) -> None:

@@ -1,0 +1,68 @@
+"""A second reading of the file confirms what each joint carries, not only what all of it weighs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import ModelError
+from wbc.robot.formats import read_description
+from wbc.robot.formats.description import confirm
+
+HERE = Path("somewhere.urdf")
+URDF = """<robot name="arm">
+  <link name="base"><inertial><mass value="4"/>{0}</inertial></link>
+  <link name="flange"><inertial><mass value="0.5"/>{0}</inertial></link>
+  <link name="upper"><inertial><mass value="2"/>{0}</inertial></link>
+  <link name="lower"><inertial><mass value="1"/>{0}</inertial></link>
+  <link name="tip"><inertial><mass value="0.25"/>{0}</inertial></link>
+  <joint name="bolted" type="fixed"><parent link="base"/><child link="flange"/></joint>
+  <joint name="shoulder" type="continuous"><parent link="flange"/><child link="upper"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/></joint>
+  <joint name="glued" type="fixed"><parent link="lower"/><child link="tip"/></joint>
+</robot>""".format('<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>')
+MASSES = {"": 4.5, "shoulder": 2.0, "elbow": 1.25}
+
+
+@pytest.fixture
+def model(tmp_path: Path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF)
+    return read_description(path, ()).model
+
+
+@pytest.mark.parametrize(
+    ("masses", "told"),
+    [
+        ({"": 4.5, "shoulder": 2.0, "elbow": 1.0}, "sum to 7.5 kg, but 7.75 kg"),
+        ({"": 4.5, "shoulder": 1.25, "elbow": 2.0}, "joint 'shoulder' carries 1.25 kg, but 2 kg"),
+        ({"": 5.5, "shoulder": 1.0, "elbow": 1.25}, "the root weighs 5.5 kg, but 4.5 kg"),
+        ({"": np.nan, "shoulder": 2.0, "elbow": 1.0}, "joint 'elbow' carries 1 kg, but 1.25 kg"),
+    ],
+)
+def test_masses_in_other_places_are_found(model, masses: dict[str, float], told: str) -> None:
+    confirm(model, MASSES, ["shoulder", "elbow"], HERE)
+    with pytest.raises(ModelError, match=told):
+        confirm(model, masses, ["shoulder", "elbow"], HERE)
+
+
+def test_joints_that_are_not_there_are_found(model) -> None:
+    with pytest.raises(ModelError, match="joints 'wrist' were not read"):
+        confirm(model, MASSES, ["shoulder", "elbow", "wrist"], HERE)
+
+
+def test_a_reader_that_swaps_two_bodies_is_caught(tmp_path: Path, monkeypatch) -> None:
+    """The parser is made to give the links' masses to each other."""
+    import pinocchio as pin
+
+    build = pin.buildModelFromXML
+
+    def swapped(text: str, *joint):
+        text = text.replace('value="2"', 'value="x"').replace('value="0.5"', 'value="2"')
+        return build(text.replace('value="x"', 'value="0.5"'), *joint)
+
+    monkeypatch.setattr(pin, "buildModelFromXML", swapped)
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF)
+    with pytest.raises(ModelError, match=r"the root weighs 4\.5 kg, but 6 kg were read"):
+        read_description(path, ())
