@@ -4,13 +4,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test fuzz soak lint lowest bench clean
+.PHONY: demo test docs fuzz soak lint lowest bench clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n auto
+
+# The documentation site, into build/site; a warning is an error.
+docs: $(VENV)/dev.stamp
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build -q --strict -f docs/site/mkdocs.yml
 
 # All seeded fuzz tests with about FUZZ inputs (an hour and more), half of them robot files.
 FUZZ ?= 100000

@@ -2,7 +2,7 @@
 
 The job: a humanoid on both feet follows moving targets for its inertia, CoM and torso orientation,
 with a posture task, position and velocity limits, dt = 5 ms; 2,000 ticks after 200 of warm-up. The
-neighbours' published figures for the same job without an inertia task are in the README.
+neighbours' published figures for the same job without an inertia task are in docs/figures.md.
 
 Solvers and formulations are interleaved, block by block, so that a drift of the machine's speed
 hits all alike. Medians are wall time; p99 is thread CPU time, which other processes do not disturb.

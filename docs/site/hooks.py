@@ -1,0 +1,67 @@
+"""What is made while the site is built: pages from the program, and equations as MathML."""
+
+import html
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import typer
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from yaml_reference import yaml_reference
+
+from wbc.cli import app
+from wbc.problem import json_schema
+
+# Arithmatex leaves \( \) and \[ \] to a script; MathML needs none, and works offline.
+EQUATION = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that the program writes itself."""
+    files.append(File.generated(config, "reference/yaml.md", content=yaml_reference(json_schema())))
+    files.append(File.generated(config, "reference/cli.md", content=command_reference()))
+    return files
+
+
+def on_page_content(html: str, **kwargs: Any) -> str:
+    """Turn equations into MathML."""
+    return EQUATION.sub(_math, html)
+
+
+def _math(found: re.Match[str]) -> str:
+    kind, _, text = found.groups()
+    made = convert(html.unescape(text), display="block" if kind == "div" else "inline")
+    if "<mi>&</mi>" in made or "\\" in made:  # what the converter does not know it passes on
+        raise PluginError(f"equation not understood: {text}")
+    return made
+
+
+def command_reference() -> str:
+    """Return the reference of the command line as Markdown."""
+    group = typer.main.get_command(app)
+    parts = ["# Command line\n\nMade from the program. `wbc COMMAND --help` says the same.\n"]
+    for name, command in group.commands.items():
+        arguments = [p for p in command.params if p.param_type_name == "argument"]
+        options = [p for p in command.params if p.param_type_name == "option"]
+        usage = " ".join(["wbc", name, *(p.metavar or p.name.upper() for p in arguments)])
+        parts.append(f"## `{usage}`\n\n{command.help or ''}\n")
+        if options:
+            parts.append("| option | meaning | default |\n|---|---|---|")
+        for option in options:
+            words = ", ".join(f"`{one}`" for one in option.opts)
+            default = option.default
+            shown = "" if default in (None, False, [], ()) or callable(default) else f"`{default}`"
+            parts.append(
+                f"| {words} | {(option.help or '').replace('|', chr(92) + '|')} | {shown} |"
+            )
+        if getattr(command, "epilog", None):
+            parts.append(f"\n{command.epilog}\n")
+        parts.append("")
+    return "\n".join(parts)
