@@ -1,25 +1,17 @@
 """The page without a browser: what its scene and its panel hold after each frame."""
 
-import multiprocessing
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 import wbc
+from tests.view.live.conftest import Stage, frame_at
 from wbc.rmp.ellipsoid import equimomental
 from wbc.robot.geometry import joint_placements
 from wbc.rotations import rotation_from
-from wbc.view.live.messages import Frame, Play, Setup
-from wbc.view.live.page import Page
-from wbc.view.live.process import HOST, free_place
-from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of
-
-
-@pytest.fixture(scope="module")
-def robot() -> wbc.Robot:
-    return wbc.Robot.load("hoap2_like")
+from wbc.view.live.messages import Play
+from wbc.view.live.telling import cast_of, told_of
 
 
 @pytest.fixture(scope="module")
@@ -34,63 +26,26 @@ def controller(robot: wbc.Robot) -> wbc.KinematicController:
     )
 
 
-class Shown:
-    """A page, and the pipe that leads to it."""
-
-    def __init__(self, robot: wbc.Robot) -> None:
-        self.pipe, theirs = multiprocessing.Pipe()
-        self.page = Page(Setup(robot, "test", clock=True), free_place(HOST, None), theirs)
-
-    def handle(self, name: str) -> Any:
-        found = self.page.server.scene.get_handle_by_name(name)
-        assert found is not None, name
-        return found
-
-    def draw(self, *messages: object) -> None:
-        for message in messages:
-            self.page.receive(message)  # type: ignore[arg-type]
-        self.page.draw()
-
-
-@pytest.fixture
-def shown(robot: wbc.Robot) -> Iterator[Shown]:
-    made = Shown(robot)
-    yield made
-    made.page.server.stop()
-
-
-def frame_at(controller: wbc.KinematicController, q: np.ndarray, time: float) -> Frame:
-    snapshot = controller.robot.snapshot(q)
-    return Frame(
-        time,
-        q,
-        snapshot.v,
-        told_of(controller.step(snapshot)),
-        targets_of(controller),
-        obstacles_of(controller),
-    )
-
-
 def rotation_of(handle: Any) -> np.ndarray:
     return rotation_from(np.roll(handle.wxyz, -1))
 
 
 def test_links_and_ellipsoid_are_where_the_robot_is(
-    shown: Shown, controller: wbc.KinematicController
+    stage: Stage, controller: wbc.KinematicController
 ) -> None:
     robot = controller.robot
     rng = np.random.default_rng(0)
     q = robot.integrate(robot.posture("standing"), 0.2 * rng.normal(size=robot.nv), 1.0)
-    shown.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
     rotations, origins = joint_placements(robot, q)
-    joints = list(shown.page.server.scene._children_from_node_name["/robot"])
+    joints = list(stage.server.scene._children_from_node_name["/robot"])
     assert len(joints) > 10
     for node in joints:
         k = int(node.rsplit("/", 1)[1])
-        np.testing.assert_allclose(shown.handle(node).position, origins[k], atol=1e-9)
-        np.testing.assert_allclose(rotation_of(shown.handle(node)), rotations[k], atol=1e-9)
+        np.testing.assert_allclose(stage.handle(node).position, origins[k], atol=1e-9)
+        np.testing.assert_allclose(rotation_of(stage.handle(node)), rotations[k], atol=1e-9)
     snapshot = robot.snapshot(q)
-    ball = shown.handle("/ellipsoid/surface")
+    ball = stage.handle("/ellipsoid/surface")
     ellipsoid = equimomental(snapshot.inertia, robot.mass)
     np.testing.assert_allclose(ball.scale, ellipsoid.semi_axes, atol=1e-9)
     np.testing.assert_allclose(ball.position, snapshot.com, atol=1e-9)
@@ -100,41 +55,41 @@ def test_links_and_ellipsoid_are_where_the_robot_is(
 
 
 def test_six_masses_have_the_inertia_of_the_robot(
-    shown: Shown, controller: wbc.KinematicController
+    stage: Stage, controller: wbc.KinematicController
 ) -> None:
     robot = controller.robot
     q = robot.posture("standing")
-    shown.draw(frame_at(controller, q, 0.0))
+    stage.draw(frame_at(controller, q, 0.0))
     snapshot = robot.snapshot(q)
     inertia = np.zeros((3, 3))
     for k in range(3):
         for sign in ("-1", "+1"):
-            r = shown.handle(f"/reaction_masses/{k} {sign}").position - snapshot.com
+            r = stage.handle(f"/reaction_masses/{k} {sign}").position - snapshot.com
             inertia += robot.mass / 6.0 * (r @ r * np.eye(3) - np.outer(r, r))
     np.testing.assert_allclose(inertia, snapshot.inertia, rtol=1e-6, atol=1e-9)
 
 
 def test_a_layer_that_is_hidden_is_drawn_when_it_is_shown(
-    shown: Shown, controller: wbc.KinematicController
+    stage: Stage, controller: wbc.KinematicController
 ) -> None:
     robot = controller.robot
     q = robot.posture("standing")
-    shown.draw(frame_at(controller, q, 0.0))
-    there = shown.handle("/ellipsoid/surface").position.copy()
-    shown.handle("/ellipsoid").visible = False
+    stage.draw(frame_at(controller, q, 0.0))
+    there = stage.handle("/ellipsoid/surface").position.copy()
+    stage.handle("/ellipsoid").visible = False
     moved = q.copy()
     moved[0] += 1.0
-    shown.draw(frame_at(controller, moved, 0.1))
-    np.testing.assert_array_equal(shown.handle("/ellipsoid/surface").position, there)
-    shown.handle("/ellipsoid").visible = True
-    shown.page._layers_changed = True
-    shown.draw()
+    stage.draw(frame_at(controller, moved, 0.1))
+    np.testing.assert_array_equal(stage.handle("/ellipsoid/surface").position, there)
+    stage.handle("/ellipsoid").visible = True
+    stage.page._layers_changed = True
+    stage.draw()
     np.testing.assert_allclose(
-        shown.handle("/ellipsoid/surface").position, there + [1.0, 0.0, 0.0], atol=1e-9
+        stage.handle("/ellipsoid/surface").position, there + [1.0, 0.0, 0.0], atol=1e-9
     )
 
 
-def test_going_back_in_time(shown: Shown, controller: wbc.KinematicController) -> None:
+def test_going_back_in_time(stage: Stage, controller: wbc.KinematicController) -> None:
     robot = controller.robot
     q = robot.posture("standing")
     heights = []
@@ -142,31 +97,31 @@ def test_going_back_in_time(shown: Shown, controller: wbc.KinematicController) -
         moved = q.copy()
         moved[2] += 0.1 * k
         heights.append(robot.snapshot(moved).com[2])
-        shown.draw(frame_at(controller, moved, 0.1 * k))
-    ball = shown.handle("/com/com")
+        stage.draw(frame_at(controller, moved, 0.1 * k))
+    ball = stage.handle("/com/com")
     assert ball.position[2] == pytest.approx(heights[4])
-    shown.page._controls.past = 0.15
-    shown.draw()
+    stage.page._controls.past = 0.15
+    stage.draw()
     assert ball.position[2] == pytest.approx(heights[1])
-    shown.draw(frame_at(controller, q, 0.5))  # the loop goes on, the view stays
+    stage.draw(frame_at(controller, q, 0.5))  # the loop goes on, the view stays
     assert ball.position[2] == pytest.approx(heights[1])
-    shown.page._controls.past = None
-    shown.draw()
+    stage.page._controls.past = None
+    stage.draw()
     assert ball.position[2] == pytest.approx(heights[0])
 
 
-def test_a_floating_robot_has_no_leg(shown: Shown, robot: wbc.Robot) -> None:
+def test_a_floating_robot_has_no_leg(stage: Stage, robot: wbc.Robot) -> None:
     start = robot.snapshot(robot.posture("standing"))
     floating = wbc.KinematicController(robot, [wbc.InertiaTask(robot, start.inertia)])
     standing = wbc.KinematicController(robot, floating.tasks, contacts=wbc.support(start, "double"))
-    shown.draw(cast_of(standing), frame_at(standing, start.q, 0.0))
+    stage.draw(cast_of(standing), frame_at(standing, start.q, 0.0))
     names = ("/leg_cop_cmp/leg", "/leg_cop_cmp/cop", "/com/plumb", "/soles_and_support/polygon")
-    assert all(shown.handle(name).visible for name in names)
-    shown.draw(cast_of(floating), frame_at(floating, start.q, 0.1))
-    assert not any(shown.handle(name).visible for name in names)
+    assert all(stage.handle(name).visible for name in names)
+    stage.draw(cast_of(floating), frame_at(floating, start.q, 0.1))
+    assert not any(stage.handle(name).visible for name in names)
 
 
-def test_the_panel_names_what_holds_back(shown: Shown, robot: wbc.Robot) -> None:
+def test_the_panel_names_what_holds_back(stage: Stage, robot: wbc.Robot) -> None:
     q = robot.posture("standing")
     start = robot.snapshot(q)
     wanted = start.inertia * 3.0  # out of reach: joints run into their limits
@@ -186,16 +141,16 @@ def test_the_panel_names_what_holds_back(shown: Shown, robot: wbc.Robot) -> None
     bound = tick.qp.upper if side == "upper" else tick.qp.lower
     at = tick.qp.labels.variables.index(joint)
     assert tick.velocity[at] == pytest.approx(bound[at], abs=1e-5)
-    shown.draw(cast_of(controller), frame_at(controller, q, 0.0))
-    text = shown.page._panel._html.content
+    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    text = stage.page._panel._html.content
     assert "a &lt;wide&gt; one" in text
     assert "<wide>" not in text
 
 
-def test_what_the_user_wants_goes_down_the_pipe(shown: Shown) -> None:
-    shown.page.send(Play(False))
-    assert shown.pipe.recv() == Play(False)
+def test_what_the_user_wants_goes_down_the_pipe(stage: Stage) -> None:
+    stage.page.send(Play(False))
+    assert stage.pipe.recv() == Play(False)
 
 
-def test_nobody_can_ask_for_a_tunnel(shown: Shown) -> None:
-    assert shown.page.server.request_share_url() is None
+def test_nobody_can_ask_for_a_tunnel(stage: Stage) -> None:
+    assert stage.server.request_share_url() is None

@@ -4,31 +4,18 @@ import os
 import signal
 import socket
 import sys
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 import wbc
+from tests.view.live.conftest import soon
 from wbc.errors import InvalidInputError, WbcError
 from wbc.view.live import process
 from wbc.view.live.process import HOST, free_place
 from wbc.view.live.viewer import Viewer
-
-
-def soon(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-    """Wait until something is so, or for too long."""
-    until = time.monotonic() + seconds
-    while not condition() and time.monotonic() < until:
-        time.sleep(0.02)
-    return condition()
-
-
-@pytest.fixture(scope="module")
-def robot() -> wbc.Robot:
-    return wbc.Robot.load("hoap2_like")
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from viser import GuiApi
@@ -11,7 +11,12 @@ from wbc.view.live.messages import Play, Request, Restart, Speed, Step
 from wbc.view.live.recording import Recording
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "max": 0.0}
-TOUCHED = 0.4  # s for which a slider is left alone after the user has moved it
+BUTTONS: Mapping[str, Request] = {
+    "Play": Play(True),
+    "Pause": Play(False),
+    "Step": Step(),
+    "Restart": Restart(),
+}
 
 Send = Callable[[Request], None]
 
@@ -27,20 +32,14 @@ class Controls:
 
     def __init__(self, gui: GuiApi, send: Send, clock: bool) -> None:
         self.past: float | None = None
-        self._playing = True
         self._replaying = False
         if clock:
-            self._play = gui.add_button("Pause", hint="Pause the controller, or let it go on.")
-            self._play.on_click(lambda _: send(Play(not self._playing)))
-            step = gui.add_button("Step", hint="One tick, then pause.")
-            step.on_click(lambda _: send(Step()))
-            restart = gui.add_button("Restart", hint="Begin the problem again.")
-            restart.on_click(lambda _: send(Restart()))
+            buttons = gui.add_button_group("Controller", tuple(BUTTONS))
+            buttons.on_click(lambda event: send(BUTTONS[event.target.value]))
             speed = gui.add_dropdown(
                 "Speed", tuple(SPEEDS), initial_value="1", hint="Times real time."
             )
             speed.on_update(lambda event: send(Speed(SPEEDS[event.target.value])))
-        self._clock = clock
         self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0, hint="Go back in time.")
         self._slider.on_update(self._scrubbed)
         self._live = gui.add_button("Back to now", visible=False)
@@ -58,16 +57,13 @@ class Controls:
     def _begin_replay(self) -> None:
         self._replaying = True
 
-    def show(self, recording: Recording, playing: bool, elapsed: float) -> None:
-        """Keep buttons and slider in step; ``elapsed`` [s] since the last call moves a replay."""
+    def show(self, recording: Recording, elapsed: float) -> None:
+        """Keep the slider in step; ``elapsed`` [s] since the last call moves a replay."""
         first, last = recording.span
         if self._replaying and self.past is not None:
             self.past += elapsed
             if self.past >= last:
                 self._go_live()
-        if self._clock and playing != self._playing:
-            self._playing = playing
-            self._play.label = "Pause" if playing else "Play"
         # A little room beyond the end, so that the scale does not change with every frame.
         if last > self._slider.max or first < self._slider.min or last < 0.4 * self._slider.max:
             self._slider.min, self._slider.max = first, max(1.0, round(1.3 * last, 1))

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from wbc.constraints.friction import FrictionCone
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Shape
 from wbc.validate import Array
@@ -59,7 +57,7 @@ class ContactInfo(NamedTuple):
     """A frame that is held; ``friction`` is None where none is asked for."""
 
     frame: str
-    friction: float | None
+    friction: FrictionCone | None
 
 
 class PairsInfo(NamedTuple):
@@ -68,7 +66,7 @@ class PairsInfo(NamedTuple):
     Attributes
     ----------
     pairs:
-        (N, 2) indices of bodies.
+        N pairs of indices of bodies.
     margins:
         (N,) distance that each pair keeps [m].
     obstacles:
@@ -77,7 +75,7 @@ class PairsInfo(NamedTuple):
 
     name: str
     bodies: tuple[Body, ...]
-    pairs: NDArray[np.int64]
+    pairs: tuple[tuple[int, int], ...]
     margins: Array
     obstacles: tuple[tuple[str, Shape], ...]
 

@@ -16,15 +16,19 @@ import numpy as np
 import viser
 
 from wbc.view.live.controls import Controls
+from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
 from wbc.view.live.layers.layer import Layer
+from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
+from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import Cast, Frame, Request, Setup
 from wbc.view.live.panel import Panel
-from wbc.view.live.process import Failed, Place, Ready
+from wbc.view.live.process import Failed, Ready
 from wbc.view.live.recording import Recording
 from wbc.view.live.shown import Shown
+from wbc.view.live.sliders import Sliders
 
 PERIOD = 1.0 / 40.0  # s between looks at what has come
 PANEL_PERIOD = 0.15  # s between changes of the numbers: faster cannot be read
@@ -42,7 +46,8 @@ class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
 class Page:
     """The scene, the panel, and what is shown in them."""
 
-    def __init__(self, setup: Setup, place: Place, pipe: Connection) -> None:
+    def __init__(self, setup: Setup, server: Server, pipe: Connection) -> None:
+        self.server = server
         self._pipe, self._sending = pipe, threading.Lock()
         self._robot = setup.robot
         self._recording = Recording()
@@ -52,7 +57,6 @@ class Page:
         self._layers_changed = False
         self._last: Shown | None = None
         self._panel_at = self._controls_at = 0.0
-        self.server = Server(place.host, place.port, label=setup.title, verbose=False)
         shapes = RobotShapes(self._robot)
         q = self._robot.posture()
         low, high = shapes.extent(self._robot, q)
@@ -77,6 +81,7 @@ class Page:
         scene, gui = self.server.scene, self.server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         robot = RobotLayer(scene, size, self._robot, shapes)
+        self._margins = MarginsLayer(scene, size, self._robot)
         self._layers: list[Layer] = [
             robot,
             GroundLayer(scene, size),
@@ -86,11 +91,17 @@ class Page:
             EllipsoidLayer(scene, size),
             MassesLayer(scene, size),
             MomentumLayer(scene, size),
+            ForcesLayer(scene, size, self._robot),
+            self._margins,
+            ObstaclesLayer(scene, size),
+            TargetsLayer(scene, size),
+            HandlesLayer(scene, size, self.send),
         ]
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self._controls = Controls(gui, self.send, setup.clock)
             self._panel = Panel(gui, shapes.note)
+        self._sliders = Sliders(gui, tabs.add_tab("Steer"), self.send, size)
         with tabs.add_tab("Layers"):
             opacity = gui.add_slider("Robot opacity", 0.1, 1.0, 0.05, 1.0)
             opacity.on_update(lambda event: robot.set_opacity(event.target.value))
@@ -135,7 +146,7 @@ class Page:
             return
         if now - self._controls_at > PERIOD:
             elapsed, self._controls_at = min(now - self._controls_at, 0.2), now
-            self._controls.show(self._recording, latest[0].playing, elapsed)
+            self._controls.show(self._recording, elapsed)
         past = self._controls.past
         wanted = latest if past is None else self._recording.at(past)
         if wanted is None or (wanted is self._drawn and not self._layers_changed):
@@ -150,6 +161,7 @@ class Page:
                 self._drawn_cast = cast
                 for layer in self._layers:
                     layer.cast(cast)
+                self._sliders.cast(cast, shown)
             for layer in self._layers:
                 if layer.root.visible:
                     layer.show(shown)
@@ -159,7 +171,9 @@ class Page:
     def _write_panel(self, now: float) -> None:
         if self._last is not None and now - self._panel_at > PANEL_PERIOD:
             self._panel_at = now
-            self._panel.show(self._last, ())
+            nearest = self._margins.nearest if self._margins.root.visible else ()
+            self._panel.show(self._last, nearest)
+            self._sliders.show(self._last)
 
 
 def main(descriptor: int) -> None:
@@ -167,13 +181,13 @@ def main(descriptor: int) -> None:
     with Connection(descriptor) as pipe:
         place, setup = pickle.loads(pipe.recv_bytes()), pickle.loads(pipe.recv_bytes())
         try:
-            page = Page(setup, place, pipe)
-            port = page.server.get_port()
+            server = Server(place.host, place.port, label=setup.title, verbose=False)
+            port = server.get_port()
             if place.exact and port != place.port:
                 pipe.send(Failed(f"port {place.port} was taken in the meantime"))
                 return
             pipe.send(Ready(port))
-            page.run()
+            Page(setup, server, pipe).run()
         except (EOFError, OSError):
             return  # the one who started us has ended
         except BaseException as error:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 import numpy as np
 from viser import GuiApi
 
+from wbc.view.live.layers.margins import Pair
 from wbc.view.live.messages import Frame, Told
 from wbc.view.live.shown import Shown
 
@@ -25,10 +26,11 @@ class Panel:
         self._html = gui.add_html("")
         self._note = note
 
-    def show(self, shown: Shown, nearest: Iterable[str]) -> None:
+    def show(self, shown: Shown, nearest: Sequence[Pair]) -> None:
         """Write the numbers of a frame."""
         frame, told = shown.frame, shown.frame.told
-        parts = [_line("time", f"{frame.time:.3f} s"), _remark(frame), _remark_of(self._note)]
+        paused = "" if frame.playing else " (paused)"
+        parts = [_line("time", f"{frame.time:.3f} s{paused}"), *map(_remark, self._remarks(frame))]
         if shown.cast is not None:
             parts.append(_line("held", escape(", ".join(shown.held) or "nothing")))
         if told is not None:
@@ -39,10 +41,12 @@ class Panel:
             parts += [_heading("Joint limits that hold back"), _names(told.at_limit)]
             if told.relaxed:
                 parts += [_heading("Gave way"), _relaxed(told)]
-        listed = list(nearest)
-        if listed:
-            parts += [_heading("Nearest pairs"), _names(listed)]
+        if nearest:
+            parts += [_heading("Nearest pairs (least kept)"), *map(_pair, nearest[:LISTED])]
         self._html.content = f"<div style='{_STYLE}'>{''.join(parts)}</div>"
+
+    def _remarks(self, frame: Frame) -> list[str]:
+        return [text for text in (frame.remark, self._note) if text]
 
 
 def _line(name: str, value: str) -> str:
@@ -56,12 +60,8 @@ def _heading(text: str) -> str:
     return f"<div style='{_HEAD}'>{text}</div>"
 
 
-def _remark(frame: Frame) -> str:
-    return _remark_of(frame.remark)
-
-
-def _remark_of(text: str) -> str:
-    return f"<div style='color:{_WARN}'>{escape(text)}</div>" if text else ""
+def _remark(text: str) -> str:
+    return f"<div style='color:{_WARN}'>{escape(text)}</div>"
 
 
 def _tick(told: Told, budget: float | None) -> str:
@@ -100,6 +100,13 @@ def _names(names: Iterable[str]) -> str:
     if len(names) > LISTED:
         lines.append(f"<div style='color:#999'>and {len(names) - LISTED} more</div>")
     return "".join(lines) or _NONE
+
+
+def _pair(pair: Pair) -> str:
+    red, green, blue = pair.colour
+    dot = f"<span style='color:rgb({red},{green},{blue})'>&#9679;</span>"
+    lengths = f"{1e3 * pair.distance:.1f}&nbsp;({1e3 * pair.margin:.3g})&nbsp;mm"
+    return _line(f"{dot} {escape(pair.label)}", lengths)
 
 
 def _relaxed(told: Told) -> str:

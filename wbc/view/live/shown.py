@@ -9,7 +9,6 @@ import numpy as np
 
 from wbc.constraints.com_support import support_polygon
 from wbc.reduction import RmpState, reduce
-from wbc.rmp.ground import Wrench
 from wbc.robot import Foot, Robot, Snapshot
 from wbc.validate import Array
 from wbc.view.live.messages import Cast, Frame
@@ -34,10 +33,11 @@ class Shown:
     @cached_property
     def forces(self) -> Mapping[str, Array]:
         """Wrenches (6,) of the contacts, by frame; empty at the velocity level."""
-        return {} if self.frame.told is None else self.frame.told.forces
+        told = {} if self.frame.told is None else self.frame.told.forces
+        return {name: wrench for name, wrench in told.items() if name in self.held}
 
     @cached_property
-    def wrenches(self) -> list[Wrench]:
+    def wrenches(self) -> list[tuple[Array, Array]]:
         """The same with the points they act at."""
         return [(self.snapshot.position(name), wrench) for name, wrench in self.forces.items()]
 

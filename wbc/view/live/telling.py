@@ -8,6 +8,8 @@ import numpy as np
 
 from wbc.constraints import Contact, Obstacles, SelfCollision
 from wbc.controllers import Controller, Tick
+from wbc.controllers.torque import TorqueTick
+from wbc.robot.collision import CollisionModel
 from wbc.tasks import (
     AxisTask,
     ComTask,
@@ -41,7 +43,7 @@ def cast_of(controller: Controller) -> Cast:
     return Cast(
         dt=controller.dt,
         tasks=tuple(_task(task) for task in controller.tasks),
-        contacts=tuple(ContactInfo(one.frame, getattr(one, "friction", None)) for one in held),
+        contacts=tuple(ContactInfo(one.frame, one.friction) for one in held),
         pairs=tuple(one for one in margins if one is not None),
     )
 
@@ -58,13 +60,17 @@ def _task(task: Task) -> TaskInfo:
 def _pairs(constraint: object) -> PairsInfo | None:
     if isinstance(constraint, SelfCollision):
         model = constraint.model
-        return PairsInfo(constraint.name, model.bodies, model.pairs, constraint.margins, ())
+        return PairsInfo(constraint.name, model.bodies, _listed(model), constraint.margins, ())
     if isinstance(constraint, Obstacles):
         model = constraint.model
         margins = np.full(len(model.pairs), constraint.margin)
         shapes = tuple((one.name, one.shape) for one in constraint.obstacles)
-        return PairsInfo(constraint.name, model.bodies, model.pairs, margins, shapes)
+        return PairsInfo(constraint.name, model.bodies, _listed(model), margins, shapes)
     return None
+
+
+def _listed(model: CollisionModel) -> tuple[tuple[int, int], ...]:
+    return tuple((int(a), int(b)) for a, b in model.pairs.tolist())
 
 
 def targets_of(controller: Controller) -> dict[str, tuple[Array, ...]]:
@@ -86,7 +92,6 @@ def obstacles_of(controller: Controller) -> dict[str, tuple[Array, Array]]:
 
 def told_of(tick: Tick, seconds: float | None = None) -> Told:
     """Return what a tick says of itself; ``seconds`` includes what the tick does not know of."""
-    acceleration = getattr(tick, "acceleration", None)
     return Told(
         ok=tick.ok,
         report="solved" if tick.ok else tick.report(),
@@ -97,8 +102,8 @@ def told_of(tick: Tick, seconds: float | None = None) -> Told:
         active=tick.active,
         at_limit=_at_limit(tick),
         relaxed={name: by for name, by in tick.slack.items() if abs(by) > NEGLIGIBLE},
-        forces=dict(getattr(tick, "forces", None) or {}),
-        acceleration=acceleration,
+        forces=dict(tick.forces) if isinstance(tick, TorqueTick) else {},
+        acceleration=tick.acceleration if isinstance(tick, TorqueTick) else None,
     )
 
 

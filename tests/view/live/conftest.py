@@ -1,0 +1,121 @@
+"""A page without a process of its own, and a client without a browser."""
+
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+import viser
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+import wbc
+from wbc.view.live.messages import Frame, Setup
+from wbc.view.live.page import Page, Server
+from wbc.view.live.process import HOST, free_place
+from wbc.view.live.telling import obstacles_of, targets_of, told_of
+
+
+def soon(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+    """Wait until something is so, or for too long."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.02)
+    return condition()
+
+
+def client_of(url: str) -> ClientConnection:
+    """Connect as a browser does, and say where the camera is, which makes it a client."""
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    address = url.replace("http://", "ws://").replace("localhost", HOST)
+    client = connect(address, subprotocols=[protocol], max_size=None)
+    tell(
+        client,
+        "ViewerCameraMessage",
+        wxyz=(1.0, 0.0, 0.0, 0.0),
+        position=(1.0, 0.0, 1.0),
+        fov=1.0,
+        near=0.01,
+        far=100.0,
+        image_height=600,
+        image_width=800,
+        look_at=(0.0, 0.0, 0.0),
+        up_direction=(0.0, 0.0, 1.0),
+    )
+    return client
+
+
+def tell(client: ClientConnection, kind: str, **fields: object) -> None:
+    """Send a message, as the page's JavaScript does."""
+    client.send(msgspec.msgpack.encode({"type": kind, **fields}))
+
+
+def drag(
+    client: ClientConnection, name: str, position: Any, wxyz: Any = (1.0, 0.0, 0.0, 0.0)
+) -> None:
+    """Drag the handle of a target somewhere."""
+    tell(
+        client,
+        "TransformControlsUpdateMessage",
+        name=f"/drag_targets/{name}",
+        position=np.asarray(position, dtype=float).tolist(),
+        wxyz=np.asarray(wxyz, dtype=float).tolist(),
+        owner="",
+    )
+
+
+class Stage:
+    """A page in this process, and the pipe that leads to it."""
+
+    def __init__(self, robot: wbc.Robot) -> None:
+        self.pipe, theirs = multiprocessing.Pipe()
+        place = free_place(HOST, None)
+        self.server = Server(place.host, place.port, verbose=False)
+        self.page = Page(Setup(robot, "test", clock=True), self.server, theirs)
+
+    @property
+    def url(self) -> str:
+        return f"http://{HOST}:{self.server.get_port()}"
+
+    def handle(self, name: str) -> Any:
+        found = self.server.scene.get_handle_by_name(name)
+        assert found is not None, name
+        return found
+
+    def gui(self, label: str, nth: int = 0) -> Any:
+        """Return the nth GUI element of that label."""
+        every = self.server.gui._gui_input_handle_from_uuid.values()
+        return [one for one in every if getattr(one, "label", None) == label][nth]
+
+    def move_slider(self, client: ClientConnection, label: str, value: float, nth: int = 0) -> None:
+        uuid = self.gui(label, nth)._impl.uuid
+        tell(client, "GuiUpdateMessage", uuid=uuid, updates={"value": value})
+
+    def draw(self, *messages: object) -> None:
+        for message in messages:
+            self.page.receive(message)  # type: ignore[arg-type]
+        self.page._panel_at = self.page._controls_at = 0.0
+        self.page.draw()
+
+
+def frame_at(controller: wbc.Controller, q: np.ndarray, time: float) -> Frame:
+    """Return what the page is told of a controller's tick."""
+    snapshot = controller.robot.snapshot(q)
+    tick = controller.step(snapshot)
+    targets, obstacles = targets_of(controller), obstacles_of(controller)
+    return Frame(time, q, snapshot.v, told_of(tick), targets, obstacles)
+
+
+@pytest.fixture(scope="session")
+def robot() -> wbc.Robot:
+    return wbc.Robot.load("hoap2_like")
+
+
+@pytest.fixture
+def stage(robot: wbc.Robot) -> Iterator[Stage]:
+    made = Stage(robot)
+    yield made
+    made.server.stop()

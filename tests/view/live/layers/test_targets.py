@@ -1,0 +1,93 @@
+"""Ghosts stand where the tasks want the robot, and dragging them asks for that."""
+
+import numpy as np
+import pytest
+
+import wbc
+from tests.view.live.conftest import Stage, client_of, drag, frame_at
+from wbc.rmp.ellipsoid import equimomental
+from wbc.rotations import exp_rotation, rotation_from
+from wbc.view.live.messages import SetTarget
+from wbc.view.live.telling import cast_of
+
+TURN = exp_rotation(np.array([0.3, -0.2, 0.1]))
+
+
+@pytest.fixture(scope="module")
+def hands(robot: wbc.Robot) -> tuple[str, str]:
+    links = [name for name in robot.frame_names if "hand" in name or "wrist" in name]
+    return links[0], links[-1]
+
+
+@pytest.fixture
+def controller(robot: wbc.Robot, hands: tuple[str, str]) -> wbc.KinematicController:
+    start = robot.snapshot(robot.posture("standing"))
+    left, right = hands
+    return wbc.KinematicController(
+        robot,
+        [
+            wbc.ComTask(robot, start.com + [0.01, 0.02, 0.5], axes=["x", "y"]),
+            wbc.PositionTask(robot, left, start.position(left) + 0.1, name="place"),
+            wbc.OrientationTask(robot, left, TURN, name="turn"),
+            wbc.PoseTask(robot, right, start.position(right) - 0.1, TURN, name="pose"),
+            wbc.InertiaTask(
+                robot, 1.3 * np.diag(start.inertia), components=["xx", "yy", "zz"], name="shape"
+            ),
+            wbc.AxisTask(robot, "base", [0.0, 0.0, 1.0], name="up"),
+        ],
+    )
+
+
+def test_ghosts_are_at_the_targets(
+    stage: Stage, controller: wbc.KinematicController, hands: tuple[str, str]
+) -> None:
+    robot = controller.robot
+    q = robot.posture("standing")
+    start = robot.snapshot(q)
+    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    left, right = (stage.handle(f"/targets/{hand}") for hand in hands)
+    np.testing.assert_allclose(left.position, start.position(hands[0]) + 0.1, atol=1e-9)
+    np.testing.assert_allclose(right.position, start.position(hands[1]) - 0.1, atol=1e-9)
+    for ghost in (left, right):
+        np.testing.assert_allclose(rotation_from(np.roll(ghost.wxyz, -1)), TURN, atol=1e-9)
+    # Height is not wanted: it is where it is.
+    com = stage.handle("/targets/com").position
+    np.testing.assert_allclose(com, start.com + [0.01, 0.02, 0.0], atol=1e-9)
+    wanted = start.inertia + np.diag(0.3 * np.diag(start.inertia))
+    ghost = stage.handle("/targets/ellipsoid shape")
+    np.testing.assert_allclose(ghost.scale, equimomental(wanted, robot.mass).semi_axes, rtol=1e-9)
+    arrow = stage.handle("/targets/axes").points[0]
+    np.testing.assert_allclose(np.cross(arrow[1] - arrow[0], [0.0, 0.0, 1.0]), 0.0, atol=1e-6)
+
+
+def test_an_inertia_that_no_body_has_is_not_drawn(stage: Stage, robot: wbc.Robot) -> None:
+    task = wbc.InertiaTask(robot, np.diag([1.0, 1.0, 9.0]))
+    controller = wbc.KinematicController(robot, [task])
+    stage.draw(cast_of(controller), frame_at(controller, robot.posture("standing"), 0.0))
+    assert not stage.handle("/targets/ellipsoid inertia").visible
+
+
+def test_dragging_asks_for_targets(
+    stage: Stage, controller: wbc.KinematicController, hands: tuple[str, str]
+) -> None:
+    robot = controller.robot
+    q = robot.posture("standing")
+    stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    with client_of(stage.url) as client:
+        drag(client, hands[0], [0.1, 0.2, 0.3])
+        first, second = (stage.pipe.recv() for _ in range(2))
+        drag(client, hands[1], [0.4, 0.5, 0.6], (0.0, 1.0, 0.0, 0.0))
+        third = stage.pipe.recv()
+        drag(client, "com", [0.0, 0.0, 0.7])
+        fourth = stage.pipe.recv()
+    wanted = [SetTarget, SetTarget, SetTarget, SetTarget]
+    assert [type(one) for one in (first, second, third, fourth)] == wanted
+    assert [one.task for one in (first, second, third, fourth)] == ["place", "turn", "pose", "com"]
+    np.testing.assert_allclose(first.target[0], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(second.target[0], np.eye(3))
+    np.testing.assert_allclose(third.target[0], [0.4, 0.5, 0.6])
+    np.testing.assert_allclose(third.target[1], np.diag([1.0, -1.0, -1.0]), atol=1e-12)
+    np.testing.assert_allclose(fourth.target[0], [0.0, 0.0, 0.7])
+    # A handle in somebody's hand is not taken away by the next frame.
+    stage.draw(frame_at(controller, q, 0.1))
+    np.testing.assert_allclose(stage.handle(f"/drag_targets/{hands[0]}").position, [0.1, 0.2, 0.3])

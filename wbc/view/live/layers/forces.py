@@ -1,0 +1,111 @@
+"""Contact forces as arrows, and the cones that they must stay in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from viser import SceneApi
+
+from wbc.constraints.friction import FrictionCone
+from wbc.robot import Robot
+from wbc.robot.geometry import cone
+from wbc.validate import Array
+from wbc.view.live.layers.layer import GREEN, GREY, VERMILION, Layer, wxyz
+from wbc.view.live.messages import Cast
+from wbc.view.live.shown import Shown
+
+REACH = 0.5  # of the robot's size: the arrow of a force as large as the robot's weight
+CONE = 0.15  # of the robot's size: height of a cone
+FLIP = np.diag([1.0, -1.0, -1.0])  # a half-turn: cones are made with the apex on top
+UNUSED = 0.02  # part of the cone below which what is left counts as nothing
+LEAST = 1e-3  # of the weight: smaller forces are not drawn
+
+
+class ForcesLayer(Layer):
+    """The force of each contact where it acts, red at the edge of its cone."""
+
+    label = "Contact forces"
+
+    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
+        super().__init__(scene, size)
+        self._weight = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
+        self._arrows = scene.add_arrows(
+            f"{self.path}/arrows",
+            np.zeros((1, 2, 3)),
+            GREEN,
+            shaft_radius=0.007 * size,
+            head_radius=0.018 * size,
+            head_length=0.04 * size,
+            visible=False,
+        )
+        self._cones = dict[str, Any]()
+        self._friction = dict[str, FrictionCone]()
+
+    def cast(self, cast: Cast) -> None:
+        """Make the cones of the contacts."""
+        for node in self._cones.values():
+            node.remove()
+        self._friction = {
+            one.frame: one.friction for one in cast.contacts if one.friction is not None
+        }
+        height = CONE * self.size
+        self._cones = {}
+        for frame, friction in self._friction.items():
+            surface = cone(friction.coefficient * height, 0.5 * height)
+            vertices = surface.vertices @ FLIP + [0.0, 0.0, 0.5 * height]
+            self._cones[frame] = self.scene.add_mesh_simple(
+                f"{self.path}/cone {frame}",
+                vertices,
+                surface.faces,
+                color=GREY,
+                opacity=0.18,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+                visible=False,
+            )
+
+    def show(self, shown: Shown) -> None:
+        """Draw the forces of the tick; none at the velocity level."""
+        acting = [
+            (name, *one)
+            for name, one in zip(shown.forces, shown.wrenches, strict=True)
+            if np.linalg.norm(one[1][:3]) > LEAST * self._weight
+        ]
+        for frame, node in self._cones.items():
+            node.visible = any(name == frame for name, *_ in acting)
+        self._arrows.visible = bool(acting)
+        if not acting:
+            return
+        starts, ends, colours = [], [], []
+        for name, place, wrench in acting:
+            rotation = shown.snapshot.rotation(name)
+            start = where_it_acts(place, wrench, rotation)
+            starts.append(start)
+            ends.append(start + REACH * self.size / self._weight * wrench[:3])
+            colours.append(VERMILION if self._at_edge(name, rotation.T @ wrench[:3]) else GREEN)
+            if name in self._cones:
+                node = self._cones[name]
+                node.position, node.wxyz = start, wxyz(rotation)
+        self._arrows.points = np.stack([starts, ends], axis=1).astype(np.float32)
+        self._arrows.colors = np.array(colours, dtype=np.uint8)
+
+    def _at_edge(self, frame: str, force: Array) -> bool:
+        """Whether a force (3,) in a contact's axes is nearly at the edge of what is allowed."""
+        friction = self._friction.get(frame)
+        if friction is None:
+            return False
+        least_left = -float((friction.matrix() @ force).max())
+        return least_left < UNUSED * friction.coefficient * float(force[2])
+
+
+def where_it_acts(place: Array, wrench: Array, rotation: Array) -> Array:
+    """Return where in the plane of a contact at ``place`` (3,) its wrench (6,) acts: its own CoP.
+
+    The frame's origin where nothing presses.
+    """
+    force, moment = rotation.T @ wrench[:3], rotation.T @ wrench[3:]
+    if force[2] <= 0.0:
+        return place
+    return np.asarray(place + rotation @ [-moment[1] / force[2], moment[0] / force[2], 0.0])

@@ -1,0 +1,138 @@
+"""What the robot keeps away from: its nearest pairs of bodies, and the obstacles around it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from viser import SceneApi
+
+from wbc.robot import Robot
+from wbc.robot.collision import CollisionModel, HalfSpace
+from wbc.validate import Array
+from wbc.view.live.layers.layer import GREEN, ORANGE, SKY, VERMILION, Layer, wxyz
+from wbc.view.live.layers.solids import surface_of
+from wbc.view.live.messages import Cast, PairsInfo
+from wbc.view.live.shown import Shown
+
+NEAREST = 6  # pairs listed for each constraint
+MEASURED = 25  # of which the nearest are looked at: some keep less than others
+DRAWN = 0.05  # of the robot's size: pairs that have more left than this are not drawn
+NEAR = 2.0  # times its margin: a pair this near is drawn in orange
+WALL, THING = 0.12, 0.4  # opacity of half-spaces, which have no end, and of other obstacles
+TOUCHING = 1e-3  # m: a pair this near to its margin is drawn in red
+
+
+class Pair(NamedTuple):
+    """Two bodies that are near each other."""
+
+    label: str
+    distance: float  # [m]
+    margin: float  # that is kept [m]
+    ends: Array  # nearest points (2, 3) [m]
+
+    @property
+    def colour(self) -> tuple[int, int, int]:
+        """How near they are."""
+        if self.distance < self.margin + TOUCHING:
+            return VERMILION
+        return ORANGE if self.distance < NEAR * self.margin + TOUCHING else GREEN
+
+
+class Watched:
+    """The pairs of a constraint, measured on the page's side."""
+
+    def __init__(self, robot: Robot, info: PairsInfo) -> None:
+        self._info = info
+        self._model = CollisionModel(robot, info.bodies, info.pairs)
+        self._first = len(info.bodies) - len(info.obstacles)
+
+    def nearest(self, shown: Shown) -> list[Pair]:
+        """Return the nearest pairs, those first of which least is left."""
+        for k, (name, _) in enumerate(self._info.obstacles):
+            if name in shown.frame.obstacles:
+                self._model.place(self._first + k, *shown.frame.obstacles[name])
+        found = self._model.nearest(shown.snapshot, MEASURED)
+        pairs = [
+            Pair(
+                self._model.labels[which],
+                float(found.distance[k]),
+                float(self._info.margins[which]),
+                np.stack([found.point[k], found.point[k] - found.distance[k] * found.normal[k]]),
+            )
+            for k, which in enumerate(found.pairs.tolist())
+        ]
+        return sorted(pairs, key=lambda pair: pair.distance - pair.margin)[:NEAREST]
+
+
+class MarginsLayer(Layer):
+    """Lines between the nearest points of the nearest pairs.
+
+    Attributes
+    ----------
+    nearest:
+        Those of the last frame, the one first of which least is left.
+    """
+
+    label = "Nearest pairs"
+
+    def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
+        super().__init__(scene, size)
+        self._robot = robot
+        self._watched: list[Watched] = []
+        self.nearest: list[Pair] = []
+        self._lines = scene.add_line_segments(
+            f"{self.path}/lines", np.zeros((1, 2, 3)), GREEN, thickness=0.008 * size, visible=False
+        )
+
+    def cast(self, cast: Cast) -> None:
+        """Take note of what is kept apart."""
+        self._watched = [Watched(self._robot, info) for info in cast.pairs]
+        self.nearest = []
+
+    def show(self, shown: Shown) -> None:
+        """Measure and draw."""
+        found = [pair for watched in self._watched for pair in watched.nearest(shown)]
+        self.nearest = sorted(found, key=lambda pair: pair.distance - pair.margin)
+        near = [one for one in found if one.distance - one.margin < DRAWN * self.size]
+        self._lines.visible = bool(near)
+        if near:
+            self._lines.points = np.array([pair.ends for pair in near], dtype=np.float32)
+            colours = np.array([pair.colour for pair in near], dtype=np.uint8)
+            self._lines.colors = np.repeat(colours[:, None], 2, axis=1)
+
+
+class ObstaclesLayer(Layer):
+    """What stands or moves around the robot."""
+
+    label = "Obstacles"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._nodes = dict[str, Any]()
+
+    def cast(self, cast: Cast) -> None:
+        """Make the obstacles of the constraints."""
+        for node in self._nodes.values():
+            node.remove()
+        self._nodes = {}
+        for info in cast.pairs:
+            for name, shape in info.obstacles:
+                surface = surface_of(shape)
+                self._nodes[name] = self.scene.add_mesh_simple(
+                    f"{self.path}/{name}",
+                    surface.vertices,
+                    surface.faces,
+                    color=SKY,
+                    opacity=WALL if isinstance(shape, HalfSpace) else THING,
+                    cast_shadow=not isinstance(shape, HalfSpace),
+                    flat_shading=True,
+                    side="double",
+                )
+
+    def show(self, shown: Shown) -> None:
+        """Put them where they are."""
+        for name, (rotation, origin) in shown.frame.obstacles.items():
+            if name in self._nodes:
+                self._nodes[name].wxyz = wxyz(rotation)
+                self._nodes[name].position = origin

@@ -1,0 +1,258 @@
+"""Where the tasks want the robot: ghosts of frames, CoM and ellipsoid; and handles to drag them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from viser import SceneApi
+from viser.transforms import SO3
+
+from wbc.errors import WbcError
+from wbc.rmp.ellipsoid import Ellipsoid, equimomental
+from wbc.spatial import COMPONENTS, vech, vech_inverse
+from wbc.validate import Array
+from wbc.view.live.layers.layer import GREEN, Layer, wxyz
+from wbc.view.live.layers.pendulum import THINNEST, sections
+from wbc.view.live.messages import Cast, SetTarget, TaskInfo
+from wbc.view.live.shown import Shown
+
+HANDLE = 0.16  # of the robot's size
+HELD = 0.6  # s after the last drag for which a handle is left where the user has put it
+
+Drag = Callable[[SetTarget], None]
+
+
+@dataclass
+class Place:
+    """The targets of one frame, or of the CoM: by at most one task each."""
+
+    frame: str  # empty for the CoM
+    position: TaskInfo | None = None
+    rotation: TaskInfo | None = None
+
+    def pose(self, shown: Shown) -> tuple[Array, Array] | None:
+        """Return wanted position and rotation; what no task wants is as it is; None: no target."""
+        targets, snapshot = shown.frame.targets, shown.snapshot
+        if self.position is not None and self.position.name not in targets:
+            return None
+        if self.rotation is not None and self.rotation.name not in targets:
+            return None
+        p = snapshot.position(self.frame) if self.frame else snapshot.com
+        R = snapshot.rotation(self.frame) if self.frame else np.eye(3)
+        if self.position is not None:
+            wanted = targets[self.position.name][0]
+            chosen = [k for k, axis in enumerate("xyz") if axis in self.position.rows]
+            p = p.copy()
+            p[chosen] = wanted[chosen]
+        if self.rotation is not None:
+            R = targets[self.rotation.name][-1]
+        return p, R
+
+    def wishes(self, position: Array, rotation: Array) -> Iterator[SetTarget]:
+        """Yield the targets that a pose means."""
+        if self.position is not None and self.position is self.rotation:
+            yield SetTarget(self.position.name, (position, rotation))
+            return
+        if self.position is not None:
+            yield SetTarget(self.position.name, (position,))
+        if self.rotation is not None:
+            yield SetTarget(self.rotation.name, (rotation,))
+
+
+def places_of(cast: Cast) -> list[Place]:
+    """Return the places that the tasks want something of."""
+    found = dict[str, Place]()
+    for task in cast.tasks:
+        frame = "" if task.kind == "com" else task.frame
+        if task.kind not in ("com", "position", "orientation", "pose"):
+            continue
+        place = found.get(frame, Place(frame))
+        if task.kind != "orientation" and place.position is None:
+            place.position = task
+        if task.kind in ("orientation", "pose") and place.rotation is None:
+            place.rotation = task
+        found[frame] = place
+    return list(found.values())
+
+
+class TargetsLayer(Layer):
+    """Ghosts at the targets of the tasks, and lines to them from where the robot is."""
+
+    label = "Targets"
+
+    def __init__(self, scene: SceneApi, size: float) -> None:
+        super().__init__(scene, size)
+        self._places: list[tuple[Place, Any]] = []
+        self._shapes: list[tuple[TaskInfo, Any]] = []
+        self._axes: list[TaskInfo] = []
+        self._lines = scene.add_line_segments(
+            f"{self.path}/lines", np.zeros((1, 2, 3)), GREEN, thickness=0.004 * size, visible=False
+        )
+        self._arrows = scene.add_arrows(
+            f"{self.path}/axes",
+            np.zeros((1, 2, 3)),
+            GREEN,
+            shaft_radius=0.005 * size,
+            head_radius=0.012 * size,
+            head_length=0.03 * size,
+            visible=False,
+        )
+
+    def cast(self, cast: Cast) -> None:
+        """Make a ghost for each target."""
+        for _, node in (*self._places, *self._shapes):
+            node.remove()
+        self._places = [(place, self._ghost(place)) for place in places_of(cast)]
+        self._shapes = [
+            (task, self._ellipsoid(task))
+            for task in cast.tasks
+            if task.kind in ("inertia", "principal")
+        ]
+        self._axes = [task for task in cast.tasks if task.kind == "axis"]
+
+    def _ghost(self, place: Place) -> Any:
+        if not place.frame:
+            return self.scene.add_icosphere(
+                f"{self.path}/com",
+                0.022 * self.size,
+                GREEN,
+                opacity=0.5,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        return self.scene.add_frame(
+            f"{self.path}/{place.frame}",
+            axes_length=0.07 * self.size,
+            axes_radius=0.004 * self.size,
+            origin_color=GREEN,
+            origin_radius=0.009 * self.size,
+        )
+
+    def _ellipsoid(self, task: TaskInfo) -> Any:
+        return self.scene.add_line_segments(
+            f"{self.path}/ellipsoid {task.name}",
+            sections(),
+            GREEN,
+            thickness=2.0,
+            thickness_units="screen",
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Put the ghosts where the targets are now."""
+        lines = []
+        for place, node in self._places:
+            pose = place.pose(shown)
+            node.visible = pose is not None
+            if pose is None:
+                continue
+            node.position, node.wxyz = pose[0], wxyz(pose[1])
+            here = shown.snapshot.position(place.frame) if place.frame else shown.snapshot.com
+            if place.position is not None:
+                lines.append((here, pose[0]))
+        self._lines.visible = bool(lines)
+        if lines:
+            self._lines.points = np.array(lines, dtype=np.float32)
+        for task, node in self._shapes:
+            ellipsoid = wanted_ellipsoid(task, shown)
+            node.visible = ellipsoid is not None
+            if ellipsoid is not None:
+                a, b, c = np.maximum(ellipsoid.semi_axes, THINNEST).tolist()
+                node.scale, node.position = (a, b, c), shown.snapshot.com
+                node.wxyz = wxyz(ellipsoid.axes)
+        self._show_axes(shown)
+
+    def _show_axes(self, shown: Shown) -> None:
+        wanted = [task for task in self._axes if task.name in shown.frame.targets]
+        self._arrows.visible = bool(wanted)
+        if wanted:
+            reach = 0.15 * self.size
+            origins = [shown.snapshot.position(task.frame) for task in wanted]
+            ends = [
+                origin + reach * shown.frame.targets[task.name][0]
+                for task, origin in zip(wanted, origins, strict=True)
+            ]
+            self._arrows.points = np.stack([origins, ends], axis=1).astype(np.float32)
+
+
+def wanted_ellipsoid(task: TaskInfo, shown: Shown) -> Ellipsoid | None:
+    """Return the ellipsoid that a task wants; what it leaves open is as it is.
+
+    None if no body has such an inertia, or the task has no target.
+    """
+    target = shown.frame.targets.get(task.name)
+    if target is None:
+        return None
+    snapshot, mass = shown.snapshot, shown.robot.mass
+    try:
+        if task.kind == "principal":
+            _, axes = np.linalg.eigh(snapshot.inertia)  # smallest first, as the target
+            return equimomental((axes * target[0]) @ axes.T, mass)
+        actual = vech(snapshot.inertia_in(task.frame))
+        wanted = actual.copy()
+        if task.rows == ("trace",):
+            wanted *= target[0][[0, 3, 5]].sum() / actual[[0, 3, 5]].sum()
+        else:
+            chosen = [COMPONENTS.index(row) for row in task.rows]
+            wanted[chosen] = target[0][chosen]
+        R = np.eye(3) if task.frame == "world" else snapshot.rotation(task.frame)
+        return equimomental(R @ vech_inverse(wanted) @ R.T, mass)
+    except WbcError:
+        return None
+
+
+class HandlesLayer(Layer):
+    """Handles by which the targets of frames and of the CoM are dragged."""
+
+    label = "Drag targets"
+
+    def __init__(self, scene: SceneApi, size: float, drag: Drag) -> None:
+        super().__init__(scene, size)
+        self._drag = drag
+        self._handles: list[tuple[Place, Any]] = []
+        self._touched = dict[str, float]()
+
+    def cast(self, cast: Cast) -> None:
+        """Make a handle for each target that can be dragged."""
+        for _, handle in self._handles:
+            handle.remove()
+        self._handles = [(place, self._handle(place)) for place in places_of(cast)]
+
+    def _handle(self, place: Place) -> Any:
+        moved = place.position is not None
+        active = (True, True, True)
+        if place.position is not None:
+            x, y, z = (axis in place.position.rows for axis in "xyz")
+            active = (x, y, z)
+        handle = self.scene.add_transform_controls(
+            f"{self.path}/{place.frame or 'com'}",
+            scale=HANDLE * self.size,
+            disable_axes=not moved,
+            disable_sliders=not moved,
+            disable_rotations=place.rotation is None,
+            active_axes=active if place.rotation is None else (True, True, True),
+            depth_test=False,
+        )
+
+        async def dragged(event: Any) -> None:  # async: in the order in which it happened
+            self._touched[place.frame] = time.monotonic()
+            rotation = np.asarray(SO3(np.asarray(event.target.wxyz)).as_matrix())
+            for wish in place.wishes(np.asarray(event.target.position).copy(), rotation):
+                self._drag(wish)
+
+        handle.on_update(dragged)
+        return handle
+
+    def show(self, shown: Shown) -> None:
+        """Put the handles where the targets are, but for those in somebody's hand."""
+        now = time.monotonic()
+        for place, handle in self._handles:
+            if now - self._touched.get(place.frame, -HELD) < HELD:
+                continue
+            pose = place.pose(shown)
+            handle.visible = pose is not None
+            if pose is not None:
+                handle.position, handle.wxyz = pose[0], wxyz(pose[1])

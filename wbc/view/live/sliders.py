@@ -1,0 +1,181 @@
+"""Sliders for what the tasks want: inertia, CoM, and how much each of them weighs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from viser import GuiApi
+
+from wbc.spatial import COMPONENTS, DIAGONAL, vech
+from wbc.validate import Array
+from wbc.view.live.messages import Cast, Release, Request, SetTarget, SetWeight, TaskInfo
+from wbc.view.live.shown import Shown
+
+LEFT_ALONE = 0.6  # s after the user has moved a slider, in which it does not follow the target
+FACTORS = (0.5, 2.0)  # of an inertia, relative to that at the first frame
+OFFSET = 0.15  # of the robot's size: how far a slider moves the CoM
+DECADES = 2.0  # of a weight's factor, either way
+PRINCIPAL = ("smallest", "middle", "largest")
+
+
+class Follower(NamedTuple):
+    """A slider, and where it stands by the target of its task."""
+
+    slider: Any
+    position: Callable[[Array], float]
+    task: str
+
+
+class Sliders:
+    """The sliders of the present tasks, in a tab of the page.
+
+    Parameters
+    ----------
+    tab:
+        Context that GUI elements are put into.
+    send:
+        Called with what the user wants.
+    size:
+        The robot's [m].
+    """
+
+    def __init__(self, gui: GuiApi, tab: Any, send: Callable[[Request], None], size: float) -> None:
+        self._gui, self._tab, self._send, self._size = gui, tab, send, size
+        self._folders: list[Any] = []
+        self._followers: list[Follower] = []
+        self._touched = dict[str, float]()
+        self._targets = dict[str, Array]()
+        # By task what its sliders are relative to: moments [kg m^2], or the CoM [m].
+        self._base = dict[str, Array]()
+        self._weights = dict[str, Any]()
+        with tab:
+            release = gui.add_button(
+                "Give targets and weights back", hint="To the problem, or to the program."
+            )
+            release.on_click(lambda _: self._release())
+
+    def cast(self, cast: Cast, shown: Shown) -> None:
+        """Make the sliders of the tasks."""
+        for folder in self._folders:
+            folder.remove()
+        self._folders, self._followers, self._weights = [], [], {}
+        with self._tab:
+            for task in cast.tasks:
+                if task.kind in ("inertia", "principal"):
+                    self._add_inertia(task, shown)
+                elif task.kind == "com":
+                    self._add_com(task, shown)
+            folder = self._gui.add_folder("Weights, powers of ten")
+            self._folders.append(folder)
+            with folder:
+                for task in cast.tasks:
+                    self._add_weight(task)
+
+    def show(self, shown: Shown) -> None:
+        """Let sliders follow targets that others move."""
+        now = time.monotonic()
+        self._targets = {name: target[0] for name, target in shown.frame.targets.items()}
+        for one in self._followers:
+            target = self._targets.get(one.task)
+            if target is None or now - self._touched.get(one.task, -LEFT_ALONE) < LEFT_ALONE:
+                continue
+            value = float(np.clip(one.position(target), one.slider.min, one.slider.max))
+            one.slider.value = round(value, 3)
+
+    # ------------------------------------------------------------------ kinds of sliders
+
+    def _add_inertia(self, task: TaskInfo, shown: Shown) -> None:
+        rows: tuple[str, ...]
+        if task.kind == "principal":
+            base, rows = np.linalg.eigvalsh(shown.snapshot.inertia), PRINCIPAL
+            entries = [np.array([k]) for k in range(3)]
+        elif task.rows == ("trace",):
+            base, rows = vech(shown.snapshot.inertia_in(task.frame)), ("trace",)
+            entries = [DIAGONAL]
+        else:
+            base = vech(shown.snapshot.inertia_in(task.frame))
+            rows = tuple(row for row in task.rows if row[0] == row[1])
+            entries = [np.array([COMPONENTS.index(row)]) for row in rows]
+        base = self._base.setdefault(task.name, base)
+        with self._folder(f"Inertia wanted: {task.name}"):
+            for row, chosen in zip(rows, entries, strict=True):
+                self._add_factor(task.name, row, chosen, base)
+
+    def _add_factor(self, task: str, row: str, chosen: Array, base: Array) -> None:
+        slider = self._gui.add_slider(
+            f"{row} times", *FACTORS, 0.01, 1.0, hint="Relative to that at the first frame."
+        )
+
+        def moved(factor: float) -> Array:
+            target = self._targets[task].copy()
+            target[chosen] = factor * base[chosen]
+            return target
+
+        self._connect(slider, task, moved)
+        whole = float(base[chosen].sum())
+        self._followers.append(
+            Follower(slider, lambda target: float(target[chosen].sum()) / whole, task)
+        )
+
+    def _add_com(self, task: TaskInfo, shown: Shown) -> None:
+        base = self._base.setdefault(task.name, shown.snapshot.com.copy())
+        reach = 10 * round(100.0 * OFFSET * self._size)
+        with self._folder(f"CoM wanted: {task.name}"):
+            for row in task.rows:
+                self._add_offset(task.name, row, base, reach)
+
+    def _add_offset(self, task: str, row: str, base: Array, reach: int) -> None:
+        axis = "xyz".index(row)
+        slider = self._gui.add_slider(
+            f"{row} [mm]", -float(reach), float(reach), 1.0, 0.0, hint="From that at first."
+        )
+
+        def moved(offset: float) -> Array:
+            target = self._targets[task].copy()
+            target[axis] = base[axis] + 1e-3 * offset
+            return target
+
+        self._connect(slider, task, moved)
+        self._followers.append(
+            Follower(slider, lambda target: 1e3 * float(target[axis] - base[axis]), task)
+        )
+
+    def _add_weight(self, task: TaskInfo) -> None:
+        slider = self._gui.add_slider(
+            task.name, -DECADES, DECADES, 0.1, 0.0, hint="The weight is multiplied by 10 to this."
+        )
+
+        async def changed(event: Any) -> None:  # async: in the order in which it happened
+            if event.client_id is not None:
+                self._send(SetWeight(task.name, 10.0 ** float(event.target.value)))
+
+        slider.on_update(changed)
+        self._weights[task.name] = slider
+
+    # ------------------------------------------------------------------
+
+    def _folder(self, label: str) -> Any:
+        folder = self._gui.add_folder(label)
+        self._folders.append(folder)
+        return folder
+
+    def _connect(self, slider: Any, task: str, target: Callable[[float], Array]) -> None:
+        """Send a task's target when the user moves a slider."""
+
+        async def changed(event: Any) -> None:
+            if event.client_id is not None and task in self._targets:
+                self._touched[task] = time.monotonic()
+                wanted = target(float(event.target.value))
+                self._targets[task] = wanted
+                self._send(SetTarget(task, (wanted,)))
+
+        slider.on_update(changed)
+
+    def _release(self) -> None:
+        self._send(Release())
+        self._touched.clear()
+        for slider in self._weights.values():
+            slider.value = 0.0
