@@ -23,6 +23,7 @@ from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual, Rows
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
@@ -145,6 +146,11 @@ class Contact(Task):
         """Return the frame's acceleration (k,) at zero acceleration of v, world axes."""
         return snapshot.drift(self.frame)[: len(self.rows)]
 
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return its rows, six or the first three."""
+        index, numbers = tuple(range(len(self.rows))), (self.position, self.rotation.ravel())
+        return (NativeRows(Kind.CONTACT, self.frame, index, self._still, numbers),)
+
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the drift from the anchor, [m] above [rad], as an expression of the posture."""
         return posture.pose_error(self.frame, self.position, self.rotation)
@@ -187,6 +193,8 @@ class PointContact(Contact):
         error = snapshot.position(self.frame) - self.position
         return Residual(error, snapshot.jacobian(self.frame)[:3], self._still)
 
+    native = Contact.native
+
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the drift from the anchor [m]."""
         return posture.position(self.frame) - self.position
@@ -202,16 +210,18 @@ class ContactRows:
     ----------
     contacts:
         Contacts, or other tasks to be met exactly.
+    kept:
+        Which rows of each, increasing; None for all.
     labels:
         Of the rows, such as ``"left_sole x"``.
     """
 
     def __init__(self, contacts: Sequence[Task]) -> None:
         self.contacts = tuple(contacts)
-        self._kept = _independent_rows(self.contacts)
+        self.kept = _independent_rows(self.contacts)
         self.labels = tuple(
             f"{contact.name} {contact.rows[k]}"
-            for contact, kept in zip(self.contacts, self._kept, strict=True)
+            for contact, kept in zip(self.contacts, self.kept, strict=True)
             for k in (range(len(contact.rows)) if kept is None else kept)
         )
 
@@ -220,7 +230,7 @@ class ContactRows:
     ) -> list[Rows]:
         """Return the rows of each contact by a level's law: hold, and take back the drift."""
         every = []
-        for contact, kept in zip(self.contacts, self._kept, strict=True):
+        for contact, kept in zip(self.contacts, self.kept, strict=True):
             row = law(contact, contact.residual(snapshot), snapshot)
             if kept is not None:
                 row = Rows(row.matrix[kept], row.target[kept], row.weight[kept])

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.constraints.contact import Contact
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.tasks.frame import TURNS
@@ -42,6 +43,11 @@ class Gear(Task):
             np.array([self._signs @ positions - self._offset]), self._jacobian, self._still
         )
 
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the one row, linear in the joints."""
+        numbers = self._jacobian.ravel(), np.array((self._offset,))
+        return (NativeRows(Kind.LINEAR, None, (0,), self._still, numbers),)
+
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: the row is linear in the joints."""
         return self._still
@@ -60,6 +66,11 @@ class BoltedBase(Task):
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return no error, and the base's own six columns."""
         return Residual(self._still, self._jacobian, self._still)
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the six rows."""
+        numbers = self._jacobian.ravel(), self._still
+        return (NativeRows(Kind.LINEAR, None, tuple(range(6)), self._still, numbers),)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.native import Core, NativeCoreError, core, mode
 from wbc.robot.inertia import inertia_rates
@@ -91,8 +92,12 @@ class NativeState(NamedTuple):
         """Return copies (3,) and (3, 3), which may be kept much longer than the whole."""
         return self.array[:3].copy(), self.array[3:12].copy().reshape(3, 3)
 
-    def frame(self, name: str, robot: HasPass) -> tuple[Array, Array, Array]:
-        """Return origin (3,), rotation (3, 3) and Jacobian (6, nv) of a frame."""
+    def momentum(self) -> Array:
+        """Return a copy (6,)."""
+        return self.array[12:18].copy()
+
+    def frame(self, name: str, robot: HasPass) -> tuple[tuple[Array, Array], Array]:
+        """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
         array, begin = self.array, self.slots.get(name)
         if begin is None:
             passes = robot.native  # of this thread, whoever made the state
@@ -101,7 +106,7 @@ class NativeState(NamedTuple):
         pose = array[begin : begin + 12].copy()  # may be kept longer than the rest
         pose.flags.writeable = False
         jacobian = array[begin + 12 : begin + self.tree.frame_size].reshape(6, -1)
-        return pose[:3], pose[3:].reshape(3, 3), jacobian
+        return (pose[:3], pose[3:].reshape(3, 3)), jacobian
 
 
 class HasPass(Protocol):
@@ -143,15 +148,13 @@ class NativePass:
     def frame(self, state: Array, name: str) -> Array:
         """Return a frame that ``state`` does not hold; later ones will hold it too."""
         tree, out = self.tree, np.empty(self.tree.frame_size)
-        frame = tree.model.frames[self._indices[name]]
-        joint = np.array([frame.parentJoint], dtype=np.int64)
-        placement = _flat(frame.placement)
+        joint, placement = frame_places(tree.model, [self._indices[name]])
         arrays = state, joint, placement, out
         where, of, there, to = (array.ctypes.data for array in arrays)
         tree.core.wbc_frames(tree.address, where, 1, of, there, to)
         if name not in self.slots and len(self.slots) < KEPT:
             self._joints[len(self.slots)] = joint[0]
-            self._placements[len(self.slots)] = placement
+            self._placements[len(self.slots)] = placement[0]
             self.slots = {**self.slots, name: tree.frames + len(self.slots) * tree.frame_size}
             self._grow()
         return read_only(out)
@@ -164,6 +167,14 @@ class NativePass:
         addresses = [array.ctypes.data for array in arrays]
         frames = self._joints.ctypes.data, self._placements.ctypes.data
         self._arguments = (tree.address, *addresses, count, *frames)
+
+
+def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.int64], Array]:
+    """Return the joints (k,) and the placements there (k, 12) of frames, as the core reads them."""
+    every = [model.frames[index] for index in frames]
+    joints = np.array([frame.parentJoint for frame in every], dtype=np.int64)
+    placements: Array = np.array([_flat(frame.placement) for frame in every])
+    return joints, placements
 
 
 def native_tree(name: str, work: Workspace) -> NativeTree | None:

@@ -37,6 +37,8 @@ class KinematicState:
         Velocity (nv,): base linear and angular in base axes, joint rates.
     moving:
         False if no velocity was measured (``v`` is then zero).
+    native_state:
+        What the native core found at this state; None where it is not used.
     """
 
     robot: KinematicTree
@@ -45,7 +47,7 @@ class KinematicState:
     moving: bool
     com: Array
     inertia: Array
-    _state: NativeState | None
+    native_state: NativeState | None
     _placements: dict[str, tuple[Array, Array]]
     _jacobians: dict[str, Array]
 
@@ -57,9 +59,9 @@ class KinematicState:
         if native is None:
             data = robot.workspace.kinematics(self, q, v)
             com, inertia = data.oYcrb[0].lever.copy(), np.array(data.Ig.inertia)
-            fields["_state"] = None
+            fields["native_state"] = None
         else:  # all that a tick asks for, from one pass of the native core
-            fields["_state"] = state = native.evaluate(q, v)
+            fields["native_state"] = state = native.evaluate(q, v)
             com, inertia = state.com_and_inertia()
         fields["com"], fields["inertia"] = read_only(com), read_only(inertia)
         fields["_sealed"] = True
@@ -87,8 +89,8 @@ class KinematicState:
     @cached_property
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
-        if self._state is not None:
-            return self._state.part("centroidal_map", 6, -1)
+        if self.native_state is not None:
+            return self.native_state.part("centroidal_map", 6, -1)
         A = self._kinematics().Ag.copy()
         A.flags.writeable = False
         return A
@@ -96,9 +98,8 @@ class KinematicState:
     @cached_property
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
-        if self._state is not None:
-            return read_only(self._state.array[12:18].copy())
-        return read_only(self._kinematics().hg.vector.copy())
+        state = self.native_state
+        return read_only(self._kinematics().hg.vector.copy() if state is None else state.momentum())
 
     @cached_property
     def momentum_drift(self) -> Array:
@@ -108,8 +109,8 @@ class KinematicState:
     @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
-        if self._state is not None:
-            return self._state.part("com_jacobian", 3, -1)
+        if self.native_state is not None:
+            return self.native_state.part("com_jacobian", 3, -1)
         J = self.centroidal_map[:3] / self.robot.mass
         J.flags.writeable = False
         return J
@@ -163,8 +164,8 @@ class KinematicState:
     @cached_property
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
-        if self._state is not None:
-            return self._state.part("inertia_jacobian", 6, -1)
+        if self.native_state is not None:
+            return self.native_state.part("inertia_jacobian", 6, -1)
         twists, work = self._kinematics().J, self.robot.workspace
         J = crb.inertia_rates(work.composites.read(), work.composites.masses, twists, self.com)
         J.flags.writeable = False
@@ -236,7 +237,7 @@ class KinematicState:
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
         found = self._jacobians.get(frame)
-        if found is None and self._state is not None:
+        if found is None and self.native_state is not None:
             self._placement(frame)
             return self._jacobians[frame]
         if found is None:
@@ -258,8 +259,10 @@ class KinematicState:
     @cached_property
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
-        if self._state is not None:
-            return self._state.part("rotations", -1, 3, 3), self._state.part("origins", -1, 3)
+        if self.native_state is not None:
+            return self.native_state.part("rotations", -1, 3, 3), self.native_state.part(
+                "origins", -1, 3
+            )
         work = self.robot.workspace
         work.kinematics(self, self.q, self.v)  # makes sure that the workspace holds this state
         rotations, origins = work.placements.copies()
@@ -271,17 +274,16 @@ class KinematicState:
 
         World axes, the linear part that of the point at the world's origin.
         """
-        if self._state is not None:
-            return self._state.part("twists", 6, -1)
+        if self.native_state is not None:
+            return self.native_state.part("twists", 6, -1)
         return read_only(self._kinematics().J.copy())
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         robot = self.robot
         index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-        if self._state is not None:
-            position, rotation, jacobian = self._state.frame(frame, robot)
-            self._jacobians[frame] = jacobian
-            self._placements[frame] = placed = position, rotation
+        if self.native_state is not None:
+            placed, self._jacobians[frame] = self.native_state.frame(frame, robot)
+            self._placements[frame] = placed
             return placed
         pose = pin.updateFramePlacement(robot.model, self._kinematics(), index)
         position, rotation = pose.translation.copy(), pose.rotation.copy()

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
 from wbc.spatial import skew
@@ -64,6 +65,10 @@ class OrientationTask(Task):
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return log(target' R) [rad]."""
         return orientation_residual(snapshot, self.frame, self._goal, self.target_rate)
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the three rows."""
+        return (native_orientation(self.frame, self._goal, self.target_rate),)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -140,6 +145,12 @@ class PoseTask(Task):
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the frame's origin and where it is wanted."""
         return Aim(snapshot.position(self.frame), self.position)
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the rows of the position above those of the rotation."""
+        rate, numbers = self.target_rate, (self.position, np.array((self.robot.mass,)))
+        place = NativeRows(Kind.POINT, self.frame, (0, 1, 2), -rate[:3], numbers, curved=False)
+        return place, native_orientation(self.frame, self.rotation, rate[3:])
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -234,6 +245,12 @@ class AxisTask(Task):
         if length < 1e-9:
             raise InvalidInputError(f"task {self.name!r}, {what}: a direction needs some length")
         return vector / length
+
+
+def native_orientation(frame: str, target: Array, target_rate: Array) -> NativeRows:
+    """Return what the native core needs of :func:`orientation_residual`; the bias is its own."""
+    numbers = target.ravel(), target_rate
+    return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), np.zeros(3), numbers)
 
 
 def homogeneous(position: Array, rotation: Array) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.task import Gains, Task
@@ -121,6 +122,15 @@ class InertiaTask(Task):
             return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
         bound = curvature_bound(pull, snapshot.inertia)
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
+
+    def native(self) -> tuple[NativeRows, ...] | None:
+        """Return the rows in axes of the world or the base, the second order left out."""
+        if self.second_order or self.frame not in (WORLD, BASE):
+            return None
+        frame = None if self.frame == WORLD else BASE
+        index = tuple(range(len(self.rows)))
+        numbers = self._selection.ravel(), self._wanted
+        return (NativeRows(Kind.INERTIA, frame, index, self._bias, numbers),)
 
     @property
     def reported_rows(self) -> tuple[str, ...]:

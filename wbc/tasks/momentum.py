@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import OF_ERRORS, Gains, Task
 from wbc.validate import Array, names_of
@@ -75,6 +76,11 @@ class MomentumTask(Task):
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return measured momentum minus target."""
         return (snapshot.momentum - self.target)[self._selected]
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the selected entries."""
+        rows = tuple(self._selected.tolist())
+        return (NativeRows(Kind.MOMENTUM, None, rows, -self.target[self._selected], ()),)
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Aim, Gains, Task
 from wbc.validate import Array, names_of, read_only
@@ -87,6 +88,12 @@ class PointTask(Task):
         gradient *= self.weight
         return math.sqrt(gradient.dot(gradient)) * lever
 
+    def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
+        """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
+        axes = tuple(np.arange(3)[self._selected].tolist())
+        mass = np.array((self.robot.mass,))
+        return (NativeRows(Kind.POINT, frame, axes, self._bias, (self._goal, mass)),)
+
     @abstractmethod
     def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:
         """Return where the point is (3,), world axes, and its Jacobian (3, nv)."""
@@ -126,6 +133,10 @@ class ComTask(PointTask):
     def _acceleration(self, snapshot: Snapshot) -> Array:
         return snapshot.com_drift
 
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the rows of the CoM."""
+        return self._native_rows(None)
+
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return CoM minus target [m]."""
         return (posture.com - self.target)[self._selected]
@@ -157,6 +168,10 @@ class PositionTask(PointTask):
 
     def _acceleration(self, snapshot: Snapshot) -> Array:
         return snapshot.drift(self.frame)[:3]
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return the rows of the frame's origin."""
+        return self._native_rows(self.frame)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m]."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual
+from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.tasks.task import LawKeywords, Task
@@ -82,6 +83,12 @@ class PostureTask(Task):
         for k in self.robot.limits.unbounded:
             error[k] = math.remainder(error[k], math.tau)
         return Residual(error[self._joints], self._jacobian, self._bias)
+
+    def native(self) -> tuple[NativeRows, ...]:
+        """Return one row for each joint."""
+        joints = tuple(np.arange(self._positions.size)[self._joints].tolist())
+        numbers = (self._positions[self._joints],)
+        return (NativeRows(Kind.JOINTS, None, joints, self._bias, numbers),)
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ gives the value alone, at rest.
 from __future__ import annotations
 
 from abc import ABCMeta, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
 
@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError, suggest
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
+from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.validate import Array, finite_array, finite_number, finite_vector, names_of, read_only
@@ -132,6 +133,7 @@ class Task(metaclass=_Sealed):
     target_acceleration: Array
     _goal: Array
     _sealed = False
+    _changes = 0  # how often an attribute was set: what was read of the task before may be old
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
     _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
@@ -184,6 +186,7 @@ class Task(metaclass=_Sealed):
         if name == "weight":
             value = self._checked_weight(value)
         object.__setattr__(self, name, value)
+        self.__dict__["_changes"] = self._changes + 1
 
     if TYPE_CHECKING:  # a plain attribute, since it is read in every tick
 
@@ -256,6 +259,13 @@ class Task(metaclass=_Sealed):
             f"{self}: a {type(self).__name__} does not define drift(), its error's "
             "second derivative at zero acceleration, which the torque level needs"
         )
+
+    def native(self) -> Sequence[NativeRows] | None:
+        """Return what the native core needs for the residual; None: ticks run in Python.
+
+        Not inherited: who derives a kind of task may have changed its residual.
+        """
+        return None
 
     def deviation(self, snapshot: Snapshot, residual: Residual) -> Array:
         """Return what diagnostics report as the error (k,), in the task's own units."""

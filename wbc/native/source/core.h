@@ -47,4 +47,41 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
 
+/* What a row asks for: the kinds that wbc/native/rows.py describes. */
+enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
+                CONTACT = 5, LINEAR = 6 };
+/* A block of rows: what they are, where they stand among the costs or the contacts, where their
+ * selection begins in index and their numbers in number, and which frame they are about (-1: the
+ * CoM, or the world). */
+typedef struct {
+    int64_t kind, held, rows, first, frame, index, number;
+} wbc_block;
+/* Numbers of a block: rate [1/s], half the gain for curvature damping, Levenberg-Marquardt damping;
+ * weights (rows); biases (rows); then those of its kind. */
+enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, WEIGHTS = 3 };
+
+/* A plain tick: one level, contacts met exactly, a box; made once, its numbers follow the tasks. */
+typedef struct {
+    const wbc_tree *tree;
+    const wbc_block *block;
+    const int64_t *index;
+    const double *number;
+    const int64_t *frame_joint;    /* (frames); the first is the base */
+    const double *frame_placement; /* (frames, 12) */
+    const int64_t *start;          /* (nv - 6): where a joint's coordinate is in q */
+    const double *damping;         /* (nv) */
+    const double *limit; /* (4, nv - 6): lower, upper, speed, acceleration; (2, 6): the base's */
+    double *out;
+    double *scratch;
+    int64_t blocks, frames, costs, held, limited;
+    double dt;
+} wbc_plan;
+
+/* The QP in out: P (nv, nv), A (held, nv), g, lower, upper (nv each), b (held), then the tasks'
+ * errors (costs). */
+enum handed_over { DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
+/* Write the QP of a plain tick, or say why it is not one. scratch holds WBC_SCRATCH numbers. */
+int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
+                int64_t moving);
+
 #endif

@@ -1,0 +1,315 @@
+"""Plain ticks in the native core against the Python tick on the same snapshot."""
+
+import numpy as np
+import pytest
+
+from tests.conftest import ROBOTS, load, random_state
+from wbc.constraints import Contact, Limits, PointContact, PositionBox, support
+from wbc.controllers import KinematicController
+from wbc.controllers.controller import Controller
+from wbc.native import VARIABLE, status
+from wbc.robot import Robot, Snapshot
+from wbc.rotations import exp_rotation
+from wbc.tasks import (
+    ComTask,
+    DampingTask,
+    InertiaTask,
+    MomentumTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    PostureTask,
+)
+from wbc.tasks.frame import homogeneous
+
+pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+FIELDS = ("P", "g", "A", "b", "lower", "upper")
+
+
+@pytest.fixture
+def native(monkeypatch):
+    """Return robots in the native core."""
+    monkeypatch.setenv(VARIABLE, "require")
+    return lambda name: Robot.load(name if name in ROBOTS[:-1] else load(name).path)
+
+
+def every_task(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list:
+    """One of each kind that the core knows, with targets anywhere and moving."""
+    there = robot.snapshot(*random_state(robot, rng))
+    frame, other = (robot.frame_names[k] for k in rng.integers(len(robot.frame_names), size=2))
+    turn = rng.normal(size=3)
+    R = here.rotation(frame) @ exp_rotation(2.5 * rng.random() * turn / np.linalg.norm(turn))
+    Q = here.rotation(other) @ exp_rotation(turn / np.linalg.norm(turn))
+    tasks = [
+        InertiaTask(robot, there.inertia, per_mass=True, weight=10.0, gain=0.2),
+        InertiaTask(
+            robot,
+            here.inertia_in("base"),
+            frame="base",
+            components=("xx", "yz"),
+            name="shape",
+            lm_damping=0.1,
+        ),
+        InertiaTask(robot, 1.0, components=("trace",), name="trace"),
+        ComTask(robot, there.com, weight=10.0, gain_per_second=20.0, lm_damping=0.01),
+        ComTask(robot, there.com, axes=("z", "x"), name="zx", curvature_damping=False),
+        OrientationTask(robot, frame, R, name="turn", gain=0.5, lm_damping=0.2),
+        PositionTask(robot, frame, here.com, axes=("y",), name="place", weight=3.0),
+        PoseTask(robot, other, here.com, Q, weight=(1, 2, 3, 4, 5, 6), name="pose"),
+        MomentumTask(robot, rng.normal(size=6), components=("kz", "lx"), weight=0.3),
+        PostureTask(robot, there.q, weight=0.1, gain=0.1),
+        PostureTask(robot, here.q, joints={robot.joint_names[1]: 0.0}, name="few", lm_damping=1.0),
+    ]
+    moving = rng.normal(size=(2, 6))
+    tasks[0].set_target(there.inertia, here.inertia)
+    tasks[3].set_target(there.com, moving[0, :3])
+    tasks[5].set_target(R, moving[0, 3:])
+    tasks[7].set_target(here.com, Q, moving[1])
+    tasks[9].set_target(there.q, rng.normal(size=robot.nv))
+    return tasks
+
+
+def controller_of(robot: Robot, tasks, contacts=(), **options) -> KinematicController:
+    options = {"limits": Limits(robot), "solver": "daqp", **options}
+    return KinematicController(robot, tasks, contacts=contacts, **options)
+
+
+def assert_same_qp(controller: KinematicController, snapshot) -> None:
+    """The core's QP and errors are the Python tick's, to 1e-10 of the largest entry."""
+    found = controller._native.problem(snapshot)
+    assert found is not None
+    tick = Controller._step(controller, snapshot)
+    for field in FIELDS:
+        ours, theirs = getattr(found.qp, field), getattr(tick.qp, field)
+        assert ours.shape == theirs.shape
+        finite = np.isfinite(theirs)
+        np.testing.assert_array_equal(ours[~finite], theirs[~finite], err_msg=field)
+        scale = max(1.0, np.abs(theirs[finite]).max(initial=0.0))
+        np.testing.assert_allclose(
+            ours[finite], theirs[finite], rtol=0.0, atol=1e-10 * scale, err_msg=field
+        )
+    assert found.qp.labels == tick.qp.labels
+    for task, residual in zip(controller.tasks, found.residuals, strict=True):
+        if not isinstance(task, MomentumTask):  # its deviation is not its error
+            np.testing.assert_allclose(residual.error, tick.errors[task.name], atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_same_qp_at_random_states(name: str, rng, native) -> None:
+    robot = native(name)
+    for k in range(12):
+        snapshot = robot.snapshot(*random_state(robot, rng))
+        held = [robot.frame_names[i] for i in rng.integers(len(robot.frame_names), size=2)]
+        contacts = [Contact.hold(snapshot, held[0]), PointContact.hold(snapshot, held[1])]
+        if held[0] == held[1]:
+            contacts = contacts[:1]
+        limits = Limits(robot, base_twist=[1, 1, 1, 2, 2, 2]) if k % 3 else None
+        controller = controller_of(robot, every_task(robot, rng, snapshot), contacts, limits=limits)
+        drifted = robot.integrate(snapshot.q, 1e-3 * snapshot.v, 1.0)
+        assert_same_qp(controller, robot.snapshot(drifted, snapshot.v))
+        assert_same_qp(controller, robot.snapshot(drifted))
+
+
+def test_gears_and_a_bolted_base(native, tmp_path, rng) -> None:
+    model = load("mixed_joints").path.read_text()
+    mimic = '<mimic joint="hip" multiplier="0.5" offset="0.01"/>'
+    place = model.index(">", model.index('<joint name="piston"')) + 1
+    path = tmp_path / "geared.urdf"
+    path.write_text(model[:place] + mimic + model[place:])
+    robot = Robot.load(path, base="fixed")
+    assert robot.couplings
+    q, v = random_state(robot, rng)
+    controller = controller_of(robot, [PostureTask(robot, q)])
+    assert_same_qp(controller, robot.snapshot(q, v))
+    assert controller._native.problem(robot.snapshot(q, v)).qp.b.size == 7
+
+
+@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+@pytest.mark.parametrize("formulation", ["equality", "reduced"])
+def test_a_closed_loop_goes_the_same_way(solver: str, formulation: str, monkeypatch) -> None:
+    """Moving targets, limits active: after 150 ticks within 1e-7 rad, what solvers leave."""
+    ends = []
+    for mode in ("require", "off"):
+        monkeypatch.setenv(VARIABLE, mode)
+        robot = Robot.load("g1_27")
+        q = robot.posture("standing")
+        here = robot.snapshot(q)
+        inertia = InertiaTask(robot, here.inertia, per_mass=True, weight=10.0, gain=0.2)
+        com = ComTask(robot, here.com, weight=10.0)
+        posture = PostureTask(robot, q, weight=0.1, gain=0.1)
+        contacts = support(here, "double")
+        controller = controller_of(
+            robot, [inertia, com, posture], contacts, solver=solver, formulation=formulation
+        )
+        assert (controller._native is not None) == (mode == "require")
+        v = np.zeros(robot.nv)
+        for k in range(150):
+            com.set_target(
+                here.com + [0.03 * np.sin(0.1 * k), 0.04 * np.sin(0.07 * k), -0.0005 * k]
+            )
+            inertia.set_target(here.inertia * (1 + 0.2 * np.sin(0.05 * k)))
+            tick = controller.step(robot.snapshot(q, v))
+            assert tick.ok
+            v = tick.velocity
+            q = robot.integrate(q, v, controller.dt)
+        ends.append(q)
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-7)
+
+
+def test_a_tick_tells_the_same(native, rng) -> None:
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q, 0.01 * rng.standard_normal(robot.nv))
+    tasks = [ComTask(robot, here.com + 0.01, weight=3.0), MomentumTask(robot, weight=0.01)]
+    controller = controller_of(robot, [*tasks, PostureTask(robot, q)], support(here, "double"))
+    fast, plain = controller.step(here), Controller._step(controller, here)
+    assert fast.status is plain.status
+    assert fast.qp.labels == plain.qp.labels
+    assert fast.report() == "solved"
+    np.testing.assert_allclose(fast.velocity, plain.velocity, atol=1e-9)
+    assert list(fast.errors) == list(plain.errors)
+    for key, error in plain.errors.items():
+        np.testing.assert_allclose(fast.errors[key], error, atol=1e-12)
+    assert not any(a.flags.writeable for a in (fast.qp.P, fast.qp.g, fast.qp.A, fast.qp.lower))
+    condition = [controller.conditioning(tick) for tick in (fast, plain)]
+    assert condition[0].rank == condition[1].rank
+
+
+def test_what_is_changed_between_ticks_is_followed(native, rng) -> None:
+    """Targets, weights, gains and laws may be assigned at any time."""
+    robot = native("hoap2_like")
+    anchored = robot.snapshot(*random_state(robot, rng))
+    snapshot = robot.snapshot(robot.integrate(anchored.q, 1e-3 * anchored.v, 1.0))
+    tasks = every_task(robot, rng, snapshot)
+    contact = Contact.hold(anchored, "left_sole")
+    controller = controller_of(robot, tasks, [contact])
+    other = robot.snapshot(*random_state(robot, rng))
+    changes = (
+        lambda: tasks[0].set_target(other.inertia),
+        lambda: setattr(tasks[3], "target", other.com),
+        lambda: setattr(tasks[3], "gain", 0.9),
+        lambda: setattr(tasks[9], "weight", 0.7),
+        lambda: tasks[9].set_target(other.q),
+        lambda: setattr(tasks[0], "lm_damping", 0.3),
+        lambda: tasks[8].set_target(np.ones(6)),
+        lambda: setattr(contact, "gain", 0.0),
+        lambda: setattr(tasks[7], "target", homogeneous(other.com, tasks[7].rotation)),
+    )
+    before = controller._native.problem(snapshot).qp
+    for change in changes:
+        change()
+        assert_same_qp(controller, snapshot)
+        after = controller._native.problem(snapshot).qp
+        assert not all(np.array_equal(getattr(before, f), getattr(after, f)) for f in FIELDS)
+        before = after
+
+
+def test_a_qp_lasts(native, rng) -> None:
+    robot = native("hoap2_like")
+    snapshot = robot.snapshot(*random_state(robot, rng))
+    controller = controller_of(robot, every_task(robot, rng, snapshot))
+    qp = controller._native.problem(snapshot).qp
+    kept = {field: getattr(qp, field).copy() for field in FIELDS}
+    controller._native.problem(robot.snapshot(*random_state(robot, rng)))
+    for field in FIELDS:
+        np.testing.assert_array_equal(getattr(qp, field), kept[field])
+
+
+class Half(ComTask):
+    """Inherits a description that is not its own: its error is another."""
+
+    def residual(self, snapshot):
+        found = super().residual(snapshot)
+        return found._replace(error=0.5 * found.error)
+
+
+def test_what_the_core_does_not_know_is_left_to_python(native, rng) -> None:
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    com, posture = ComTask(robot, here.com), PostureTask(robot, q, weight=0.1)
+    limits, contacts = Limits(robot), support(here, "double")
+    assert controller_of(robot, [com, posture], contacts)._native is not None
+    second = InertiaTask(robot, here.inertia, second_order=True)
+    low = PostureTask(robot, q, priority=1)
+    patched = ComTask(robot, here.com)
+    patched.__dict__["residual"] = com.residual
+    for tasks in (
+        [Half(robot, here.com), posture],
+        [com, DampingTask(robot)],
+        [com, second],
+        [InertiaTask(robot, here.inertia, frame="left_sole")],
+        [com, low],
+        [ComTask(robot, here.com, singular_threshold=0.1), posture],
+        [PoseTask(robot, "base", here.com, np.eye(3), lm_damping=1.0)],
+        [patched, posture],
+    ):
+        controller = controller_of(robot, tasks, contacts)
+        assert controller._native is None, tasks
+        assert controller.step(here).ok
+    for options in (
+        {"limits": Limits(robot, braking="bounded")},
+        {"slack": {"left_sole": 10.0}},
+        {"constraints": [PositionBox.height(robot, 0.1)]},
+    ):
+        assert controller_of(robot, [com, posture], contacts, **options)._native is None
+    # Later changes are noticed too.
+    controller = controller_of(robot, [com, posture], contacts, limits=limits)
+    assert controller._native.problem(here) is not None
+    com.singular_threshold = 0.1
+    assert controller._native.problem(here) is None
+    com.singular_threshold = 0.0
+    assert controller._native.problem(here) is not None
+    limits.acceleration = limits.acceleration * 2.0
+    assert not controller._native.serves(controller.limits, controller.dt)
+    assert controller.step(here).ok
+
+
+def test_states_that_are_handed_back(native, rng) -> None:
+    """A joint outside its limits, an orientation half a turn away: Python's answer is given."""
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    posture = PostureTask(robot, q, weight=0.1)
+    outside = q.copy()
+    k = robot.joint_names.index("left_knee_joint")
+    outside[7 + k] = robot.limits.upper[k] + 0.01
+    half = here.rotation("torso_link") @ exp_rotation(np.array([0.0, 0.0, np.pi - 1e-3]))
+    turn = OrientationTask(robot, "torso_link", half, weight=0.1)
+    for tasks, state in (([posture], outside), ([posture, turn], q)):
+        controller, snapshot = controller_of(robot, tasks), robot.snapshot(state)
+        assert controller._native.problem(snapshot) is None
+        tick, plain = controller.step(snapshot), Controller._step(controller, snapshot)
+        assert tick.ok
+        np.testing.assert_array_equal(tick.velocity, plain.velocity)
+    # At the limit to 1e-9 a joint is not outside.
+    outside[7 + k] = robot.limits.upper[k] + 1e-10
+    assert controller_of(robot, [posture])._native.problem(robot.snapshot(outside)) is not None
+
+
+def test_a_qp_without_solution_is_judged_by_the_python_tick(native) -> None:
+    """Two contacts ask one link to be in two places: the rows in conflict are named as ever."""
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    R, p = here.rotation("left_sole"), here.position("left_sole")
+    contacts = [
+        Contact(robot, "left_sole", p, R),
+        Contact(robot, "left_ankle_roll_link", here.position("left_ankle_roll_link") + 0.1, R),
+    ]
+    controller = controller_of(robot, [PostureTask(robot, q)], contacts)
+    assert controller._native.problem(here) is not None
+    tick = controller.step(here)
+    assert not tick.ok
+    assert "left_sole" in tick.report()
+    np.testing.assert_array_equal(tick.velocity, np.zeros(robot.nv))
+
+
+def test_the_same_bits_twice(native, rng) -> None:
+    robot = native("talos")
+    snapshot = robot.snapshot(*random_state(robot, rng))
+    tasks = every_task(robot, rng, snapshot)
+    again = robot.snapshot(snapshot.q, snapshot.v)
+    found = [controller_of(robot, tasks)._native.problem(one) for one in (snapshot, again)]
+    for field in FIELDS:
+        np.testing.assert_array_equal(*(getattr(one.qp, field) for one in found))

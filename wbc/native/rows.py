@@ -1,0 +1,45 @@
+"""How a task or contact describes its rows to the native core; without, ticks run in Python."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from wbc.validate import Array
+
+
+class Kind(IntEnum):
+    """What the core can evaluate; ``row_kind`` of source/core.h. Each with the numbers it needs."""
+
+    POINT = 0  # target (3,), the robot's mass; entries: axes; frame None: the CoM
+    ORIENTATION = 1  # target (3, 3), its angular velocity (3,)
+    INERTIA = 2  # selection (k, 6) of vech(I), what it should give (k,); frame None: world axes
+    JOINTS = 3  # positions (k,); entries: joints
+    MOMENTUM = 4  # none; entries
+    CONTACT = 5  # position (3,), rotation (3, 3); entries: rows
+    LINEAR = 6  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
+
+
+class NativeRows(NamedTuple):
+    """Rows of one kind: k of them, behind each other.
+
+    Attributes
+    ----------
+    frame:
+        That they are about, or None.
+    entries:
+        (k,) which entries of what the kind knows.
+    bias:
+        (k,) minus the rate of the target.
+    numbers:
+        What the kind needs, in its order.
+    curved:
+        Whether the kind's curvature is damped; see :class:`~wbc.laws.VelocityLaw`.
+    """
+
+    kind: Kind
+    frame: str | None
+    entries: tuple[int, ...]
+    bias: Array
+    numbers: tuple[Array, ...]
+    curved: bool = True
