@@ -170,7 +170,6 @@ def test_a_tick_tells_the_same(native, rng) -> None:
     assert list(fast.errors) == list(plain.errors)
     for key, error in plain.errors.items():
         np.testing.assert_allclose(fast.errors[key], error, atol=1e-12)
-    assert not any(a.flags.writeable for a in (fast.qp.P, fast.qp.g, fast.qp.A, fast.qp.lower))
     condition = [controller.conditioning(tick) for tick in (fast, plain)]
     assert condition[0].rank == condition[1].rank
 

@@ -174,11 +174,11 @@ class NativePlan:
         self._v[:] = snapshot.v
         if self._call(*self._arguments, snapshot.moving):
             return None
-        out = self._out.copy()
-        out.flags.writeable = False
-        P, A, g, lower, upper, b, errors = (
-            out[begin:end] for begin, end in zip(self._cuts, self._cuts[1:], strict=False)
-        )
+        cuts = self._cuts
+        out = self._out[: cuts[6]].copy()
+        errors = self._out[cuts[6] :].copy()  # they may be kept longer than the QP
+        P, A, g = out[: cuts[1]], out[cuts[1] : cuts[2]], out[cuts[2] : cuts[3]]
+        lower, upper, b = out[cuts[3] : cuts[4]], out[cuts[4] : cuts[5]], out[cuts[5] :]
         held, nv = self._sizes
         none, labels = self._plan.decision.no_rows, self._plan.labels[0]
         qp = QP(
