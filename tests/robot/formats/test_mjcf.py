@@ -55,10 +55,6 @@ MESH = '<geom type="mesh" mesh="m"/>'
 REFUSED_MJCFS = {
     "ball": ({"inner": '<joint name="hip" type="ball"/>'}, ("'hip'", "Spherical")),
     "free inside": ({"inner": "<freejoint/>"}, ("FreeFlyer",)),
-    "slide in degrees": (
-        {"inner": '<joint name="rail" type="slide" range="-1 1"/>'},
-        ("'rail'", "radian"),
-    ),
     "second body": ({"world": '<body name="ball"><geom size="1"/></body>'}, ("'ball'", "2 bodies")),
     "total mass": ({"compiler": '<compiler settotalmass="50"/>'}, ("settotalmass",)),
     "switched off": (
@@ -68,7 +64,15 @@ REFUSED_MJCFS = {
     "include": ({"world": '<include file="x.xml"/>'}, ("x.xml", "no such file")),
     "itself": ({"world": '<include file="toy.xml"/>'}, ("toy.xml", "included twice")),
     "class": ({"inner": '<joint class="thigh"/>'}, ("<joint>", "'thigh'", "no <default>")),
-    "frame": ({"world": '<frame><body name="x"/></frame>'}, ("<frame>", "not supported")),
+    "replicate": ({"world": "<replicate/>"}, ("<replicate>", "not supported")),
+    "joint in a frame": (
+        {"shank": '<frame><joint name="j"/></frame>'},
+        ("<joint> in a <frame> is not supported",),
+    ),
+    "frame turned by nothing": (
+        {"shank": '<frame quat="0 0 0 0"><geom size=".1"/></frame>'},
+        ("needs a direction",),
+    ),
     "loop": ({"end": '<equality><weld name="w" body1="shank"/></equality>'}, ("weld", "loops")),
     "coupled": (
         {"end": '<equality><joint joint1="knee"/></equality>'},
@@ -96,10 +100,20 @@ def test_unsupported_mjcfs_are_refused_by_name(tmp_path: Path, case: str) -> Non
     assert "\n" not in message
 
 
-def test_a_slide_is_accepted_in_radians(tmp_path: Path) -> None:
-    slide = '<joint name="rail" type="slide" range="-0.5 1"/>'
-    robot = Robot.load(mjcf(tmp_path, inner=slide, compiler='<compiler angle="radian"/>'))
-    np.testing.assert_array_equal(robot.limits.upper, [1.0])
+@pytest.mark.parametrize("angle", ["radian", "degree"])
+def test_slides_are_lengths_in_any_angle(tmp_path: Path, angle: str) -> None:
+    joints = (
+        '<joint name="rail" type="slide" axis="0 0 1" range="-0.5 1"/>'
+        '<geom size="0.1" mass="1"/></body><body name="rod">'
+        '<joint name="rod" type="slide" axis="1 0 0" range="0.1 0.7" ref="0.25"/>'
+    )
+    path = mjcf(tmp_path, inner=joints, compiler=f'<compiler angle="{angle}"/>')
+    robot = Robot.load(path, base="floating")
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    shift = [0.0, 0.25]  # joint values here are measured from ref, where MuJoCo's body is
+    np.testing.assert_allclose(robot.limits.lower + shift, model.jnt_range[1:, 0], atol=1e-15)
+    np.testing.assert_allclose(robot.limits.upper + shift, model.jnt_range[1:, 1], atol=1e-15)
 
 
 def test_an_mjcf_whose_mesh_is_missing_has_no_shapes(tmp_path: Path) -> None:

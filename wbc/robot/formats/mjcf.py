@@ -25,7 +25,7 @@ from wbc.robot.formats.mjcf_actuators import bound_efforts
 from wbc.robot.formats.mjcf_document import plain_document
 from wbc.robot.formats.xml import LARGEST, numbers, refuse_non_finite
 
-UNREAD = {"frame", "attach", "replicate", "composite", "flexcomp"}
+UNREAD = {"attach", "replicate", "composite", "flexcomp"}
 MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
 NUMBERED = {"joint", "geom", "site", "inertial"}
 COUNTS = {
@@ -83,9 +83,8 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     Raises
     ------
     ModelError
-        ``<frame>`` and the like, several trees, closed loops, inertias from meshes, sliding joints
-        in a file in degrees, numbers not finite, what Pinocchio itself refuses, or masses and
-        joints other than the file says.
+        ``<replicate>`` and the like, several trees, closed loops, inertias from meshes, numbers not
+        finite, what Pinocchio itself refuses, or masses and joints other than the file says.
     """
     root = plain_document(root, path)
     _check_structure(root, path)
@@ -94,12 +93,12 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     coupled = dict(_coupled_joints(root, path))
     joints = root.findall("worldbody//joint")
     check_joint_count(len(joints), path)
+    _keep_slides(root)
     text = ET.tostring(root, encoding="unicode")
     with _file_of(text, path, "Pinocchio cannot read this MJCF") as file:
         model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
     confirm(model, _carried_masses(root, path), [name for name in names if name], path)
-    _check_slides(root, model, path)
     bound_efforts(model, root, path)
     missing = _missing_meshes(root)
     notes: tuple[str, ...] = ()
@@ -239,15 +238,14 @@ def _check_compiler(root: ET.Element, path: Path) -> None:
             )
 
 
-def _check_slides(root: ET.Element, model: pin.Model, path: Path) -> None:
+def _keep_slides(root: ET.Element) -> None:
+    """Write the ranges of sliding joints as Pinocchio, which takes them as degrees, reads them."""
     if _compiler(root).get("angle") == "radian":
         return
-    for name, joint in zip(model.names, model.joints, strict=True):
-        if joint.shortname().startswith("JointModelP"):
-            raise ModelError(
-                f"{path}: joint {name!r} slides, and the file's angles are in degrees: Pinocchio"
-                ' would scale its range too; use <compiler angle="radian"/>'
-            )
+    for joint in root.findall("worldbody//joint"):
+        if joint.get("type") == "slide" and "range" in joint.attrib:
+            lengths = (float(word) for word in joint.attrib["range"].split())
+            joint.set("range", " ".join(repr(math.degrees(length)) for length in lengths))
 
 
 def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Coupling]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from wbc.errors import ModelError
 from wbc.robot.formats.mjcf_actuators import merged_defaults
+from wbc.robot.formats.mjcf_frames import MjcfAngles, flatten_frames, write_quaternions
 from wbc.robot.formats.xml import MOST_ELEMENTS, read_xml
 
 SECTIONS = ("compiler", "option", "size", "default", "asset", "worldbody", "equality", "keyframe")
@@ -48,6 +49,9 @@ def plain_document(root: ET.Element, path: Path) -> ET.Element:
         for child in list(default):
             if child.tag in WITH_DEFAULTS:
                 default.remove(child)
+    angles = MjcfAngles(sections["compiler"], str(path))
+    flatten_frames(sections["worldbody"], angles, str(path))
+    write_quaternions(sections["worldbody"], angles, str(path))
     _split_joints(sections["worldbody"])
     for actuator in sections.get(ACTUATOR, ()):
         _write_out(actuator, ACTUATOR, classes, actuator.attrib.pop("class", "main"), path)
@@ -109,7 +113,7 @@ def _resolve_defaults(
     """Write out the attributes of all joints, geoms and sites below a body."""
     outer = body.attrib.pop("childclass", outer)
     for child in body:
-        if child.tag == "body":
+        if child.tag in ("body", "frame"):
             _resolve_defaults(child, outer, classes, path)
         if child.tag in WITH_DEFAULTS:
             _write_out(child, child.tag, classes, child.attrib.pop("class", outer), path)

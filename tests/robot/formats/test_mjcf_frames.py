@@ -1,0 +1,76 @@
+"""Frames of an MJCF. Oracle: where MuJoCo's own compiler puts bodies and shapes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.robot import Robot
+
+TURNED = {
+    "quat": 'quat="0.6 0.8 0 0"',
+    "unnormalised quat": 'quat="1 2 -1 0.5"',
+    "axisangle": 'axisangle="1 -2 0.5 {40}"',
+    "euler": 'euler="{30} {-50} {70}"',
+    "xyaxes": 'xyaxes="1 1 0 -1 2 0.5"',
+    "zaxis": 'zaxis="1 -0.3 -0.2"',
+    "none": "",
+}
+SEQUENCES = ("xyz", "zyx", "XYZ", "zXy")
+
+
+def content(turned: str, compiler: str, scale: float) -> str:
+    for number in ("30", "-50", "70", "40"):
+        turned = turned.replace("{" + number + "}", repr(float(number) * scale))
+    geom = f'<geom name="{{0}}" type="box" size=".1 .2 .3" mass="1" pos="0.1 0 0.2" {turned}/>'
+    return f"""<mujoco model="m"><compiler {compiler}/>
+      <default><default class="thin"><geom type="capsule" size="0.03"/></default></default>
+      <worldbody><frame pos="0 0 1"><body name="trunk"><freejoint/>
+        {geom.format("trunk")}
+        <frame pos="0.1 -0.2 0.3" {turned} childclass="thin">
+          <geom name="rod" fromto="0 0 0 0.1 0.2 0.3" mass="0.5"/>
+          <frame pos="-0.3 0 0.1" {turned}>
+            <body name="arm" pos="0 0 0.4" {turned}><joint name="arm" axis="1 0 0" range="-1 1"/>
+              {geom.format("arm")}
+              <frame {turned}><body name="hand" pos="0 .1 0"><joint name="hand" range="-1 1"/>
+                {geom.format("hand")}</body></frame>
+            </body>
+            <camera name="eye"/>
+          </frame>
+        </frame>
+      </body></frame></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("turned", "sequence"),
+    [(name, "xyz") for name in TURNED] + [("euler", one) for one in SEQUENCES],
+)
+@pytest.mark.parametrize("degrees", [True, False])
+def test_frames_are_where_mujoco_puts_them(
+    tmp_path: Path, turned: str, sequence: str, degrees: bool, rng
+) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    angle = "degree" if degrees else "radian"
+    compiler = f'angle="{angle}" eulerseq="{sequence}"'
+    text = content(TURNED[turned], compiler, 1.0 if degrees else np.pi / 180.0)
+    bound = np.pi / 180.0 if degrees else 1.0
+    path = tmp_path / "m.xml"
+    path.write_text(text)
+    robot, model = Robot.load(path), mujoco.MjModel.from_xml_path(str(path))
+    np.testing.assert_allclose(robot.limits.upper, bound)
+    data = mujoco.MjData(model)
+    data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
+    data.qpos[7:] = bends = bound * rng.uniform(-1, 1, 2)
+    mujoco.mj_forward(model, data)
+    step = np.concatenate((np.zeros(6), bends))
+    here = robot.snapshot(robot.integrate(robot.postures["neutral"], step, 1.0))
+    for body in ("arm", "hand"):
+        found = data.body(body)
+        np.testing.assert_allclose(here.position(body), found.xpos, atol=1e-12)
+        np.testing.assert_allclose(here.rotation(body), found.xmat.reshape(3, 3), atol=1e-12)
+    np.testing.assert_allclose(here.com, data.subtree_com[1], atol=1e-12)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    np.testing.assert_allclose(here.mass_matrix[6:, 6:], mass[6:, 6:], atol=1e-12)
+    assert robot.mass == pytest.approx(3.5)
+    assert len(robot.collision_model.geometryObjects) == 4
