@@ -3,6 +3,15 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+from wbc.robot import Robot
+from wbc.simulation import Plant, SimulationError
+from wbc.simulation.engine import check_warnings
 
 CODE = """
 import sys
@@ -31,3 +40,38 @@ def test_without_mujoco() -> None:
 def test_importing_the_room_does_not_load_mujoco() -> None:
     code = "import sys, wbc.simulation; sys.exit('mujoco' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "joint"),
+    [
+        ("mjWARN_BADQPOS", "position of 'knee'", "knee"),
+        ("mjWARN_BADQACC", "acceleration of 'base'", "base"),
+        ("mjWARN_CONTACTFULL", "too many contacts", None),
+        ("mjWARN_INERTIA", "mjWARN_INERTIA", None),
+    ],
+)
+def test_warnings_are_errors(kind: str, words: str, joint: str | None) -> None:
+    index = int(getattr(mujoco.mjtWarning, kind))
+    numbers, infos = np.zeros(8, dtype=int), np.zeros(8, dtype=int)
+    numbers[index], infos[index] = 2, 1
+    data = SimpleNamespace(time=0.25, warning=SimpleNamespace(number=numbers, lastinfo=infos))
+    with pytest.raises(SimulationError, match=words) as caught:
+        check_warnings(mujoco, data, ("base", "knee"), ("base", "base"))
+    assert (caught.value.time, caught.value.joint) == (0.25, joint)
+    numbers[:] = 0
+    check_warnings(mujoco, data, (), ())
+
+
+def test_a_blow_up_leaves_no_log_file_and_prints_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = mujoco.get_mju_user_warning()
+    plant = Plant(Robot.load("hoap2_like"), saturate=False)
+    with pytest.raises(SimulationError):
+        for _ in range(9):
+            plant.step(np.full(plant.robot.nv - 6, 1e13))
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr() == ("", "")
+    assert mujoco.get_mju_user_warning() == before
