@@ -129,3 +129,19 @@ def test_pendulum_law(capsys: pytest.CaptureFixture[str]) -> None:
         assert "complete" in line and number(line, "CoM # mm from rest") < 1.0
         assert number(line, "CoP left the foot by # mm") == 0.0
     assert "complete" not in third
+
+
+def test_push_standing(capsys: pytest.CaptureFixture[str]) -> None:
+    text = outcome("push_standing", capsys)
+    assert number(text, "forward, # times M omega d") == 0.8
+    assert number(text, "CoM went # mm") > 10.0
+    assert number(text, "is back to # mm") < 1.0
+    assert number(text, "feet # mm") < 2.0
+    assert number(text, "# of 1500 ticks") == 0
+
+
+def test_hardware_loop(capsys: pytest.CaptureFixture[str]) -> None:
+    text = outcome("hardware_loop", capsys)
+    assert 5 < number(text, "stood 4 s, # frames lost") < 50
+    assert number(text, "CoM within # mm") < 2.0
+    assert number(text, "# ticks gave way") <= 5

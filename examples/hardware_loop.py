@@ -1,0 +1,56 @@
+"""The loop for a real robot: read, step, send; and what to do when a frame or a tick is missing.
+
+Only `read` and `send` know the robot: replace them by your driver. Here a simulated plant with
+noise, delay and lost frames stands for it (extra `sim`).
+"""
+
+import numpy as np
+
+import wbc
+from wbc.simulation import Plant, Sensors
+
+robot = wbc.Robot.load("hoap2_like")
+q, dt = robot.posture("standing"), 0.002
+noise = {"position_noise": 1e-4, "velocity_noise": 5e-3, "base_rate_noise": 5e-3}
+plant = Plant(robot, dt=dt, sensors=Sensors(**noise, delay=0.002, dropout=0.01, seed=0))
+plant.reset(q)
+
+
+def read():
+    """Return (q, v) as measured and estimated, or None if no frame came in time."""
+    return plant.measure()
+
+
+def send(torque):
+    """Command joint torques [N m], held until the next."""
+    plant.step(torque)
+
+
+start = robot.snapshot(q)
+tasks = [
+    wbc.ComTask(robot, start.com, weight=10.0),
+    wbc.OrientationTask(robot, "torso", start.rotation("torso"), name="torso"),
+    wbc.PostureTask(robot, q, weight=0.1),
+]
+contacts = wbc.support(start, "double")
+controller = wbc.TorqueController(robot, tasks, contacts=contacts, limits=wbc.Limits(robot), dt=dt)
+
+torque, lost, in_a_row, odd = np.zeros(robot.nv - 6), 0, 0, []
+for k in range(2000):  # 4 s
+    state = read()
+    in_a_row = in_a_row + 1 if state is None else 0
+    if in_a_row > 10:
+        raise SystemExit("no state for 20 ms: stop the motors")
+    if state is None:
+        lost += 1  # hold the last torque
+    else:
+        tick = controller.step(robot.snapshot(*state))  # NaN or a wrong size is a typed error
+        torque = tick.torque  # finite and inside the torque bounds, whatever happened
+        if not tick.ok or tick.relaxed:
+            odd.append((k, tick.report()))  # what gave way, by name
+    send(torque)
+
+off = 1e3 * np.linalg.norm(plant.com - start.com)
+print(
+    f"stood 4 s, {lost} frames lost; CoM within {off:.1f} mm; {len(odd)} ticks gave way {odd[:1]}"
+)
