@@ -71,11 +71,6 @@ def check_parts(
     InvalidInputError
         One of these, or a constraint without a margin to measure; the message names the part.
     """
-    if robot.couplings:
-        raise InvalidInputError(
-            f"global search: {robot.name} has mimic joints ({', '.join(robot.couplings)}), which it"
-            " does not know; lock them"
-        )
     if not tasks:
         raise InvalidInputError("global shaping: no task given; there is nothing to optimise")
     parts: list[Task | Contact | Limits | Constraint] = [*tasks, *contacts, limits, *constraints]

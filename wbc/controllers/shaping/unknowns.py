@@ -2,7 +2,7 @@
 
 All of them are plain numbers without constraints of their own:
 
-* joint positions, continuous joints as angles;
+* joint positions, continuous joints as angles; mimic joints follow theirs and are no unknowns;
 * the base's position and rotation, unless a contact holds a frame entirely: the base then follows
   from the joints, which saves twelve rows and columns and keeps that contact exactly;
 * a rotation for each task that leaves one free.
@@ -13,15 +13,19 @@ begins in the middle of its chart, far from where that has a singularity (a full
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.constraints import Contact
+from wbc.constraints import Contact, Limits
 from wbc.controllers.shaping.problem import ShapingProblem
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.robot.formats.description import Coupling
+from wbc.robot.limits import BASE_NV
 from wbc.robot.names import BASE
 from wbc.robot.placement import Placement, from_mrp
 from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns
@@ -58,7 +62,11 @@ class Unknowns:
             )
             for k in range(count)
         ]
-        local = LocalRobot(robot, angle_turns(robot, x[:n]))
+        joints = ca.SX(x[:n])
+        for follower, driver, coupling in followers(robot):
+            joints[follower] = coupling.ratio * x[driver] + coupling.offset
+        lower, upper = _joint_bounds(robot, problem.limits)
+        local = LocalRobot(robot, angle_turns(robot, joints))
         base = Placement(rotations[0], x[n : n + 3])
         if problem.anchor is not None:
             held = Placement.constant(problem.anchor.rotation, problem.anchor.position)
@@ -68,9 +76,9 @@ class Unknowns:
             problem,
             x,
             p,
-            SymbolicPosture(local, base, x[:n], dict(zip(free, rotations[1:], strict=True))),
-            np.concatenate((problem.limits.lower, -unbounded)),
-            np.concatenate((problem.limits.upper, unbounded)),
+            SymbolicPosture(local, base, joints, dict(zip(free, rotations[1:], strict=True))),
+            np.concatenate((lower, -unbounded)),
+            np.concatenate((upper, unbounded)),
         )
 
     def values(self, q: Array) -> tuple[Array, Array]:
@@ -114,8 +122,50 @@ class ConfigurationMap:
         return q
 
 
+def followers(robot: Robot) -> Iterator[tuple[int, int, Coupling]]:
+    """Yield the index of each mimic joint and of its driver, among the joints, and the gear."""
+    for name, coupling in robot.couplings.items():
+        yield (
+            robot.joint_index(name) - BASE_NV,
+            robot.joint_index(coupling.driver) - BASE_NV,
+            coupling,
+        )
+
+
+def _joint_bounds(robot: Robot, limits: Limits) -> tuple[Array, Array]:
+    """Return the bounds (nv-6,) on the joints: those of a driver leave its followers in range.
+
+    Raises
+    ------
+    InvalidInputError
+        A driver that no position leaves all its followers in range.
+    """
+    lower, upper = limits.lower.copy(), limits.upper.copy()
+    for follower, driver, coupling in followers(robot):
+        if coupling.ratio == 0.0:
+            continue
+        ends = (np.array((limits.lower[follower], limits.upper[follower])) - coupling.offset) / (
+            coupling.ratio
+        )
+        lower[driver] = max(lower[driver], ends.min())
+        upper[driver] = min(upper[driver], ends.max())
+        if lower[driver] > upper[driver]:
+            names = robot.joint_names
+            raise InvalidInputError(
+                f"global shaping: no position of joint {names[driver]!r} leaves"
+                f" {names[follower]!r}, which follows it, within its limits"
+            )
+    return lower, upper
+
+
 def with_joints(robot: Robot, positions: Array) -> Array:
-    """Return the configuration with these joint positions (nv-6,) and the base at the origin."""
+    """Return the configuration with these joint positions (nv-6,) and the base at the origin.
+
+    Mimic joints are where their drivers put them.
+    """
+    positions = positions.copy()
+    for follower, driver, coupling in followers(robot):
+        positions[follower] = coupling.ratio * positions[driver] + coupling.offset
     q = robot.postures["neutral"].copy()
     q[:7] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     starts = np.array(robot.limits.starts, dtype=int)
