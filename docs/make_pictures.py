@@ -20,6 +20,7 @@ from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run
 from wbc.view.analysis import plot_analysis
 from wbc.view.balance import pushes_figure, regions_figure
+from wbc.view.history import read_history
 from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
@@ -101,10 +102,11 @@ def main() -> None:
         plot_run(result.robot, result.history, PICTURES / f"{name}.png", title=title)
     for name, members in (("fig6_g1", FIG6), ("fig7_hoap2", FIG7)):
         problems = {k: load_problem(ROOT / "problems" / f"{p}.yaml") for k, p in members.items()}
-        results = {k: problem.run() for k, problem in problems.items()}
-        first = next(iter(problems.values())).parts
-        poses = {"start": first.start} | {k: result.q for k, result in results.items()}
-        plot_robot(first.robot, poses, PICTURES / f"{name}.png")
+        robot = next(iter(problems.values())).parts.robot
+        runs = {k: read_history(robot, problem.run().history) for k, problem in problems.items()}
+        poses = {"start": next(iter(runs.values())).pose(0)}
+        poses |= {k: run.pose(-1) for k, run in runs.items()}
+        plot_robot(robot, poses, PICTURES / f"{name}.png")
     analysis_picture()
     pendulum_pictures()
 

@@ -14,6 +14,7 @@ from wbc.controllers import Tick
 from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
+from wbc.run.holding import holding_rows
 from wbc.run.standing import Standing
 from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
 from wbc.spatial import vech
@@ -60,7 +61,8 @@ class History:
         (n,) at which of its rows, such as ``"left_hand vs pelvis"``, by constraint; empty while it
         is not in use.
     active:
-        (n,) whether a row held the command back, by the label of each inequality row that ever did.
+        (n,) whether a row held the command back, by the label of each that ever did; see
+        :func:`wbc.run.holding.holding_rows`.
     points, targets:
         (n, 3) the point that each task with a place to go to moves, and that place [m], by task;
         NaN while the task is off.
@@ -193,7 +195,7 @@ class Recorder:
                 "q": now.snapshot.q,
                 "v": tick.velocity,
                 "errors": errors,
-                "active": dict.fromkeys(tick.active, True),
+                "active": dict.fromkeys(holding_rows(tick), True),
                 "points": {name: aim.point for name, aim in aims.items()},
                 "targets": {name: aim.wanted for name, aim in aims.items()},
                 "obstacles": {name: place_of(one) for name, one in obstacles.items()},

@@ -134,8 +134,8 @@ class Result:
     yielding:
         Names of the constraints that may give way.
     held_back:
-        Which inequality rows held the command back and for how long, by their labels, the longest
-        first.
+        Which inequality rows and bounds of joints held the command back and for how long, by their
+        labels, the longest first.
     not_kept:
         What :class:`Stop` asks to be kept all the time and was not, in words.
     phases:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from wbc.errors import WbcError
 
 if TYPE_CHECKING:
+    from wbc.view.history import History
     from wbc.view.live.viewer import Viewer
     from wbc.view.pendulum import pendulum_figure, plot_pendulum
     from wbc.view.portrait import plot_robot, robot_figure
-    from wbc.view.run import History, plot_run, run_figure
+    from wbc.view.run import plot_run, run_figure
 
 __all__ = [
     "History",
@@ -27,7 +28,7 @@ __all__ = [
 ]
 
 _PICTURES = {
-    "History": "wbc.view.run",
+    "History": "wbc.view.history",
     "pendulum_figure": "wbc.view.pendulum",
     "plot_pendulum": "wbc.view.pendulum",
     "plot_robot": "wbc.view.portrait",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.patches import Circle, Wedge
+from matplotlib.patches import Circle, RegularPolygon, Wedge
 
 from wbc.validate import Array
 from wbc.view.camera import Camera
@@ -75,6 +75,15 @@ class Panel:
         size = radius * self.point
         self.axes.add_patch(
             Circle(self._pixel(point), size, fc=colour, ec=CASING, lw=0.8, zorder=MARKS)
+        )
+
+    def target(self, point: Array, wanted: Array, colour: str, radius: float) -> None:
+        """Draw a diamond where a point (3,) is wanted, and a dotted line that leads there."""
+        (x0, y0), (x, y) = self._pixel(point), self._pixel(wanted)
+        self.axes.plot((x0, x), (y0, y), ":", color=BLACK, linewidth=0.9, zorder=LINES)
+        size = radius * self.point
+        self.axes.add_patch(
+            RegularPolygon((x, y), 4, radius=size, fc=colour, ec=BLACK, lw=0.9, zorder=FRONT)
         )
 
     def centre_of_mass(self, point: Array, radius: float) -> None:

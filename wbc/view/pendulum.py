@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.pendulum_plots import HEIGHT, draw_ground, draw_momentum, draw_portrait, view_side
+from wbc.view.pendulum_plots import (
+    HEIGHT,
+    STANDS,
+    draw_ground,
+    draw_momentum,
+    draw_portrait,
+    draw_turning,
+    has_portrait,
+    view_side,
+)
 from wbc.view.pendulum_plots import WIDTH as PLOT_WIDTH
 from wbc.view.style import picture_file, save
 
@@ -24,7 +33,8 @@ STRIP_WIDTH = 8.2  # inches
 STRIP_HEIGHT = (0.9, 3.4)  # inches, at least and at most
 FIRST, GAP = 0.78, 0.76  # inches, along the row of plots
 SNAPSHOTS = 9
-SPACING = 1.15  # between two snapshots that would stand on each other, in widths of the mass
+SPACING = 0.15  # of the gap between two snapshots, in widths of one
+LEAST = 0.75  # of the distance of two snapshots, in mean distances: their times need room
 TRAVELS = 0.6  # a motion that covers this much of the strip is drawn where it happened
 EVENLY = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
 Point = tuple[float, float]
@@ -47,8 +57,8 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
 
     Above, the masses' equimomental ellipsoid and the leg at even times, seen from the side on which
     most happens. Below, a phase portrait (leg's angle, or height where the foot moves or leaves the
-    ground), CoM, CoP and CMP on the ground with the support polygons, and the angular momentum with
-    the masses' distances.
+    ground; of a pendulum that only spins, how fast its masses turn), CoM, CoP and CMP on the ground
+    with the support polygons, and the angular momentum with the masses' distances.
     """
     strip = Figure().add_axes((0.0, 0.0, 1.0, 1.0))
     draw_strip(strip, history)
@@ -58,7 +68,8 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
     figure = style.sheet(WIDTH, height, title)
     left, bottom = (WIDTH - STRIP_WIDTH) / 2, BELOW + HEIGHT + BETWEEN
     draw_strip(style.place(figure, left, bottom, STRIP_WIDTH, tall), history)
-    for k, draw in enumerate((draw_portrait, draw_ground, draw_momentum)):
+    first = draw_portrait if has_portrait(history) else draw_turning
+    for k, draw in enumerate((first, draw_ground, draw_momentum)):
         left = FIRST + k * (PLOT_WIDTH + GAP)
         draw(style.place(figure, left, BELOW, PLOT_WIDTH, HEIGHT), history)
     return figure
@@ -73,13 +84,11 @@ def draw_strip(axes: Axes, history: PendulumHistory) -> None:
     side = view_side(history)
     along = history.com @ side
     last = max(len(chosen) - 1, 1)
-    size = SOLID * float(history.radii[chosen].max())
-    reach = max(2.0 * size, _sway(history, side))
-    apart = SPACING * reach
-    travels = float(np.ptp(along)) > TRAVELS * apart * last
-    for place, k in enumerate(chosen.tolist()):
-        shift = 0.0 if travels else place * apart - _origin(history, k) @ side
-        _snapshot(axes, history, k, side, shift, faint=0.35 + 0.65 * place / last)
+    places = _places(history, chosen, side)
+    travels = float(np.ptp(along)) > TRAVELS * float(places[-1] - places[0])
+    for number, (place, k) in enumerate(zip(places.tolist(), chosen.tolist(), strict=True)):
+        shift = 0.0 if travels else place - float(_origin(history, k) @ side)
+        _snapshot(axes, history, k, side, shift, faint=0.35 + 0.65 * number / last)
     axes.axhline(0.0, color=style.GREY, linewidth=0.9, zorder=0)
     axes.set_aspect("equal")
     axes.autoscale_view()
@@ -88,10 +97,9 @@ def draw_strip(axes: Axes, history: PendulumHistory) -> None:
         axes.tick_params(labelsize=style.SMALL, colors=style.BLACK, width=0.6, length=3)
         axes.set_xlabel("along the ground [m]", fontsize=style.SMALL, color=style.BLACK)
     else:
-        axes.set_xticks([place * apart for place in range(len(chosen))])
-        axes.set_xticklabels(
-            [f"{round(float(history.time[k]), 2):g} s" for k in chosen], fontsize=style.SMALL
-        )
+        spans = [_span(history, k, side) for k in chosen.tolist()]
+        axes.set_xticks(places + np.mean(spans, axis=1))
+        axes.set_xticklabels([_when(history, k, side) for k in chosen], fontsize=style.SMALL)
         axes.tick_params(length=0, colors=style.BLACK)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -117,10 +125,37 @@ def _origin(history: PendulumHistory, k: int) -> Array:
     return history.com[k] if np.isnan(foot).any() else foot
 
 
-def _sway(history: PendulumHistory, side: Array) -> float:
-    """Return how far the CoM gets from its foot, to both sides."""
-    arms = (history.com - history.foot) @ side
-    return 2.0 * float(np.nanmax(np.abs(arms), initial=0.0))
+def _places(history: PendulumHistory, chosen: NDArray[np.intp], side: Array) -> Array:
+    """Return where the origin of each snapshot is drawn: what is drawn of two never meets.
+
+    Between what is drawn of two snapshots there is always the same gap.
+    """
+    spans = np.array([_span(history, k, side) for k in chosen.tolist()])
+    gap = SPACING * float(np.median(spans[:, 1] - spans[:, 0]))
+    middles = spans.mean(axis=1)
+    apart = spans[:-1, 1] - spans[1:, 0] + np.diff(middles) + gap
+    whole = float(np.diff(spans, axis=1).sum()) + gap * len(spans)
+    apart = np.maximum(apart, LEAST * whole / len(spans))
+    return np.concatenate(([0.0], np.cumsum(apart))) - middles
+
+
+def _span(history: PendulumHistory, k: int, side: Array) -> Point:
+    """Return how far what is drawn of a snapshot reaches, to either side of its origin."""
+    shape = history.radii[k] if history.flat else SOLID * history.radii[k]
+    turned = side @ history.axes[k]
+    half = float(shape[0] if history.flat else np.linalg.norm(turned * shape))
+    com = float((history.com[k] - _origin(history, k)) @ side)
+    return min(0.0, com - half), max(0.0, com + half)
+
+
+def _when(history: PendulumHistory, k: int, side: Array) -> str:
+    """Return the time of a snapshot, and where its foot is if feet move."""
+    text = f"{round(float(history.time[k]), 2):g} s"
+    feet = history.foot @ side
+    if np.nanmax(feet, initial=-np.inf) - np.nanmin(feet, initial=np.inf) < STANDS:
+        return text
+    where = "in the air" if np.isnan(feet[k]) else f"at {feet[k]:.2f} m"
+    return f"{text}\n{where}"
 
 
 def _snapshot(

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from scipy.spatial.transform import Rotation
 
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
@@ -18,12 +19,34 @@ from wbc.view import style
 WIDTH, HEIGHT = 2.05, 2.2  # inches
 STILL = 0.02  # a plot's axis spans this at least, in its unit: rounding is not to be seen
 STANDS = 0.02  # m: a foot that moves less stands still
+AXES = ("about x", "about y", "about z")
 TICKS = 4  # intervals between ticks along x, at most
 ROW, MARGIN = 0.125, 0.1  # inches: a row of a legend, and what is around all of them
 # Lines of the points on the ground: the wider below, so that each is seen where they coincide.
 CMP, COM, COP = 2.6, 1.1, 1.4
 
 Range = tuple[float, float]
+
+
+def has_portrait(history: PendulumHistory) -> bool:
+    """Return whether leg or CoM move: if not, a phase portrait is a point."""
+    x, y, _, _ = _portrayed(history)
+    return bool(np.ptp(x) > STILL or np.ptp(y) > STILL)
+
+
+def draw_turning(axes: Axes, history: PendulumHistory) -> None:
+    """Draw how fast the masses' axes turn over time."""
+    style.plain(axes, "Turning of the masses", "time [s]", "rate [rad/s]")
+    time = history.time
+    step = Rotation.from_matrix(history.axes[1:] @ history.axes[:-1].transpose(0, 2, 1))
+    rate = step.as_rotvec() / np.diff(time)[:, None]
+    # A planar pendulum turns about -y.
+    named = {"about -y": -rate[:, 1]} if history.flat else dict(zip(AXES, rate.T, strict=True))
+    for (name, values), colour in zip(named.items(), style.SERIES, strict=False):
+        axes.plot(0.5 * (time[1:] + time[:-1]), values, color=colour, linewidth=1.2, label=name)
+    axes.set_ylim(*_at_least(axes.get_ylim(), STILL))
+    _ticks(axes)
+    _legend(axes, axes.get_lines(), 3)
 
 
 def draw_portrait(axes: Axes, history: PendulumHistory) -> None:
@@ -57,9 +80,11 @@ def _portrayed(history: PendulumHistory) -> tuple[Array, Array, str, str]:
         if np.ptp(length) <= max(float(np.ptp(angle) * length.mean()), STILL):
             speed = ((rate @ side) * up - rate[:, 2] * across) / (across**2 + up**2)
             return np.degrees(angle), speed, "leg from the vertical [°]", "rate [rad/s]"
-    # Where the CoM hardly rises, as in walking, its sway tells more than its height.
-    sways = not history.flat and np.ptp(history.com[:, 1]) > np.ptp(history.com[:, 2])
-    k, what = (1, "sideways, y") if sways else (2, "height")
+    # What goes somewhere is told by its sway or its height; else by what moves most.
+    goes = len(history.supports) > 1 or bool(np.isnan(history.foot).any())
+    choices = (2,) if history.flat else (1, 2) if goes else (0, 1, 2)
+    k = max(choices, key=lambda one: float(np.ptp(history.com[:, one])))
+    what = ("forward, x", "sideways, y", "height")[k]
     return history.com[:, k], rate[:, k], f"{what} of the CoM [m]", "rate [m/s]"
 
 
@@ -144,7 +169,7 @@ def draw_momentum(axes: Axes, history: PendulumHistory) -> None:
     # A planar pendulum turns about -y.
     parts = {"about -y": -history.momentum[:, 1]}
     if not history.flat:
-        parts = {f"about {name}": history.momentum[:, k] for k, name in enumerate("xyz")}
+        parts = dict(zip(AXES, history.momentum.T, strict=True))
     for (name, values), colour in zip(parts.items(), style.SERIES, strict=False):
         axes.plot(history.time, values, color=colour, linewidth=1.2, label=name)
     # Constant to rounding: a line, not noise blown up to the size of the plot.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,15 +16,21 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import Shape
 from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.camera import Camera, viewing_axes
+from wbc.view.options import LAYERS, View
 from wbc.view.panel import Panel
 from wbc.view.render import render
 from wbc.view.scene import Scene, principal_sections, silhouette, sole_outline
+from wbc.view.solids import solid_surface
 
-AZIMUTH, ELEVATION = np.deg2rad(33.0), np.deg2rad(12.0)  # from the robot's front left
+DEFAULT = View()
+WALL = 0.5  # half the side of a wall as drawn, in sizes of the robot
+FAR = 0.8  # sizes of the robot: what is farther from its CoM need not be in the picture
+REACHED = 5e-3  # m: a target no farther than this from its point is not marked
 SUNK = 0.02  # m: a robot reaching lower than this below z = 0 is not meant to stand there
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
@@ -30,6 +38,45 @@ NARROW = 1.0 / 3.3  # distance between two of them where there is less room, par
 PANEL_WIDTH = 3.6  # inches, of a picture in a figure of robots
 PANEL_SHAPE = (0.8, 1.5)  # its height to width, at least and at most
 ABOVE, BELOW = 0.3, 0.35  # inches of text above and below a picture
+LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch
+
+
+class Aimed(NamedTuple):
+    """A task's name, the point of the robot that it moves, and where to: (3,) each [m]."""
+
+    name: str
+    point: Array
+    wanted: Array
+
+    @property
+    def distant(self) -> bool:
+        """Whether the point is not there yet: only then the target is marked."""
+        return float(np.linalg.norm(self.wanted - self.point)) > REACHED
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """What is to be drawn of a robot.
+
+    Attributes
+    ----------
+    q:
+        (nq,).
+    stands:
+        Whether it stands on feet: then it has a leg, from the ground under the CoM.
+    grounded:
+        Whether there is a ground; a floating robot has none.
+    obstacles:
+        Shapes, and rotation and origin (3, 4) of each.
+    aims:
+        Where tasks want points of the robot.
+    """
+
+    q: ArrayLike
+    stands: bool = True
+    grounded: bool = True
+    obstacles: Sequence[tuple[Shape, Array]] = ()
+    aims: Sequence[Aimed] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +97,10 @@ class Portrait:
         Lower end of the pendulum's leg (3,) [m]; None for no leg.
     radii:
         Distances (3,) [m] of the reaction masses from the CoM.
+    aims:
+        Where tasks want points of the robot.
+    view:
+        What is drawn, and from where.
     """
 
     name: str
@@ -58,31 +109,67 @@ class Portrait:
     outlines: Sequence[Array]
     foot: Array | None
     radii: Array
+    aims: Sequence[Aimed] = ()
+    view: View = DEFAULT
 
 
-def portraits_of(robot: Robot, configurations: Mapping[str, ArrayLike]) -> list[Portrait]:
+def portraits_of(
+    robot: Robot, configurations: Mapping[str, ArrayLike | Pose], view: View = DEFAULT
+) -> list[Portrait]:
     """Return portraits by the names written above them; see :func:`wbc.view.robot_figure`."""
     if not configurations:
         raise InvalidInputError("configurations: there is none to draw; give at least one")
     meshes = RobotMeshes(robot)
-    return [_portrait(robot.snapshot(q), meshes.at(q), name) for name, q in configurations.items()]
+    poses = {
+        name: one if isinstance(one, Pose) else Pose(one) for name, one in configurations.items()
+    }
+    return [
+        _portrait(robot.snapshot(pose.q), meshes.at(pose.q), pose, name, view)
+        for name, pose in poses.items()
+    ]
 
 
-def _portrait(snapshot: Snapshot, meshes: Sequence[Mesh], name: str) -> Portrait:
+def _portrait(
+    snapshot: Snapshot, meshes: Sequence[Mesh], pose: Pose, name: str, view: View
+) -> Portrait:
     """Return the portrait of a robot at rest: the CoP is the CoM's projection."""
     robot = snapshot.robot
     lowest = min((float(mesh.vertices[:, 2].min()) for mesh in meshes), default=0.0)
-    ground = lowest if lowest < -SUNK else 0.0
+    ground = lowest if lowest < -SUNK or not pose.grounded else 0.0
     ellipsoid = equimomental(snapshot.inertia, robot.mass)
-    scene = Scene(meshes, ellipsoid, snapshot.com, style.TINT, ground)
-    soles = [sole_outline(snapshot, foot) for foot in robot.feet.values()]
+    scene = Scene(
+        meshes if view.shows("robot") else (),
+        ellipsoid,
+        snapshot.com,
+        style.TINT,
+        ground,
+        grounded=pose.grounded and view.shows("ground"),
+        glass=view.shows("ellipsoid"),
+    )
+    if view.shows("obstacles"):
+        solids = [_solid(scene, shape, place) for shape, place in pose.obstacles]
+        scene = replace(scene, solids=solids)
+    outlines = [sole_outline(snapshot, foot) for foot in robot.feet.values()]
     radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
-    return Portrait(name, snapshot, scene, soles, scene.below_centre, radii)
+    leg = scene.below_centre if pose.stands and robot.feet else None
+    soles = outlines if pose.grounded else []
+    return Portrait(name, snapshot, scene, soles, leg, radii, pose.aims, view)
+
+
+def _solid(scene: Scene, shape: Shape, place: Array) -> Mesh:
+    """Return an obstacle where it is; of a wall, what is near the robot."""
+    R, origin = place[:, :3], place[:, 3]
+    centre = (scene.centre - origin) @ R
+    ground = scene.ground - float(origin[2])  # of an upright wall; others do not turn
+    surface = solid_surface(shape, centre, WALL * scene.size, ground)
+    return Mesh("", surface.vertices @ R.T + origin, surface.faces, style.OBSTACLE)
 
 
 def shape_of(portraits: Sequence[Portrait]) -> float:
     """Return the ratio of height to width of a picture that the portraits fill."""
-    across, along, _ = np.ptp(_extent(portraits) @ viewing_axes(AZIMUTH, ELEVATION).T, axis=0)
+    view = portraits[0].view
+    axes = viewing_axes(view.azimuth, view.elevation)
+    across, along, _ = np.ptp(_extent(portraits) @ axes.T, axis=0)
     return float(along / across)
 
 
@@ -90,7 +177,8 @@ def panels_of(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> list[P
     """Render each portrait on axes of its own, all equally large, from one side, at one scale."""
     width, height = _inches(all_axes[0])
     pixels = round(width * style.DPI), round(height * style.DPI)
-    camera = Camera.framing(_extent(portraits), AZIMUTH, ELEVATION, *pixels)
+    view = portraits[0].view
+    camera = Camera.framing(_extent(portraits), view.azimuth, view.elevation, *pixels)
     panels = []
     for axes, portrait in zip(all_axes, portraits, strict=True):
         here = camera.moved(portrait.scene.below_centre)
@@ -132,26 +220,65 @@ def draw_pendulum(
         True to draw the ellipsoid's principal sections.
     """
     centre, ellipsoid, foot = portrait.scene.centre, portrait.scene.ellipsoid, portrait.foot
-    for outline in portrait.outlines:
+    shows = portrait.view.shows
+    for outline in portrait.outlines if shows("soles") else ():
         panel.curve(outline, style.ORANGE, widths[0], hidden=0.6)
-    edge = silhouette(ellipsoid, centre, panel.camera.eye)
-    panel.curve(edge, style.BLUE, widths[1], hidden=0.35)
-    for section in principal_sections(ellipsoid, centre) if sections else ():
-        panel.curve(section, style.BLUE, 0.5, hidden=0.2)
-    if foot is not None:
+    if shows("ellipsoid"):
+        edge = silhouette(ellipsoid, centre, panel.camera.eye)
+        panel.curve(edge, style.BLUE, widths[1], hidden=0.35)
+        for section in principal_sections(ellipsoid, centre) if sections else ():
+            panel.curve(section, style.BLUE, 0.5, hidden=0.2)
+    if foot is not None and shows("leg"):
         panel.line(foot, centre, style.BLACK, 2.2 * size)
     for k, colour in enumerate(style.PRINCIPAL):
         axis, reach = ellipsoid.axes[:, k], ellipsoid.semi_axes[k]
-        panel.line(centre - reach * axis, centre + reach * axis, colour, 0.9 * size)
-        for distance in (-portrait.radii[k], portrait.radii[k]):
+        if shows("ellipsoid") or shows("masses"):
+            panel.line(centre - reach * axis, centre + reach * axis, colour, 0.9 * size)
+        for distance in (-portrait.radii[k], portrait.radii[k]) if shows("masses") else ():
             panel.ball(centre + distance * axis, colour, 3.2 * size)
-    if foot is not None:
+    if foot is not None and shows("leg"):
         panel.ball(foot, style.BLACK, 2.6 * size)
-    panel.centre_of_mass(centre, 5.5 * size)
+    if shows("com"):
+        panel.centre_of_mass(centre, 5.5 * size)
+    for aim in portrait.aims if shows("targets") else ():
+        if aim.distant:
+            panel.target(aim.point, aim.wanted, style.YELLOW, 4.0 * size)
+
+
+def captions(portraits: Sequence[Portrait], width: float) -> list[str]:
+    """Return in lines what the marks in the pictures are, for a figure so wide [inches]."""
+    there = {
+        "leg": any(one.foot is not None for one in portraits),
+        "soles": any(one.outlines for one in portraits),
+        "obstacles": any(one.scene.solids for one in portraits),
+        "targets": any(aim.distant for one in portraits for aim in one.aims),
+    }
+    view = portraits[0].view
+    told = [
+        text for name, text in LAYERS.items() if text and view.shows(name) and there.get(name, True)
+    ]
+    return textwrap.wrap("; ".join(told), round(CHARACTERS * width))
+
+
+def write_caption(figure: Figure, lines: Sequence[str], top: float) -> None:
+    """Write lines at a height above a figure's lower edge [inches]."""
+    total = figure.get_size_inches()[1]
+    figure.text(
+        0.5, top / total, "\n".join(lines), ha="center", va="top", fontsize=7.0,
+        color=style.GREY, linespacing=1.25,
+    )  # fmt: skip
 
 
 def _extent(portraits: Sequence[Portrait]) -> Array:
-    return np.concatenate([portrait.scene.extent for portrait in portraits])
+    """Return the points (k, 3) that each picture must contain, relative to the ground's point."""
+    parts = []
+    for portrait in portraits:
+        scene = portrait.scene
+        around = [mesh.vertices for mesh in scene.solids]
+        around += [aim.wanted[None] for aim in portrait.aims if portrait.view.shows("targets")]
+        near = [p[np.linalg.norm(p - scene.centre, axis=1) < FAR * scene.size] for p in around]
+        parts += [scene.extent, *(p - scene.below_centre for p in near)]
+    return np.concatenate(parts)
 
 
 def _inches(axes: Axes) -> tuple[float, float]:
@@ -163,7 +290,11 @@ def _inches(axes: Axes) -> tuple[float, float]:
 
 
 def robot_figure(
-    robot: Robot, configurations: Mapping[str, ArrayLike], *, title: str | None = None
+    robot: Robot,
+    configurations: Mapping[str, ArrayLike | Pose],
+    *,
+    title: str | None = None,
+    view: View = DEFAULT,
 ) -> Figure:
     """Return a figure of the robot in one or more configurations, side by side at one scale.
 
@@ -173,9 +304,12 @@ def robot_figure(
     Parameters
     ----------
     configurations:
-        What to write above each picture, and its configuration q (nq,).
+        What to write above each picture, and its configuration q (nq,), or a :class:`Pose`: one
+        that floats, or with obstacles and targets.
     title:
         Written above all.
+    view:
+        What is drawn, and from where.
 
     Raises
     ------
@@ -184,22 +318,26 @@ def robot_figure(
     ModelError
         The robot's meshes cannot be read.
     """
-    portraits = portraits_of(robot, configurations)
+    portraits = portraits_of(robot, configurations, view)
     count, heading = len(portraits), 0.0 if title is None else ABOVE
     width, height = PANEL_WIDTH, PANEL_WIDTH * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    total = BELOW + height + ABOVE + heading
+    caption = captions(portraits, width * count)
+    below = BELOW + LINE * len(caption)
+    total = below + height + ABOVE + heading
     figure = style.sheet(width * count, total, title)
-    panels = [style.place(figure, width * k, BELOW, width, height) for k in range(count)]
+    panels = [style.place(figure, width * k, below, width, height) for k in range(count)]
     draw_portraits(panels, portraits)
+    write_caption(figure, caption, LINE * len(caption))
     return figure
 
 
 def plot_robot(
     robot: Robot,
-    configurations: Mapping[str, ArrayLike],
+    configurations: Mapping[str, ArrayLike | Pose],
     path: str | Path,
     *,
     title: str | None = None,
+    view: View = DEFAULT,
 ) -> Path:
     """Write :func:`robot_figure` to a file, png, svg or pdf by its suffix, and return its path.
 
@@ -209,5 +347,5 @@ def plot_robot(
         Also for another suffix, or a folder that does not exist.
     """
     path = style.picture_file(path)
-    style.save(robot_figure(robot, configurations, title=title), path)
+    style.save(robot_figure(robot, configurations, title=title, view=view), path)
     return path

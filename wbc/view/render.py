@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter
 
 from wbc.validate import Array
 from wbc.view.camera import NOTHING, Camera, rasterise
-from wbc.view.scene import Scene
+from wbc.view.scene import Scene, colours
 
 SAMPLES = 2  # per side of a pixel
 KEY_POWER, FILL_POWER, SKY_POWER, BASE_POWER = 0.80, 0.20, 0.24, 0.16
@@ -36,21 +36,28 @@ def render(scene: Scene, camera: Camera) -> Picture:
     """Return the picture of a scene."""
     fine = camera.enlarged(SAMPLES)
     raster = rasterise(fine, scene.corners)
-    image = ground_picture(scene, camera).repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1)
+    ground = (
+        ground_picture(scene, camera)
+        if scene.grounded
+        else np.ones((camera.height, camera.width, 3))
+    )
+    image = ground.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1)
     rows, columns = _box(raster.triangle != NOTHING)
     triangle, depth = raster.triangle[rows, columns], raster.depth[rows, columns]
     robot = triangle != NOTHING
     relief = _relief(depth, scene.size, fine.magnification(scene.centre))
-    image[rows, columns][robot] = _shaded(scene, fine)[triangle[robot]] * relief[robot, None]
-    lay_ellipsoid(image, raster.depth, scene, fine)
+    image[rows, columns][robot] = _lit(scene.corners, scene.colours, fine)[triangle[robot]]
+    image[rows, columns][robot] *= relief[robot, None]
+    lay_solids(image, raster.depth, scene, fine)
+    if scene.glass:
+        lay_ellipsoid(image, raster.depth, scene, fine)
     shape = (camera.height, SAMPLES, camera.width, SAMPLES)
     colours = image.reshape(*shape, 3).mean(axis=(1, 3))
     return Picture(np.clip(colours, 0.0, 1.0), raster.depth.reshape(shape).min(axis=(1, 3)))
 
 
-def _shaded(scene: Scene, camera: Camera) -> Array:
-    """Return the lit colour (m, 3) of each triangle; both of its sides are alike."""
-    corners = scene.corners
+def _lit(corners: Array, colours: Array, camera: Camera) -> Array:
+    """Return the lit colour (m, 3) of each triangle (m, 3, 3); both of its sides are alike."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     to_eye = unit(camera.eye - corners.mean(axis=1))
     normal = unit(normal) * np.copysign(1.0, (normal * to_eye).sum(axis=1))[:, None]
@@ -59,7 +66,7 @@ def _shaded(scene: Scene, camera: Camera) -> Array:
     light += KEY_POWER * np.maximum(normal @ key, 0.0) + FILL_POWER * np.maximum(normal @ fill, 0.0)
     halfway = unit(to_eye + key)
     gloss = GLOSS * np.maximum((normal * halfway).sum(axis=1), 0.0) ** SHARPNESS
-    return scene.colours * light[:, None] ** (1.0 / GAMMA) + gloss[:, None]
+    return colours * light[:, None] ** (1.0 / GAMMA) + gloss[:, None]
 
 
 def _box(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
@@ -141,6 +148,23 @@ def _shadow(scene: Scene, camera: Camera) -> Array:
     rows = np.minimum(np.arange(camera.height) // 2, coarse.height - 1)
     columns = np.minimum(np.arange(camera.width) // 2, coarse.width - 1)
     return blurred(soft[np.ix_(rows, columns)], 2)
+
+
+# ---------------------------------------------------------------------- obstacles
+
+COVER = 0.3  # how much an obstacle covers what is behind it
+
+
+def lay_solids(image: Array, depth: Array, scene: Scene, camera: Camera) -> None:
+    """Lay the obstacles over what is behind them; changes ``image``.
+
+    ``image`` (height, width, 3) shows the robot, whose depth (height, width) is infinite elsewhere.
+    """
+    corners = scene.solid_corners
+    raster = rasterise(camera, corners)
+    seen = raster.depth < depth
+    lit = np.clip(_lit(corners, colours(scene.solids), camera), 0.0, 1.0)[raster.triangle[seen]]
+    image[seen] += COVER * (lit - image[seen])
 
 
 # ---------------------------------------------------------------------- glass

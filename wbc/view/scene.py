@@ -28,6 +28,12 @@ class Scene:
         Colour of the ellipsoid, (3,) in [0, 1].
     ground:
         Altitude of the ground [m].
+    grounded:
+        Whether there is a ground to draw; a floating robot has none.
+    glass:
+        Whether the ellipsoid is drawn.
+    solids:
+        Obstacles; what is behind them shows through a little.
     """
 
     meshes: Sequence[Mesh]
@@ -35,18 +41,24 @@ class Scene:
     centre: Array
     tint: Array
     ground: float
+    grounded: bool = True
+    glass: bool = True
+    solids: Sequence[Mesh] = ()
 
     @cached_property
     def corners(self) -> Array:
         """Triangles (m, 3, 3): triangle, corner, coordinate [m]."""
-        parts = [mesh.vertices[mesh.faces] for mesh in self.meshes]
-        return np.concatenate([np.empty((0, 3, 3)), *parts])
+        return triangles(self.meshes)
 
     @cached_property
     def colours(self) -> Array:
         """Colour of each triangle (m, 3)."""
-        parts = [np.tile(mesh.colour, (len(mesh.faces), 1)) for mesh in self.meshes]
-        return np.concatenate([np.empty((0, 3)), *parts])
+        return colours(self.meshes)
+
+    @property
+    def solid_corners(self) -> Array:
+        """Triangles (m, 3, 3) of the obstacles [m]."""
+        return triangles(self.solids)
 
     @cached_property
     def size(self) -> float:
@@ -70,6 +82,17 @@ class Scene:
         sections = principal_sections(self.ellipsoid, self.centre)
         vertices = [mesh.vertices for mesh in self.meshes]
         return np.concatenate([*vertices, *sections, self.below_centre[None]]) - self.below_centre
+
+
+def triangles(meshes: Sequence[Mesh]) -> Array:
+    """Return the corners (m, 3, 3) of all triangles of meshes."""
+    return np.concatenate([np.empty((0, 3, 3)), *(mesh.vertices[mesh.faces] for mesh in meshes)])
+
+
+def colours(meshes: Sequence[Mesh]) -> Array:
+    """Return the colour (m, 3) of each triangle of meshes."""
+    parts = [np.tile(mesh.colour, (len(mesh.faces), 1)) for mesh in meshes]
+    return np.concatenate([np.empty((0, 3)), *parts])
 
 
 # ---------------------------------------------------------------------- curves

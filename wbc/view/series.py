@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
 
 import numpy as np
@@ -16,7 +16,9 @@ from wbc.validate import Array
 from wbc.view import style
 
 DECADE = 10.0
-SMALLEST = 1e-12  # errors below are drawn as this: they are zero but for rounding
+DEEPEST = 1e-5  # part of the largest error: what is smaller is drawn at the bottom of the axis
+SMALLEST = 1e-7  # errors below are of no interest
+FEW = 2.0  # per cent of the errors that may be below the axis
 LONGEST = 20  # characters of a label
 LABEL_GAP = 0.075  # between two labels, part of the plot's height
 
@@ -47,8 +49,7 @@ def error_series(errors: Mapping[str, ArrayLike], count: int) -> list[Series]:
         except (TypeError, ValueError) as error:
             what = f"history: errors of {name!r}: expected numbers, one row for each time"
             raise InvalidInputError(what) from error
-        norms = np.maximum(np.linalg.norm(rows, axis=1), SMALLEST)
-        series.append(Series(name, *look, norms))
+        series.append(Series(name, *look, np.linalg.norm(rows, axis=1)))
     return series
 
 
@@ -67,11 +68,23 @@ def plot_errors(axes: Axes, time: Array, errors: Iterable[Series]) -> None:
     # Within a decade a logarithmic axis has no round numbers to show.
     finite = [one.values[np.isfinite(one.values)] for one in series]
     seen = np.concatenate([np.zeros(0), *finite])
-    if seen.max(initial=0.0) > DECADE * seen.min(initial=np.inf):
+    largest = float(seen.max(initial=0.0))
+    lowest = max(DEEPEST * largest, SMALLEST)
+    seen = seen[seen > lowest]
+    if len(seen):  # a task that starts at its target does not stretch the axis down to there
+        lowest = max(lowest, 0.5 * float(np.percentile(seen, FEW)))
+    if largest > DECADE * lowest:
         axes.set_yscale("log")
+        axes.set_ylim(lowest, 1.5 * largest)
+        series = [replace(one, values=_at_least(one.values, lowest)) for one in series]
     else:
-        axes.set_ylim(0.0, 1.05 * seen.max(initial=SMALLEST))
+        axes.set_ylim(0.0, 1.05 * max(largest, SMALLEST))
     plot_curves(axes, time, series)
+
+
+def _at_least(values: Array, least: float) -> Array:
+    """Return values, at least ``least`` where they are numbers."""
+    return np.where(values < least, least, values)
 
 
 def plot_moments(axes: Axes, time: Array, moments: Iterable[Series]) -> None:
@@ -105,9 +118,9 @@ def _label_ends(axes: Axes, series: list[Series]) -> None:
         )  # fmt: skip
 
 
-def shortened(label: str) -> str:
-    """Return a label of at most 20 characters."""
-    return label if len(label) <= LONGEST else f"{label[: LONGEST - 1]}…"
+def shortened(label: str, longest: int = LONGEST) -> str:
+    """Return a label of at most ``longest`` characters."""
+    return label if len(label) <= longest else f"{label[: longest - 1]}…"
 
 
 def spread(heights: Array, gap: float) -> Array:

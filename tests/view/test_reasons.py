@@ -1,0 +1,191 @@
+"""What pictures say of constraints, targets, obstacles and floating robots."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem import load_problem
+from wbc.robot import Robot
+from wbc.robot.collision import Capsule, HalfSpace, Hull
+from wbc.run import Result
+from wbc.view import run_figure, style
+from wbc.view.history import read_history
+from wbc.view.options import LAYERS, View
+from wbc.view.portrait import Pose, captions, portraits_of
+from wbc.view.reasons import spans
+from wbc.view.solids import solid_surface
+
+REACH = """\
+robot: hoap2_like
+support: double
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.2, 0, 0.1]},
+         gain: 0.1}
+constraints:
+  room: {type: obstacles, links: [left_hand_link], things: {wall: {half_space: [-1, 0, 0],
+         position: [0.1, 0, 0]}, ball: {sphere: 0.05, position: [0.3, 0.2, 0.2]}}}
+stop: {duration: 0.3}
+"""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def coarse() -> object:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(style, "DPI", 30)
+        yield
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    path = tmp_path_factory.mktemp("reach") / "p.yaml"
+    path.write_text(REACH)
+    return load_problem(path).run()
+
+
+@pytest.fixture(scope="module")
+def figure(result: Result) -> Figure:
+    return run_figure(result.robot, result.history, title="reach")
+
+
+def plots(figure: Figure) -> dict[str, object]:
+    return {axes.get_title(loc="left"): axes for axes in figure.axes}
+
+
+def test_constraints_are_plotted(result: Result, figure: Figure) -> None:
+    axes = plots(figure)["Left of the constraints"]
+    zero, left = axes.lines  # type: ignore[attr-defined]
+    assert list(zero.get_ydata()) == [0.0, 0.0]
+    np.testing.assert_allclose(left.get_ydata(), 1e3 * result.history.clearance["room"])
+
+
+def test_bars_are_as_long_as_rows_held_back(result: Result, figure: Figure) -> None:
+    found = plots(figure)
+    axes = next(one for title, one in found.items() if title.startswith("Held back by"))
+    bars = axes.collections  # type: ignore[attr-defined]
+    labels = [text.get_text() for text in axes.get_yticklabels()]  # type: ignore[attr-defined]
+    longest = list(result.held_back.items())[: len(bars)]
+    assert labels == [label.replace("_link", "") for label, _ in longest]
+    for bar, (_, one) in zip(bars, longest, strict=True):
+        widths = [np.ptp(path.vertices[:, 0]) for path in bar.get_paths()]
+        assert sum(widths) == pytest.approx(one.ticks * result.dt)
+
+
+def test_targets_and_obstacles_are_drawn_and_explained(result: Result, figure: Figure) -> None:
+    run = read_history(result.robot, result.history)
+    (portrait,) = portraits_of(result.robot, {"end": run.pose(-1)})
+    assert len(portrait.scene.solids) == 2
+    (aim,) = portrait.aims
+    np.testing.assert_allclose(aim.point, portrait.snapshot.position("left_hand"), atol=1e-12)
+    told = " ".join(captions([portrait], 9.0))
+    assert "targets" in told and "obstacles" in told and "a₁" in told
+    bare = portraits_of(result.robot, {"end": run.pose(-1)}, View.of(show="robot,com"))
+    assert captions(bare, 9.0) == [LAYERS["com"]]
+    assert not bare[0].scene.solids
+
+
+def test_a_floating_robot_has_no_leg_and_no_ground(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(REACH.replace("double", "floating"))
+    floating = load_problem(path, {"stop.duration": 0.01}).run()
+    pose = read_history(floating.robot, floating.history).pose(0)
+    assert (pose.stands, pose.grounded) == (False, False)
+    (portrait,) = portraits_of(floating.robot, {"floats": pose})
+    assert portrait.foot is None and not portrait.scene.grounded and not portrait.outlines
+    (stands,) = portraits_of(floating.robot, {"stands": pose.q})
+    assert stands.foot is not None and stands.scene.grounded
+
+
+def test_an_obstacle_covers_what_is_behind_it_only() -> None:
+    """Pixels change where a ray meets the ball before the robot, and nowhere else."""
+    from wbc.view.camera import Camera, rasterise
+    from wbc.view.render import render
+
+    robot = Robot.load("hoap2_like")
+    q = robot.posture("standing")
+    there = np.column_stack((np.eye(3), (1.0, 0.3, 0.3)))
+    ball = [(Capsule.sphere(np.zeros(3), 0.1), there)]
+    ((with_ball,), (without,)) = (
+        portraits_of(robot, {"": Pose(q, obstacles=one)}, View.of("front-left", "robot,obstacles"))
+        for one in (ball, [])
+    )
+    extent = np.array([[-0.3, -0.3, 0.0], [0.9, 0.4, 0.6]])
+    camera = Camera.framing(extent, 0.6, 0.2, 60, 60)
+    changed = (
+        np.abs(render(with_ball.scene, camera).colours - render(without.scene, camera).colours)
+        .max(axis=-1)
+    ) > 1e-9  # fmt: skip
+    fine = camera.enlarged(2)
+    seen = rasterise(fine, with_ball.scene.solid_corners).depth
+    before = seen < rasterise(fine, without.scene.corners).depth
+    expected = before.reshape(60, 2, 60, 2).any(axis=(1, 3))
+    np.testing.assert_array_equal(changed, expected)
+
+
+@pytest.mark.parametrize(
+    ("shape", "volume"),
+    [
+        (Capsule.sphere([0.1, 0.2, 0.3], 0.5), 4 / 3 * np.pi * 0.5**3),
+        (Capsule.of([0, 0, -1], [0, 0, 1], 0.2), np.pi * 0.2**2 * 2 + 4 / 3 * np.pi * 0.2**3),
+        (Hull.box([1.0, 2.0, 3.0]), 6.0),
+    ],
+)
+def test_surfaces_have_the_volume_of_their_shapes(shape: Capsule | Hull, volume: float) -> None:
+    surface = solid_surface(shape, np.zeros(3), 1.0, 0.0)
+    a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2) - surface.vertices.mean(axis=0)
+    inside = np.abs(np.einsum("ki,ki->k", a, np.cross(b, c))).sum() / 6.0  # convex
+    assert 0.95 * volume < inside < 1.0001 * volume  # 24 corners around: inside the round ones
+
+
+def test_a_wall_is_drawn_near_the_robot_and_above_the_ground() -> None:
+    wall = HalfSpace.of([-1.0, 0.0, 0.0], -2.0)  # all that is beyond x = 2
+    corners = solid_surface(wall, np.array([0.0, 5.0, 1.0]), 1.5, 0.0).vertices
+    np.testing.assert_allclose(corners[:, 0], 2.0)
+    assert (corners[:, 1].min(), corners[:, 1].max()) == (3.5, 6.5)
+    assert (corners[:, 2].min(), corners[:, 2].max()) == (0.0, 2.5)
+    floor = solid_surface(HalfSpace.of([0, 0, 1.0], -0.5), np.zeros(3), 1.0, 0.0).vertices
+    np.testing.assert_allclose(floor[:, 2], -0.5)
+
+
+def test_views_by_words() -> None:
+    assert View.of() == View()
+    assert View.of("left").azimuth == pytest.approx(np.pi / 2)
+    assert View.of("60,20").elevation == pytest.approx(np.deg2rad(20))
+    assert View.of(show="robot,com").layers == {"robot", "com"}
+    assert View.of(show="no-ellipsoid,no-masses").layers == set(LAYERS) - {"ellipsoid", "masses"}
+    with pytest.raises(UnknownNameError, match="did you mean 'front-left'"):
+        View.of("frontleft")
+    with pytest.raises(UnknownNameError, match="unknown layer 'robt'; did you mean 'robot'"):
+        View.of(show="robt")
+    with pytest.raises(InvalidInputError, match="within 89"):
+        View.of("0,90")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_spans_are_the_runs_of_true(seed: int) -> None:
+    on = np.random.default_rng(seed).random(50) < 0.5
+    found = spans(on)
+    again = np.zeros(50, dtype=bool)
+    for first, end in found:
+        again[first:end] = True
+        assert end == 50 or not on[end]
+    np.testing.assert_array_equal(again, on)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("clearance", {"room": [1.0]}, "clearance of 'room'"),
+        ("targets", {"hand": np.zeros((3, 3))}, "targets of 'hand'"),
+        ("targets", {"hand": np.zeros((2, 3))}, "points and targets"),
+    ],
+)
+def test_what_does_not_fit_is_refused(name: str, values: object, words: str) -> None:
+    robot = Robot.load("hoap2_like")
+    history = type("History", (), {"time": [0.0, 1.0], "errors": {}})()
+    history.q = np.tile(robot.posture("standing"), (2, 1))
+    setattr(history, name, values)
+    with pytest.raises(InvalidInputError, match=words):
+        read_history(robot, history)

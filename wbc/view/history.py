@@ -1,0 +1,191 @@
+"""What is drawn of a run: its history, checked and put into order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.run.surroundings import ObstacleTrack
+from wbc.spatial import vech
+from wbc.validate import Array, finite_array
+from wbc.view.portrait import Aimed, Pose
+from wbc.view.series import Series, error_series, moment_series
+
+
+class History(Protocol):
+    """What a run leaves behind; more is drawn if there is more, see :func:`plot_run`."""
+
+    @property
+    def time(self) -> ArrayLike:
+        """Times (n,) [s]."""
+
+    @property
+    def q(self) -> ArrayLike:
+        """Configurations (n, nq)."""
+
+    @property
+    def errors(self) -> Mapping[str, ArrayLike]:
+        """Error of each task, (n, k) or (n,)."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase: its name, what was stood on, its time [s] and the row in which it has ended."""
+
+    name: str
+    support: str
+    begins: float
+    ends: float
+    last: int
+
+    @property
+    def standing(self) -> str:
+        """What was stood on, in words; empty in the air."""
+        return f"on {' and '.join(self.support.split(','))}" if self.support else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What is drawn of a run; without phases none, without any balance None.
+
+    What the history has not is empty; ``supports`` is None if it does not say what was held.
+    """
+
+    robot: Robot
+    time: Array  # (n,) [s]
+    q: Array  # (n, nq)
+    errors: Sequence[Series]
+    moments: Sequence[Series]
+    phases: Sequence[Phase]
+    balance: Array | None  # (n,) margin [m], NaN where there is none
+    supports: Sequence[str] | None
+    clearance: Mapping[str, Array]  # (n,) [m]
+    active: Mapping[str, NDArray[np.bool_]]  # (n,)
+    points: Mapping[str, Array]  # (n, 3) [m]
+    targets: Mapping[str, Array]
+    obstacles: Mapping[str, ObstacleTrack]
+
+    def pose(self, row: int, support: str | None = None, now: bool = False) -> Pose:
+        """Return what to draw of a row.
+
+        Parameters
+        ----------
+        support:
+            What was held, if not that of the row.
+        now:
+            Targets are those of the row; else the last that there were.
+        """
+        if support is None and self.supports is not None:
+            support = self.supports[row]
+        held = None if support is None else support.split(",")
+        stands = held is None or any(foot in held for foot in self.robot.feet)
+        obstacles = [
+            (track.shape, track.place[row])
+            for track in self.obstacles.values()
+            if np.isfinite(track.place[row]).all()
+        ]
+        return Pose(
+            self.q[row],
+            stands=stands,
+            grounded=stands or bool(support) or self.robot.fixed_base,
+            obstacles=obstacles,
+            aims=[*self._aims(row, now)],
+        )
+
+    def _aims(self, row: int, now: bool) -> Iterator[Aimed]:
+        for name, targets in self.targets.items():
+            there = np.flatnonzero(np.isfinite(targets).all(axis=1))
+            point = self.points[name][row]
+            if np.isfinite(point).all() and len(there):
+                yield Aimed(name, point, targets[row] if now else targets[there[-1]])
+
+
+def read_history(robot: Robot, history: History) -> Run:
+    """Return what is to be drawn of a history.
+
+    Raises
+    ------
+    InvalidInputError
+        It is empty, or its arrays do not fit together.
+    """
+    count = np.size(history.time)
+    if count == 0:
+        raise InvalidInputError("history: it is empty; there is nothing to draw")
+    time = finite_array("history: time", history.time, (count,))
+    q = finite_array("history: q", history.q, (count, robot.nq))
+    inertia, balance = getattr(history, "inertia", None), getattr(history, "balance", None)
+    if inertia is None:
+        inertia = [vech(robot.snapshot(one).inertia) for one in q]
+    moments = moment_series(finite_array("history: inertia", inertia, (count, 6)))
+    if balance is not None:
+        try:
+            balance = np.asarray(balance, dtype=np.float64).reshape(count)
+        except (TypeError, ValueError) as error:
+            what = "history: balance: expected one number for each time"
+            raise InvalidInputError(what) from error
+        balance = balance if np.isfinite(balance).any() else None
+    errors = error_series(history.errors, count)
+    supports = _words(history, "support", count) if hasattr(history, "support") else None
+    places = {name: _rows(history, name, (count, 3)) for name in ("points", "targets")}
+    if set(places["points"]) != set(places["targets"]):
+        raise InvalidInputError("history: points and targets: expected those of the same tasks")
+    return Run(
+        robot,
+        time,
+        q,
+        errors,
+        moments,
+        _phases(history, time),
+        balance,
+        supports,
+        _rows(history, "clearance", (count,)),
+        {name: on.astype(bool) for name, on in _rows(history, "active", (count,)).items()},
+        places["points"],
+        places["targets"],
+        getattr(history, "obstacles", None) or {},
+    )
+
+
+def _rows(history: History, name: str, shape: tuple[int, ...]) -> dict[str, Array]:
+    """Return arrays by name, NaN where there is nothing; none if the history has none."""
+    given: Mapping[str, Any] = getattr(history, name, None) or {}
+    rows = dict[str, Array]()
+    for key, values in given.items():
+        try:
+            rows[key] = np.asarray(values, dtype=np.float64).reshape(shape)
+        except (TypeError, ValueError) as error:
+            what = f"history: {name} of {key!r}: expected numbers, one row for each time"
+            raise InvalidInputError(what) from error
+    return rows
+
+
+def _phases(history: History, time: Array) -> list[Phase]:
+    """Return the phases of a history in order; none if it has no phases."""
+    names = _words(history, "phase", len(time))
+    if not any(names):
+        return []
+    supports = _words(history, "support", len(time))
+    firsts = [k for k in range(len(names)) if k == 0 or names[k] != names[k - 1]]
+    # A phase has ended in the state with which the next one begins.
+    lasts = [*firsts[1:], len(names) - 1]
+    return [
+        Phase(names[k], supports[k], float(time[k]), float(time[last]), last)
+        for k, last in zip(firsts, lasts, strict=True)
+    ]
+
+
+def _words(history: History, name: str, count: int) -> list[str]:
+    """Return a word for each time, all empty if the history has none."""
+    given = getattr(history, name, None)
+    if given is None:
+        return [""] * count
+    words = [str(word) for word in np.ravel(given)]
+    if len(words) != count:
+        raise InvalidInputError(f"history: {name}: expected {count} words, got {len(words)}")
+    return words
