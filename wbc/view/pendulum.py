@@ -35,6 +35,7 @@ FIRST, GAP = 0.78, 0.76  # inches, along the row of plots
 SNAPSHOTS = 9
 SPACING = 0.15  # of the gap between two snapshots, in widths of one
 LEAST = 0.75  # of the distance of two snapshots, in mean distances: their times need room
+SLENDER = 0.18  # of that distance at least, in heights of a strip that is high and narrow
 TRAVELS = 0.6  # a motion that covers this much of the strip is drawn where it happened
 EVENLY = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
 Point = tuple[float, float]
@@ -135,7 +136,8 @@ def _places(history: PendulumHistory, chosen: NDArray[np.intp], side: Array) -> 
     middles = spans.mean(axis=1)
     apart = spans[:-1, 1] - spans[1:, 0] + np.diff(middles) + gap
     whole = float(np.diff(spans, axis=1).sum()) + gap * len(spans)
-    apart = np.maximum(apart, LEAST * whole / len(spans))
+    high = float(np.abs(history.com[chosen, 2]).max())
+    apart = np.maximum(apart, max(LEAST * whole / len(spans), SLENDER * high))
     return np.concatenate(([0.0], np.cumsum(apart))) - middles
 
 
