@@ -242,6 +242,37 @@ def test_a_step_carries_the_foot_that_stands_on_it(load: Load) -> None:
     assert sum(plant.contact_forces.values())[2] == pytest.approx(9.81 * robot.mass, rel=0.02)
 
 
+def test_a_step_edge_below_the_soles_is_felt() -> None:
+    """Feet that stand half over an edge press on it; with all joints but the head's locked."""
+    standing = Robot.load("hoap2_like")
+    values = standing.limits.joint_positions(standing.posture())
+    locked = dict(zip(standing.joint_names[1:], values[1:], strict=True))
+    robot = Robot.load("hoap2_like", locked=locked)
+    q = robot.posture("standing")
+    start = robot.snapshot(q)
+    sole = start.position("left_sole")[0] + robot.feet["left"].polygon[:, 0]
+    edge = start.com[0] + 0.5 * (sole.max() - start.com[0])  # between CoM and toes
+    q[2] += 0.1
+    step = Step(centre=[edge - 0.5, 0.0, 0.1], size=[1.0, 1.0, 0.1])
+    plant = Plant(robot, terrain=Terrain(steps=(step,)), shapes=False)
+    plant.reset(q)
+    for _ in range(300):
+        plant.step(np.zeros(robot.nv - 6))
+    points = plant.contacts.points
+    np.testing.assert_allclose(points[:, 2], 0.1, atol=1e-3)
+    assert points[:, 0].max() == pytest.approx(edge, abs=1e-3)  # not only at the heels
+    assert plant.contacts.normal_forces.sum() == pytest.approx(9.81 * robot.mass, rel=1e-2)
+    # now the CoM is beyond the edge: it tips over it, about the edge, and does not sink through
+    step = Step(centre=[start.com[0] - 0.02 - 0.5, 0.0, 0.1], size=[1.0, 1.0, 0.1])
+    plant = Plant(robot, terrain=Terrain(steps=(step,)), shapes=False)
+    plant.reset(q)
+    for _ in range(150):
+        plant.step(np.zeros(robot.nv - 6))
+    tipped = plant.body_rotation("base")[2] @ robot.snapshot(q).rotation("base")[2]
+    assert 0.5 < tipped < 0.999
+    assert plant.contacts.points[:, 0].max() == pytest.approx(start.com[0] - 0.02, abs=0.01)
+
+
 def test_mistakes_are_typed(load: Load) -> None:
     robot = load("hoap2_like")
     plant = Plant(robot)

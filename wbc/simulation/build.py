@@ -16,7 +16,7 @@ from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.simulation.mismatch import ModelMismatch, PrincipalInertia, true_inertias
-from wbc.simulation.shapes import GROUND, add_shapes
+from wbc.simulation.shapes import PLANE, STEP, add_shapes
 from wbc.simulation.terrain import IMPEDANCE, Terrain
 from wbc.validate import Array
 
@@ -91,7 +91,7 @@ def build(
     _add_terrain(mujoco, spec, terrain, mismatch.friction)
     inertias = true_inertias(robot, mismatch)
     bodies = _add_tree(mujoco, spec, robot, inertias)
-    labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes)
+    labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes, bool(terrain.steps))
     _add_gears(mujoco, spec, robot, physics_dt)
     try:
         model = spec.compile()
@@ -154,7 +154,7 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
         size=[PLANE_HALF_SIZE, PLANE_HALF_SIZE, 1.0],
         quat=quaternion,
     )
-    _make_ground(ground, terrain, factor * terrain.friction)
+    _make_ground(ground, PLANE, terrain, factor * terrain.friction)
     for k, step in enumerate(terrain.steps):
         half = 0.5 * step.size
         box = spec.worldbody.add_geom(
@@ -165,12 +165,12 @@ def _add_terrain(mujoco: Any, spec: Any, terrain: Terrain, factor: float) -> Non
             quat=[np.cos(0.5 * step.yaw), 0.0, 0.0, np.sin(0.5 * step.yaw)],
         )
         friction = terrain.friction if step.friction is None else step.friction
-        _make_ground(box, terrain, factor * friction)
+        _make_ground(box, STEP, terrain, factor * friction)
 
 
-def _make_ground(geom: Any, terrain: Terrain, friction: float) -> None:
+def _make_ground(geom: Any, kind: int, terrain: Terrain, friction: float) -> None:
     """Let a geom meet the robot, and decide alone what the contact is like."""
-    geom.contype, geom.conaffinity, geom.priority, geom.condim = GROUND, 0, 1, 3
+    geom.contype, geom.conaffinity, geom.priority, geom.condim = kind, 0, 1, 3
     geom.friction = [friction, 0.0, 0.0]  # sliding; neither torsional nor rolling
     geom.solref = [terrain.time_constant, 1.0]
     geom.solimp = [*IMPEDANCE, 0.5, 2.0]

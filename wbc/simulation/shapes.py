@@ -2,41 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from wbc.errors import ModelError
-from wbc.robot import Robot
+from wbc.robot import Foot, Robot
 from wbc.robot.collision import Body, Capsule, Hull, robot_bodies
+from wbc.validate import Array
 
-# Soles are balls at the corners of their polygons, lowest at the sole: all corners touch at once,
-# where MuJoCo gives four points at most to a box or prism on a plane, and each is one row triple of
-# the contact forces that controllers think of. What they miss: the edge of a step that passes
-# between corners. The radius rolls a tipping foot by so much only.
+# Soles are balls at the corners of their polygons, lowest at the sole: all corners touch the plane
+# at once, where MuJoCo gives four points at most to a box or prism, and each is one force as
+# controllers think of it. Where there are steps, rods along the polygon's sides meet these, so that
+# a step's edge is felt where it passes below a sole; a step's corner inside of a sole is not. The
+# radius rolls a tipping foot by so much only.
 SOLE_RADIUS = 5e-3  # m
-# Bits of contype and conaffinity: the robot meets the ground, and not itself.
-GROUND = 1
+# Bits of contype and conaffinity: the robot meets the ground and the steps, and not itself.
+PLANE, STEP = 1, 2
+
+Labels = dict[str, tuple[str, str]]
 
 
 def add_shapes(
-    mujoco: Any, spec: Any, bodies: list[Any], robot: Robot, shapes: bool
-) -> tuple[dict[str, tuple[str, str]], tuple[str, ...]]:
-    """Add soles and other shapes; return foot and link by geom, and notes."""
-    labels, notes = dict[str, tuple[str, str]](), list[str]()
-    feet = set[int]()
+    mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot, shapes: bool, steps: bool
+) -> tuple[Labels, tuple[str, ...]]:
+    """Add soles and other shapes; return foot and link by geom, and notes.
+
+    Parameters
+    ----------
+    shapes:
+        Whether to add what is no sole.
+    steps:
+        Whether there are steps.
+    """
+    labels, notes = Labels(), list[str]()
     for foot in robot.feet.values():
-        frame = robot.model.frames[robot.frame_id(foot.frame)]
-        joint, place = int(frame.parentJoint), frame.placement
-        feet.add(joint)
-        corners = np.column_stack([foot.polygon, np.full(len(foot.polygon), SOLE_RADIUS)])
-        for k, corner in enumerate(corners @ np.array(place.rotation).T + place.translation):
-            name = f"{foot.name} sole {k}"
-            labels[name] = (foot.name, foot.link)
-            geom = bodies[joint].add_geom(
-                name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, pos=corner, size=[SOLE_RADIUS, 0, 0]
-            )
-            _make_robot(geom)
+        labels |= _add_sole(mujoco, bodies, robot, foot, steps)
     if not robot.feet:
         notes.append("the robot has no feet: no soles touch the ground")
     found = tuple[Body, ...]()
@@ -45,27 +47,56 @@ def add_shapes(
             found = robot_bodies(robot, fit="hull")
         except ModelError as error:
             notes.append(f"only soles touch the ground: {error}")
+    feet = {_joint_of(robot, foot.frame) for foot in robot.feet.values()}
     for body in found:
         if body.joint not in feet:  # its shapes end where the sole begins, give or take a digit
             labels[f"shape {body.name}"] = ("", body.link)
-            _make_robot(_add_shape(mujoco, spec, bodies[body.joint], body))
+            geom = _add_shape(mujoco, spec, bodies[body.joint], body)
+            _let_touch(geom, PLANE | STEP)
     return labels, tuple(notes)
+
+
+def _joint_of(robot: Robot, frame: str) -> int:
+    return int(robot.model.frames[robot.frame_id(frame)].parentJoint)
+
+
+def _add_sole(mujoco: Any, bodies: Sequence[Any], robot: Robot, foot: Foot, steps: bool) -> Labels:
+    """Add the balls and rods of a sole."""
+    place = robot.model.frames[robot.frame_id(foot.frame)].placement
+    parent, names = bodies[_joint_of(robot, foot.frame)], list[str]()
+    corners = np.column_stack([foot.polygon, np.full(len(foot.polygon), SOLE_RADIUS)])
+    corners = corners @ np.array(place.rotation).T + place.translation
+    for k, corner in enumerate(corners):
+        names.append(f"{foot.name} sole {k}")
+        ball = parent.add_geom(name=names[-1], pos=corner)
+        ball.type, ball.size = mujoco.mjtGeom.mjGEOM_SPHERE, [SOLE_RADIUS, 0, 0]
+        _let_touch(ball, PLANE)
+        if steps:
+            names.append(f"{foot.name} sole side {k}")
+            rod = parent.add_geom(name=names[-1])
+            _make_rod(mujoco, rod, corners[k - 1], corner, SOLE_RADIUS)
+            _let_touch(rod, STEP)
+    return dict.fromkeys(names, (foot.name, foot.link))
+
+
+def _make_rod(mujoco: Any, geom: Any, start: Array, end: Array, radius: float) -> None:
+    """Make a geom all points within ``radius`` of a segment."""
+    axis, quaternion = end - start, np.empty(4)
+    length = float(np.linalg.norm(axis))
+    geom.pos = 0.5 * (start + end)
+    if length < 1e-9:
+        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0]
+        return
+    mujoco.mju_quatZ2Vec(quaternion, axis / length)
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, [radius, 0.5 * length, 0]
+    geom.quat = quaternion
 
 
 def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body) -> Any:
     geom = parent.add_geom(name=f"shape {body.name}")
     match body.shape:
         case Capsule(ends=ends, radius=radius):
-            axis = ends[1] - ends[0]
-            length = float(np.linalg.norm(axis))
-            geom.pos = ends.mean(axis=0)
-            if length < 1e-9:
-                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0]
-            else:
-                quaternion = np.empty(4)
-                mujoco.mju_quatZ2Vec(quaternion, axis / length)
-                geom.type, geom.quat = mujoco.mjtGeom.mjGEOM_CAPSULE, quaternion
-                geom.size = [radius, 0.5 * length, 0]
+            _make_rod(mujoco, geom, ends[0], ends[1], radius)
         case Hull(vertices=vertices):
             mesh = spec.add_mesh(name=f"shape {body.name}", uservert=vertices.ravel().tolist())
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
@@ -73,5 +104,5 @@ def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body) -> Any:
     return geom
 
 
-def _make_robot(geom: Any) -> None:
-    geom.contype, geom.conaffinity, geom.mass = 0, GROUND, 0.0
+def _let_touch(geom: Any, what: int) -> None:
+    geom.contype, geom.conaffinity, geom.mass = 0, what, 0.0
