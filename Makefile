@@ -4,10 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test docs fuzz soak lint lowest bench clean
+.PHONY: demo view test docs fuzz soak lint lowest bench clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
+
+# The same, moving, in a web browser: open the address that is printed; Ctrl-C ends it.
+view: $(VENV)/view.stamp
+	$(BIN)/wbc view problems/astronaut_expand.yaml
 
 test: $(VENV)/dev.stamp
 	$(BIN)/python -m pytest -n auto
@@ -52,6 +56,10 @@ clean:
 # `make test` after `make demo` only adds what is missing.
 $(VENV)/demo.stamp: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/pip install -qq --editable '.[plot]'
+	touch $@
+
+$(VENV)/view.stamp: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/pip install -qq --editable '.[plot,view]'
 	touch $@
 
 $(VENV)/dev.stamp: pyproject.toml | $(VENV)/bin/python
