@@ -7,7 +7,12 @@ from tests.conftest import ROBOTS, load, random_state
 from wbc.constraints import Contact, Limits, PointContact, PositionBox, support
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller
+from wbc.controllers.native_plan import NativeProblem
 from wbc.native import VARIABLE, status
+from wbc.qp import daqp_direct
+from wbc.qp.daqp import Daqp
+from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.kkt import kkt_residuals
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation
 from wbc.tasks import (
@@ -312,3 +317,136 @@ def test_the_same_bits_twice(native, rng) -> None:
     found = [controller_of(robot, tasks)._native.problem(one) for one in (snapshot, again)]
     for field in FIELDS:
         np.testing.assert_array_equal(*(getattr(one.qp, field) for one in found))
+
+
+# ---------------------------------------------------------------------- solved in the core
+
+direct = pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
+
+
+def solved(controller: KinematicController, snapshot: Snapshot) -> NativeProblem:
+    found = controller._native.problem(snapshot)
+    assert found is not None
+    assert found.solution is not None
+    return found
+
+
+@direct
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> None:
+    """Limits active on the base and on joints; contacts with rows that depend on each other too."""
+    robot = native(name)
+    rng = np.random.default_rng(3)
+    backend, active = Daqp(), 0
+    for k in range(20):
+        snapshot = robot.snapshot(*random_state(robot, rng))
+        frames = [robot.frame_names[i] for i in rng.integers(1, len(robot.frame_names), size=2)]
+        contacts = [Contact.hold(snapshot, frame) for frame in dict.fromkeys(frames[: k % 3])]
+        limits = Limits(robot, base_twist=0.2 * np.ones(6)) if k % 2 else Limits(robot)
+        there = robot.snapshot(*random_state(robot, rng))
+        tasks = [
+            ComTask(robot, snapshot.com + 0.02 * rng.normal(size=3), weight=10.0),
+            InertiaTask(robot, there.inertia, per_mass=True, weight=3.0),
+            PostureTask(robot, there.q, weight=0.3, gain=0.05),
+        ]
+        controller = controller_of(robot, tasks, contacts, limits=limits)
+        found = controller._native.problem(snapshot)
+        expected = backend.solve(found.qp)
+        if found.solution is None:  # left to Python, which finds rows in conflict or solves it
+            assert len(contacts) == 2
+            continue
+        ours = found.solution
+        assert expected.solved
+        # Damping 1e-6 beside weights of 10: what is left undetermined is a part in 1e7.
+        scale = max(1.0, np.abs(expected.x).max())
+        np.testing.assert_allclose(ours.x, expected.x, rtol=0.0, atol=1e-6 * scale)
+        theirs = kkt_residuals(found.qp, ours.x, ours.y, ours.z, ours.z_box)
+        for field in ("primal", "dual", "complementarity"):
+            a, b = getattr(ours.residuals, field), getattr(theirs, field)
+            assert a == pytest.approx(b, abs=1e-10)
+            assert a <= backend.eps
+        active += np.count_nonzero(np.abs(ours.z_box) > 1e-6)
+    assert active > 20
+
+
+@direct
+def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatch) -> None:
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    tasks = [ComTask(robot, here.com + 0.01), PostureTask(robot, q, weight=0.1)]
+    controller = controller_of(robot, tasks, support(here, "double"))
+    plan = controller._native
+    call = plan._call
+    for entry, value in ((10, 1e-3), (11, np.nan), (12, np.inf)):
+
+        def spoilt(*arguments, place=entry - 10, value=value):
+            said = call(*arguments)
+            plan._out[plan._cuts[10] + place] = value
+            return said
+
+        plan._call = spoilt
+        assert plan.problem(here).solution is None
+        assert controller.step(here).ok  # solved by the backend
+    plan._call = call
+    assert plan.problem(here).solution is not None
+
+
+@direct
+def test_dependent_contacts_are_not_solved_in_the_core(native) -> None:
+    """Two tasks hold the same rows: there is no pivot for the second."""
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    held = [
+        PositionTask(robot, "left_sole", here.position("left_sole"), name=name) for name in "ab"
+    ]
+    controller = controller_of(robot, [PostureTask(robot, q)], held)
+    assert controller._native.problem(here).solution is None
+    assert controller.step(here).ok
+
+
+@direct
+def test_only_daqp_as_it_is_runs_in_the_core(native) -> None:
+    class Other(Daqp):
+        """Its answers may be anything."""
+
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture())
+    tasks = [PostureTask(robot, here.q)]
+    for options in (
+        {"solver": "proxqp"},
+        {"solver": Other()},
+        {"solver": "daqp", "formulation": "reduced"},
+    ):
+        assert controller_of(robot, tasks, **options)._native.problem(here).solution is None
+    assert solved(controller_of(robot, tasks), here).solution.solver == "daqp"
+
+
+@direct
+def test_settings_of_the_backend_are_kept(native) -> None:
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture())
+    tasks = [ComTask(robot, here.com + 0.1, weight=100.0), PostureTask(robot, here.q)]
+    limits = Limits(robot, base_twist=0.1 * np.ones(6))
+    whole = solved(controller_of(robot, tasks, limits=limits), here).solution
+    assert whole.iterations > 2
+    for most, there in ((whole.iterations - 1, False), (whole.iterations + 1, True)):
+        few = controller_of(robot, tasks, limits=limits, solver=Daqp(max_iterations=most))
+        assert (few._native.problem(here).solution is not None) == there
+
+
+@direct
+def test_daqp_is_only_called_where_its_layout_is_known(monkeypatch) -> None:
+    found = direct_daqp()
+    assert found.settings(1e-8, 7)[0] == 1e-9
+    for attribute, value, reason in (
+        ("VERSIONS", frozenset({"0.0.1"}), "is not among 0.0.1"),
+        ("_TOLERANCE", 1e-3, "settings are not where they were"),
+        ("_works", lambda direct: False, "answer to a trial is wrong"),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(daqp_direct, attribute, value)
+            refused = direct_daqp.__wrapped__()
+        assert refused.address == 0
+        assert reason in refused.reason

@@ -28,20 +28,20 @@ class KinematicController(Controller):
         if self._native is not None and self._native.serves(self.limits, self.dt):
             found = self._native.problem(snapshot)
         if found is not None:
-            ready = perf_counter()
-            outcome = self._within_limits(self._solver.solve_plain(found.qp))
+            ready = perf_counter() - (found.solution.solve_time if found.solution else 0.0)
+            outcome = self._within_limits(self._solver.solve_plain(found.qp, found.solution))
             if outcome.solved:
                 return self._tick(snapshot, found.residuals, outcome, 1.0, {}, start, ready)
         return super()._step(snapshot)
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         super()._plan(contacts)
-        plain = (
-            None
-            if self.constraints
-            else NativePlan.of(self.robot, self.tasks, self.plan, self.limits, self.dt)
-        )
-        self._native = plain
+        self._native = None
+        if not self.constraints:
+            backend = self.backend if self.formulation == "equality" else None
+            self._native = NativePlan.of(
+                self.robot, self.tasks, self.plan, self.limits, self.dt, backend
+            )
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return task.law.rows(residual, task.weight, self.dt)

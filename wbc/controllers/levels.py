@@ -159,9 +159,10 @@ class LevelSolver:
             outcome if len(self.plan.levels) == 1 else self._descend(problem, held, bounds, outcome)
         )
 
-    def solve_plain(self, qp: QP) -> Outcome:
-        """Return the optimum of the only level, its QP being assembled already."""
-        solution = self._solve_first(qp)
+    def solve_plain(self, qp: QP, solution: Solution | None) -> Outcome:
+        """Return the optimum of the only level: its QP is assembled already, maybe solved too."""
+        if solution is None:
+            solution = self._solve_first(qp)
         return Outcome(qp, solution, qp, self.plan.decision.nv, solution.solve_time, {})
 
     def reduce_singular(

@@ -9,8 +9,10 @@ handed back: the same snapshot then goes through the Python tick.
 from __future__ import annotations
 
 import ctypes
+import math
 import operator
 from collections.abc import Sequence
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +22,11 @@ from wbc.constraints.limits import Limits
 from wbc.controllers.plan import Plan
 from wbc.laws import Residual, VelocityLaw
 from wbc.native.rows import NativeRows
+from wbc.qp.backend import Backend
+from wbc.qp.daqp import Daqp
+from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
+from wbc.qp.solution import KktResiduals, Solution, Status
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import frame_places
 from wbc.robot.names import BASE
@@ -47,7 +53,7 @@ class _Plan(ctypes.Structure):
         *(
             (name, ctypes.c_void_p)
             for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
-            + ("start", "damping", "limit", "out", "scratch")
+            + ("start", "damping", "limit", "out", "scratch", "order", "quadprog", "settings")
         ),
         *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
         ("dt", ctypes.c_double),
@@ -55,35 +61,76 @@ class _Plan(ctypes.Structure):
 
 
 class _Part:
-    """One task or contact: where its numbers go, and which of them are there already."""
+    """One task or contact: where its numbers go, and which of them are there already.
+
+    Parameters
+    ----------
+    kept:
+        The rows of a contact that the QP gets; None for all.
+    """
 
     def __init__(self, task: Task, kept: Sequence[int] | None, held: bool) -> None:
         self.task = task
         self.held = held
         self.kept = None if kept is None else list(kept)
         self.rows = described(task)
-        self.changes = -1
-        self.begins: list[int] = []
+        self.changes = -1  # of the task, when its numbers were written
+        self._places: list[tuple[Array, ...]] = []
+        self._law: VelocityLaw | None = None
 
-    @property
-    def shape(self) -> list[tuple[object, ...]]:
-        """What must stay as it was planned."""
-        return [_shape(rows) for rows in self.rows or ()]
+    def chosen(self, rows: NativeRows) -> list[int]:
+        """Return the rows of a block that are kept."""
+        return list(range(len(rows.entries))) if self.kept is None else self.kept
 
-    def blocks(self) -> list[tuple[NativeRows, list[int]]]:
-        """Return each block with the rows of it that are kept."""
-        found = []
-        for rows in self.rows or ():
-            kept = list(range(len(rows.entries))) if self.kept is None else self.kept
-            found.append((rows, kept))
-        return found
+    def size(self, rows: NativeRows) -> int:
+        """Return how many numbers a block has."""
+        return _HEADER + 2 * len(self.chosen(rows)) + sum(map(np.size, rows.numbers))
+
+    def place(self, memory: Array) -> None:
+        """Remember where the numbers of the next block go."""
+        rows = (self.rows or ())[len(self._places)]
+        k = len(self.chosen(rows))
+        sizes = (_HEADER, k, k, *map(np.size, rows.numbers))
+        ends = np.cumsum(sizes).tolist()
+        self._places.append(
+            tuple(memory[end - size : end] for end, size in zip(ends, sizes, strict=True))
+        )
+
+    def write(self, dt: float) -> bool:
+        """Write the numbers of a task that was changed; False if it is another one now."""
+        task, planned = self.task, self.rows
+        changes, found = task._changes, described(task)
+        if found is None or planned is None or len(found) != len(planned):
+            return False
+        offset = 0
+        for now, before, place in zip(found, planned, self._places, strict=True):
+            header, weight, bias, *numbers = place
+            if (now[:3], len(now.numbers)) != (before[:3], len(numbers)):
+                return False
+            if task.law is not self._law:
+                gain = task.law.fraction(dt)
+                half = 0.5 * gain if task.law.curvature_damping and now.curved else 0.0
+                header[:] = gain / dt, half, task.law.lm_damping
+            k = len(now.entries)
+            if self.kept is None:
+                weight[:], bias[:] = task.weight[offset : offset + k], now.bias
+            else:
+                weight[:], bias[:] = task.weight[self.kept], now.bias[self.kept]
+            for to, values in zip(numbers, now.numbers, strict=True):
+                if values.size != to.size:
+                    return False
+                to[:] = values
+            offset += k
+        self.changes, self._law = changes, task.law
+        return True
 
 
 class NativeProblem(NamedTuple):
-    """A QP, and what diagnostics want to know of the tasks."""
+    """A QP, what diagnostics want to know of the tasks, and maybe the QP's checked solution."""
 
     qp: QP
     residuals: list[Residual]
+    solution: Solution | None
 
 
 class NativePlan:
@@ -93,7 +140,13 @@ class NativePlan:
     """
 
     def __init__(
-        self, robot: Robot, plan: Plan, parts: Sequence[_Part], limits: Limits | None, dt: float
+        self,
+        robot: Robot,
+        plan: Plan,
+        parts: Sequence[_Part],
+        limits: Limits | None,
+        dt: float,
+        backend: Backend | None,
     ) -> None:
         passes = robot.native
         assert passes is not None
@@ -104,15 +157,17 @@ class NativePlan:
         frames = [BASE]
         index: list[int] = []
         blocks: list[tuple[int, ...]] = []
+        begins: list[tuple[_Part, int]] = []
         size, costs, held = 0, 0, 0
         for part in parts:
-            for rows, kept in part.blocks():
+            for rows in part.rows or ():
+                kept = part.chosen(rows)
                 k, first = len(kept), held if part.held else costs
                 frame = -1 if rows.frame is None else _place(frames, rows.frame)
                 blocks.append((rows.kind, part.held, k, first, frame, len(index), size))
                 index += [rows.entries[i] for i in kept]
-                part.begins.append(size)
-                size += _HEADER + 2 * k + sum(map(np.size, rows.numbers))
+                begins.append((part, size))
+                size += part.size(rows)
                 held, costs = (held + k, costs) if part.held else (held, costs + k)
         self._ends = np.cumsum([len(part.task.rows) for part in parts if not part.held]).tolist()
         starts = np.array(robot.limits.starts, dtype=np.int64)
@@ -120,31 +175,55 @@ class NativePlan:
         joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
         limit = _limit_array(limits, n)
         self._number = np.zeros(size)
-        sizes = (nv * nv, held * nv, nv, nv, nv, held, costs)
+        for part, begin in begins:
+            part.place(self._number[begin:])
+        sizes = (nv * nv, held * nv, nv, nv, nv, held, costs, nv, held, nv, 4)
         self._cuts = [0, *np.cumsum(sizes).tolist()]
         self._out = np.zeros(self._cuts[-1])
-        scratch = np.zeros(len(frames) * tree.frame_size + max(costs, 6) * (nv + 2))
+        most, solving = max(costs, 6), 2 * held * nv + nv * nv + 6 * nv + held
+        scratch = np.zeros(max(len(frames) * tree.frame_size + most * (nv + 2), 2 * solving))
+        order = np.zeros(2 * nv, dtype=np.int64)
+        self._daqp = backend if type(backend) is Daqp and direct_daqp().address else None
+        settings = None
+        if self._daqp is not None:
+            settings = direct_daqp().settings(self._daqp.eps, self._daqp.max_iterations)
         self._state, self._q, self._v = np.zeros(tree.frames), np.zeros(robot.nq), np.zeros(nv)
         self._struct_blocks = (_Block * len(blocks))(*(_Block(*block) for block in blocks))
         indices = np.array(index or [0], dtype=np.int64)
         arrays: tuple[NDArray[Any], ...]
         damping = np.array(plan.decision.damping, dtype=float)
         arrays = (indices, self._number, joint, placement, starts, damping, limit)
-        self._kept = arrays = (*arrays, self._out, scratch)  # the struct points at them
-        addresses = [array.ctypes.data for array in arrays]
+        self._kept = arrays = (*arrays, self._out, scratch, order)  # the struct points at them
+        self._settings = settings
+        solver = (0, 0)
+        if settings is not None:
+            solver = (direct_daqp().address, ctypes.addressof(settings))
+        addresses = (*(array.ctypes.data for array in arrays), *solver)
         counts = (len(blocks), len(frames), costs, held, limits is not None)
         where = ctypes.addressof(self._struct_blocks)
         self._struct = _Plan(tree.address, where, *addresses, *counts, dt)
         state, q, v = (array.ctypes.data for array in (self._state, self._q, self._v))
-        self._call = tree.core.wbc_problem
+        self._call = tree.core.wbc_tick if settings is not None else tree.core.wbc_problem
         self._arguments = ctypes.addressof(self._struct), state, q, v
         self._sizes = held, nv
 
     @classmethod
     def of(
-        cls, robot: Robot, tasks: Sequence[Task], plan: Plan, limits: Limits | None, dt: float
+        cls,
+        robot: Robot,
+        tasks: Sequence[Task],
+        plan: Plan,
+        limits: Limits | None,
+        dt: float,
+        backend: Backend | None = None,
     ) -> NativePlan | None:
-        """Return the plan of plain ticks, or None: the core is not there, or does not know all."""
+        """Return the plan of plain ticks, or None: the core is not there, or does not know all.
+
+        Parameters
+        ----------
+        backend:
+            What solves the QP as it is; DAQP is called by the core itself. None: it does not.
+        """
         passes = robot.native
         if passes is None or len(plan.levels) > 1 or plan.soft or plan.decision.size != robot.nv:
             return None
@@ -155,7 +234,7 @@ class NativePlan:
             parts.append(_Part(contact, None if kept is None else kept.tolist(), held=True))
         if any(part.rows is None for part in parts):
             return None
-        return cls(robot, plan, parts, limits, dt)
+        return cls(robot, plan, parts, limits, dt, backend)
 
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
@@ -167,16 +246,19 @@ class NativePlan:
         if state is None:
             return None
         for part in self._parts:
-            if part.task._changes != part.changes and not self._refresh(part):
+            if part.task._changes != part.changes and not part.write(self._dt):
                 return None
         self._state[:] = state.array[: self._state.size]
         self._q[:] = snapshot.q
         self._v[:] = snapshot.v
-        if self._call(*self._arguments, snapshot.moving):
+        start = perf_counter()
+        said = self._call(*self._arguments, snapshot.moving)
+        if said > 0:
             return None
+        spent = perf_counter() - start
         cuts = self._cuts
         out = self._out[: cuts[6]].copy()
-        errors = self._out[cuts[6] :].copy()  # they may be kept longer than the QP
+        errors = self._out[cuts[6] : cuts[7]].copy()  # they may be kept longer than the QP
         P, A, g = out[: cuts[1]], out[cuts[1] : cuts[2]], out[cuts[2] : cuts[3]]
         lower, upper, b = out[cuts[3] : cuts[4]], out[cuts[4] : cuts[5]], out[cuts[5] :]
         held, nv = self._sizes
@@ -197,26 +279,21 @@ class NativePlan:
         for end in self._ends:
             residuals.append(Residual(errors[begin:end], _NONE, _NONE))
             begin = end
-        return NativeProblem(qp, residuals)
+        solved = said == 0 and self._daqp is not None
+        return NativeProblem(qp, residuals, self._solution(spent) if solved else None)
 
-    def _refresh(self, part: _Part) -> bool:
-        """Write the numbers of a task that was changed; False if it is another one now."""
-        changes = part.task._changes
-        rows, law = described(part.task), part.task.law
-        if rows is None or [_shape(one) for one in rows] != part.shape:
-            return False
-        part.rows = rows
-        gain = law.fraction(self._dt)
-        offset = 0
-        for (block, kept), begin in zip(part.blocks(), part.begins, strict=True):
-            half = 0.5 * gain if law.curvature_damping and block.curved else 0.0
-            weight = part.task.weight[offset : offset + len(block.entries)]
-            offset += len(block.entries)
-            header = (gain / self._dt, half, law.lm_damping)
-            new = np.concatenate((header, weight[kept], block.bias[kept], *block.numbers))
-            self._number[begin : begin + new.size] = new
-        part.changes = changes
-        return True
+    def _solution(self, spent: float) -> Solution | None:
+        """Return what DAQP answered if its residuals are small enough to need no second look."""
+        assert self._daqp is not None
+        eps, cuts, out = self._daqp.eps, self._cuts, self._out
+        *residuals, iterations = out[cuts[10] :].tolist()
+        if not max(residuals) <= eps or math.isnan(sum(residuals)):
+            return None
+        x, y, z_box = (out[cuts[k] : cuts[k + 1]].copy() for k in (7, 8, 9))
+        return Solution(
+            x, y, _NONE, z_box, Status.SOLVED, KktResiduals(*residuals), int(iterations), spent,
+            self._daqp.name,
+        )  # fmt: skip
 
 
 def described(task: Task) -> Sequence[NativeRows] | None:
@@ -230,11 +307,6 @@ def described(task: Task) -> Sequence[NativeRows] | None:
     if rows is not None and len(rows) > 1 and law.lm_damping > 0.0:
         return None  # by the error of the whole task, which is in several blocks
     return rows
-
-
-def _shape(rows: NativeRows) -> tuple[object, ...]:
-    """Return what the plan's places depend on."""
-    return rows.kind, rows.frame, rows.entries, tuple(np.size(part) for part in rows.numbers)
 
 
 def _read(limits: Limits | None) -> tuple[object, ...]:

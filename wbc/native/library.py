@@ -16,7 +16,7 @@ VARIABLE = "WBC_NATIVE"
 MODES = ("auto", "off", "require")
 VERSION = 1  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long.
-_FUNCTIONS = {"wbc_state": 8, "wbc_frames": 6, "wbc_problem": 5}
+_FUNCTIONS = {"wbc_state": 8, "wbc_frames": 6, "wbc_problem": 5, "wbc_tick": 5}
 
 
 class Core:
@@ -42,6 +42,7 @@ class Core:
         self.wbc_state: Any = library.wbc_state
         self.wbc_frames: Any = library.wbc_frames
         self.wbc_problem: Any = library.wbc_problem
+        self.wbc_tick: Any = library.wbc_tick
 
 
 class Status(NamedTuple):

@@ -73,15 +73,24 @@ typedef struct {
     const double *limit; /* (4, nv - 6): lower, upper, speed, acceleration; (2, 6): the base's */
     double *out;
     double *scratch;
+    int64_t *order;       /* (2 nv), scratch too */
+    const void *quadprog; /* DAQP's function, or 0 */
+    void *settings;       /* and its settings */
     int64_t blocks, frames, costs, held, limited;
     double dt;
 } wbc_plan;
 
 /* The QP in out: P (nv, nv), A (held, nv), g, lower, upper (nv each), b (held), then the tasks'
- * errors (costs). */
-enum handed_over { DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
-/* Write the QP of a plain tick, or say why it is not one. scratch holds WBC_SCRATCH numbers. */
+ * errors (costs), and what wbc_solve writes. UNSOLVED: the QP is there, but no answer. */
+enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
+/* Write the QP of a plain tick, or say why it is not one. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
+/* Solve it by DAQP: x (nv), y (held), z of the box (nv), primal, dual and complementarity residuals,
+ * iterations; Python judges by the residuals. */
+int wbc_solve(const wbc_plan *plan);
+/* Both. */
+int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
+             int64_t moving);
 
 #endif

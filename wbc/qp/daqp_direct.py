@@ -1,0 +1,113 @@
+"""DAQP's own C function, found in the extension module that Python loads, for the native core.
+
+Its structures change with its version: they are known for the versions listed, and what is loaded
+is tried on a small QP before it is used. Everywhere else DAQP is called through Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+VERSIONS = frozenset({"0.11.0"})
+_SETTINGS = 64  # doubles, far more than DAQP's settings have
+_ITERATIONS = 11  # the limit's place among the settings, read as integers
+_TOLERANCE = 1e-6  # DAQP's default for the first of them, and 10000 for the limit
+
+
+class Problem(ctypes.Structure):
+    """``DAQPProblem``; also in wbc/native/source/solve.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_int) for name in ("n", "m", "simple")),
+        *((name, ctypes.c_void_p) for name in ("H", "f", "A", "upper", "lower", "sense", "breaks")),
+        *((name, ctypes.c_int) for name in ("hierarchy", "kind")),
+    ]
+
+
+class Result(ctypes.Structure):
+    """``DAQPResult``, with a reserve."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("x", "multipliers")),
+        *((name, ctypes.c_double) for name in ("value", "slack")),
+        *((name, ctypes.c_int) for name in ("flag", "iterations", "nodes")),
+        *((name, ctypes.c_double) for name in ("solve_time", "setup_time")),
+        ("reserve", ctypes.c_double * 8),
+    ]
+
+
+class DirectDaqp(NamedTuple):
+    """DAQP's function by its address, or why it cannot be called; ``library`` keeps it loaded."""
+
+    address: int
+    reason: str
+    library: ctypes.PyDLL | None = None
+
+    def settings(self, eps: float, max_iterations: int) -> ctypes.Array[ctypes.c_double]:
+        """Return settings as :class:`wbc.qp.daqp.Daqp` asks for."""
+        assert self.library is not None
+        made = (ctypes.c_double * _SETTINGS)()
+        self.library.daqp_default_settings(ctypes.byref(made))
+        made[0] = 0.1 * eps
+        _integers(made)[_ITERATIONS] = max_iterations
+        return made
+
+
+@cache
+def direct_daqp() -> DirectDaqp:
+    """Return DAQP's function, looked for once."""
+    try:
+        found = version("daqp")
+        if found not in VERSIONS:
+            return DirectDaqp(0, f"DAQP {found} is not among {', '.join(sorted(VERSIONS))}")
+        library = ctypes.PyDLL(str(daqp.__file__))
+        defaults = (ctypes.c_double * _SETTINGS)()
+        library.daqp_default_settings(ctypes.byref(defaults))
+        limit = int(_integers(defaults)[_ITERATIONS])
+        if (defaults[0], limit) != (_TOLERANCE, 10000):
+            return DirectDaqp(0, "DAQP's settings are not where they were")
+        address = ctypes.cast(library.daqp_quadprog, ctypes.c_void_p).value or 0
+        direct = DirectDaqp(address, f"DAQP {found} is called directly", library)
+        return direct if _works(direct) else DirectDaqp(0, "DAQP's answer to a trial is wrong")
+    except (PackageNotFoundError, OSError, AttributeError) as error:
+        return DirectDaqp(0, f"DAQP's C function is not found: {error}")
+
+
+def _integers(settings: ctypes.Array[ctypes.c_double]) -> NDArray[np.intc]:
+    """Return a view on settings, read as integers."""
+    return np.ndarray(2 * _SETTINGS, dtype=np.intc, buffer=memoryview(settings))
+
+
+def _works(direct: DirectDaqp) -> bool:
+    """Whether DAQP gives the same bits as through Python, on a QP with active rows and bounds."""
+    rng = np.random.default_rng(0)
+    n, m = 8, 12
+    square = rng.standard_normal((n, n))
+    H, f, A = square.T @ square, 3.0 * rng.standard_normal(n), rng.standard_normal((m - n, n))
+    upper, lower = 0.3 + rng.random(m), -0.3 - rng.random(m)
+    sense = np.zeros(m, dtype=np.intc)
+    settings = direct.settings(1e-8, 1000)
+    wanted, _, flag, info = daqp.solve(
+        H, f, A, upper, lower, sense, primal_tol=1e-9, iter_limit=1000
+    )
+    x, multipliers = np.zeros(n), np.zeros(m)
+    places = [array.ctypes.data for array in (H, f, A, upper, lower, sense)]
+    problem = Problem(n, m, n, *places, None, 0, 0)
+    result = Result(x.ctypes.data, multipliers.ctypes.data)
+    assert direct.library is not None
+    direct.library.daqp_quadprog(
+        ctypes.byref(result), ctypes.byref(problem), ctypes.byref(settings)
+    )
+    return bool(
+        (result.flag, result.iterations) == (flag, info["iterations"])
+        and np.array_equal(x, wanted)
+        and np.array_equal(multipliers, info["lam"])
+        and np.count_nonzero(multipliers) > 2
+    )
