@@ -64,6 +64,33 @@ def test_the_momentum_error_is_of_the_integrators_order(load: Load, random_state
     assert 1.7 < errors[0] / errors[1] < 2.3 and 1.7 < errors[1] / errors[2] < 2.3
 
 
+def test_energy_in_flight_is_kept_to_the_order_of_the_integrator(
+    load: Load, random_state: State
+) -> None:
+    """Without torques and damping: kinetic and potential energy, by Pinocchio."""
+    robot, errors = load("g1"), []
+    assert not robot.damping.any()
+    for physics_dt in (1e-3, 5e-4):
+        rng = np.random.default_rng(5)
+        plant = Plant(robot, shapes=False, physics_dt=physics_dt)
+        plant.model.jnt_limited[:] = 0  # stops take energy
+        q, v = random_state(robot, rng)
+        q[2] = 50.0
+        plant.reset(q, 0.3 * v)
+
+        def energy(plant: Plant) -> float:
+            s = plant.snapshot()
+            height = 9.81 * robot.mass * (s.com[2] - 50.0)
+            return 0.5 * float(s.v @ s.mass_matrix @ s.v) + height
+
+        start = energy(plant)
+        for _ in range(50):
+            plant.step(np.zeros(robot.nv - 6))
+        errors.append(energy(plant) - start)
+    assert abs(errors[0]) < 2e-2 * 9.81 * robot.mass * 0.05  # of the height fallen in 0.1 s
+    assert 1.7 < errors[0] / errors[1] < 2.3
+
+
 @pytest.mark.parametrize("name", ["g1", "hoap2_like"])
 def test_standing_the_feet_carry_the_weight_under_the_com(load: Load, name: str) -> None:
     humanoid = load(name)
@@ -96,12 +123,12 @@ def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion(load: Load) -
     plant._contacts = None  # read anew
     s = robot.snapshot(q, v)
     qacc = plant.states.acceleration_from_mujoco(q, v, plant.data.qacc)
-    free = s.mass_matrix @ qacc + s.bias  # base rows: only the ground acts
+    free = s.mass_matrix @ qacc + s.bias  # without torques only the ground acts
     wrenches = plant.contact_forces
     from_feet = sum(s.jacobian(frame).T @ wrench for frame, wrench in wrenches.items())
     size = np.abs(free[:6]).max()
     assert size > 10.0 and plant.touching() == ()
-    np.testing.assert_allclose(free[:6], from_feet[:6], atol=1e-8 * size)
+    np.testing.assert_allclose(free, from_feet, atol=1e-8 * size)
     # on level ground the CoP is where the whole moment has no horizontal part, at its height
     total = sum(wrenches.values())[:3]
     moment = sum(w[3:] + np.cross(s.position(f) - plant.cop, w[:3]) for f, w in wrenches.items())
@@ -240,6 +267,38 @@ def test_a_step_carries_the_foot_that_stands_on_it(load: Load) -> None:
     holding(plant, q, 0.2)
     assert plant.cop is not None and plant.cop[2] == pytest.approx(0.05, abs=1e-3)
     assert sum(plant.contact_forces.values())[2] == pytest.approx(9.81 * robot.mass, rel=0.02)
+
+
+def test_an_arm_stops_at_the_body_if_links_may_meet(load: Load) -> None:
+    """An arm that is driven across the body goes through it by default, as it says."""
+    robot, ends = load("g1"), []
+    joint = robot.joint_index("left_shoulder_roll_joint") - 6
+    names = [(f"left_{part}_joint", 0.0) for part in ("shoulder_pitch", "elbow")]
+    for option in (False, True):
+        plant = Plant(robot, self_collision=option)
+        q = robot.posture("standing", dict(names))
+        q[2] += 5.0
+        plant.reset(q)
+        for _ in range(150):
+            torque = -1.0 * plant.state()[1][6:]
+            torque[joint] -= 12.0
+            plant.step(np.clip(torque, -20.0, 20.0))
+        ends.append(robot.limits.joint_positions(plant.state()[0])[joint])
+        assert not plant.contacts.points.size and not plant.touching()
+        assert bool(plant.self_contacts()) == option
+        if option:
+            assert any("left" in a + b for a, b in plant.self_contacts())
+    assert ends[1] > ends[0] + 0.3
+
+
+def test_links_that_may_meet_do_not_when_standing(load: Load) -> None:
+    for name in ("g1", "hoap2_like"):
+        robot = load(name)
+        plant = Plant(robot, self_collision=True)
+        assert plant.self_contacts() == () == plant.touching()
+        # internal forces are no forces of the ground
+        plant.step(np.zeros(robot.nv - 6))
+        assert len(plant.contacts.points) == sum(len(f.polygon) for f in robot.feet.values())
 
 
 def test_a_step_edge_below_the_soles_is_felt() -> None:

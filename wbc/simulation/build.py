@@ -16,7 +16,7 @@ from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.simulation.mismatch import ModelMismatch, PrincipalInertia, true_inertias
-from wbc.simulation.shapes import PLANE, STEP, add_shapes
+from wbc.simulation.shapes import PLANE, STEP, ShapeOptions, add_shapes
 from wbc.simulation.terrain import IMPEDANCE, Terrain
 from wbc.validate import Array
 
@@ -75,7 +75,7 @@ def build(
     robot: Robot,
     terrain: Terrain,
     mismatch: ModelMismatch,
-    shapes: bool,
+    shapes: ShapeOptions,
     physics_dt: float,
 ) -> Built:
     """Return the MuJoCo model of a robot on a terrain.
@@ -91,7 +91,7 @@ def build(
     _add_terrain(mujoco, spec, terrain, mismatch.friction)
     inertias = true_inertias(robot, mismatch)
     bodies = _add_tree(mujoco, spec, robot, inertias)
-    labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes, bool(terrain.steps))
+    labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes)
     _add_gears(mujoco, spec, robot, physics_dt)
     try:
         model = spec.compile()

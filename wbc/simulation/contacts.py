@@ -60,30 +60,41 @@ class Contacts:
 
 
 def read_contacts(mujoco: Any, built: Built, data: Any) -> Contacts:
-    """Return the contacts that the last physics step (or ``mj_forward``) found."""
-    contact, count = data.contact, int(data.ncon)
-    points, frames = np.array(contact.pos), np.array(contact.frame).reshape(count, 3, 3)
-    local = np.zeros((count, 6))
-    for k in range(count):
-        mujoco.mj_contactForce(built.model, data, k, local[k])
-    # The frame's first row is the normal, from the first geom to the second, on which the force
-    # acts; MuJoCo orders a pair by the geoms' types, so that either may be the robot.
-    mine, signs = list[int](), np.ones(count)
-    for k, (first, second) in enumerate(contact.geom.tolist()):
-        mine.append(second if built.links[second] else first)
-        signs[k] = 1.0 if built.links[second] else -1.0
+    """Return the contacts with the ground that the last step (or ``mj_forward``) found."""
+    contact, links = data.contact, built.links
+    pairs = contact.geom.tolist()
+    chosen = [k for k, (a, b) in enumerate(pairs) if not (links[a] and links[b])]
+    count = len(chosen)
+    points, frames = contact.pos[chosen], contact.frame[chosen].reshape(count, 3, 3)
+    local, mine, signs = np.zeros((count, 6)), list[int](), np.ones(count)
+    for row, k in enumerate(chosen):
+        mujoco.mj_contactForce(built.model, data, k, local[row])
+        # The frame's first row is the normal, from the first geom to the second, on which the force
+        # acts; MuJoCo orders a pair by the geoms' types, so that either may be the robot.
+        first, second = pairs[k]
+        mine.append(second if links[second] else first)
+        signs[row] = 1.0 if links[second] else -1.0
     forces = np.einsum("kij,ki->kj", frames, local[:, :3]) * signs[:, None]
     return Contacts(
-        points=points.reshape(count, 3),
+        points=points,
         forces=forces,
         normals=frames[:, 0] * signs[:, None],
         feet=tuple(built.feet[g] for g in mine),
-        links=tuple(built.links[g] for g in mine),
+        links=tuple(links[g] for g in mine),
     )
 
 
 def touching_links(built: Built, data: Any) -> tuple[str, ...]:
-    """Return the links that touch with anything but a sole, without reading any force."""
-    geoms = {geom for pair in data.contact.geom.tolist() for geom in pair}
-    found = {built.links[geom] for geom in geoms if built.links[geom] and not built.feet[geom]}
+    """Return the links that touch the ground with anything but a sole, without any force."""
+    links, found = built.links, set[str]()
+    for pair in data.contact.geom.tolist():
+        touched = [geom for geom in pair if links[geom]]
+        if len(touched) == 1 and not built.feet[touched[0]]:
+            found.add(links[touched[0]])
     return tuple(sorted(found))
+
+
+def self_contacts(built: Built, data: Any) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of links that touch each other."""
+    pairs = ((built.links[a], built.links[b]) for a, b in data.contact.geom.tolist())
+    return tuple(sorted({(min(pair), max(pair)) for pair in pairs if all(pair)}))

@@ -7,24 +7,24 @@ from collections import deque
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.tree import LARGEST
 from wbc.simulation.build import build
-from wbc.simulation.contacts import Contacts, read_contacts, touching_links
+from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
 from wbc.simulation.engine import SimulationError, check_warnings, load_mujoco, quietly
 from wbc.simulation.mismatch import EXACT, ModelMismatch
-from wbc.simulation.push import Push, apply_pushes
+from wbc.simulation.push import Push, apply_pushes, push_point
 from wbc.simulation.sensors import Measurements, Sensors
+from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one
 STANDING = "standing"
-COM = "com"
 PERFECT = Sensors()
 
 
@@ -48,6 +48,8 @@ class Plant:
     shapes:
         Whether the links' collision shapes meet the ground too, not only the soles. A robot
         without such shapes gets a note.
+    self_collision:
+        Whether links meet each other, too: the pairs of self-collision constraints.
     saturate:
         Hold torques to the robot's effort limits, as motors would; see :attr:`saturated`.
     sensors:
@@ -89,6 +91,7 @@ class Plant:
         friction: float | None = None,
         terrain: Terrain | None = None,
         shapes: bool = True,
+        self_collision: bool = False,
         saturate: bool = True,
         sensors: Sensors = PERFECT,
         mismatch: ModelMismatch = EXACT,
@@ -107,7 +110,8 @@ class Plant:
         if terrain is None:
             terrain = Terrain() if friction is None else Terrain(friction=friction)
         self.terrain = terrain
-        self._built = build(self._mujoco, robot, terrain, mismatch, shapes, self.physics_dt)
+        options = ShapeOptions(shapes, bool(terrain.steps), self_collision)
+        self._built = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
         self.notes = self._built.notes
         self.model = self._built.model
         self.data = self._mujoco.MjData(self.model)
@@ -245,12 +249,7 @@ class Plant:
             Not finite numbers, no duration, or a start that is over.
         """
         self.robot.frame_id(body)
-        if isinstance(point, str):
-            if point != COM:
-                raise UnknownNameError("point of a push", point, [COM])
-            s = self.snapshot()
-            point = s.rotation(body).T @ (s.com - s.position(body))
-        place = finite_array("push, point", np.zeros(3) if point is None else point, (3,))
+        place = push_point(point, body, self.snapshot)
         when = self.time if start is None else finite_number("push, start", start, least=self.time)
         push = Push(body, finite_array("push, force", force, (3,)), place, when, duration, profile)
         self.pushes.append(push)
@@ -277,7 +276,7 @@ class Plant:
 
     @property
     def contacts(self) -> Contacts:
-        """Contacts with their forces, as the last step of the physics had them."""
+        """Contacts with the ground, as the last step of the physics had them."""
         if self._contacts is None:
             self._contacts = read_contacts(self._mujoco, self._built, self.data)
         return self._contacts
@@ -304,6 +303,10 @@ class Plant:
     def touching(self) -> tuple[str, ...]:
         """Return the links that touch the ground with anything but a sole."""
         return touching_links(self._built, self.data)
+
+    def self_contacts(self) -> tuple[tuple[str, str], ...]:
+        """Return the pairs of links that touch each other; none without ``self_collision``."""
+        return self_contacts(self._built, self.data)
 
     @property
     def com(self) -> Array:

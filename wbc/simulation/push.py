@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.errors import UnknownNameError
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.validate import Array, check_fields, finite_array, read_only, set_fields
 
+COM = "com"
 PROFILES = ("rectangular", "half_sine")
 
 
@@ -76,6 +78,26 @@ class Push:
         if self.profile == "rectangular":
             return end - begin
         return (math.cos(np.pi * begin) - math.cos(np.pi * end)) / np.pi
+
+
+def push_point(point: ArrayLike | str | None, body: str, snapshot: Callable[[], Snapshot]) -> Array:
+    """Return where a push acts (3,), in the body's axes from its origin [m].
+
+    Raises
+    ------
+    UnknownNameError
+        A word that is not ``com``.
+    InvalidInputError
+        Not three finite numbers.
+    """
+    if point is None:
+        return np.zeros(3)
+    if isinstance(point, str):
+        if point != COM:
+            raise UnknownNameError("point of a push", point, [COM])
+        s = snapshot()
+        return s.rotation(body).T @ (s.com - s.position(body))
+    return finite_array("push, point", point, (3,))
 
 
 def apply_pushes(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wbc.errors import ModelError
 from wbc.robot import Foot, Robot
-from wbc.robot.collision import Body, Capsule, Hull, robot_bodies
+from wbc.robot.collision import Body, Capsule, Hull, robot_bodies, select_pairs
 from wbc.validate import Array
 
 # Soles are balls at the corners of their polygons, lowest at the sole: all corners touch the plane
@@ -18,42 +19,79 @@ from wbc.validate import Array
 # a step's edge is felt where it passes below a sole; a step's corner inside of a sole is not. The
 # radius rolls a tipping foot by so much only.
 SOLE_RADIUS = 5e-3  # m
-# Bits of contype and conaffinity: the robot meets the ground and the steps, and not itself.
+# Bits of contype and conaffinity: the robot meets the ground and the steps; itself by pairs.
 PLANE, STEP = 1, 2
+SELF_FRICTION = 0.5
 
 Labels = dict[str, tuple[str, str]]
 
 
+@dataclass(frozen=True)
+class ShapeOptions:
+    """Which shapes of a robot touch what.
+
+    Attributes
+    ----------
+    links:
+        The links' collision shapes meet the ground, not only the soles.
+    steps:
+        There are steps for the soles' sides to meet.
+    self_collision:
+        Links meet each other too, in the pairs that :func:`wbc.robot.collision.select_pairs` finds
+        worth keeping apart.
+    """
+
+    links: bool = True
+    steps: bool = False
+    self_collision: bool = False
+
+
 def add_shapes(
-    mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot, shapes: bool, steps: bool
+    mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot, options: ShapeOptions
 ) -> tuple[Labels, tuple[str, ...]]:
     """Add soles and other shapes; return foot and link by geom, and notes.
 
-    Parameters
-    ----------
-    shapes:
-        Whether to add what is no sole.
-    steps:
-        Whether there are steps.
+    Raises
+    ------
+    ModelError
+        Links shall meet each other and have no shapes.
     """
     labels, notes = Labels(), list[str]()
     for foot in robot.feet.values():
-        labels |= _add_sole(mujoco, bodies, robot, foot, steps)
+        labels |= _add_sole(mujoco, bodies, robot, foot, options.steps)
     if not robot.feet:
         notes.append("the robot has no feet: no soles touch the ground")
-    found = tuple[Body, ...]()
-    if shapes:
+    raw, pairs = tuple[Body, ...](), tuple[tuple[int, int], ...]()
+    if options.links or options.self_collision:
         try:
-            found = robot_bodies(robot, fit="hull")
+            raw = robot_bodies(robot, fit="hull")
         except ModelError as error:
+            if options.self_collision:
+                raise
             notes.append(f"only soles touch the ground: {error}")
+    every = raw
+    if options.self_collision:
+        selection = select_pairs(robot, raw)
+        every, pairs = selection.bodies, selection.pairs
     feet = {_joint_of(robot, foot.frame) for foot in robot.feet.values()}
-    for body in found:
-        if body.joint not in feet:  # its shapes end where the sole begins, give or take a digit
-            labels[f"shape {body.name}"] = ("", body.link)
-            geom = _add_shape(mujoco, spec, bodies[body.joint], body)
-            _let_touch(geom, PLANE | STEP)
+    paired = {k for pair in pairs for k in pair}
+    for k, body in enumerate(every):
+        # A foot's shapes end where its sole begins, give or take a digit; finer shapes, which come
+        # after the raw ones, are for pairs only.
+        on_ground = options.links and body.joint not in feet and k < len(raw)
+        if on_ground or k in paired:
+            labels[_shape_name(k)] = ("", body.link)
+            geom = _add_shape(mujoco, spec, bodies[body.joint], body, _shape_name(k))
+            _let_touch(geom, PLANE | STEP if on_ground else 0)
+    for a, b in pairs:
+        pair = spec.add_pair(name=f"{_shape_name(a)}, {_shape_name(b)}")
+        pair.geomname1, pair.geomname2, pair.condim = _shape_name(a), _shape_name(b), 3
+        pair.friction = [SELF_FRICTION, SELF_FRICTION, 0.0, 0.0, 0.0]
     return labels, tuple(notes)
+
+
+def _shape_name(index: int) -> str:
+    return f"shape {index}"
 
 
 def _joint_of(robot: Robot, frame: str) -> int:
@@ -92,13 +130,13 @@ def _make_rod(mujoco: Any, geom: Any, start: Array, end: Array, radius: float) -
     geom.quat = quaternion
 
 
-def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body) -> Any:
-    geom = parent.add_geom(name=f"shape {body.name}")
+def _add_shape(mujoco: Any, spec: Any, parent: Any, body: Body, name: str) -> Any:
+    geom = parent.add_geom(name=name)
     match body.shape:
         case Capsule(ends=ends, radius=radius):
             _make_rod(mujoco, geom, ends[0], ends[1], radius)
         case Hull(vertices=vertices):
-            mesh = spec.add_mesh(name=f"shape {body.name}", uservert=vertices.ravel().tolist())
+            mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
             geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
     return geom
