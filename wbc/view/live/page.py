@@ -6,6 +6,7 @@ send it on.
 
 from __future__ import annotations
 
+import os
 import pickle
 import threading
 import time
@@ -30,6 +31,7 @@ from wbc.view.live.recording import Recording
 from wbc.view.live.shown import Shown
 from wbc.view.live.sliders import Sliders
 
+NICE = 10  # the control loop comes first where processors are few
 PERIOD = 1.0 / 40.0  # s between looks at what has come
 PANEL_PERIOD = 0.15  # s between changes of the numbers: faster cannot be read
 AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in sizes of the robot
@@ -178,6 +180,7 @@ class Page:
 
 def main(descriptor: int) -> None:
     """Serve the page until the pipe closes; run in a process of its own."""
+    os.nice(NICE)
     with Connection(descriptor) as pipe:
         place, setup = pickle.loads(pipe.recv_bytes()), pickle.loads(pipe.recv_bytes())
         try:

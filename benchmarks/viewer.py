@@ -1,0 +1,137 @@
+"""What the live viewer costs the control loop: the same ticks with and without it, in turns.
+
+    python -m benchmarks.viewer [--problem problems/safe_reach_g1.yaml] [--blocks 20] [--ticks 400]
+
+Three loops take turns, block by block: one that nobody looks at; one that updates a viewer whose
+frames are made and thrown away; and one whose frames are drawn by the page's process, with a client
+that reads everything. The second is what the viewer takes from the loop: storing a reference, and
+the interpreter's lock while frames are made. What the third adds is another process that works
+beside the loop: nothing where a processor is free, its share of the machine where none is.
+
+Printed are medians over the blocks of the CPU time of the loop's thread and of the time by the
+clock, and the median ratio to the neighbouring block that nobody looks at. Paced loops sleep until
+the next tick is due, as a real one does; their time is that of the ticks without the sleep.
+"""
+
+from __future__ import annotations
+
+import argparse
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from wbc.controllers import Controller
+from wbc.problem import load_problem
+from wbc.problem.problem import Problem
+from wbc.view.live.viewer import Viewer
+
+ALONE, MADE, DRAWN = "nobody looks", "frames made", "frames drawn"
+_CLIENT = (
+    "import sys, viser\n"
+    "from websockets.sync.client import connect\n"
+    "address = sys.argv[1].replace('http', 'ws').replace('localhost', '127.0.0.1')\n"
+    "client = connect(address, subprotocols=['viser-v' + viser.__version__], max_size=None)\n"
+    "for _ in client: pass\n"
+)
+
+
+def block(
+    controller: Controller, q: np.ndarray, ticks: int, viewer: Viewer | None, paced: bool
+) -> tuple[float, float]:
+    """Return CPU and clock time per tick [s] of a closed loop from ``q``."""
+    robot, dt = controller.robot, controller.dt
+    v = np.zeros(robot.nv)
+    cpu = clock = 0.0
+    due = time.perf_counter()
+    for k in range(ticks):
+        began, cpu_began = time.perf_counter(), time.thread_time()
+        snapshot = robot.snapshot(q, v)
+        tick = controller.step(snapshot)
+        v = tick.velocity
+        q = robot.integrate(q, v, dt)
+        if viewer is not None:
+            viewer.update(snapshot, tick, k * dt)
+        cpu += time.thread_time() - cpu_began
+        clock += time.perf_counter() - began
+        if paced:
+            due += dt
+            time.sleep(max(0.0, due - time.perf_counter()))
+    return cpu / ticks, clock / ticks
+
+
+@contextmanager
+def client(url: str) -> Iterator[None]:
+    """Have a client in another process, which reads whatever the page sends."""
+    process = subprocess.Popen([sys.executable, "-c", _CLIENT, url], stderr=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def measure(problem: Problem, blocks: int, ticks: int, paced: bool) -> None:
+    """Print what the viewer costs."""
+    controller, q = problem.executor().controller, problem.parts.start
+    found: dict[str, list[tuple[float, float]]] = {ALONE: [], MADE: [], DRAWN: []}
+    with Viewer(problem.parts.robot, controller, quiet=True) as viewer, client(viewer.url):
+        send: Callable[[object], None] = viewer._page.send
+
+        def throw_away(message: object) -> None:
+            pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
+
+        block(controller, q, ticks, viewer, paced=True)
+        time.sleep(5.0)  # the page loads its meshes
+        for k in range(blocks):
+            for name in list(found)[:: 1 if k % 2 else -1]:
+                viewer._page.send = throw_away if name == MADE else send  # type: ignore[method-assign]
+                one = None if name == ALONE else viewer
+                found[name].append(block(controller, q, ticks, one, paced))
+                time.sleep(0.2)  # the page draws what it has before the next block begins
+        viewer._page.send = send  # type: ignore[method-assign]
+    alone = np.array(found[ALONE])
+    for name, times in found.items():
+        here = np.array(times)
+        ratio = 100.0 * (np.median(here / alone, axis=0) - 1.0)
+        cpu, clock = 1e6 * np.median(here, axis=0)
+        print(
+            f"  {name:12} {cpu:7.1f} us CPU a tick ({ratio[0]:+5.1f} %),"
+            f" {clock:7.1f} us by the clock ({ratio[1]:+5.1f} %)"
+        )
+
+
+def update_cost(problem: Problem) -> None:
+    """Print what one update takes by itself."""
+    robot, controller = problem.parts.robot, problem.executor().controller
+    snapshot = robot.snapshot(problem.parts.start)
+    tick = controller.step(snapshot)
+    with Viewer(robot, controller, quiet=True) as viewer:
+        count = 200_000
+        began = time.thread_time()
+        for k in range(count):
+            viewer.update(snapshot, tick, 0.001 * k)
+        print(f"update(): {1e6 * (time.thread_time() - began) / count:.2f} us of CPU")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--problem", type=Path, default=Path("problems/safe_reach_g1.yaml"))
+    parser.add_argument("--blocks", type=int, default=20)
+    parser.add_argument("--ticks", type=int, default=400)
+    options = parser.parse_args()
+    problem = load_problem(options.problem)
+    assert isinstance(problem, Problem), "a robot's problem"
+    update_cost(problem)
+    for paced in (True, False):
+        print(f"{options.problem.stem}, {'in real time' if paced else 'as fast as can be'}:")
+        measure(problem, options.blocks, options.ticks, paced)
+
+
+if __name__ == "__main__":
+    main()
