@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
     from wbc.problem.pendulum.result import PendulumResult
+    from wbc.view.live.watching import Watching
 
 EXIT_CODES = (
     "Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met in"
@@ -62,10 +63,14 @@ def run(
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C."),
+    ] = False,
 ) -> None:
     """Run a problem and say what came of it."""
     with errors_in_one_line():
-        code = _solve(problem, output or [], plot, overrides_of(assign, solver), quiet)
+        code = _solve(problem, output or [], plot, overrides_of(assign, solver), quiet, view)
     raise typer.Exit(code)
 
 
@@ -78,25 +83,34 @@ def overrides_of(assignments: list[str] | None, solver: str | None = None) -> di
 
 
 def _solve(
-    path: Path, output: list[Path], plot: Path | None, overrides: dict[str, Any], quiet: bool
+    path: Path,
+    output: list[Path],
+    plot: Path | None,
+    overrides: dict[str, Any],
+    quiet: bool,
+    view: bool,
 ) -> int:
     """Run a problem, write and print what came of it, and return the exit code."""
     from wbc.cli.outputs import Outputs, check_picture, check_place, draw_result
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.problem import Problem, Result, load_problem
     from wbc.run.saving import result_format
+    from wbc.view.live.process import require_viser
 
     for each in output:
         result_format(each)
         check_place("--output", each)
     if plot is not None:
         check_picture("--plot", plot)
+    if view:
+        require_viser()
     problem = load_problem(path, overrides)
     if isinstance(problem, Problem) and not quiet:
         print_notes(problem.parts.robot)
-    result, interrupts = _run(problem, quiet)
-    interrupted = interrupts() or _search_interrupted(result)
     name = "stdin" if str(path) == "-" else path.stem
+    watching = watched(problem, name) if view else None
+    result, interrupts = _run(problem, quiet, watching)
+    interrupted = interrupts() or _search_interrupted(result)
     if interrupted and not output:
         output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{name}.npz"]
     outputs = Outputs()
@@ -115,11 +129,15 @@ def _solve(
         where = ", ".join(str(one) for one in outputs.written) or "nowhere"
         complain(f"interrupted; what was computed until then is in {where}")
         return interrupts.exit_code
+    if watching is not None and isinstance(result, Result):
+        watching.replay(result.history)
+        typer.echo(f"the run can be played again at {watching.viewer.url}; Ctrl-C ends", err=True)
+        watching.viewer.wait()
     return BAD_INPUT if outputs.failures else _exit_code(result)
 
 
 def _run(
-    problem: Problem | PendulumProblem, quiet: bool
+    problem: Problem | PendulumProblem, quiet: bool, watching: Watching | None
 ) -> tuple[Result | PendulumResult, Interrupts]:
     """Run a problem, until its end or a signal."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
@@ -130,7 +148,26 @@ def _run(
         if not isinstance(problem, Problem) and problem.spec.plan is not None:
             return problem.run(progress), Interrupts()  # nothing to keep until it is done
         with noted_interrupts() as interrupts:
+            if watching is not None and isinstance(problem, Problem):
+                return problem.run(progress, cancelled=interrupts, show=watching.show), interrupts
             return problem.run(progress, cancelled=interrupts), interrupts
+
+
+def watched(problem: Problem | PendulumProblem, name: str) -> Watching:
+    """Return what shows a problem's run.
+
+    Raises
+    ------
+    InvalidInputError
+        A pendulum's problem: the viewer shows robots.
+    """
+    from wbc.errors import InvalidInputError
+    from wbc.problem import Problem
+    from wbc.view.live.watching import Watching
+
+    if not isinstance(problem, Problem):
+        raise InvalidInputError("--view shows robots, and this is a pendulum's problem; use --plot")
+    return Watching(problem.parts.robot, title=name)
 
 
 def _search_interrupted(result: Result | PendulumResult) -> bool:

@@ -74,7 +74,7 @@ class Stage:
         self.pipe, theirs = multiprocessing.Pipe()
         place = free_place(HOST, None)
         self.server = Server(place.host, place.port, verbose=False)
-        self.page = Page(Setup(robot, "test", clock=True), self.server, theirs)
+        self.page = Page(Setup(robot, "test", clock=True, steer=True), self.server, theirs)
 
     @property
     def url(self) -> str:

@@ -1,6 +1,7 @@
 """A session: a problem that runs, is steered and begun again, whoever looks at it."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from tests.view.live.conftest import client_of, drag, soon
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
+from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.problem import Problem
 from wbc.run.simulate import simulate
 from wbc.run.stopping import Stop
@@ -124,7 +126,9 @@ def test_a_refused_target_is_said(problem: Problem, viewer: Viewer) -> None:
     assert "task 'com', target" in viewer.steering.refusal
 
 
-@pytest.mark.parametrize("name", ["rmp_swing_up", "global_small_g1"])
-def test_problems_without_a_controller_to_steer(name: str) -> None:
-    with pytest.raises(InvalidInputError, match="wbc run"):
-        checked(load_problem(PROBLEMS / f"{name}.yaml"))
+def test_problems_without_a_controller_to_steer(problem: Problem) -> None:
+    with pytest.raises(InvalidInputError, match="wbc run --plot"):
+        checked(load_problem(PROBLEMS / "rmp_swing_up.yaml"))
+    searching = problem.spec.model_copy(update={"controller": GlobalSpec.model_construct()})
+    with pytest.raises(InvalidInputError, match="wbc run --view"):
+        checked(replace(problem, spec=searching))

@@ -57,6 +57,10 @@ class Controls:
     def _begin_replay(self) -> None:
         self._replaying = True
 
+    def replay(self) -> None:
+        """Play the recording from its beginning."""
+        self.past, self._replaying = 0.0, True
+
     def show(self, recording: Recording, elapsed: float) -> None:
         """Keep the slider in step; ``elapsed`` [s] since the last call moves a replay."""
         first, last = recording.span

@@ -22,11 +22,14 @@ class Setup:
     ----------
     clock:
         Whether the loop can be paused, stepped, slowed down and begun again.
+    steer:
+        Whether targets and weights can be changed.
     """
 
     robot: Robot
     title: str
     clock: bool
+    steer: bool
 
 
 class TaskInfo(NamedTuple):
@@ -97,9 +100,9 @@ class Told:
     Attributes
     ----------
     seconds:
-        The tick's time, of which ``solve`` was spent in the solver.
+        The tick's time, of which ``solve`` was spent in the solver; None: not recorded.
     active:
-        Rows that hold the command back, the strongest first.
+        Rows that hold the command back, the strongest first; None: not recorded.
     at_limit:
         Joints at a bound of their velocity (their range, with braking distance, or their rate),
         with ``lower`` or ``upper``.
@@ -114,11 +117,11 @@ class Told:
     ok: bool
     report: str
     seconds: float
-    solve: float
+    solve: float | None
     step_scale: float
     errors: Mapping[str, Array]
-    active: tuple[str, ...]
-    at_limit: tuple[str, ...]
+    active: tuple[str, ...] | None
+    at_limit: tuple[str, ...] | None
     relaxed: Mapping[str, float]
     forces: Mapping[str, Array]
     acceleration: Array | None
@@ -138,7 +141,7 @@ class Frame:
     obstacles:
         Rotation and origin of each obstacle, by its name.
     remark:
-        What the user should know, such as the phase; or why the loop ended.
+        What the user should know, such as why the loop ended.
     """
 
     time: float
@@ -147,8 +150,16 @@ class Frame:
     told: Told | None = None
     targets: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
     obstacles: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
+    phase: str = ""
     remark: str = ""
     playing: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A whole run, instead of what was seen of it."""
+
+    frames: tuple[Frame, ...]
 
 
 # ---------------------------------------------------------------------- from the page

@@ -24,7 +24,7 @@ from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
-from wbc.view.live.messages import Cast, Frame, Request, Setup
+from wbc.view.live.messages import Cast, Frame, Replay, Request, Setup
 from wbc.view.live.panel import Panel
 from wbc.view.live.process import Failed, Ready
 from wbc.view.live.recording import Recording
@@ -97,13 +97,16 @@ class Page:
             self._margins,
             ObstaclesLayer(scene, size),
             TargetsLayer(scene, size),
-            HandlesLayer(scene, size, self.send),
         ]
+        if setup.steer:
+            self._layers.append(HandlesLayer(scene, size, self.send))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self._controls = Controls(gui, self.send, setup.clock)
             self._panel = Panel(gui, shapes.note)
-        self._sliders = Sliders(gui, tabs.add_tab("Steer"), self.send, size)
+        self._sliders: Sliders | None = None
+        if setup.steer:
+            self._sliders = Sliders(gui, tabs.add_tab("Steer"), self.send, size)
         with tabs.add_tab("Layers"):
             opacity = gui.add_slider("Robot opacity", 0.1, 1.0, 0.05, 1.0)
             opacity.on_update(lambda event: robot.set_opacity(event.target.value))
@@ -134,10 +137,13 @@ class Page:
                     self.receive(self._pipe.recv())
             self.draw()
 
-    def receive(self, message: Frame | Cast) -> None:
+    def receive(self, message: Frame | Cast | Replay) -> None:
         """Take note of a message."""
         if isinstance(message, Cast):
             self._cast = message
+        elif isinstance(message, Replay):
+            self._recording.replace(message.frames)
+            self._controls.replay()
         else:
             self._recording.add(message, self._cast)
 
@@ -163,7 +169,8 @@ class Page:
                 self._drawn_cast = cast
                 for layer in self._layers:
                     layer.cast(cast)
-                self._sliders.cast(cast, shown)
+                if self._sliders is not None:
+                    self._sliders.cast(cast, shown)
             for layer in self._layers:
                 if layer.root.visible:
                     layer.show(shown)
@@ -175,7 +182,8 @@ class Page:
             self._panel_at = now
             nearest = self._margins.nearest if self._margins.root.visible else ()
             self._panel.show(self._last, nearest)
-            self._sliders.show(self._last)
+            if self._sliders is not None:
+                self._sliders.show(self._last)
 
 
 def main(descriptor: int) -> None:

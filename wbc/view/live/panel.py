@@ -31,6 +31,8 @@ class Panel:
         frame, told = shown.frame, shown.frame.told
         paused = "" if frame.playing else " (paused)"
         parts = [_line("time", f"{frame.time:.3f} s{paused}"), *map(_remark, self._remarks(frame))]
+        if frame.phase:
+            parts.append(_line("phase", escape(frame.phase)))
         if shown.cast is not None:
             parts.append(_line("held", escape(", ".join(shown.held) or "nothing")))
         if told is not None:
@@ -65,7 +67,8 @@ def _remark(text: str) -> str:
 
 
 def _tick(told: Told, budget: float | None) -> str:
-    text = f"{1e3 * told.seconds:.2f} ms (solver {1e3 * told.solve:.2f})"
+    solver = "" if told.solve is None else f" (solver {1e3 * told.solve:.2f})"
+    text = f"{1e3 * told.seconds:.2f} ms{solver}"
     if budget is None:
         return _line("tick", text)
     colour = _BAD if told.seconds > budget else "inherit"
@@ -94,7 +97,9 @@ def _unit(units: tuple[str, ...]) -> str:
     return units[0] if len(set(units)) == 1 else ""
 
 
-def _names(names: Iterable[str]) -> str:
+def _names(names: Iterable[str] | None) -> str:
+    if names is None:
+        return "<span style='color:#999'>not recorded</span>"
     names = list(names)
     lines = [f"<div>{escape(name)}</div>" for name in names[:LISTED]]
     if len(names) > LISTED:

@@ -12,6 +12,7 @@ import pickle
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
@@ -115,7 +116,8 @@ class PageProcess:
                 stdout=subprocess.DEVNULL,
                 start_new_session=True,  # Ctrl-C is for the control process
             )
-        self._pipe = Connection(ours.detach())
+        self._socket = ours
+        self._pipe = Connection(os.dup(ours.fileno()))
         self.send(place)
         self.send(setup)
         answer = self._pipe.recv() if self._pipe.poll(SECONDS) else Failed("it did not answer")
@@ -144,8 +146,15 @@ class PageProcess:
         """
         return self._pipe.recv()
 
+    def hang_up(self) -> None:
+        """End the conversation: the page ends, and whoever waits for it is told."""
+        with suppress(OSError):  # it has hung up before
+            self._socket.shutdown(socket.SHUT_RDWR)
+
     def close(self) -> None:
-        """End the page."""
+        """End the page; nobody may be waiting for it."""
+        self.hang_up()
+        self._socket.close()
         self._pipe.close()
         try:
             self._process.wait(5.0)

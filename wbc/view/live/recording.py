@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 
 from wbc.view.live.messages import Cast, Frame
 
@@ -36,6 +37,15 @@ class Recording:
             half = self._most // 2
             self._frames = self._frames[:half:2] + self._frames[half:]
             self._times = self._times[:half:2] + self._times[half:]
+
+    def replace(self, frames: Sequence[Frame]) -> None:
+        """Take frames of a whole run; who played then is known from those that were seen."""
+        known = [self.at(frame.time) for frame in frames]
+        self._frames = [
+            (frame, None if seen is None else seen[1])
+            for frame, seen in zip(frames, known, strict=True)
+        ]
+        self._times = [frame.time for frame in frames]
 
     @property
     def latest(self) -> tuple[Frame, Cast | None] | None:

@@ -40,6 +40,7 @@ class Session:
         self._problem, self._viewer = problem, viewer
         self.clock = clock or Clock()
         self.ticks = 0
+        self._phase = ""
 
     def run(self, ticks: int | None = None) -> None:
         """Run until the page ends, or for so many ticks."""
@@ -62,28 +63,27 @@ class Session:
             return controller
 
         now: LoopTick | None = None
-        remark = ""
         for now in closed_loop(phases.controller, self._problem.parts.start, FOR_EVER, update):
             self.ticks += 1
-            phase = phases.standing.phase
-            remark = f"phase {phase}" if phase else ""
-            self._show(now, remark)
-            if self.ticks >= last or not self._wait(now, remark):
-                return now, remark
+            self._phase = phases.standing.phase
+            self._show(now)
+            if self.ticks >= last or not self._wait(now):
+                return now, ""
         complaint = phases.complaint or (now.tick.report() if now is not None else "")
         return now, f"{complaint}; {WAITING}"
 
-    def _show(self, now: LoopTick, remark: str) -> None:
+    def _show(self, now: LoopTick, remark: str = "") -> None:
         self._viewer.update(
             now.snapshot,
             now.tick,
             now.time,
             seconds=now.seconds,
+            phase=self._phase,
             remark=remark,
             playing=self.clock.playing,
         )
 
-    def _wait(self, now: LoopTick, remark: str) -> bool:
+    def _wait(self, now: LoopTick) -> bool:
         """Wait until the next tick is due; False if there is to be none."""
         viewer, clock = self._viewer, self.clock
         while not viewer.error:
@@ -92,7 +92,7 @@ class Session:
             if not left:
                 return not clock.restart
             if changed:  # so that the page shows targets and buttons as they are now
-                self._show(now, remark)
+                self._show(now)
             time.sleep(left)
         return False
 

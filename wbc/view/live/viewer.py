@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import pickle
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 from types import TracebackType
 from typing import NamedTuple
 
@@ -16,7 +18,15 @@ from wbc.controllers.parts import check_parts
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.view.live.mailbox import Mailbox
-from wbc.view.live.messages import Frame, Release, Request, SetTarget, Setup, SetWeight
+from wbc.view.live.messages import (
+    Frame,
+    Release,
+    Replay,
+    Request,
+    SetTarget,
+    Setup,
+    SetWeight,
+)
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place, require_viser
 from wbc.view.live.steering import Steering
 from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of
@@ -33,6 +43,7 @@ class News(NamedTuple):
     tick: Tick | None
     controller: Controller | None
     seconds: float | None
+    phase: str
     remark: str
     playing: bool
 
@@ -58,6 +69,13 @@ class Viewer:
         whoever opens it may steer. By default the first free port from 8080 on.
     title:
         Of the page.
+    steer:
+        False: the page shows the controller and changes nothing.
+    clock:
+        Whether the page has buttons to pause, step and begin again; what they ask for is told by
+        :meth:`next_request`.
+    quiet:
+        Do not print where to look.
 
     Attributes
     ----------
@@ -82,6 +100,7 @@ class Viewer:
         host: str = HOST,
         port: int | None = None,
         title: str | None = None,
+        steer: bool = True,
         clock: bool = False,
         quiet: bool = False,
     ) -> None:
@@ -93,12 +112,14 @@ class Viewer:
         self.robot, self.controller = robot, controller
         self.steering = Steering()
         self.error = ""
+        self._may_steer = steer
         self._mailbox = Mailbox[News]()
         self._wishes = deque[SetTarget | SetWeight | Release]()
         self._requests = deque[Request]()
+        self._recorded: Replay | None = None
         self._closed = threading.Event()
         self._began: float | None = None
-        self._page = PageProcess(place, Setup(robot, title or robot.name, clock))
+        self._page = PageProcess(place, Setup(robot, title or robot.name, clock, steer))
         self.url = f"http://{'localhost' if host == HOST else host}:{self._page.port}"
         self._threads = [
             threading.Thread(target=work, name=f"wbc viewer: {work.__name__[1:]}", daemon=True)
@@ -106,6 +127,7 @@ class Viewer:
         ]
         for thread in self._threads:
             thread.start()
+        atexit.register(self.close)  # threads that are still waiting would keep what they know of
         if not quiet:
             print(f"viewer: {self.url}", flush=True)
 
@@ -142,6 +164,7 @@ class Viewer:
         time: float | None = None,
         *,
         seconds: float | None = None,
+        phase: str = "",
         remark: str = "",
         playing: bool = True,
     ) -> None:
@@ -155,13 +178,14 @@ class Viewer:
             [s]; by default that since the first call.
         seconds:
             The tick's whole time, by default what the tick knows of it.
-        remark:
-            Shown beside the time.
+        phase, remark, playing:
+            Shown beside the time: the phase of the run, what should be known, whether it is paused.
         """
         self.steer()
         if time is None:
             time = self._since_first()
-        self._mailbox.put(News(time, snapshot, tick, self.controller, seconds, remark, playing))
+        controller = self.controller
+        self._mailbox.put(News(time, snapshot, tick, controller, seconds, phase, remark, playing))
 
     def steer(self) -> None:
         """Set the targets and weights that the user wants; :meth:`update` does it too.
@@ -185,6 +209,10 @@ class Viewer:
         """Whether the user wants something of the tasks that is not yet done."""
         return bool(self._wishes)
 
+    def replay(self, frames: Sequence[Frame]) -> None:
+        """Show frames of a whole run, instead of those that were sent while it ran."""
+        self._recorded = Replay(tuple(frames))
+
     def wait(self) -> None:
         """Keep the page open until Ctrl-C, or until it ends."""
         try:
@@ -196,8 +224,11 @@ class Viewer:
     def close(self) -> None:
         """Close the page."""
         self._closed.set()
-        self._threads[0].join(CLOSING)
+        self._page.hang_up()
+        for thread in self._threads:
+            thread.join(CLOSING)
         self._page.close()
+        atexit.unregister(self.close)
 
     @property
     def dropped(self) -> int:
@@ -217,10 +248,13 @@ class Viewer:
         known: tuple[object, ...] = ()
         while not self._closed.wait(PERIOD):
             news = self._mailbox.take()
-            if news is None:
-                continue
-            controller = news.controller
+            recorded, self._recorded = self._recorded, None
             try:
+                if recorded is not None:
+                    self._page.send(recorded)
+                if news is None:
+                    continue
+                controller = news.controller
                 if controller is not None:
                     parts = (controller, controller.contacts, controller.constraints)
                     if len(known) != len(parts) or any(
@@ -241,6 +275,7 @@ class Viewer:
             told=None if news.tick is None else told_of(news.tick, news.seconds),
             targets={} if controller is None else targets_of(controller),
             obstacles={} if controller is None else obstacles_of(controller),
+            phase=news.phase,
             remark=self.steering.refusal or news.remark,
             playing=news.playing,
         )
@@ -256,7 +291,8 @@ class Viewer:
             if isinstance(message, Failed):
                 self._ended(message.reason)
             elif isinstance(message, SetTarget | SetWeight | Release):
-                self._wishes.append(message)
+                if self._may_steer:
+                    self._wishes.append(message)
             else:
                 self._requests.append(message)
 

@@ -1,0 +1,113 @@
+"""A run that is watched is the run itself, and can be played again whole."""
+
+import numpy as np
+import pytest
+
+import wbc
+from tests.view.live.conftest import Stage
+from wbc.problem import load_problem
+from wbc.problem.problem import Problem
+from wbc.run.result import Result
+from wbc.view.live.messages import Replay, SetTarget
+from wbc.view.live.telling import cast_of
+from wbc.view.live.viewer import Viewer
+from wbc.view.live.watching import Watching, frames_of
+
+SHIFT = """
+robot: hoap2_like
+start: {posture: standing}
+tasks:
+  com: {type: com, target: start, weight: 10.0}
+  posture: {type: posture, target: start, weight: 0.01}
+phases:
+  both: {duration: 0.5, support: double, tasks: {com: {target: {offset: [0, 0.01, 0]}}}}
+  left: {duration: 0.5, support: left}
+"""
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
+    file = tmp_path_factory.mktemp("shift") / "shift.yaml"
+    file.write_text(SHIFT)
+    loaded = load_problem(file)
+    assert isinstance(loaded, Problem)
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def alone(problem: Problem) -> Result:
+    return problem.run()
+
+
+def test_it_is_the_same_run(
+    problem: Problem, alone: Result, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the bit, even if somebody tries to steer."""
+    watching = Watching(problem.parts.robot)
+    viewer = watching.viewer
+    viewer._page.receive = lambda: SetTarget("com", (np.zeros(3),))  # type: ignore[method-assign]
+    try:
+        result = problem.run(show=watching.show)
+        assert viewer._mailbox.put_count == len(result.history)
+        assert not viewer.has_wishes
+        watching.replay(result.history)
+    finally:
+        viewer.close()
+    np.testing.assert_array_equal(result.history.q, alone.history.q)
+
+
+def test_frames_of_a_run(alone: Result) -> None:
+    history = alone.history
+    frames = frames_of(history, rate=50.0)
+    dt = history.time[1]
+    np.testing.assert_allclose(np.diff([one.time for one in frames]), 0.02)
+    for one in frames[:: len(frames) // 10]:
+        k = round(one.time / dt)
+        np.testing.assert_array_equal(one.q, history.q[k])
+        assert one.phase == history.phase[k]
+        assert one.told is not None
+        assert one.told.ok
+        assert one.told.active is None
+    moving = frames[len(frames) // 2]
+    k = round(moving.time / dt)
+    step = alone.robot.difference(history.q[k - 1], history.q[k]) / dt
+    np.testing.assert_allclose(moving.v, step, atol=1e-9)  # that with which it came there
+    assert not np.isnan(np.concatenate(list(frames[0].told.errors.values()))).any()  # type: ignore[union-attr]
+
+
+def test_a_replay_takes_the_place_of_what_was_seen(
+    stage: Stage, problem: Problem, alone: Result
+) -> None:
+    """And knows of each time who was held then."""
+    frames = frames_of(alone.history)
+    robot = stage.page._robot
+    start = robot.snapshot(robot.posture("standing"))
+    one = wbc.KinematicController(
+        robot, [wbc.ComTask(robot, start.com)], contacts=wbc.support(start, "double")
+    )
+    other = wbc.KinematicController(robot, one.tasks, contacts=wbc.support(start, "left"))
+    late = next(k for k, frame in enumerate(frames) if frame.time > 0.5)
+    stage.draw(cast_of(one), frames[0], cast_of(other), frames[late])
+    stage.draw(Replay(tuple(frames)))
+    stage.page._controls._replaying = False
+    polygon = stage.handle("/soles_and_support/polygon")
+    held = []
+    for time in (0.3, 0.8):
+        stage.page._controls.past = time
+        stage.draw()
+        held.append(len(polygon.points))
+        found = stage.page._recording.at(time)
+        assert found is not None
+        com = robot.snapshot(found[0].q).com
+        np.testing.assert_allclose(stage.handle("/com/com").position, com, atol=1e-9)
+    assert held == [6, 4]
+
+
+def test_a_viewer_that_may_not_steer_leaves_tasks_alone() -> None:
+    robot = wbc.Robot.load("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    task = wbc.ComTask(robot, start.com)
+    controller = wbc.KinematicController(robot, [task], contacts=wbc.support(start, "double"))
+    with Viewer(robot, controller, steer=False, quiet=True) as viewer:
+        viewer.update(start)
+        assert not viewer.steering
