@@ -130,6 +130,23 @@ class ContactForces:
             G[:, part.columns] = local.T @ part.grasp
         return G
 
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Frames of the contacts that bear forces; gears and bolted bases have none."""
+        return tuple(part.contact.frame for part in self.parts if isinstance(part.contact, Contact))
+
+    def wrench_map(self, frame: str, snapshot: Snapshot, out: Array) -> None:
+        """Write (6, k) into ``out``: a contact's wrench at its frame's origin, world axes."""
+        for part in self.parts:
+            contact = part.contact
+            if not isinstance(contact, Contact) or contact.frame != frame:
+                continue
+            if part.grasp is None:  # along its rows, which are the world's
+                out[: len(contact.rows), part.columns] = np.eye(len(contact.rows))
+            else:
+                local = part.grasp.reshape(2, 3, -1)
+                out[:, part.columns] = (part.axes(snapshot) @ local).reshape(6, -1)
+
     def bounds(self) -> Bounds:
         """Return cones, and ranges of the normal forces, as rows (m, k) on the unknowns."""
         if tuple(_shape(contact.friction) for contact in self.surfaces) != self._shapes:

@@ -26,7 +26,14 @@ from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
-from wbc.controllers.parts import check_parts, held_by, one_of, refuse_idle, verify_parts
+from wbc.controllers.parts import (
+    check_parts,
+    held_by,
+    motion_and_forces,
+    one_of,
+    refuse_idle,
+    verify_parts,
+)
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import Slacks, slacks_of
@@ -51,7 +58,8 @@ class Controller(ABC):
     Parameters
     ----------
     tasks:
-        What to do; names must differ. Their priorities make strict levels, of one QP each.
+        What to do; names must differ. Their priorities make strict levels, of one QP each. Those
+        about forces (:class:`wbc.tasks.ForceTask`) are for the torque level only.
     contacts:
         Tasks that are met exactly, such as frames that are held: :func:`wbc.constraints.support`.
         Left out, a robot with feet floats, and a warning says so; () is to float on purpose.
@@ -92,6 +100,7 @@ class Controller(ABC):
 
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
+    _bears = False  # whether the level decides forces
 
     def __init__(
         self,
@@ -114,6 +123,9 @@ class Controller(ABC):
         refuse_idle(tasks)
         self.robot = robot
         self.tasks = tuple(tasks)
+        self._motion, self._force_tasks = motion_and_forces(
+            self.tasks, type(self).__name__, self._bears
+        )
         self.limits = limits
         self.constraints = tuple(constraints)
         self.dt = finite_number("controller, dt", dt, above=0.0)
@@ -158,12 +170,12 @@ class Controller(ABC):
                 f"that the controller was made with; got {snapshot!r}"
             )
         if not self._verified:
-            verify_parts(snapshot, self.dt, self.tasks, self.contacts, self.constraints)
+            verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             self._verified = True
         try:
             return self._step(snapshot)
         except (AttributeError, IndexError, TypeError, ValueError):
-            verify_parts(snapshot, self.dt, self.tasks, self.contacts, self.constraints)
+            verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
 
     def _step(self, snapshot: Snapshot) -> Tick:
@@ -171,7 +183,7 @@ class Controller(ABC):
         start = perf_counter()
         # Goals: rows of tasks, then of contacts that may give way.
         residuals, rows, reduce = [], [], False
-        for task in self.tasks:
+        for task in self._motion:
             residual = task.residual(snapshot)
             row = self._law(task, residual, snapshot)
             residuals.append(residual)
@@ -183,6 +195,7 @@ class Controller(ABC):
         # Held: contacts, and the physics of what is behind the velocity.
         contacts = self.plan.held.rows(snapshot, self._law)
         physics = self._physics(snapshot)
+        rows += physics.forces
         singular: dict[str, Singularity] = {}
         if reduce:
             rows, singular = self._solver.reduce_singular(rows, contacts, level=0)
@@ -238,14 +251,19 @@ class Controller(ABC):
         contacts = mechanics_of(self.robot, contacts)
         self.contacts = contacts
         self._verified = False
-        self._reports_residual = [type(task).deviation is Task.deviation for task in self.tasks]
+        self._reports_residual = [type(task).deviation is Task.deviation for task in self._motion]
         self.slacks = Slacks(self._slack, contacts, self.constraints)
         self.plan = Plan.of(
-            self._decision(), self.tasks, contacts, self.slacks, self._physics_names()
+            self._decision(),
+            self._motion,
+            contacts,
+            self.slacks,
+            self._physics_names(),
+            self._force_tasks,
         )
         self._solver = LevelSolver(
             self.plan,
-            [task.name for task in self.tasks],
+            [task.name for task in self._motion],
             self.backend,
             None if self._relaxes else self.limits,
             self.dt,
@@ -300,7 +318,7 @@ class Controller(ABC):
         velocity.flags.writeable = False
         errors = {}
         for task, residual, plain in zip(
-            self.tasks, residuals, self._reports_residual, strict=True
+            self._motion, residuals, self._reports_residual, strict=True
         ):
             errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
         solve = outcome.solve_time

@@ -85,7 +85,7 @@ class LevelProblem(NamedTuple):
     Attributes
     ----------
     rows:
-        One for each task, then for each soft contact.
+        One for each task, for each soft contact, then for each task about forces.
     contacts:
         Rows of the contacts that are met exactly.
     box:

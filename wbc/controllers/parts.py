@@ -11,6 +11,7 @@ from wbc.constraints.rows import Bounds, Constraint
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 
 
@@ -43,6 +44,25 @@ def refuse_idle(tasks: Sequence[Task]) -> None:
             )
 
 
+def motion_and_forces(
+    tasks: Sequence[Task], controller: str, bears: bool
+) -> tuple[tuple[Task, ...], tuple[ForceTask, ...]]:
+    """Return the tasks about motion and those about forces.
+
+    Raises
+    ------
+    InvalidInputError
+        A task about forces, and a controller that ``bears`` none; the message names both.
+    """
+    forces = tuple(task for task in tasks if isinstance(task, ForceTask))
+    if forces and not bears:
+        raise InvalidInputError(
+            f"controller: {forces[0]} is a {type(forces[0]).__name__}, about forces, which a"
+            f" {controller} does not decide; give it to a TorqueController, or leave it out"
+        )
+    return tuple(task for task in tasks if not isinstance(task, ForceTask)), forces
+
+
 def check_parts(
     robot: Robot,
     tasks: Sequence[Task],
@@ -67,6 +87,11 @@ def check_parts(
         ("constraints", constraints, Constraint),
     ):
         _check_list(kind, given, wanted)
+    for contact in contacts:
+        if isinstance(contact, ForceTask):
+            raise InvalidInputError(
+                f"controller, contacts: {contact} is about forces and holds nothing; it is a task"
+            )
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInputError(f"controller, limits: expected Limits or None, got {limits!r}")
     if not tasks:

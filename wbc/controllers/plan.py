@@ -92,6 +92,8 @@ class Physics(NamedTuple):
         Inequality rows (m, n), such as friction cones; None for none.
     costs:
         Rows added to the first level.
+    forces:
+        Rows of the tasks about forces, in the order of the plan.
     rest:
         (n,) what the damping of the unknowns pulls towards; None for zero.
     """
@@ -99,6 +101,7 @@ class Physics(NamedTuple):
     equalities: Sequence[Rows] = ()
     bounds: Bounds | None = None
     costs: Sequence[Rows] = ()
+    forces: Sequence[Rows] = ()
     rest: Array | None = None
 
 
@@ -116,7 +119,8 @@ class Plan:
     soft:
         Those that may give way: costs of the first level, behind the tasks.
     levels:
-        Indices of each level's costs among the tasks, then the soft contacts.
+        Indices of each level's costs among the tasks, the soft contacts, then the tasks about
+        forces.
     labels:
         Of each level's QP; those of inequality rows come with the rows.
     workspace:
@@ -138,19 +142,21 @@ class Plan:
         contacts: Sequence[Task],
         slacks: Slacks,
         physics: tuple[str, ...] = (),
+        forces: Sequence[Task] = (),
     ) -> Plan:
         """Return the plan; ``physics`` names the equality rows that a level puts before contacts.
+
+        ``forces`` are the tasks about forces.
 
         A level's QP keeps what the levels above achieve: its equality rows are the first level's,
         then the rows of the tasks above that have weight.
         """
         hard, soft = slacks.split(contacts)
         held = ContactRows(hard)
-        first, *lower = by_priority(tasks)
-        levels = ((*first, *range(len(tasks), len(tasks) + len(soft))), *lower)
+        levels = _levels(tasks, soft, forces)
         equality = physics + held.labels
         labels = [Labels(equality, (), decision.names)]
-        costs = (*tasks, *soft)
+        costs = (*tasks, *soft, *forces)
         for level in levels[:-1]:
             equality += tuple(
                 f"{costs[k].name} {row}"
@@ -169,6 +175,18 @@ def by_priority(tasks: Sequence[Task]) -> tuple[tuple[int, ...], ...]:
         tuple(k for k, task in enumerate(tasks) if task.priority == priority)
         for priority in sorted({task.priority for task in tasks})
     )
+
+
+def _levels(
+    tasks: Sequence[Task], soft: Sequence[Task], forces: Sequence[Task]
+) -> tuple[tuple[int, ...], ...]:
+    """Return the indices of each level; soft contacts, behind the tasks, are of the first."""
+    count = len(tasks)
+    first, *lower = (
+        tuple(k if k < count else k + len(soft) for k in level)
+        for level in by_priority([*tasks, *forces])
+    )
+    return (*first, *range(count, count + len(soft))), *lower
 
 
 def assemble(

@@ -57,7 +57,7 @@ def relaxed_qp(
     physics:
         What stays hard, but for its slack.
     """
-    equalities, hard, extra, rest = physics
+    equalities, hard, extra, _, rest = physics
     decision, n = plan.decision, plan.decision.size
     heaviest = max(float(np.square(row.weight).max(initial=0.0)) for row in rows)
     unit = max(heaviest, 1e-6)

@@ -24,6 +24,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
+from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
@@ -137,6 +138,7 @@ class TorqueController(Controller):
 
     _policies = POLICIES
     _relaxes = True
+    _bears = True
 
     def __init__(
         self,
@@ -158,6 +160,7 @@ class TorqueController(Controller):
     ) -> None:
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.torque_bounds = _torque_bounds(robot, torque_limits)
+        self._last: Reaction | None = None
         super().__init__(
             robot,
             tasks,
@@ -220,7 +223,12 @@ class TorqueController(Controller):
         rest = np.zeros(matrix.shape[1])
         rest[:nv] = snapshot.v
         self._expression = matrix, offset
-        return Physics([dynamics], bounds, rest=rest)
+        self._force_rows = []
+        if self._force_tasks:
+            last = None if self._last is None else self._last.wrenches()
+            seen = TickDynamics(snapshot, self.contact_forces, matrix, offset, last)
+            self._force_rows = [task.force_rows(seen) for task in self._force_tasks]
+        return Physics([dynamics], bounds, forces=self._force_rows, rest=rest)
 
     def _torque_expression(self, snapshot: Snapshot) -> tuple[Array, Array]:
         """Return E (nv, n) and e (nv,) with ``E x + e = [0; tau]``, in units of ``m / dt``."""
@@ -271,14 +279,21 @@ class TorqueController(Controller):
         else:
             velocity, f = self._at_rest(snapshot), np.zeros(self.contact_forces.size)
         matrix, offset = self._expression
-        torque = self._unit * (matrix @ np.concatenate((velocity, f)) + offset)[6:]
+        x = np.concatenate((velocity, f))
+        torque = self._unit * (matrix @ x + offset)[6:]
         np.clip(torque, -self.torque_bounds, self.torque_bounds, out=torque)
         known["velocity"] = read_only(velocity)
+        errors = {  # of this decision: no state has a force
+            task.name: self._unit * (row.matrix @ x - row.target)
+            for task, row in zip(self._force_tasks, self._force_rows, strict=True)
+        }
+        known["errors"] = known["errors"] | errors
+        self._last = Reaction(self.contact_forces, snapshot, f)
         return TorqueTick(
             **known,
             torque=read_only(torque),
             acceleration=read_only((velocity - snapshot.v) / self.dt),
-            reaction=Reaction(self.contact_forces, snapshot, f),
+            reaction=self._last,
         )
 
     def _exact(self, x: Array) -> tuple[Array, Array]:

@@ -1,8 +1,11 @@
 """Tasks: what the robot should do, each as an error and its derivatives."""
 
 from wbc.laws import Residual
+from wbc.tasks.contact_force import ContactForceTask, ForceRateTask, LoadShareTask
+from wbc.tasks.cop import CopTask
 from wbc.tasks.damping import DampingTask
 from wbc.tasks.distance import DistanceTask
+from wbc.tasks.force_task import Affine, Dynamics, ForceTask
 from wbc.tasks.frame import AxisTask, OrientationTask, PoseTask
 from wbc.tasks.inertia import InertiaTask
 from wbc.tasks.momentum import MomentumTask
@@ -11,13 +14,21 @@ from wbc.tasks.posture import PostureTask
 from wbc.tasks.principal_inertia import PrincipalInertiaTask
 from wbc.tasks.relative_pose import RelativePoseTask
 from wbc.tasks.task import Task
+from wbc.tasks.torque import TorqueTask
 
 __all__ = [
+    "Affine",
     "AxisTask",
     "ComTask",
+    "ContactForceTask",
+    "CopTask",
     "DampingTask",
     "DistanceTask",
+    "Dynamics",
+    "ForceRateTask",
+    "ForceTask",
     "InertiaTask",
+    "LoadShareTask",
     "MomentumTask",
     "OrientationTask",
     "PoseTask",
@@ -27,4 +38,5 @@ __all__ = [
     "RelativePoseTask",
     "Residual",
     "Task",
+    "TorqueTask",
 ]

@@ -1,0 +1,279 @@
+"""Tasks about forces and torques against statics in closed form and another solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import Affine, Dynamics, ForceTask, Task
+
+Load = Callable[[str], Robot]
+FEET = ("left_sole", "right_sole")
+
+
+def standing(robot: Robot) -> Snapshot:
+    return robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+
+
+def stack(here: Snapshot) -> list[Task]:
+    robot = here.robot
+    return [
+        wbc.ComTask(robot, here.com),
+        wbc.OrientationTask(robot, "base", here.rotation("base")),
+        wbc.PostureTask(robot, here.q),
+    ]
+
+
+def controlled(here: Snapshot, *extra: Task, tasks: Sequence[Task] | None = None, **keys):  # type: ignore[no-untyped-def]
+    keys.setdefault("contacts", wbc.support(here, "double"))
+    given = stack(here) if tasks is None else tasks
+    return wbc.TorqueController(here.robot, [*given, *extra], **keys)
+
+
+def tick_with(here: Snapshot, *extra: Task, **keys) -> wbc.TorqueTick:  # type: ignore[no-untyped-def]
+    tick = controlled(here, *extra, **keys).step(here)
+    assert tick.ok and tick.policy is None, tick.report()
+    return tick
+
+
+def still(tick: wbc.TorqueTick) -> bool:
+    return float(np.abs(tick.acceleration).max()) < 0.1
+
+
+@pytest.mark.parametrize("name", ["g1", "talos", "hoap2_like"])
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_a_load_is_shared_as_asked(name: str, solver: str, robot_named: Load) -> None:
+    """The load m g is a constant of the stance; what is asked of it stays within the soles."""
+    here = standing(robot_named(name))
+    feet = [foot.frame for foot in here.robot.feet.values()]
+    share = wbc.LoadShareTask(here.robot, dict(zip(feet, (3.0, 2.0), strict=True)), weight=100.0)
+    tick = tick_with(here, share, solver=solver)
+    loads = [tick.forces[frame][2] for frame in feet]
+    assert loads[0] / sum(loads) == pytest.approx(0.6, abs=1e-3)
+    assert sum(loads) == pytest.approx(9.81 * here.robot.mass, rel=1e-3)
+    assert still(tick)
+    np.testing.assert_allclose(tick.errors["load share"], loads - sum(loads) * np.array([0.6, 0.4]))
+    share.set_target([1.0, 1.0])
+    loads = [force[2] for force in tick_with(here, share, solver=solver).forces.values()]
+    assert loads[0] == pytest.approx(loads[1], rel=1e-3)
+
+
+def test_shares_of_a_contact_that_is_none_are_left_out(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    share = wbc.LoadShareTask(robot, dict.fromkeys(FEET, 1.0), weight=100.0)
+    controller = controlled(here, share, contacts=wbc.support(here, "left"))
+    tick = controller.step(here)
+    assert tick.ok and not tick.errors["load share"].any()
+
+
+def test_a_wanted_wrench_is_met(robot_named: Load) -> None:
+    """Soles pressing apart by 20 N are internal forces: nothing moves for them."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    press = wbc.ContactForceTask(
+        robot, "left_sole", [0, 20.0, 0, 0, 0, 0], components=["fy"], weight=100.0
+    )
+    tick = tick_with(here, press)
+    assert tick.forces["left_sole"][1] == pytest.approx(20.0, abs=0.05)
+    assert tick.forces["right_sole"][1] == pytest.approx(-20.0, abs=0.5)
+    assert tick.errors["left_sole force"] == pytest.approx(tick.forces["left_sole"][1:2] - 20.0)
+    assert press.units == ("N",) and still(tick)
+
+
+def test_cop_of_one_contact_is_where_it_is_wanted(robot_named: Load) -> None:
+    """Oracle: the wrench's own moment, over its normal force, in the sole's axes."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    wanted = np.array([0.03, -0.01])
+    aim = wbc.CopTask(robot, wanted, frame="left_sole", weight=100.0)
+    tick = tick_with(here, aim)
+    R, wrench = here.rotation("left_sole"), tick.forces["left_sole"]
+    force, about = R.T @ wrench[:3], R.T @ wrench[3:]
+    np.testing.assert_allclose([-about[1] / force[2], about[0] / force[2]], wanted, atol=1e-4)
+    assert aim.units == ("N m", "N m")
+
+
+def test_cop_of_all_contacts_moves_the_robot(robot_named: Load) -> None:
+    """A CoP off the CoM's projection accelerates it: zddot = 0 gives m c'' = m g/h (c - p)."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    wanted = here.com[:2] + [0.02, 0.01]
+    aim = wbc.CopTask(robot, wanted, weight=1e3)
+    tick = tick_with(here, aim)
+    assert tick.cop is not None
+    np.testing.assert_allclose(tick.cop[:2], wanted, atol=1e-4)
+    aim.set_target(np.append(wanted, tick.cop[2]))  # the same point, in the world
+    there = tick_with(here, aim).cop
+    np.testing.assert_allclose(there, tick.cop, atol=1e-5)
+    assert (tick.acceleration[:2] * [1.0, 1.0] < 0.0).all()
+
+
+def test_least_torques_are_those_of_another_solver(robot_named: Load) -> None:
+    """Oracle: SciPy's least squares over forces that hold the robot still, no cones active."""
+    from scipy.linalg import null_space
+
+    robot = robot_named("g1")
+    here = standing(robot)
+    still_tasks = [wbc.PostureTask(robot, here.q, weight=1e2)]
+    hold = [wbc.FrictionCone(5.0), wbc.FrictionCone(5.0)]
+    contacts = wbc.support(here, "double")
+    for contact, cone in zip(contacts, hold, strict=True):
+        contact.friction = cone
+    tick = tick_with(
+        here,
+        wbc.TorqueTask(robot, weight=1.0),
+        tasks=still_tasks,
+        contacts=contacts,
+        force_damping=1e-6,
+        solver="daqp",
+        torque_limits=None,
+    )
+    J = np.concatenate([here.jacobian(frame) for frame in FEET])
+    base, joints = J[:, :6].T, J[:, 6:].T
+    bias = here.mass_matrix @ tick.acceleration + here.bias
+    some, free = np.linalg.pinv(base) @ bias[:6], null_space(base)
+    z, *_ = np.linalg.lstsq(joints @ free, bias[6:] - joints @ some, rcond=None)
+    least = bias[6:] - joints @ (some + free @ z)
+    forces = some + free @ z
+    assert forces[2] > 0.0 and forces[8] > 0.0
+    size = np.abs(least).max()
+    np.testing.assert_allclose(tick.torque, least, atol=1e-3 * size)
+    plain = tick_with(here, tasks=still_tasks, torque_limits=None).torque
+    assert np.abs(plain - least).max() > 0.02 * size
+
+
+def test_torques_near_a_reference(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    places = [k for k, name in enumerate(robot.joint_names) if "knee" in name]
+    wanted = tick_with(here).torque[places].mean() + 3.0
+    knees = wbc.TorqueTask(robot, {"*knee*": wanted}, joints=["*knee*"], weight=1e3)
+    tick = tick_with(here, knees)
+    assert len(places) == 2
+    np.testing.assert_allclose(tick.torque[places], wanted, atol=0.02)
+    np.testing.assert_allclose(tick.errors["torque"], tick.torque[places] - wanted, atol=1e-9)
+
+
+def test_force_rate_slows_what_forces_do(robot_named: Load) -> None:
+    """A load that is to go to one foot gets there at once without it, and gradually with it."""
+    robot = robot_named("g1")
+    here = standing(robot)
+
+    def loads(*extra: Task) -> list[float]:
+        share = wbc.LoadShareTask(robot, dict.fromkeys(FEET, 1.0))
+        controller = controlled(here, share, *extra)
+        controller.step(here)
+        share.set_target([3.0, 2.0])
+        return [controller.step(here).forces["left_sole"][2] for _ in range(60)]
+
+    weight = 9.81 * robot.mass
+    plain, slow = loads(), loads(wbc.ForceRateTask(robot, weight=3.0))
+    assert plain[0] == pytest.approx(plain[-1], rel=1e-3)
+    assert plain[0] > 0.59 * weight
+    assert 0.5 * weight < slow[0] < 0.52 * weight
+    assert (np.diff(slow) > -1e-6 * weight).all()
+    assert slow[-1] == pytest.approx(plain[-1], rel=0.01)
+
+
+def test_force_rate_is_nothing_in_the_first_tick(robot_named: Load) -> None:
+    here = standing(robot_named("g1"))
+    rate = wbc.ForceRateTask(here.robot, weight=100.0)
+    with_rate, without = tick_with(here, rate, solver="daqp"), tick_with(here, solver="daqp")
+    np.testing.assert_allclose(with_rate.torque, without.torque, atol=1e-6)
+
+
+def test_priorities_are_strict(robot_named: Load) -> None:
+    """A share that motion above does not care about is met; a torque below changes neither."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    motion = stack(here)
+    share = wbc.LoadShareTask(
+        robot, dict(zip(FEET, (0.6, 0.4), strict=True)), weight=10.0, priority=1
+    )
+    lazy = wbc.TorqueTask(robot, weight=10.0, priority=2)
+    upper = tick_with(here, tasks=motion)
+    tick = tick_with(here, share, lazy, tasks=motion)
+    np.testing.assert_allclose(tick.velocity, upper.velocity, atol=1e-6)
+    loads = [tick.forces[frame][2] for frame in FEET]
+    assert loads[0] / sum(loads) == pytest.approx(0.6, abs=1e-3)
+    only_below = tick_with(here, share, tasks=motion)
+    assert np.linalg.norm(tick.torque) < np.linalg.norm(only_below.torque)
+
+
+def test_contacts_that_are_none_bear_nothing(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    press = wbc.ContactForceTask(robot, "right_sole", [0, 0, 50.0, 0, 0, 0], components=["fz"])
+    aim = wbc.CopTask(robot, [0.0, 0.0], frame="right_sole")
+    tick = controlled(here, press, aim, contacts=wbc.support(here, "left")).step(here)
+    assert tick.ok
+    assert tick.errors["right_sole force"] == pytest.approx([-50.0])
+    assert not tick.errors["right_sole cop"].any()
+
+
+def test_grips_have_wrenches_in_world_axes(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    hand = next(name for name in robot.frame_names if "wrist_yaw" in name)
+    grip = wbc.Contact.hold(here, hand, friction=None)
+    pull = wbc.ContactForceTask(robot, hand, [5.0, 1.0, 12.0, 0.1, 0.2, 0.3], weight=100.0)
+    tick = tick_with(here, pull, contacts=[*wbc.support(here, "double"), grip])
+    np.testing.assert_allclose(tick.forces[hand], pull.target, atol=0.05)
+    np.testing.assert_allclose(tick.errors[pull.name], tick.forces[hand] - pull.target, atol=1e-9)
+
+
+def test_the_kinematic_controller_refuses_them_by_name(robot_named: Load) -> None:
+    robot = robot_named("g1")
+    here = standing(robot)
+    aim = wbc.CopTask(robot, [0.0, 0.0], name="pressure")
+    with pytest.raises(InvalidInputError, match=r"'pressure'.*TorqueController"):
+        wbc.KinematicController(robot, [*stack(here), aim], contacts=())
+    with pytest.raises(InvalidInputError, match=r"'pressure'.*forces"):
+        wbc.KinematicController(robot, stack(here), contacts=[aim])
+    with pytest.raises(InvalidInputError, match=r"'pressure'.*forces"):
+        aim.residual(here)
+
+
+def test_an_expression_of_another_shape_is_refused(robot_named: Load) -> None:
+    class Wrong(ForceTask):
+        def expression(self, dynamics: Dynamics) -> Affine:
+            return Affine(dynamics.wrench("left_sole"), np.zeros(6))
+
+    robot = robot_named("g1")
+    here = standing(robot)
+    with pytest.raises(InvalidInputError, match="'mine', which has 2 rows"):
+        controlled(here, Wrong(robot, "mine", ["fx", "fy"])).step(here)
+
+
+@pytest.mark.parametrize(
+    ("make", "error"),
+    [
+        (lambda robot: wbc.ContactForceTask(robot, "left_sol"), UnknownNameError),
+        (
+            lambda robot: wbc.ContactForceTask(robot, "left_sole", components=["f"]),
+            UnknownNameError,
+        ),
+        (lambda robot: wbc.ContactForceTask(robot, "left_sole", [np.nan] * 6), InvalidInputError),
+        (lambda robot: wbc.LoadShareTask(robot, {"left_sole": -1.0}), InvalidInputError),
+        (lambda robot: wbc.LoadShareTask(robot, {}), InvalidInputError),
+        (lambda robot: wbc.LoadShareTask(robot, {"left_sole": 0.0}), InvalidInputError),
+        (lambda robot: wbc.CopTask(robot, [0.0]), InvalidInputError),
+        (lambda robot: wbc.CopTask(robot, [0.0, 0, 0], frame="left_sole"), InvalidInputError),
+        (lambda robot: wbc.TorqueTask(robot, "much"), InvalidInputError),
+        (lambda robot: wbc.TorqueTask(robot, joints=["*tail*"]), UnknownNameError),
+        (lambda robot: wbc.TorqueTask(robot, {"*tail*": 1.0}), UnknownNameError),
+        (lambda robot: wbc.ForceRateTask(robot, weight=-1.0), InvalidInputError),
+        (lambda robot: wbc.ForceRateTask(robot, []), InvalidInputError),
+    ],
+)
+def test_mistakes_are_typed(
+    make: Callable[[Robot], Task], error: type[WbcError], robot_named: Load
+) -> None:
+    with pytest.raises(error):
+        make(robot_named("g1"))

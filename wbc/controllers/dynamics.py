@@ -1,0 +1,71 @@
+"""What forces and torques are by the unknowns of one torque tick, for tasks about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wbc.controllers.contact_forces import ContactForces
+from wbc.robot import Snapshot
+from wbc.tasks.force_task import Affine
+from wbc.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TickDynamics:
+    """The :class:`~wbc.tasks.force_task.Dynamics` of one tick.
+
+    Attributes
+    ----------
+    matrix, offset:
+        (nv, n) and (nv,): base forces and torques by the unknowns, in units of ``unit``.
+    last:
+        Wrenches of the last tick by contact; None if there was none.
+    """
+
+    snapshot: Snapshot
+    forces: ContactForces
+    matrix: Array
+    offset: Array
+    last: Mapping[str, Array] | None
+
+    @property
+    def size(self) -> int:
+        """How many unknowns there are."""
+        return int(self.matrix.shape[1])
+
+    @property
+    def unit(self) -> float:
+        """Newtons per unit of a force unknown."""
+        return self.forces.unit
+
+    @cached_property
+    def contacts(self) -> Sequence[str]:
+        """Frames of the contacts that bear forces."""
+        return self.forces.frames
+
+    @cached_property
+    def _wrenches(self) -> dict[str, Array]:
+        return {}
+
+    def wrench(self, frame: str) -> Array:
+        """Return (6, n): a contact's wrench at its frame's origin, world axes, by the unknowns."""
+        if frame not in self._wrenches:
+            wrench, nv = np.zeros((6, self.size)), self.matrix.shape[0]
+            if frame in self.contacts:
+                self.forces.wrench_map(frame, self.snapshot, out=wrench[:, nv:])
+                wrench *= self.unit
+            self._wrenches[frame] = wrench
+        return self._wrenches[frame]
+
+    def torque(self, joints: Sequence[int]) -> Affine:
+        """Return the torques of some joints [N m]."""
+        rows = [6 + k for k in joints]
+        return Affine(self.unit * self.matrix[rows], self.unit * self.offset[rows])
+
+    def last_wrench(self, frame: str) -> Array | None:
+        """Return what the last tick decided; of a contact that was none, zero."""
+        return None if self.last is None else self.last.get(frame, np.zeros(6))
