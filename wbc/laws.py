@@ -185,6 +185,32 @@ class AccelerationLaw:
         if self.kd is not None:
             finite_number("kd", self.kd, least=0.0)
 
+    @classmethod
+    def capture_point(
+        cls, height: float, gain: float = 2.0, gravity: float = 9.81
+    ) -> AccelerationLaw:
+        """Return the law of a CoM over level ground that brings its capture point to the target.
+
+        With omega^2 = gravity / height the capture point is xi = c + c'/omega, and with its error
+        e_xi the law puts the centroidal moment pivot at xi + gain e_xi: for a target at rest,
+        c'' = omega^2 (c - xi - gain e_xi). Hence kp = gain omega^2 and kd = (1 + gain) omega; e_xi
+        decays as exp(-gain omega t). For the axes x and y of a :class:`~wbc.tasks.ComTask`.
+
+        Parameters
+        ----------
+        height:
+            Of the CoM above the ground [m].
+        gain:
+            How far beyond the capture point the pivot goes, by its error.
+        gravity:
+            [m/s^2].
+        """
+        finite_number("capture point, height", height, above=0.0)
+        finite_number("capture point, gain", gain, above=0.0)
+        finite_number("capture point, gravity", gravity, above=0.0)
+        omega = math.sqrt(gravity / height)
+        return cls(kp=gain * omega**2, kd=(1.0 + gain) * omega)
+
     def rows(self, residual: Residual, drift: Array, v: Array, weight: Array, dt: float) -> Rows:
         """Return the rows on v+.
 

@@ -17,6 +17,7 @@ import wbc
 from wbc.constraints.limits import BRAKING
 from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
+from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.controller_spec import GlobalSpec
 from wbc.problem.json_schema import json_schema
 from wbc.problem.reading import parse, read_source
@@ -97,6 +98,13 @@ GOOD = [
     BASE
     + "controller: {method: pseudo_inverse, damping: 0.1}\nstop: {speed: null, accept: {t: 1}}\n",
     BASE + "controller: {method: global}\n",
+    BASE + "controller: {level: torque, torque_limits: null, force_damping: 0.1, friction: 0.7}\n",
+    BASE + "controller: {level: torque, friction: {facets: 8, inner: false, most: 9}}\n",
+    BASE + "support: [{frame: a, kp: 1, kd: 2, friction: grip, corners: [[0, 1], [1, 0, 2]]}]\n",
+    with_task("{type: com, target: start, axes: [x], law: capture_point}"),
+    with_task("{type: com, target: start, law: {type: capture_point, gain: 3}}"),
+    with_task("{type: com, target: start, kp: 30, kd: 2}"),
+    with_task("{type: momentum, kd: 3}"),
     BASE + "controller: {method: global, starts: 9, seconds: 1.5, workers: 1, seed: 3, attempts: 2,"
     " tolerance: 0, support_margin: 0.01, solver: daqp, eps: null, dt: 0.01}\n",
     BASE.replace(
@@ -128,6 +136,15 @@ BAD = [
     BASE + "controller: {method: global, seconds: 0}\n",
     BASE + "controller: {method: qp, starts: 9}\n",
     BASE + "controller: {starts: 9}\n",
+    BASE + "controller: {level: torques}\n",
+    BASE + "controller: {force_damping: 0.1}\n",
+    BASE + "controller: {level: torque, starts: 9}\n",
+    BASE + "controller: {level: torque, method: global}\n",
+    BASE + "controller: {level: torque, on_failure: hold}\n",
+    BASE + "controller: {level: torque, friction: {facets: 2}}\n",
+    BASE + "support: [{frame: a, friction: glue}]\n",
+    with_task("{type: com, target: start, law: capture}"),
+    with_task("{type: momentum, kp: 3}"),
     BASE + "stop: {duration: 0}\n",
     with_task("{type: com}"),
     with_task("{type: com, target: [1, 2]}"),
@@ -190,6 +207,7 @@ def test_planning_weights_default_to_the_planner_s() -> None:
     [
         ("QpSpec", "formulation", FORMULATIONS),
         ("QpSpec", "on_failure", POLICIES),
+        ("TorqueSpec", "on_failure", TORQUE_POLICIES),
         ("LimitsSpec", "braking", BRAKING),
         ("SelfCollisionSpec", "fit", FITS),
     ],

@@ -51,6 +51,23 @@ def test_momentum_decays_by_kd_to_a_target_that_moves(robot_named, rng, kd: floa
     np.testing.assert_allclose(found, expected, rtol=0, atol=3e-3 * np.abs(start).max())
 
 
+def test_capture_point_law_moves_the_capture_point_exponentially() -> None:
+    """Oracle: c'' = w^2 (c - xi - k e_xi) integrated in closed form by its two real modes."""
+    height, gain, gravity = 0.7, 2.5, 9.81
+    law = AccelerationLaw.capture_point(height, gain, gravity)
+    omega = np.sqrt(gravity / height)
+    assert law.kd is not None
+    modes = np.roots([1.0, law.kd, law.kp])
+    np.testing.assert_allclose(np.sort(modes), [-gain * omega, -omega], rtol=1e-12)
+    for error, rate in np.random.default_rng(3).normal(size=(5, 2)):
+        wanted = -law.kp * error - law.kd * rate
+        point = error + rate / omega  # of the capture point, from the target
+        pivot = point + gain * point
+        np.testing.assert_allclose(wanted, omega**2 * (error - pivot), rtol=1e-12)
+    with pytest.raises(InvalidInputError, match="capture point, height"):
+        AccelerationLaw.capture_point(0.0)
+
+
 def test_what_acts_on_errors_is_refused_by_tasks_without(robot_named) -> None:
     robot = robot_named("hoap2_like")
     for key in ("gain", "gain_per_second", "lm_damping", "curvature_damping", "kp"):

@@ -15,8 +15,9 @@ from wbc.constraints.margin import SKIN
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.constraint_spec import surroundings
-from wbc.problem.controller_spec import GlobalSpec, QpSettings
+from wbc.problem.controller_spec import GlobalSpec, SolverSettings
 from wbc.problem.global_search import check_global, global_shaping
+from wbc.problem.levels import check_level
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.parts import Parts
 from wbc.problem.plan import plan
@@ -54,9 +55,10 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     with mistakes.at("support"):
         first = next((phase.support for phase in (spec.phases or {}).values()), None)
         check_said(spec.support or first, robot)
-        contacts += contacts_of(spec.support, start)
+        contacts += contacts_of(spec.support, start, spec.controller.friction_cone)
+    check_level(spec, mistakes)
     phases = plan(spec, built, start, source, mistakes)
-    if isinstance(spec.controller, QpSettings):
+    if isinstance(spec.controller, SolverSettings):
         with mistakes.at("controller"):
             spec.controller.backend()
     for pattern in spec.controller.joint_weights:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
-from wbc.controllers import KinematicController
+from wbc.constraints.contact import DEFAULT_FRICTION
+from wbc.constraints.friction import FrictionCone
+from wbc.controllers import Controller, KinematicController, TorqueController
 from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
+from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
+from wbc.problem.friction import Friction, cone
 from wbc.problem.section import Name, NonNegative, Positive, Section, Words, default_of
 from wbc.qp.backend import Backend, make_backend
 from wbc.robot import Robot
@@ -19,9 +24,25 @@ from wbc.tasks import Task
 TimeStep = Annotated[float, Field(allow_inf_nan=False, ge=1e-6, le=1.0)]
 
 
+def _velocity(level: object) -> object:
+    if level == "torque":
+        text = "the methods global and pseudo_inverse are of the velocity level"
+        raise PydanticCustomError("level", text)
+    return level
+
+
+VelocityOnly = Annotated[Literal["velocity"], BeforeValidator(_velocity)]
+_TORQUE = "the torque level; give level: torque"
+
+
 class ControllerSpec(Section):
     """What all methods have in common."""
 
+    elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("torque_limits", "force_damping", "friction"), _TORQUE
+    )
+
+    level: str
     dt: TimeStep = default_of(KinematicController, "dt")
     """Time step [s]."""
     joint_weights: dict[Name, Positive] = Field(default_factory=dict)
@@ -30,8 +51,13 @@ class ControllerSpec(Section):
     none to the joints that it controls, unless damping is near the squares of weights."""
     damping: Positive
 
+    @property
+    def friction_cone(self) -> FrictionCone:
+        """What contacts bear that say nothing else."""
+        return DEFAULT_FRICTION
+
     @abstractmethod
-    def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
+    def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> Controller:
         """Return a new controller; for ``parts`` see :class:`~wbc.controllers.KinematicController`.
 
         Raises
@@ -41,22 +67,17 @@ class ControllerSpec(Section):
         """
 
 
-class QpSettings(ControllerSpec):
-    """What methods that solve a quadratic program per tick have in common."""
+class SolverSettings(ControllerSpec):
+    """What methods that solve a quadratic program per tick have in common, at both levels."""
 
     solver: Name = default_of(KinematicController, "solver")
-    """The QP solver: proxqp, or any that qpsolvers finds installed."""
+    """The QP solver: proxqp, daqp, or any that qpsolvers finds installed."""
     eps: Positive | None = None
     """Accuracy asked of the solver; null: its default here."""
     formulation: Annotated[str, Words(FORMULATIONS)] = default_of(
         KinematicController, "formulation"
     )
     """equality: contacts are rows of the QP; reduced: they are eliminated first."""
-    damping: Positive = default_of(KinematicController, "damping")
-    """Weight of 1/2 |v|^2: picks one among equally good velocities."""
-    on_failure: Annotated[str, Words(POLICIES)] = default_of(KinematicController, "on_failure")
-    """When a QP has no solution: stand still, slow down, miss the rows by as little as can be, or
-    end the run."""
 
     def backend(self) -> Backend:
         """Return the solver.
@@ -67,6 +88,16 @@ class QpSettings(ControllerSpec):
             It is not installed, or does not take this accuracy.
         """
         return make_backend(self.solver, **({} if self.eps is None else {"eps": self.eps}))
+
+
+class QpSettings(SolverSettings):
+    """What methods of the velocity level that solve a quadratic program have in common."""
+
+    damping: Positive = default_of(KinematicController, "damping")
+    """Weight of 1/2 |v|^2: picks one among equally good velocities."""
+    on_failure: Annotated[str, Words(POLICIES)] = default_of(KinematicController, "on_failure")
+    """When a QP has no solution: stand still, slow down, miss the rows by as little as can be, or
+    end the run."""
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
         """Return a new controller."""
@@ -79,6 +110,44 @@ class QpSpec(QpSettings):
     """One quadratic program per tick: contacts and limits are met exactly, tasks as weighted."""
 
     method: Literal["qp"] = "qp"
+    level: Literal["velocity"] = "velocity"
+
+
+class TorqueSpec(SolverSettings):
+    """Inverse dynamics by one quadratic program per tick: for ``wbc sim``."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("starts", "patience", "seconds", "workers", "seed", "support_margin", "attempts",
+         "tolerance"),
+        "the method global, of the velocity level",
+    )  # fmt: skip
+
+    method: Literal["qp"] = "qp"
+    level: Literal["torque"]
+    dt: TimeStep = default_of(TorqueController, "dt")
+    """Period of the control loop [s]."""
+    torque_limits: Positive | None = default_of(TorqueController, "torque_limits")
+    """Factor on the robot's effort limits; null: no torque bounds."""
+    damping: Positive = default_of(TorqueController, "damping")
+    """Weight of 1/2 |v+ - v|^2, the change of velocity in a tick."""
+    force_damping: Positive = default_of(TorqueController, "force_damping")
+    """Weight of 1/2 |f dt/m|^2, which shares the load among the corners of the soles."""
+    friction: Friction = default_of(FrictionCone, "coefficient")
+    """Friction coefficient that the controller counts on, or {coefficient: ..., facets: ...}; of
+    contacts that the support gives none of their own."""
+    on_failure: Annotated[str, Words(TORQUE_POLICIES)] = default_of(TorqueController, "on_failure")
+    """If even the QP that keeps nothing but physics has no solution: bring the joints to rest, or
+    end the run."""
+
+    @property
+    def friction_cone(self) -> FrictionCone:
+        """What contacts bear that say nothing else."""
+        return cone(self.friction)
+
+    def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> TorqueController:
+        """Return a new controller."""
+        settings = self.model_dump(exclude={"method", "level", "solver", "eps", "friction"})
+        return TorqueController(robot, tasks, solver=self.backend(), **settings, **parts)
 
 
 class GlobalSpec(QpSettings):
@@ -88,6 +157,7 @@ class GlobalSpec(QpSettings):
     """
 
     method: Literal["global"]
+    level: VelocityOnly = "velocity"
     starts: int = Field(default=64, ge=1, le=100_000)
     """How many searches at most; the first begins at the start of the run."""
     patience: int | None = Field(default=None, ge=1)
@@ -110,17 +180,18 @@ class GlobalSpec(QpSettings):
     def search(self) -> dict[str, Any]:
         """What the search and the motion after it are asked for, by name."""
         own = GlobalSpec.model_fields.keys() - QpSettings.model_fields.keys()
-        return self.model_dump(include=own - {"method", "support_margin"})
+        return self.model_dump(include=own - {"method", "level", "support_margin"})
 
 
 class PseudoInverseSpec(ControllerSpec):
     """The damped pseudo-inverse of the paper, a baseline: limits are met by clipping."""
 
     method: Literal["pseudo_inverse"]
+    level: VelocityOnly = "velocity"
     damping: Positive = 1e-3
     """Weight of 1/2 |v|^2; the tasks' rows nearly lose rank, so it must not be tiny."""
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
         """Return a new controller."""
-        settings = self.model_dump(exclude={"method"})
+        settings = self.model_dump(exclude={"method", "level"})
         return KinematicController(robot, tasks, solver="pseudo_inverse", **settings, **parts)

@@ -15,6 +15,7 @@ from typing import Any, NoReturn, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from wbc.errors import ProblemFileError, UnknownNameError, WbcError, suggest
+from wbc.problem.section import KnownKeys
 from wbc.problem.source import KeyPath, Source
 
 T = TypeVar("T")
@@ -91,7 +92,7 @@ def read_section(section: type[SectionT], source: Source) -> SectionT:
     ProblemFileError
         With every complaint, one per line, in the order of the file.
     """
-    keys: dict[int, tuple[str, ...]] = {}
+    keys: dict[int, KnownKeys] = {}
     try:
         return section.model_validate(source.data, context=keys)
     except ValidationError as error:
@@ -101,7 +102,7 @@ def read_section(section: type[SectionT], source: Source) -> SectionT:
 def complaints(
     error: ValidationError,
     source: Source,
-    keys: Mapping[int, tuple[str, ...]],
+    keys: Mapping[int, KnownKeys],
     below: KeyPath = (),
 ) -> list[tuple[KeyPath, str]]:
     """Return every complaint: where it belongs, and its text.
@@ -129,7 +130,10 @@ def complaints(
         if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
             continue  # pydantic does not count the entries that it has complained about
         if detail["type"] == "extra_forbidden":
-            text = f"unknown key{suggest(str(path[-1]), _known(path, source, keys))}"
+            known = _known(path, source, keys)
+            text = f"unknown key{suggest(str(path[-1]), known.here)}"
+            if (where := known.elsewhere.get(str(path[-1]))) is not None:
+                text = f"belongs to {where}"
         else:
             path, text = _said(detail, path)
         found.append((path, text))
@@ -157,12 +161,13 @@ def _path(detail: Detail) -> KeyPath:
     )
 
 
-def _known(path: KeyPath, source: Source, keys: Mapping[int, tuple[str, ...]]) -> tuple[str, ...]:
-    return keys.get(id(source.at(path[:-1])), ())
+def _known(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> KnownKeys:
+    return keys.get(id(source.at(path[:-1])), KnownKeys())
 
 
-def _nearest(path: KeyPath, source: Source, keys: Mapping[int, tuple[str, ...]]) -> str:
-    hint = re.search(r"did you mean '([^']+)'", suggest(str(path[-1]), _known(path, source, keys)))
+def _nearest(path: KeyPath, source: Source, keys: Mapping[int, KnownKeys]) -> str:
+    known = _known(path, source, keys).here
+    hint = re.search(r"did you mean '([^']+)'", suggest(str(path[-1]), known))
     return hint[1] if hint else ""
 
 

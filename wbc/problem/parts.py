@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wbc.constraints import Contact, Limits
-from wbc.controllers import KinematicController
+from wbc.controllers import Controller
 from wbc.problem.constraint_spec import Surroundings
 from wbc.problem.controller_spec import ControllerSpec
 from wbc.robot import Robot, Snapshot
@@ -54,7 +54,7 @@ class Parts:
         tasks: Sequence[Task],
         contacts: Sequence[Contact],
         snapshot: Snapshot,
-    ) -> KinematicController:
+    ) -> Controller:
         """Return a new controller, which remembers nothing of earlier runs.
 
         CoM supports are those of the contacts as they are at ``snapshot``.

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
+from wbc.problem.section import KnownKeys
 from wbc.problem.source import Source
 from wbc.problem.spec import PhaseSpec, PhaseTaskSpec, ProblemSpec
 from wbc.problem.support import contacts_of, slack_by_frame
@@ -32,7 +33,8 @@ def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
         name: Change(None, one.weight if spec.tasks[name].active else None)
         for name, one in built.items()
     }
-    return Phase("", 0.0, spec.stop.duration, partial(contacts_of, spec.support), changes)
+    hold = partial(contacts_of, spec.support, friction=spec.controller.friction_cone)
+    return Phase("", 0.0, spec.stop.duration, hold, changes)
 
 
 def plan(
@@ -62,7 +64,7 @@ class _Planner:
         mistakes: Mistakes,
     ) -> None:
         self._start, self._source, self._mistakes = start, source, mistakes
-        self._dt = spec.controller.dt
+        self._dt, self._friction = spec.controller.dt, spec.controller.friction_cone
         self._specs: dict[str, TaskSpec] = {name: spec.tasks[name] for name in built}
         self._names = tuple(spec.tasks)
         self._built = dict(built)
@@ -89,7 +91,7 @@ class _Planner:
             task: self._outcome(task, was_active[task], task in given, before, contacts)
             for task in self._built
         }
-        hold = partial(contacts_of, self._support)
+        hold = partial(contacts_of, self._support, friction=self._friction)
         phase = Phase(name, self._time, spec.duration, hold, changes)
         self._contacts, self._time = contacts, phase.ends
         return phase
@@ -105,7 +107,7 @@ class _Planner:
         where = ("support",) if spec.support is None else ("phases", name, "support")
         contacts: tuple[Contact, ...] = ()
         with self._mistakes.at(*where):
-            contacts = contacts_of(self._support, self._start)
+            contacts = contacts_of(self._support, self._start, self._friction)
             lifted = (off_the_ground(self._start, foot) for foot in Standing.on("", contacts).feet)
             for complaint in filter(None, lifted if first else ()):
                 raise InvalidInputError(complaint)
@@ -142,7 +144,7 @@ class _Planner:
     ) -> TaskSpec | None:
         """Return the task's description with what the phase changes, or None if that is wrong."""
         data = {**spec.model_dump(exclude_unset=True), **given}
-        keys: dict[int, tuple[str, ...]] = {}
+        keys: dict[int, KnownKeys] = {}
         try:
             return type(spec).model_validate(data, context=keys)
         except ValidationError as error:

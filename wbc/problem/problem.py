@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.problem.build import build
-from wbc.problem.controller_spec import GlobalSpec
+from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
 from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
@@ -69,10 +69,17 @@ class Problem:
 
         Raises
         ------
+        InvalidInputError
+            A problem of the torque level.
         NoPostureError
             The method ``global`` found no posture that keeps every constraint.
         """
         spec, parts, controller = self.spec, self.parts, self.spec.controller
+        if isinstance(controller, TorqueSpec):
+            raise InvalidInputError(
+                f"{self.source.name}: controller.level is torque: torques move a robot by physics,"
+                f" so this problem is simulated: wbc sim {self.source.name}"
+            )
         stop = Stop(**spec.whole_stop.model_dump())
         made_with = {"problem": self.provenance(), "versions": versions()}
         made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}

@@ -13,7 +13,8 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field as DataclassField
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, get_args
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, NamedTuple, get_args
 
 from pydantic import (
     AfterValidator,
@@ -36,8 +37,18 @@ START, WORD, NUMBER, LIST, MATRIX, MAPPING = (
 )
 
 
+class KnownKeys(NamedTuple):
+    """The keys that a mapping may have, and where those belong that are known but not here."""
+
+    here: tuple[str, ...] = ()
+    elsewhere: Mapping[str, str] = MappingProxyType({})
+
+
 class Section(BaseModel):
     """A mapping with known keys; any other key is an error, and no value is converted."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Keys that make no sense here, and what they belong to, in words."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
@@ -51,7 +62,7 @@ class Section(BaseModel):
         The note goes to the validation's context, under the identity of the mapping.
         """
         if isinstance(info.context, dict):
-            info.context[id(data)] = tuple(cls.model_fields)
+            info.context[id(data)] = KnownKeys(tuple(cls.model_fields), cls.elsewhere)
         return data
 
 

@@ -29,7 +29,7 @@ from wbc.run.stopping import Stop
 # The kinds that are imported above.
 AnyTask = Annotated[TaskSpec, OneOf("type", "{type: com, target: [0, 0, 0.3]}", then="control")]
 AnyConstraint = Annotated[ConstraintSpec, OneOf("type", "{type: box, upper: [null, null, 1]}")]
-AnyController = Annotated[ControllerSpec, OneOf("method", "{solver: proxqp}")]
+AnyController = Annotated[ControllerSpec, OneOf("method", "{solver: proxqp}", then="level")]
 
 # Free of dots and brackets, so that `--set tasks.NAME.gain=...` reads a name in one piece.
 PlainName = Annotated[str, StringConstraints(pattern=r"^\w[\w -]*$")]

@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict
 
 from wbc.constraints import Contact, PointContact, support
-from wbc.constraints.contact import base_contact
+from wbc.constraints.contact import DEFAULT_FRICTION, base_contact
+from wbc.constraints.friction import FrictionCone
 from wbc.errors import InvalidInputError
+from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import LIST, MAPPING, WORD, Name, Positive, Section, forms
+from wbc.problem.section import (
+    LIST,
+    MAPPING,
+    NUMBER,
+    WORD,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    forms,
+)
 from wbc.robot import Robot, Snapshot
 
 
@@ -24,9 +37,46 @@ class ContactSpec(Section):
     """fixed: position and orientation are held; point: the position only."""
     gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
     """Fraction of the drift to take back in one tick, in [0, 1]."""
+    kp: NonNegative | None = None
+    """At the torque level, instead of gain: stiffness of the drift [1/s^2]; left out: 100."""
+    kd: NonNegative | None = None
+    """At the torque level: damping [1/s]; left out: critical."""
+    friction: (
+        Annotated[
+            Annotated[Positive, NUMBER]
+            | Annotated[FrictionSpec, MAPPING]
+            | Annotated[Literal["grip"], WORD],
+            forms("a coefficient, {coefficient: ..., facets: ...}, or grip"),
+        ]
+        | None
+    ) = None
+    """What it bears, at the torque level; grip: it pulls and twists as well; left out: as in the
+    controller's section."""
+    corners: (
+        Annotated[
+            tuple[
+                Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)],
+                ...,
+            ],
+            Strict(False),
+            Field(min_length=1),
+        ]
+        | None
+    ) = None
+    """Points [x, y] or [x, y, z] in the frame's axes where its forces act [m], at the torque level;
+    left out: those of the sole that the frame is."""
     slack: Positive | None = None
     """Weight of the squared slip [1/(m/s)^2, 1/(rad/s)^2] of a contact that may give way; left out:
     hard."""
+
+    def settings(self, friction: FrictionCone) -> dict[str, Any]:
+        """Return keywords of the contact; ``friction`` is that of contacts without their own."""
+        values = {key: getattr(self, key) for key in ("gain", "kp", "kd", "corners")}
+        own = self.friction
+        values["friction"] = friction if own is None else None if own == "grip" else cone(own)
+        return {
+            key: value for key, value in values.items() if value is not None or key == "friction"
+        }
 
 
 Support = Annotated[
@@ -47,8 +97,15 @@ Support = Annotated[
 ]
 
 
-def contacts_of(spec: Support | None, snapshot: Snapshot) -> tuple[Contact, ...]:
+def contacts_of(
+    spec: Support | None, snapshot: Snapshot, friction: FrictionCone = DEFAULT_FRICTION
+) -> tuple[Contact, ...]:
     """Return the contacts that a problem's support asks for, held where they are; None is floating.
+
+    Parameters
+    ----------
+    friction:
+        Of contacts that say nothing else.
 
     Raises
     ------
@@ -58,14 +115,14 @@ def contacts_of(spec: Support | None, snapshot: Snapshot) -> tuple[Contact, ...]
         A frame named twice.
     """
     if spec is None or isinstance(spec, str):
-        return support(snapshot, spec or "floating")
+        return support(snapshot, spec or "floating", friction=friction)
     wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
     frames = [one.frame for one in wanted]
     for k, frame in enumerate(frames):
         if frame in frames[:k]:
             raise Misplaced(f"frame {frame!r} is named twice", k)
     kinds = {"fixed": Contact, "point": PointContact}
-    held = (kinds[one.type].hold(snapshot, one.frame, gain=one.gain) for one in wanted)
+    held = (kinds[one.type].hold(snapshot, one.frame, **one.settings(friction)) for one in wanted)
     return base_contact(snapshot) + tuple(held)
 
 

@@ -35,7 +35,9 @@ class TaskSpec(Section):
     singular_threshold: NonNegative = default_of(VelocityLaw, "singular_threshold")
     """Singular values of the Jacobian below this are singular, counting the motions that contacts
     and earlier levels leave [unit of the error/s per rad/s]: the task asks for less in their
-    directions, so that joints need not race. 0: never."""
+    directions, so that joints need not race. 0: never. Of the velocity level."""
+    kd: NonNegative | None = None
+    """At the torque level: damping of the error [1/s]; left out: critical, 2 sqrt(kp)."""
     active: bool = True
     """false: the task is off, until a phase puts it to use."""
 
@@ -77,7 +79,7 @@ class TaskSpec(Section):
             if "gain" in self.model_fields_set:
                 raise Misplaced("give gain or gain_per_second, not both", "gain_per_second")
             del values["gain"]
-        return values
+        return {key: value for key, value in values.items() if value is not None}
 
 
 class ErrorTaskSpec(TaskSpec):
@@ -88,7 +90,10 @@ class ErrorTaskSpec(TaskSpec):
     gain_per_second: Positive | None = default_of(VelocityLaw, "gain_per_second")
     """Instead of gain: rate [1/s] at which the error decays, whatever the time step is."""
     lm_damping: NonNegative = default_of(VelocityLaw, "lm_damping")
-    """Levenberg-Marquardt damping: steadies a task whose target cannot be reached."""
+    """Levenberg-Marquardt damping: steadies a task whose target cannot be reached. Of the velocity
+    level, as the gains."""
+    kp: NonNegative | None = None
+    """At the torque level: stiffness of the error [1/s^2]; left out: 100."""
 
 
 HANDED_ON = ErrorTaskSpec.model_fields.keys() - {"type", "target", "active"}

@@ -110,8 +110,16 @@ def held_feet(contacts: Iterable[Contact]) -> tuple[str, ...]:
 
 def keep_anchors(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[Contact, ...]:
     """Return the contacts ``now``; those that go on keep their anchor, so that no drift adds up."""
-    kept = {(type(one), one.frame, one.gain): one for one in before}
-    return tuple(kept.get((type(one), one.frame, one.gain), one) for one in now)
+    kept = {_sameness(one): one for one in before}
+    return tuple(kept.get(_sameness(one), one) for one in now)
+
+
+def _sameness(contact: Contact) -> tuple[object, ...]:
+    """Return what two contacts agree in if the later one goes on with the earlier one."""
+    corners = contact.corners
+    points = None if corners is None else corners.tobytes()
+    laws = contact.law, contact.acceleration_law
+    return type(contact), contact.frame, laws, contact.friction, points
 
 
 def touchdowns(before: Iterable[Contact], now: Iterable[Contact]) -> tuple[str, ...]:

@@ -10,10 +10,13 @@ import numpy as np
 from pydantic import BaseModel, Discriminator, Tag
 
 from wbc.errors import UnknownNameError
+from wbc.laws import AccelerationLaw
+from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
     LIST,
     MAPPING,
     START,
+    WORD,
     Name,
     Number,
     Point,
@@ -22,6 +25,7 @@ from wbc.problem.section import (
     Weight,
     default_of,
     form_of,
+    forms,
 )
 from wbc.problem.targets import Axes, Offset, Start, point
 from wbc.problem.task_spec import ErrorTaskSpec
@@ -69,6 +73,15 @@ ComTarget = Annotated[
 ]
 
 
+class CapturePointLaw(Section):
+    """Gains by which the capture point goes to the target."""
+
+    type: Literal["capture_point"]
+    gain: Positive = default_of(AccelerationLaw.capture_point, "gain")
+    """How far beyond the capture point the centroidal moment pivot goes, by its error: kp = gain
+    omega^2 and kd = (1 + gain) omega, omega^2 = gravity / height."""
+
+
 class ComSpec(ErrorTaskSpec):
     """The centre of mass."""
 
@@ -81,6 +94,15 @@ class ComSpec(ErrorTaskSpec):
     """Weight of the task, one number or one per axis [1/(m/s)]."""
     ramp: Positive | None = None
     """Time [s] in which the target moves smoothly from the place at the start."""
+    law: (
+        Annotated[
+            Annotated[Literal["capture_point"], WORD] | Annotated[CapturePointLaw, MAPPING],
+            forms("capture_point, or {type: capture_point, gain: ...}"),
+        ]
+        | None
+    ) = None
+    """capture_point: kp and kd follow from the CoM's height at the start, so that the capture point
+    goes to the target; of the torque level, for the axes x and y."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
@@ -92,9 +114,22 @@ class ComSpec(ErrorTaskSpec):
             place[2] = before[2] if self.target.height is None else self.target.height
             return place
 
-        settings = self.settings(self.axes)
+        settings = {**self.settings(self.axes), **self._gains(start)}
         task = ComTask(start.robot, goal(start, start.com), axes=self.axes, name=name, **settings)
         return TargetedTask(task, goal, lambda now: now.com, VECTORS, task.set_target, self.ramp)
+
+    def _gains(self, start: Snapshot) -> dict[str, float | None]:
+        """Return kp and kd by the law, if one is given."""
+        if self.law is None:
+            return {}
+        for key in ("kp", "kd"):
+            if key in self.model_fields_set:
+                raise Misplaced(f"give {key} or law, not both", key)
+        if "z" in self.axes:
+            raise Misplaced("a capture point is on the ground; give axes: [x, y]", "law")
+        given = CapturePointLaw(type="capture_point") if isinstance(self.law, str) else self.law
+        law = AccelerationLaw.capture_point(float(start.com[2]), given.gain)
+        return {"kp": law.kp, "kd": law.kd}
 
     def feet_below(self, robot: Robot) -> tuple[str, ...]:
         """Return the feet that the target is above, all of which exist."""

@@ -24,6 +24,8 @@ class DampingSpec(TaskSpec):
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     base: bool = default_of(DampingTask, "base")
     """Whether the base's velocity counts too."""
+    kd: NonNegative | None = None
+    """At the torque level: velocities decay as exp(-kd t) [1/s]; left out: 20."""
     weight: NonNegative = 1.0
     """Weight of the task [1/(rad/s)] or [1/(m/s)]."""
 

@@ -8,7 +8,17 @@ import numpy as np
 from pydantic import Field, Strict
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import LIST, WORD, Distinct, Number, Weight, Words, default_of, forms
+from wbc.problem.section import (
+    LIST,
+    WORD,
+    Distinct,
+    NonNegative,
+    Number,
+    Weight,
+    Words,
+    default_of,
+    forms,
+)
 from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
@@ -36,6 +46,8 @@ class MomentumSpec(TaskSpec):
     type: Literal["momentum"]
     components: Components = "all"
     """linear (lx ly lz), angular about the centre of mass (kx ky kz), all, or a list of these."""
+    kd: NonNegative | None = None
+    """At the torque level: the error decays as exp(-kd t) [1/s]; left out: 20."""
     target: Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=6)] = (
         default_of(MomentumTask, "target")
     )

@@ -1,0 +1,149 @@
+"""``controller: {level: torque}``: what is built of it, and keys of the other level."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.constraints import FrictionCone
+from wbc.controllers import TorqueController
+from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.laws import AccelerationLaw
+from wbc.problem import Problem, load_problem
+
+STAND = """\
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
+  height: {type: com, axes: [z], target: start, kp: 50}
+  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50, kd: 9}
+  spin: {type: momentum, components: angular, weight: 0.3, kd: 4}
+  calm: {type: damping, weight: 0.01}
+  posture: {type: posture, weight: 0.3}
+controller: {level: torque, solver: daqp, friction: 0.5, torque_limits: 0.9, force_damping: 0.02}
+"""
+
+
+def problem(folder: Path, text: str = STAND, overrides: dict[str, Any] | None = None) -> Problem:
+    file = folder / "p.yaml"
+    file.write_text(text)
+    return load_problem(file, overrides)
+
+
+def complaint(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
+    with pytest.raises(ProblemFileError) as caught:
+        problem(folder, text, overrides)
+    return str(caught.value).replace(str(folder / "p.yaml"), "p.yaml")
+
+
+def test_a_file_makes_the_controller_that_python_makes(tmp_path: Path) -> None:
+    one = problem(tmp_path)
+    controller = one.executor().controller
+    assert isinstance(controller, TorqueController)
+    robot, start = one.parts.robot, one.parts.robot.snapshot(one.parts.start)
+    assert controller.dt == 0.002
+    assert controller.force_damping == 0.02
+    np.testing.assert_allclose(controller.torque_bounds, 0.9 * robot.limits.effort)
+    laws = {task.name: task.acceleration_law for task in controller.tasks}
+    assert laws["com"] == AccelerationLaw.capture_point(float(start.com[2]))
+    assert laws["height"] == AccelerationLaw(50.0)
+    assert laws["torso"] == AccelerationLaw(50.0, 9.0)
+    assert laws["spin"].kd == 4.0
+    assert laws["calm"] == laws["posture"] == AccelerationLaw()
+    assert {contact.friction for contact in one.parts.contacts} == {FrictionCone(0.5)}
+    np.testing.assert_array_equal(robot.model.armature[6:], 0.003)
+
+
+def test_a_first_tick_is_solved_and_stands_still(tmp_path: Path) -> None:
+    one = problem(tmp_path)
+    tick = one.executor().controller.step(one.parts.robot.snapshot(one.parts.start))
+    assert tick.ok
+    assert not tick.policy
+    # Everything is at its target at rest, so that nothing should move.
+    np.testing.assert_allclose(tick.velocity, 0.0, atol=1e-4)
+
+
+def test_contacts_say_what_they_bear(tmp_path: Path) -> None:
+    listed = (
+        "support: [left_sole, {frame: right_sole, kp: 30, kd: 7, corners: [[0.01, 0]], friction:"
+        " {coefficient: 0.7, facets: 8, inner: false, least: 1, most: 50}}]"
+    )
+    left, right = problem(tmp_path, STAND.replace("support: double", listed)).parts.contacts
+    assert left.friction == FrictionCone(0.5)
+    assert right.friction == FrictionCone(0.7, 8, inner=False, least=1.0, most=50.0)
+    assert right.acceleration_law == AccelerationLaw(30.0, 7.0)
+    assert left.acceleration_law == AccelerationLaw(left.STIFFNESS)
+    np.testing.assert_array_equal(right.corners, [[0.01, 0.0, 0.0]])
+    grip = STAND.replace("double", "[left_sole, {frame: right_sole, friction: grip}]")
+    assert problem(tmp_path, grip).parts.contacts[1].friction is None
+
+
+def test_phases_switch_contacts_with_their_friction(tmp_path: Path) -> None:
+    phases = "phases:\n  both: {duration: 0.1}\n  left: {duration: 0.1, support: left}\n"
+    one = problem(tmp_path, STAND + phases)
+    start = one.parts.robot.snapshot(one.parts.start)
+    executor = one.executor()
+    first = executor.controller
+    later = executor.update(50, start)
+    assert isinstance(later, TorqueController)
+    assert later is not first
+    assert [contact.frame for contact in later.contacts] == ["left_sole"]
+    assert later.contacts[0] is first.contacts[0]  # it goes on, with its anchor
+    assert later.contacts[0].friction == FrictionCone(0.5)
+
+
+CONTROLLER = STAND.splitlines(keepends=True)[-1]
+MISTAKES = [
+    ("kp: 50}", "gain: 0.1}", "p.yaml:5: tasks.height.gain: belongs to the velocity level; at the"),
+    (
+        "target: start, kp: 50}",
+        "target: start, lm_damping: 1}",
+        "height.lm_damping: belongs to the",
+    ),
+    (CONTROLLER, "", "p.yaml:4: tasks.com.law: belongs to the torque level; give controller"),
+    ("level: torque, ", "", "p.yaml:10: controller.friction: belongs to the torque level; give le"),
+    ("level: torque, ", "level: torqe, ", "controller.level: 'torqe' does not exist; did you mean"),
+    ("solver: daqp", "starts: 3", "p.yaml:10: controller.starts: belongs to the method global"),
+    ("solver: daqp", "method: global", "pseudo_inverse are of the velocity level, got 'torque'"),
+    ("solver: daqp", "on_failure: hold", "controller.on_failure: 'hold' does not exist"),
+    ("friction: 0.5", "friction: {facets: 2}", "controller.friction.facets: must be at least 3"),
+    ("friction: 0.5", "friction: {facet: 8}", "friction.facet: unknown key; did you mean 'facets'"),
+    (
+        "friction: 0.5",
+        "friction: {least: 2, most: 1}",
+        "p.yaml:10: controller.friction.most: must not be below least, got 1",
+    ),
+    ("friction: 0.5", "friction: low", "controller.friction: expected a coefficient, or {coeff"),
+    (
+        "law: capture_point",
+        "law: capture_piont",
+        "com.law: 'capture_piont' does not exist; did you",
+    ),
+    ("law: capture_point", "law: capture_point, kd: 3", "tasks.com.kd: give kd or law, not both"),
+    ("axes: [x, y], ", "", "tasks.com.law: a capture point is on the ground; give axes: [x, y]"),
+    ("double", "[{frame: torso}]", "torso"),  # no sole: its corners are not known
+    ("double", "[{frame: left_sole, gain: 0.2}]", "support[0].gain: belongs to the velocity level"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISTAKES)
+def test_mistakes_are_told_with_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in STAND
+    text = STAND.replace(old, new, 1)
+    assert words in complaint(tmp_path, text)
+
+
+def test_contacts_of_the_velocity_level_bear_nothing(tmp_path: Path) -> None:
+    text = (
+        "robot: hoap2_like\nsupport: [{frame: left_sole, friction: 0.5}]\n"
+        "tasks:\n  com: {type: com, target: start}\n"
+    )
+    words = "p.yaml:2: support[0].friction: belongs to the torque level; give controller"
+    assert words in complaint(tmp_path, text)
+
+
+def test_a_run_says_that_torques_are_simulated(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"level is torque.*wbc sim .*p\.yaml"):
+        problem(tmp_path).run()
