@@ -17,6 +17,7 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,16 @@ from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
+from wbc.robot.postures import STANDING
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
 BRAKING = ("free", "bounded")
 # Time in which a joint reaches full speed if no acceleration limit is given [s].
 DEFAULT_RISE_TIME = 0.1
+# Part of a joint's torque that braking may count on. Counting on all of it, a waist met its limit
+# at full speed, and the tick had to choose between limit and feet.
+TORQUE_SHARE = 0.5
 # A joint this little outside its limit [rad or m] is at the limit: which side rounding leaves it on
 # must not decide whether a cost that outweighs all tasks appears.
 AT_LIMIT = 1e-9
@@ -56,7 +61,9 @@ class Limits:
         Factor on the model's velocity limits, or None for no velocity limit.
     acceleration:
         One number or one per joint [rad/s^2 or m/s^2], used for braking and for speeding up; None
-        takes the velocity limit divided by 0.1 s (no bound where there is no velocity limit).
+        takes the velocity limit divided by 0.1 s (no bound where there is no velocity limit); a
+        torque controller then counts on no more than half of what the joint's torque gives it, see
+        :meth:`within_torques`.
     braking:
         ``"free"``: a joint may stop in one tick if tasks ask for it. ``"bounded"``: it slows down
         by no more than the acceleration, except where limits, contacts or margins leave nothing
@@ -94,6 +101,7 @@ class Limits:
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
         self.acceleration = read_only(_accelerations(acceleration, self.speed, joints))
+        self._by_default = acceleration is None
         if braking not in BRAKING:
             raise UnknownNameError("kind of braking", braking, BRAKING)
         self.braking = braking
@@ -105,6 +113,21 @@ class Limits:
         self._box_of_base = -self.base_twist, self.base_twist
         self._signed_bounds = np.stack((-self.lower, self.upper))
         self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
+
+    def within_torques(self, torques: Array) -> Limits:
+        """Return limits whose default accelerations torques (joints,) [N m] can give, by half.
+
+        Each joint alone moving what it carries in the standing posture; the other half is for
+        gravity and for the other joints. What was given as ``acceleration`` stays.
+        """
+        if not self._by_default:
+            return self
+        q = self.robot.postures[STANDING]
+        inertia = np.diagonal(self.robot.snapshot(q).mass_matrix)[BASE_NV:]
+        limits = copy(self)
+        able = TORQUE_SHARE * torques / inertia
+        limits.acceleration = read_only(np.minimum(self.acceleration, able))
+        return limits
 
     def box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return lower and upper bounds (nv,), (nv,) on the next velocity."""

@@ -3,11 +3,11 @@
 At the velocity level rest is always allowed; a robot with finite torques on slippery ground cannot
 promise that. Dynamics, friction cones and torque bounds always have a solution (no force, any
 torque): they are physics, and stay hard. Everything else gives way, in this order, by squared slack
-costs that outweigh the tasks:
+costs:
 
 1. ranges of normal force (dropped: a foot that must be loaded may not be);
-2. contacts: a foot may slip or tip rather than a joint pass its limit;
-3. joint limits and margins between bodies.
+2. contacts, joint limits and margins between bodies, each weighed like the heaviest task; joints
+   and bodies that are outside already are moved back by a cost that outweighs all of that.
 
 All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
 gave way, and by how much, is reported by name.
@@ -28,8 +28,9 @@ from wbc.qp.problem import QP, Labels
 from wbc.validate import Array
 
 # Squared cost of a contact's, and of a limit's or margin's velocity missed [1/(m/s)^2], by the
-# heaviest row of the tasks.
-CONTACT, LIMIT = 1e1, 1e3
+# heaviest row of the tasks. Slack of a limit is a joint that approaches it faster than it can
+# brake, not one beyond it: at a hundred times a contact's cost it kicked feet off the ground.
+CONTACT, LIMIT = 1.0, 1.0
 # A velocity missed by less [m/s or rad/s] is what solvers and these costs leave.
 NEGLIGIBLE = 1e-5
 

@@ -165,7 +165,7 @@ class TorqueController(Controller):
             robot,
             tasks,
             contacts=contacts,
-            limits=limits,
+            limits=_limits(limits, self.torque_bounds),
             constraints=constraints,
             slack=slack,
             dt=dt,
@@ -313,6 +313,11 @@ class TorqueController(Controller):
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         return self._at_rest(snapshot), {}
+
+
+def _limits(limits: Limits | None, torques: Array) -> Limits | None:
+    """Return limits that the torques can keep; what is none is refused by the controller."""
+    return limits.within_torques(torques) if isinstance(limits, Limits) else limits
 
 
 def _torque_bounds(robot: Robot, factor: float | None) -> Array:
