@@ -14,6 +14,7 @@ from wbc.cli import app, progress
 from wbc.errors import ModelError
 from wbc.problem import History
 from wbc.robot import robot_names
+from wbc.view.options import View
 
 GOOD = """\
 robot: hoap2_like
@@ -150,7 +151,7 @@ def test_a_picture_is_drawn_last_and_may_fail(
     drawn: list[tuple[int, str]] = []
     outputs = ("-o", tmp_path / "r.json", "--plot", tmp_path / "r.png")
 
-    def draw(robot: object, history: History, path: Path, *, title: str) -> None:
+    def draw(robot: object, history: History, path: Path, *, title: str, view: View) -> None:
         assert (tmp_path / "r.json").is_file()
         drawn.append((len(history), title))
         if len(drawn) > 1:
@@ -316,3 +317,15 @@ def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(
         reason not in ("adjacent", "disabled in the SRDF") for reason in told["bodies"].values()
     )
     assert "not watched" in answer.output
+
+
+def test_layers_and_directions_of_a_picture(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views: list[View] = []
+    monkeypatch.setattr("wbc.view.plot_run", lambda *_, title, view: views.append(view))
+    options = ("--plot", tmp_path / "r.png", "--view-from", "left", "--show", "robot,com")
+    assert wbc_command("run", file, *options).exit_code == 0
+    assert views == [View.of("left", "robot,com")]
+    assert "unknown layer 'legs'; did you mean 'leg'" in refused("run", file, "--show", "legs")
+    assert "unknown direction to view from 'up'" in refused("run", file, "--view-from", "up")

@@ -45,14 +45,21 @@ class Outputs:
             self.failures.append(f"--plot {path}: cannot be written: {error.strerror}")
 
 
-def draw_result(result: Result | PendulumResult, path: Path, name: str) -> None:
+def draw_result(
+    result: Result | PendulumResult,
+    path: Path,
+    name: str,
+    view_from: str = "front-left",
+    show: str = "all",
+) -> None:
     """Draw what came of the problem ``name``."""
     from wbc.view import plot_pendulum, plot_run
+    from wbc.view.options import View
 
     title = f"{name}: {result.status.value.replace('_', ' ')}"
     if isinstance(result, Result):
         draw: Callable[..., Any] = plot_run  # a History has every array that it reads
-        draw(result.robot, result.history, path, title=title)
+        draw(result.robot, result.history, path, title=title, view=View.of(view_from, show))
     else:
         plot_pendulum(result.history, path, title=title)
 

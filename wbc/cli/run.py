@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.completion import solvers_beginning
+from wbc.cli.completion import directions_beginning, layers_beginning, solvers_beginning
 from wbc.cli.errors import (
     BAD_INPUT,
     NOT_REACHED,
@@ -33,6 +33,22 @@ EXIT_CODES = (
 )
 
 
+ViewFrom = Annotated[
+    str,
+    typer.Option(
+        help="In the picture: front, left, top, back-right ...; or azimuth,elevation in degrees.",
+        autocompletion=directions_beginning,
+    ),
+]
+Show = Annotated[
+    str,
+    typer.Option(
+        help="Layers of the picture, as in robot,com,targets; or without some: no-ellipsoid.",
+        autocompletion=layers_beginning,
+    ),
+]
+
+
 def run(
     problem: Annotated[
         Path,
@@ -47,6 +63,8 @@ def run(
         ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the run into a picture.")] = None,
+    view_from: ViewFrom = "front-left",
+    show: Show = "all",
     solver: Annotated[
         str | None,
         typer.Option(
@@ -70,8 +88,18 @@ def run(
 ) -> None:
     """Run a problem and say what came of it."""
     with errors_in_one_line():
-        code = _solve(problem, output or [], plot, overrides_of(assign, solver), quiet, view)
+        check_view(view_from, show)
+        overrides = overrides_of(assign, solver)
+        look = (view_from, show)
+        code = _solve(problem, output or [], plot, look, overrides, quiet, view)
     raise typer.Exit(code)
+
+
+def check_view(view_from: str, show: str) -> None:
+    """Raise for words that no picture can be drawn by, before any work is done."""
+    from wbc.view.options import View
+
+    View.of(view_from, show)
 
 
 def overrides_of(assignments: list[str] | None, solver: str | None = None) -> dict[str, Any]:
@@ -86,6 +114,7 @@ def _solve(
     path: Path,
     output: list[Path],
     plot: Path | None,
+    look: tuple[str, str],
     overrides: dict[str, Any],
     quiet: bool,
     view: bool,
@@ -117,7 +146,7 @@ def _solve(
     for each in output:
         outputs.save(each, result.save)
     if plot is not None:
-        outputs.draw(plot, lambda picture: draw_result(result, picture, name))
+        outputs.draw(plot, lambda picture: draw_result(result, picture, name, *look))
     if not quiet:
         if isinstance(result, Result):
             print_result(result, outputs.written)
