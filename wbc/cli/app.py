@@ -15,6 +15,7 @@ from wbc.cli.analyze import analyze
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
+from wbc.cli.render import render
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, run
 from wbc.cli.view import view
@@ -55,6 +56,7 @@ def common(
 # One line for each command, in the order of the help.
 app.command(epilog=EXIT_CODES)(run)
 app.command()(view)
+app.command()(render)
 app.command()(init)
 app.command()(check)
 app.command()(analyze)

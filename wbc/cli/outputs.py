@@ -66,12 +66,17 @@ def draw_result(
 
 def check_picture(option: str, path: Path) -> None:
     """Raise InvalidInputError if no picture can be drawn into ``path``."""
-    if find_spec("matplotlib") is None:
-        raise InvalidInputError(f"{option} needs matplotlib: pip install 'wbc[plot]'")
+    require_matplotlib(option)
     from wbc.view.style import picture_file
 
     check_place(option, path)
     picture_file(path)
+
+
+def require_matplotlib(what: str) -> None:
+    """Raise InvalidInputError if there is nothing to draw with."""
+    if find_spec("matplotlib") is None:
+        raise InvalidInputError(f"{what} needs matplotlib: pip install 'wbc[plot]'")
 
 
 def check_place(option: str, path: Path) -> None:

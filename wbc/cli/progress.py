@@ -61,6 +61,8 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
     """Return what is done, in which units, and how it stands."""
     if info is None:
         return "analysing", "frame", ""
+    if "drawing" in info:
+        return "drawing", "frame", ""
     if "cost" in info:
         cost = info["cost"]
         return "searching", "start", "no posture yet" if cost is None else f"best cost {cost:.4g}"

@@ -50,6 +50,9 @@ class Phase:
         return f"on {' and '.join(self.support.split(','))}" if self.support else ""
 
 
+NO_PHASE = Phase("", "", 0.0, 0.0, 0)
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """What is drawn of a run; without phases none, without any balance None.
@@ -97,6 +100,11 @@ class Run:
             obstacles=obstacles,
             aims=[*self._aims(row, now)],
         )
+
+    def phase_at(self, row: int) -> str:
+        """Return the name of the phase of a row; empty in a run without phases."""
+        inside = (one for one in self.phases if one.begins <= self.time[row] <= one.ends)
+        return max(inside, key=lambda one: one.begins, default=NO_PHASE).name
 
     def _aims(self, row: int, now: bool) -> Iterator[Aimed]:
         for name, targets in self.targets.items():

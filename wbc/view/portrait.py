@@ -124,12 +124,12 @@ def portraits_of(
         name: one if isinstance(one, Pose) else Pose(one) for name, one in configurations.items()
     }
     return [
-        _portrait(robot.snapshot(pose.q), meshes.at(pose.q), pose, name, view)
+        portrait_of(robot.snapshot(pose.q), meshes.at(pose.q), pose, name, view)
         for name, pose in poses.items()
     ]
 
 
-def _portrait(
+def portrait_of(
     snapshot: Snapshot, meshes: Sequence[Mesh], pose: Pose, name: str, view: View
 ) -> Portrait:
     """Return the portrait of a robot at rest: the CoP is the CoM's projection."""
@@ -192,6 +192,8 @@ def draw_portraits(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> N
     for panel, portrait in zip(panels_of(all_axes, portraits), portraits, strict=True):
         draw_pendulum(panel, portrait, sections=True)
         panel.axes.set_title(portrait.name, fontsize=style.NORMAL, color=style.BLACK)
+        if not portrait.view.shows("ellipsoid"):
+            continue
         width = _inches(panel.axes)[0]
         narrow = width < 3.0 * TEXT_WIDTH
         unit = "" if narrow else " mm"  # where there is no room the figure says it once
@@ -271,14 +273,16 @@ def write_caption(figure: Figure, lines: Sequence[str], top: float) -> None:
 
 def _extent(portraits: Sequence[Portrait]) -> Array:
     """Return the points (k, 3) that each picture must contain, relative to the ground's point."""
-    parts = []
-    for portrait in portraits:
-        scene = portrait.scene
-        around = [mesh.vertices for mesh in scene.solids]
-        around += [aim.wanted[None] for aim in portrait.aims if portrait.view.shows("targets")]
-        near = [p[np.linalg.norm(p - scene.centre, axis=1) < FAR * scene.size] for p in around]
-        parts += [scene.extent, *(p - scene.below_centre for p in near)]
-    return np.concatenate(parts)
+    return np.concatenate([extent_of(portrait) for portrait in portraits])
+
+
+def extent_of(portrait: Portrait) -> Array:
+    """Return the points (k, 3) that a picture must contain, relative to ``scene.below_centre``."""
+    scene = portrait.scene
+    around = [mesh.vertices for mesh in scene.solids]
+    around += [aim.wanted[None] for aim in portrait.aims if portrait.view.shows("targets")]
+    near = [p[np.linalg.norm(p - scene.centre, axis=1) < FAR * scene.size] for p in around]
+    return np.concatenate([scene.extent, *(p - scene.below_centre for p in near)])
 
 
 def _inches(axes: Axes) -> tuple[float, float]:

@@ -1,0 +1,74 @@
+"""Films by the command line: of results and of problems."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from wbc.cli import app
+from wbc.problem import load_problem
+from wbc.view.options import View
+
+WAVE = """\
+robot: hoap2_like
+support: double
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0, 0, 0.01]}}
+stop: {duration: 0.1, speed: null}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "wave.yaml"
+    path.write_text(WAVE)
+    return path
+
+
+@pytest.fixture
+def films(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    made: list[dict[str, Any]] = []
+
+    def film(robot: object, history: object, path: Path, **named: Any) -> None:
+        made.append({"ticks": len(history), **named})  # type: ignore[arg-type]
+
+    monkeypatch.setattr("wbc.view.film.film_run", film)
+    return made
+
+
+def render(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["render", *map(str, arguments)])
+
+
+def test_of_a_result_and_of_a_problem(file: Path, films: list[dict[str, Any]]) -> None:
+    saved, film = file.with_suffix(".npz"), file.with_suffix(".gif")
+    load_problem(file).run().save(saved)
+    look = ("--speed", "0.5", "--fps", "10", "--size", "200x300", "--view-from", "left")
+    answer = render(saved, "-o", film, *look)
+    assert answer.exit_code == 0, answer.stderr
+    assert answer.stdout == f"written  {film}\n"
+    assert render(file, "-o", film, "-q").exit_code == 0
+    first, second = films
+    assert (first["ticks"], second["ticks"]) == (20, 20)
+    assert first["title"] == "wave: completed"
+    assert (first["speed"], first["fps"], first["size"]) == (0.5, 10, (200, 300))
+    assert first["view"] == View.of("left")
+
+
+def test_mistakes_are_told_before_any_work(file: Path, films: list[dict[str, Any]]) -> None:
+    film = file.with_suffix(".gif")
+    for arguments, words in (
+        ((file, "-o", "a.avi"), "written as .gif"),
+        ((file, "-o", film, "--size", "large"), "expected width x height"),
+        ((file, "-o", film, "--show", "legs"), "did you mean 'leg'"),
+        ((file, "-o", file.parent / "no" / "a.gif"), "there is no folder"),
+        ((file.with_suffix(".npz"), "-o", film), "cannot be read"),
+        ((file, "-o", film, "--robot", "g1"), "--robot: only for"),
+    ):
+        answer = render(*arguments)
+        assert answer.exit_code == 1
+        assert words in answer.stderr, answer.stderr
+    pendulum = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
+    assert "a pendulum's problem; draw it by" in render(pendulum, "-o", film).stderr
+    assert films == []

@@ -1,0 +1,89 @@
+"""A result read back is the run that was saved."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, ModelError
+from wbc.problem import load_problem
+from wbc.problem.saved import load_result
+from wbc.robot import Robot
+from wbc.run import Result
+
+REACH = """\
+robot: hoap2_like
+support: double
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.2, 0, 0.1]},
+         gain: 0.1}
+constraints:
+  room: {type: obstacles, links: [left_hand_link], things: {wall: {half_space: [-1, 0, 0],
+         position: [0.1, 0, 0]}, ball: {sphere: 0.05, position: [0.3, 0.2, 0.2]}}}
+stop: {duration: 0.3}
+"""
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    path = tmp_path_factory.mktemp("reach") / "p.yaml"
+    path.write_text(REACH)
+    return load_problem(path, {"stop.duration": 0.1}).run()
+
+
+def test_everything_comes_back(result: Result, tmp_path: Path) -> None:
+    result.save(tmp_path / "r.npz")
+    saved = load_result(tmp_path / "r.npz")
+    assert (saved.name, saved.robot.name) == ("r", "hoap2_like")
+    before, after = result.history.arrays(), saved.history.arrays()
+    assert list(before) == list(after)
+    for name, array in before.items():
+        np.testing.assert_array_equal(after[name], array)
+    assert saved.summary["problem"]["text"] == REACH
+
+
+def test_the_robot_is_the_problem_s_with_its_overrides(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(REACH)
+    locked = {"model": "hoap2_like", "locked": {"head_yaw": 0.1}}
+    result = load_problem(path, {"robot": locked, "stop.duration": 0.01}).run()
+    result.save(tmp_path / "r.npz")
+    assert "head_yaw" not in load_result(tmp_path / "r.npz").robot.joint_names
+    with pytest.raises(InvalidInputError, match="its joints are not those of hoap2_like"):
+        load_result(tmp_path / "r.npz", Robot.load("hoap2_like"))
+
+
+def test_what_is_no_result_is_refused_by_name(result: Result, tmp_path: Path) -> None:
+    path = tmp_path / "r.npz"
+    np.savez(path, time=np.zeros(3))
+    with pytest.raises(InvalidInputError, match="not the result of a run; make it by: wbc run"):
+        load_result(path)
+    np.savez(path, summary=np.array('{"format": "wbc rmp series 1"}'))
+    with pytest.raises(InvalidInputError, match="is a 'wbc rmp series 1', not a"):
+        load_result(path)
+    path.write_text("text")
+    with pytest.raises(InvalidInputError, match="cannot be read"):
+        load_result(path)
+    result.save(path)
+    with np.load(path) as archive:
+        kept = {name: archive[name] for name in archive.files if name != "q"}
+    np.savez(path, **kept)
+    with pytest.raises(InvalidInputError, match="lacks the array 'q'"):
+        load_result(path)
+
+
+def test_a_robot_whose_file_is_gone_can_be_given(tmp_path: Path) -> None:
+    model = Path(__file__).parents[1] / "models" / "mixed_joints.urdf"
+    shutil.copy(model, tmp_path / "gone.urdf")
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "robot: gone.urdf\nsupport: floating\ntasks: {calm: {type: posture}}\n"
+        "stop: {duration: 0.01}\n"
+    )
+    load_problem(path).run().save(tmp_path / "r.npz")
+    assert load_result(tmp_path / "r.npz").robot.path == tmp_path / "gone.urdf"
+    (tmp_path / "gone.urdf").unlink()
+    with pytest.raises(ModelError, match=r"gone\.urdf"):
+        load_result(tmp_path / "r.npz")
+    assert load_result(tmp_path / "r.npz", Robot.load(model)).history.time.size == 2

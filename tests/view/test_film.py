@@ -1,0 +1,113 @@
+"""Films of runs: what they show, when, and always the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from wbc.errors import InvalidInputError
+from wbc.problem import load_problem
+from wbc.run import Result
+from wbc.view.film import film_format, film_rows, film_run
+from wbc.view.options import View
+from wbc.view.style import VERMILION
+
+WAVE = """\
+robot: hoap2_like
+support: double
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.1, 0, 0.1]},
+         gain: 0.1}
+stop: {duration: 0.3}
+"""
+SMALL = (180, 220)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    path = tmp_path_factory.mktemp("wave") / "p.yaml"
+    path.write_text(WAVE)
+    return load_problem(path).run()
+
+
+def test_a_film_is_as_long_as_the_run_and_always_the_same(result: Result, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    for name in ("a.gif", "b.gif"):
+        film_run(
+            result.robot, result.history, tmp_path / name, title="wave", fps=10, size=SMALL,
+            progress=lambda done, total: told.append((done, total)),
+        )  # fmt: skip
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+    assert told[10] == (11, 11)  # 0, 0.1, 0.2 and 0.295 s, and 0.7 s of rest
+    with Image.open(tmp_path / "a.gif") as film:
+        assert film.size == SMALL
+        shown = 0
+        for k in range(film.n_frames):
+            film.seek(k)
+            shown += film.info["duration"]
+        assert shown == 1100  # ms
+        film.seek(0)
+        first = np.asarray(film.convert("RGB")).astype(int)
+        film.seek(film.n_frames - 1)
+        last = np.asarray(film.convert("RGB")).astype(int)
+    assert np.abs(first - last).max() > 50  # something moved
+    assert (first[0, 0] == 255).all()
+    mark = np.array([int(VERMILION[k : k + 2], 16) for k in (1, 3, 5)])
+    assert (np.abs(first - mark).max(axis=-1) < 12).any()  # marks keep their colour
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gif", "b.gif"]
+
+
+def test_layers_are_left_out(result: Result, tmp_path: Path) -> None:
+    bare = View.of("left", "robot")
+    short = type(result.history)(
+        **{**vars(result.history), "time": result.history.time[:1], "q": result.history.q[:1],
+           "errors": {}, "inertia": result.history.inertia[:1], "phase": result.history.phase[:1],
+           "support": result.history.support[:1], "balance": result.history.balance[:1],
+           "clearance": {}, "active": {}, "points": {}, "targets": {}}
+    )  # fmt: skip
+    film_run(result.robot, short, tmp_path / "a.gif", title="x", fps=2, size=SMALL, view=bare)
+    with Image.open(tmp_path / "a.gif") as film:
+        pixels = np.asarray(film.convert("RGB")).astype(int)
+    mark = np.array([int(VERMILION[k : k + 2], 16) for k in (1, 3, 5)])
+    assert not (np.abs(pixels - mark).max(axis=-1) < 12).any()
+
+
+def test_rows_are_the_run_at_its_own_speed() -> None:
+    time = np.arange(0.0, 2.0, 0.005)
+    rows = film_rows(time, 20, 1.0)
+    moving = rows[: -round(0.7 * 20)]
+    np.testing.assert_allclose(time[moving], np.arange(len(moving)) / 20, atol=0.0051)
+    assert rows[-1] == len(time) - 1
+    slow = film_rows(time, 20, 0.25)
+    assert len(slow) - 14 == pytest.approx(4 * len(moving), abs=4)
+    assert set(film_rows(time[:1], 20, 1.0)) == {0}
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ({"fps": 60}, "at most 50"),
+        ({"fps": 0}, "fps"),
+        ({"speed": 0.0}, "speed"),
+        ({"size": (100, 100)}, "at least 150"),
+    ],
+)
+def test_bad_numbers_are_refused(
+    result: Result, tmp_path: Path, named: dict[str, object], words: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        film_run(result.robot, result.history, tmp_path / "a.gif", title="x", **named)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_places_are_checked(
+    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InvalidInputError, match=r"written as \.gif or \.mp4"):
+        film_format("a.avi")
+    monkeypatch.setattr("wbc.view.film.FFMpegWriter.isAvailable", lambda: False)
+    with pytest.raises(InvalidInputError, match="needs the program ffmpeg"):
+        film_format("a.mp4")
+    with pytest.raises(InvalidInputError, match="there is no folder"):
+        film_run(result.robot, result.history, tmp_path / "no" / "a.gif", title="x")

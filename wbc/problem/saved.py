@@ -1,0 +1,149 @@
+"""Results read back from files: the robot and the history of a run, to be drawn again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError, WbcError
+from wbc.files import read_arrays
+from wbc.problem.mistakes import read_section
+from wbc.problem.overrides import apply_overrides
+from wbc.problem.reading import parse
+from wbc.problem.robot_spec import RobotSpec
+from wbc.problem.spec import ProblemSpec
+from wbc.robot import Robot
+from wbc.run.history import History
+from wbc.run.result import FORMAT, Result
+from wbc.run.surroundings import ObstacleTrack
+
+LARGEST = 2_000_000_000  # bytes of all arrays unpacked
+WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
+REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class SavedRun:
+    """A run, as it was or as its file tells.
+
+    Attributes
+    ----------
+    name:
+        What to call it.
+    history:
+        Every tick.
+    summary:
+        What :meth:`wbc.run.Result.summary` returned, with the problem's text and versions.
+    """
+
+    name: str
+    robot: Robot
+    history: History
+    summary: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, result: Result, name: str) -> SavedRun:
+        """Return what a file with the result would give."""
+        return cls(name, result.robot, result.history, result.summary())
+
+
+def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun:
+    """Read an ``.npz`` that :meth:`wbc.run.Result.save` has written.
+
+    Parameters
+    ----------
+    robot:
+        By default that of the problem, of which the file holds the text.
+
+    Raises
+    ------
+    InvalidInputError
+        Not such a file, or for another robot.
+    ProblemFileError
+        The problem's text names no robot that can be loaded.
+    ModelError
+        The robot's files are not there any more.
+    """
+    path = Path(path)
+    arrays = read_arrays(path, list, _kinds, LARGEST)
+    summary = _summary(path, arrays)
+    if robot is None:
+        robot = _robot_of(path, summary)
+    names = tuple(str(name) for name in arrays.get("joint_names", ()))
+    if names != robot.joint_names:
+        raise InvalidInputError(
+            f"{path}: its joints are not those of {robot.name}; name its robot with --robot, or "
+            + REMEDY
+        )
+    try:
+        history = _history(arrays)
+    except KeyError as error:
+        raise InvalidInputError(f"{path}: lacks the array {error}; {REMEDY}") from None
+    return SavedRun(path.stem, robot, history, summary)
+
+
+def _kinds(name: str) -> str:
+    first = name.partition("/")[0]
+    return "U" if first in WORDS else "b" if first == "active" else "f"
+
+
+def _summary(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    try:
+        summary = json.loads(str(arrays["summary"]))
+        found = summary["format"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}") from error
+    if found != FORMAT:
+        raise InvalidInputError(f"{path}: is a {found!r:.40}, not a {FORMAT!r}; {REMEDY}")
+    return dict(summary)
+
+
+def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
+    """Return the robot of the problem that a result came from."""
+    made_from = summary.get("problem")
+    if not isinstance(made_from, Mapping):
+        name = str(summary.get("robot", ""))
+        try:
+            return Robot.load(name)
+        except WbcError as error:
+            what = f"{path}: does not say which file its robot {name!r} came from; give it: --robot"
+            raise InvalidInputError(what) from error
+    source = parse(str(made_from.get("text", "")), str(made_from.get("file", path)))
+    source = apply_overrides(source, made_from.get("overrides") or {})
+    spec = read_section(ProblemSpec, source)
+    robot = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
+    return robot.load(Path(source.name).parent)
+
+
+def _history(arrays: Mapping[str, NDArray[Any]]) -> History:
+    values: dict[str, Any] = {}
+    for field in fields(History):
+        if field.name in arrays:
+            values[field.name] = arrays[field.name]
+        else:
+            begin = f"{field.name}/"
+            group = {
+                name.removeprefix(begin): array
+                for name, array in arrays.items()
+                if name.startswith(begin)
+            }
+            values[field.name] = _tracks(group) if field.name == "obstacles" else group
+    for name in ("time", "q", "v"):
+        if not isinstance(values[name], np.ndarray):
+            raise KeyError(name)
+    return History(**values)
+
+
+def _tracks(group: Mapping[str, NDArray[Any]]) -> dict[str, ObstacleTrack]:
+    """Return tracks from arrays such as ``room/wall/place``."""
+    parts: dict[str, dict[str, NDArray[Any]]] = {}
+    for name, array in group.items():
+        obstacle, _, part = name.rpartition("/")
+        parts.setdefault(obstacle, {})[part] = array
+    return {name: ObstacleTrack.from_arrays(arrays) for name, arrays in parts.items()}

@@ -1,0 +1,227 @@
+"""A run as a film, drawn without a screen; the same run gives the same file."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from matplotlib.animation import FFMpegWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image  # matplotlib brings it
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
+from wbc.validate import Array, finite_number
+from wbc.view import style
+from wbc.view.camera import Camera
+from wbc.view.history import History, Run, read_history
+from wbc.view.options import View
+from wbc.view.panel import Panel
+from wbc.view.portrait import (
+    DEFAULT,
+    INCH,
+    LINE,
+    Portrait,
+    captions,
+    draw_pendulum,
+    extent_of,
+    portrait_of,
+    write_caption,
+)
+from wbc.view.render import render
+from wbc.view.simplify import within
+
+FORMATS = (".gif", ".mp4")
+DOTS = 100  # pixels per inch
+TRIANGLES = 40_000  # of the robot: finer ones are not seen
+POSES = 24  # spread over the run, that the camera must hold
+FASTEST = 50  # pictures per second: a GIF has no more
+REST = 0.7  # s for which the end is shown
+MARKS, LINES = 0.8, (1.2, 1.2)  # size of the pendulum; widths of outlines [points]
+ABOVE, EDGE = 0.25, 0.06  # inches, of the title and below the caption
+NEAR_WHITE = 10  # of 255
+COLOURS = (*style.PRINCIPAL, style.BLUE, style.ORANGE, style.YELLOW, style.BLACK, style.SKY)
+BITEXACT = ["-pix_fmt", "yuv420p", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
+
+Progress = Callable[[int, int], None]
+
+
+def film_format(path: str | Path) -> str:
+    """Return the ending of a film's file.
+
+    Raises
+    ------
+    InvalidInputError
+        Neither ``.gif`` nor ``.mp4``, or ``.mp4`` without ffmpeg.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in FORMATS:
+        raise InvalidInputError(f"{path}: a film is written as .gif or .mp4")
+    if ending == ".mp4" and not FFMpegWriter.isAvailable():
+        raise InvalidInputError(f"{path}: needs the program ffmpeg; install it, or write a .gif")
+    return ending
+
+
+def film_rows(time: Array, fps: int, speed: float) -> list[int]:
+    """Return the row of each picture, the end held for a moment."""
+    count = round(float(time[-1] - time[0]) * fps / speed) + 1
+    wanted = time[0] + np.arange(count) * speed / fps
+    rows = np.searchsorted(time, wanted - 1e-9).clip(0, len(time) - 1).tolist()
+    return [*rows, *[len(time) - 1] * round(REST * fps)]
+
+
+def film_run(
+    robot: Robot,
+    history: History,
+    path: str | Path,
+    *,
+    title: str,
+    fps: int = 20,
+    speed: float = 1.0,
+    size: tuple[int, int] = (480, 560),
+    view: View = DEFAULT,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a film of a run, and return its path; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    history:
+        As for :func:`wbc.view.plot_run`.
+    path:
+        A ``.gif``, or an ``.mp4`` where ffmpeg is installed.
+    fps:
+        Pictures per second, at most 50.
+    speed:
+        How much faster than the run the film is.
+    size:
+        Width and height [pixels]; made even.
+    progress:
+        Called with pictures done and pictures in all.
+
+    Raises
+    ------
+    InvalidInputError
+        Another ending, no such folder, numbers out of range, or what :func:`wbc.view.plot_run`
+        refuses.
+    """
+    path = Path(path)
+    ending = film_format(path)
+    fps = int(finite_number("film, fps", fps, least=1.0))
+    if fps > FASTEST:
+        raise InvalidInputError(f"film, fps: at most {FASTEST}, got {fps}")
+    speed = finite_number("film, speed", speed, above=0.0)
+    if not path.parent.is_dir():
+        raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
+    run = read_history(robot, history)
+    rows = film_rows(run.time, fps, speed)
+    drawn = Film(run, title, (size[0] // 2 * 2, size[1] // 2 * 2), view)
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".film-") as folder:
+            part = Path(folder) / f"film{ending}"
+            with _writing(drawn, part, fps) as keep:
+                for done, row in enumerate(rows, 1):
+                    if done == 1 or row != rows[done - 2]:
+                        drawn.draw(row)
+                    keep()
+                    if progress is not None:
+                        progress(done, len(rows))
+            part.replace(path)
+    except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
+    return path
+
+
+@contextmanager
+def _writing(drawn: Film, path: Path, fps: int) -> Iterator[Callable[[], None]]:
+    """Give what is to be called after each picture; the file is there at the end."""
+    if path.suffix == ".mp4":
+        writer = FFMpegWriter(fps=fps, codec="libx264", extra_args=BITEXACT)
+        with writer.saving(drawn.figure, str(path), DOTS):
+            yield writer.grab_frame
+        return
+    pictures: list[Image.Image] = []
+
+    def keep() -> None:
+        picture = drawn.picture()
+        palette = pictures[0] if pictures else _palette(picture)
+        pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
+
+    yield keep
+    first, *others = pictures
+    first.save(path, save_all=True, append_images=others, duration=round(1000 / fps), loop=0)
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """Return 256 colours: those of a picture, and those of marks, also where glass is over them."""
+    marks = [np.array(to_rgb(colour)) for colour in COLOURS]
+    tints = [w * mark + 1.0 - w for mark in marks for w in (1.0, 0.6, 0.3)]
+    fixed = np.round(255.0 * np.array([np.ones(3), *tints])).astype(int)
+    count = 256 - len(fixed)
+    found = picture.quantize(count, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    others = np.resize(np.array(found[: 3 * count]).reshape(-1, 3), (count, 3))
+    # Pillow looks for the nearest in a rough way: what is nearly white would be taken for white.
+    others[(np.abs(others - 255) < NEAR_WHITE).all(axis=1)] = 255
+    colours = np.concatenate((fixed, others)).ravel().tolist()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colours)
+    return palette
+
+
+class Film:
+    """Draws a run's rows one after the other, from where all of them are seen."""
+
+    def __init__(self, run: Run, title: str, size: tuple[int, int], view: View) -> None:
+        width, height = (pixels / DOTS for pixels in size)
+        if width < 1.5 or height < 1.5:
+            raise InvalidInputError(f"film, size: at least 150 x 150 pixels, got {size}")
+        self._run, self._view, self._title = run, view, title
+        shapes = RobotMeshes(run.robot).in_joint_frames
+        self._joints = [joint for joint, _ in shapes]
+        self._meshes = within([mesh for _, mesh in shapes], TRIANGLES)
+        self.figure = Figure(figsize=(width, height), dpi=DOTS, facecolor="white")
+        self._canvas = FigureCanvasAgg(self.figure)
+        few = np.unique(np.linspace(0, len(run.time) - 1, POSES).astype(int)).tolist()
+        seen = [self._portrait(row) for row in few]
+        told = captions(seen, width)
+        below = EDGE + LINE * len(told)
+        write_caption(self.figure, told, below)
+        self._head = self.figure.text(
+            0.5, 1.0 - 0.04 / height, "", ha="center", va="top", fontsize=8.0, color=style.BLACK
+        )
+        place = (0.0, below, width, height - ABOVE - below)
+        self._axes = style.place(self.figure, *place)
+        pixels = (round(place[2] * DOTS), round(place[3] * DOTS))
+        points = np.concatenate([extent_of(one) + one.scene.below_centre for one in seen])
+        self._camera = Camera.framing(points, view.azimuth, view.elevation, *pixels)
+
+    def draw(self, row: int) -> None:
+        """Draw a row of the run."""
+        portrait = self._portrait(row)
+        self._axes.clear()
+        panel = Panel(self._axes, self._camera, render(portrait.scene, self._camera), DOTS / INCH)
+        panel.show()
+        draw_pendulum(panel, portrait, MARKS, LINES)
+        phase = f", {self._run.phase_at(row)}" if self._run.phase_at(row) else ""
+        self._head.set_text(f"{self._title}, t = {self._run.time[row]:.2f} s{phase}")
+
+    def picture(self) -> Image.Image:
+        """Return what is drawn now."""
+        self._canvas.draw()
+        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())).convert("RGB")
+
+    def _portrait(self, row: int) -> Portrait:
+        run = self._run
+        pose = run.pose(row, now=True)
+        rotations, origins = joint_placements(run.robot, run.q[row])
+        placed: Sequence[Mesh] = [
+            Mesh(mesh.name, mesh.vertices @ rotations[j].T + origins[j], mesh.faces, mesh.colour)
+            for j, mesh in zip(self._joints, self._meshes, strict=True)
+        ]
+        return portrait_of(run.robot.snapshot(run.q[row]), placed, pose, "", self._view)
