@@ -21,6 +21,7 @@ from wbc.view import plot_pendulum, plot_robot, plot_run
 from wbc.view.analysis import plot_analysis
 from wbc.view.balance import pushes_figure, regions_figure
 from wbc.view.history import read_history
+from wbc.view.options import View
 from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
@@ -37,6 +38,8 @@ FIG7 = {
 }
 
 
+# From the side, where the wall does not cover the hands.
+VIEWS = {"safe_reach_g1": View.of("60,25", "no-ellipsoid,no-masses")}
 PENDULUMS = ("rmp_push_qp", "rmp_swing_up", "plan_hop_turn", "plan_walk")
 # A G1-like pendulum: mass [kg], height of the CoM [m], half of the soles [m], motors [N m, rad].
 MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
@@ -99,7 +102,8 @@ def main() -> None:
     ):
         result = load_problem(ROOT / "problems" / f"{name}.yaml").run()
         title = f"{name}: {result.status.value}"
-        plot_run(result.robot, result.history, PICTURES / f"{name}.png", title=title)
+        view = VIEWS.get(name, View())
+        plot_run(result.robot, result.history, PICTURES / f"{name}.png", title=title, view=view)
     for name, members in (("fig6_g1", FIG6), ("fig7_hoap2", FIG7)):
         problems = {k: load_problem(ROOT / "problems" / f"{p}.yaml") for k, p in members.items()}
         robot = next(iter(problems.values())).parts.robot

@@ -73,7 +73,7 @@ def plot_errors(axes: Axes, time: Array, errors: Iterable[Series]) -> None:
     seen = seen[seen > lowest]
     if len(seen):  # a task that starts at its target does not stretch the axis down to there
         lowest = max(lowest, 0.5 * float(np.percentile(seen, FEW)))
-    if largest > DECADE * lowest:
+    if largest > 2.0 * DECADE * lowest:
         axes.set_yscale("log")
         axes.set_ylim(lowest, 1.5 * largest)
         series = [replace(one, values=_at_least(one.values, lowest)) for one in series]
