@@ -1,0 +1,81 @@
+"""The torque level on a plant that is not its model: MuJoCo."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+import wbc
+from wbc.robot import Robot
+from wbc.simulation import Plant
+
+State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+
+
+def stack(here: wbc.Snapshot) -> list[wbc.Task]:
+    robot = here.robot
+    return [
+        wbc.ComTask(robot, here.com),
+        wbc.OrientationTask(robot, "base", here.rotation("base")),
+        wbc.PostureTask(robot, here.q),
+    ]
+
+
+@pytest.mark.parametrize("mode", ["double", "right", "floating"])
+def test_forward_dynamics_give_the_acceleration_of_the_tick(
+    mode: str, humanoid: Robot, random_state: State, rng: np.random.Generator
+) -> None:
+    """Oracle: MuJoCo's accelerations under the tick's torques and contact forces."""
+    robot = humanoid
+    standing = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    plant = Plant(robot, shapes=False)
+    plant.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    plant.model.dof_damping[:] = 0.0  # the tick's is implicit, by the velocity at its end
+    for _ in range(3):
+        q, v = random_state(robot, rng)
+        here = robot.snapshot(q, 0.3 * v)
+        controller = wbc.TorqueController(
+            robot, stack(standing), contacts=wbc.support(here, mode), solver="daqp"
+        )
+        tick = controller.step(here)
+        plant.reset(here.q, here.v)
+        torque = tick.torque - robot.model.damping[6:] * tick.velocity[6:]
+        plant.states.torques_to_mujoco(torque, plant.data.qfrc_applied)
+        for frame, wrench in tick.forces.items():
+            joint = robot.model.frames[robot.frame_id(frame)].parentJoint
+            body = plant.model.body(f"body {joint}").id
+            arm = here.position(frame) - plant.data.xipos[body]
+            moment = wrench[3:] + np.cross(arm, wrench[:3])
+            plant.data.xfrc_applied[body] += np.concatenate((wrench[:3], moment))
+        mujoco.mj_forward(plant.model, plant.data)
+        found = plant.states.acceleration_from_mujoco(here.q, here.v, plant.data.qacc)
+        # A torque at its bound is clipped by what the solver leaves there, about 1e-8 of it.
+        size = np.abs(tick.acceleration).max() + np.abs(tick.torque).max()
+        np.testing.assert_allclose(found, tick.acceleration, atol=1e-8 * size)
+
+
+def test_every_humanoid_stands_without_a_gain(humanoid: Robot) -> None:
+    """Default gains, weights and contacts; the ground is MuJoCo's."""
+    robot = humanoid
+    plant = Plant(robot)
+    plant.reset(robot.posture("standing"))
+    start = plant.snapshot()
+    controller = wbc.TorqueController(
+        robot,
+        stack(start),
+        contacts=wbc.support(start, "double"),
+        limits=wbc.Limits(robot),
+        dt=0.002,
+    )
+    for _ in range(250):
+        tick = controller.step(plant.snapshot())
+        assert tick.policy is None, tick.report()
+        plant.step(tick.torque)
+    here = plant.snapshot()
+    assert np.linalg.norm(here.com - start.com) < 1e-3
+    for foot in robot.feet.values():
+        assert np.linalg.norm(here.position(foot.frame) - start.position(foot.frame)) < 5e-4
+    # Predicted and measured: the ground gives way by a tenth of a millimetre.
+    assert tick.cop is not None and plant.cop is not None
+    np.testing.assert_allclose(tick.cop, plant.cop, atol=1e-3)
