@@ -4,10 +4,18 @@ import numpy as np
 import pytest
 
 from tests.conftest import ROBOTS, load, random_state
-from wbc.constraints import Contact, Limits, PointContact, PositionBox, support
+from wbc.constraints import (
+    Contact,
+    Limits,
+    PointContact,
+    PositionBox,
+    SelfCollision,
+    support,
+)
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller
 from wbc.controllers.native_plan import NativeProblem
+from wbc.controllers.tick import Tick
 from wbc.native import VARIABLE, status
 from wbc.qp import daqp_direct
 from wbc.qp.daqp import Daqp
@@ -208,6 +216,57 @@ def test_what_is_changed_between_ticks_is_followed(native, rng) -> None:
         before = after
 
 
+def with_margins(
+    robot: Robot, here: Snapshot, margin: float, **slack: float
+) -> KinematicController:
+    """The hands reach for each other and the base goes down, until margins hold them."""
+    hands = [name for name in robot.frame_names if "wrist_yaw_link" in name]
+    between = 0.5 * (here.position(hands[0]) + here.position(hands[1]))
+    tasks = [PositionTask(robot, hand, between, weight=3.0, gain=0.2) for hand in hands]
+    tasks += [ComTask(robot, here.com - [0, 0, 0.2]), PostureTask(robot, here.q, weight=0.05)]
+    margins = [SelfCollision(robot, margin=margin), PositionBox.height(robot, here.q[2] - 0.03)]
+    options = {"constraints": margins, "slack": slack}
+    return controller_of(robot, tasks, support(here, "double"), **options)
+
+
+def assert_same_tick(controller: KinematicController, snapshot: Snapshot) -> Tick:
+    """The QP with margins and the command are those of the Python tick."""
+    assert controller._native.problem(snapshot) is not None
+    fast, plain = controller.step(snapshot), Controller._step(controller, snapshot)
+    assert fast.ok and plain.ok
+    assert fast.qp.labels == plain.qp.labels
+    assert fast.step_scale == plain.step_scale
+    assert fast.slack.keys() == plain.slack.keys()
+    for field in (*FIELDS, "C", "l", "u"):
+        ours, theirs = getattr(fast.qp, field), getattr(plain.qp, field)
+        finite = np.isfinite(theirs)
+        scale = max(1.0, np.abs(theirs[finite]).max())
+        # Cutting planes are drawn where the last solution leads: what solvers leave of it comes in.
+        np.testing.assert_allclose(ours[finite], theirs[finite], rtol=0.0, atol=1e-7 * scale)
+    np.testing.assert_allclose(fast.velocity, plain.velocity, atol=1e-5)
+    return fast
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_margins_are_added_to_the_cores_qp(native, soft: bool) -> None:
+    """Until bodies touch their margins, and pushed out of wider ones by a cost that outweighs."""
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    slack = {"box of base": 100.0} if soft else {}
+    controller = with_margins(robot, here, 0.03, **slack)
+    v, active = np.zeros(robot.nv), 0
+    for _ in range(70):
+        tick = assert_same_tick(controller, robot.snapshot(q, v))
+        active += len(tick.active)
+        v = tick.velocity
+        q = robot.integrate(q, v, controller.dt)
+    assert active > 20
+    wide = assert_same_tick(with_margins(robot, here, 0.06, **slack), robot.snapshot(q, v))
+    nv = robot.nv
+    assert np.linalg.eigvalsh(wide.qp.P[:nv, :nv] - tick.qp.P[:nv, :nv])[-1] > 10.0
+
+
 def test_a_qp_lasts(native, rng) -> None:
     robot = native("hoap2_like")
     snapshot = robot.snapshot(*random_state(robot, rng))
@@ -254,7 +313,6 @@ def test_what_the_core_does_not_know_is_left_to_python(native, rng) -> None:
     for options in (
         {"limits": Limits(robot, braking="bounded")},
         {"slack": {"left_sole": 10.0}},
-        {"constraints": [PositionBox.height(robot, 0.1)]},
     ):
         assert controller_of(robot, [com, posture], contacts, **options)._native is None
     # Later changes are noticed too.
@@ -378,11 +436,11 @@ def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatc
     controller = controller_of(robot, tasks, support(here, "double"))
     plan = controller._native
     call = plan._call
-    for entry, value in ((10, 1e-3), (11, np.nan), (12, np.inf)):
+    for entry, value in ((0, 1e-3), (1, np.nan), (2, np.inf)):
 
-        def spoilt(*arguments, place=entry - 10, value=value):
+        def spoilt(*arguments, place=entry, value=value):
             said = call(*arguments)
-            plan._out[plan._cuts[10] + place] = value
+            plan._out[plan._cuts[11] + place] = value
             return said
 
         plan._call = spoilt

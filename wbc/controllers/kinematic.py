@@ -5,7 +5,10 @@ from __future__ import annotations
 from time import perf_counter
 
 from wbc.controllers.controller import Controller
+from wbc.controllers.levels import LevelProblem, Outcome
+from wbc.controllers.look_ahead import MarginRows
 from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.plan import NO_PHYSICS
 from wbc.controllers.tick import Tick
 from wbc.laws import Residual, Rows
 from wbc.robot import Snapshot
@@ -23,25 +26,37 @@ class KinematicController(Controller):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command; plain ticks are set up by the native core where there is one."""
-        start = perf_counter()
-        found = None
+        start, found = perf_counter(), None
         if self._native is not None and self._native.serves(self.limits, self.dt):
             found = self._native.problem(snapshot)
-        if found is not None:
-            ready = perf_counter() - (found.solution.solve_time if found.solution else 0.0)
-            outcome = self._within_limits(self._solver.solve_plain(found.qp, found.solution))
-            if outcome.solved:
-                return self._tick(snapshot, found.residuals, outcome, 1.0, {}, start, ready)
-        return super()._step(snapshot)
+        if found is None:
+            return super()._step(snapshot)
+        qp, step_scale = found.qp, 1.0
+        if found.solution is not None:
+            ready = perf_counter() - found.solution.solve_time
+            # The core kept the box to the accuracy promised, far below what a command may exceed.
+            outcome = Outcome(qp, found.solution, qp, self.robot.nv, found.solution.solve_time, {})
+        else:
+            held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
+            box = qp.lower, qp.upper
+            problem = LevelProblem(snapshot, [], held, NO_PHYSICS, box, None, found.assembled)
+            margins = None
+            if self.constraints:
+                margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+            ready = perf_counter()
+            outcome, step_scale = self._solve(problem, margins)
+            if not outcome.solved:  # the Python tick finds out why, and what is best then
+                return super()._step(snapshot)
+        return self._tick(snapshot, found.residuals, outcome, step_scale, {}, start, ready)
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         super()._plan(contacts)
-        self._native = None
-        if not self.constraints:
-            backend = self.backend if self.formulation == "equality" else None
-            self._native = NativePlan.of(
-                self.robot, self.tasks, self.plan, self.limits, self.dt, backend
-            )
+        # Without margins in between, DAQP runs in the core as well.
+        plain = self.formulation == "equality" and not self.constraints
+        backend = self.backend if plain else None
+        self._native = NativePlan.of(
+            self.robot, self.tasks, self.plan, self.limits, self.dt, backend
+        )
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return task.law.rows(residual, task.weight, self.dt)

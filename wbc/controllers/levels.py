@@ -22,7 +22,7 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, stack
 from wbc.controllers.active_set import ActiveSet, achieved_rows
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
-from wbc.controllers.plan import Physics, Plan, assemble
+from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
 from wbc.controllers.relaxation import relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.laws import Rows
@@ -32,9 +32,6 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Snapshot
 from wbc.validate import Array
-
-# Recovery from outside a limit or margin outweighs the tasks by this factor (in the squared cost).
-RECOVERY_FACTOR = 1e2
 
 Box = tuple[Array, Array]
 
@@ -92,6 +89,8 @@ class LevelProblem(NamedTuple):
         Bounds (nv,), (nv,) on the velocity.
     recovery:
         Rows that move joints back into range, or None.
+    assembled:
+        The QP of the only level, where the native core made it: there are no rows then.
     """
 
     snapshot: Snapshot
@@ -100,6 +99,7 @@ class LevelProblem(NamedTuple):
     physics: Physics
     box: Box
     recovery: Rows | None
+    assembled: Assembled | None = None
 
 
 class LevelSolver:
@@ -158,12 +158,6 @@ class LevelSolver:
         return (
             outcome if len(self.plan.levels) == 1 else self._descend(problem, held, bounds, outcome)
         )
-
-    def solve_plain(self, qp: QP, solution: Solution | None) -> Outcome:
-        """Return the optimum of the only level: its QP is assembled already, maybe solved too."""
-        if solution is None:
-            solution = self._solve_first(qp)
-        return Outcome(qp, solution, qp, self.plan.decision.nv, solution.solve_time, {})
 
     def reduce_singular(
         self, rows: list[Rows], held: Sequence[Rows], level: int
@@ -230,6 +224,8 @@ class LevelSolver:
         level: int,
     ) -> QP:
         """Return the QP of one level; recovery from violations belongs to the first."""
+        if problem.assembled is not None:
+            return problem.assembled.bounded(bounds, box)
         plan = self.plan
         costs = rows if len(plan.levels) == 1 else [rows[k] for k in plan.levels[level]]
         if level == 0:
@@ -237,8 +233,8 @@ class LevelSolver:
             if bounds is not None and bounds.push is not None:
                 dominating.insert(0, bounds.push)
             if dominating or problem.physics.costs:
-                outweighing = [_outweighing(extra, costs) for extra in dominating]
-                costs = [*costs, *outweighing, *problem.physics.costs]
+                heavy = [outweighing(extra, _heaviest(costs)) for extra in dominating]
+                costs = [*costs, *heavy, *problem.physics.costs]
         labels, rest = plan.labels[level], problem.physics.rest
         qp = assemble(plan.decision, costs, held, box, bounds, labels, rest)
         if self._limits is None or self._limits.braking == "free":
@@ -262,9 +258,7 @@ class LevelSolver:
         return lifted
 
 
-def _outweighing(recovery: Rows, rows: Sequence[Rows]) -> Rows:
-    """Return ``recovery`` with a weight that no task row can compete with."""
+def _heaviest(rows: Sequence[Rows]) -> float:
+    """Return the largest square of a weighted row."""
     squared = [np.square(row.matrix).sum(axis=1) * np.square(row.weight) for row in rows]
-    heaviest = max(float(row.max(initial=0.0)) for row in squared)
-    weight = np.sqrt(RECOVERY_FACTOR * max(heaviest, 1e-6))
-    return recovery._replace(weight=weight * recovery.weight)
+    return max(float(row.max(initial=0.0)) for row in squared)

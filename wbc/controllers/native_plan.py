@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
-from wbc.controllers.plan import Plan
+from wbc.controllers.plan import Assembled, Plan
 from wbc.laws import Residual, VelocityLaw
 from wbc.native.rows import NativeRows
 from wbc.qp.backend import Backend
@@ -128,9 +128,14 @@ class _Part:
 class NativeProblem(NamedTuple):
     """A QP, what diagnostics want to know of the tasks, and maybe the QP's checked solution."""
 
-    qp: QP
+    assembled: Assembled
     residuals: list[Residual]
     solution: Solution | None
+
+    @property
+    def qp(self) -> QP:
+        """Without inequality rows."""
+        return self.assembled.qp
 
 
 class NativePlan:
@@ -177,7 +182,7 @@ class NativePlan:
         self._number = np.zeros(size)
         for part, begin in begins:
             part.place(self._number[begin:])
-        sizes = (nv * nv, held * nv, nv, nv, nv, held, costs, nv, held, nv, 4)
+        sizes = (nv * nv, held * nv, nv, nv, nv, held, costs, 1, nv, held, nv, 4)
         self._cuts = [0, *np.cumsum(sizes).tolist()]
         self._out = np.zeros(self._cuts[-1])
         most, solving = max(costs, 6), 2 * held * nv + nv * nv + 6 * nv + held
@@ -280,16 +285,17 @@ class NativePlan:
             residuals.append(Residual(errors[begin:end], _NONE, _NONE))
             begin = end
         solved = said == 0 and self._daqp is not None
-        return NativeProblem(qp, residuals, self._solution(spent) if solved else None)
+        assembled = Assembled(qp, float(self._out[cuts[7]]))
+        return NativeProblem(assembled, residuals, self._solution(spent) if solved else None)
 
     def _solution(self, spent: float) -> Solution | None:
         """Return what DAQP answered if its residuals are small enough to need no second look."""
         assert self._daqp is not None
         eps, cuts, out = self._daqp.eps, self._cuts, self._out
-        *residuals, iterations = out[cuts[10] :].tolist()
+        *residuals, iterations = out[cuts[11] :].tolist()
         if not max(residuals) <= eps or math.isnan(sum(residuals)):
             return None
-        x, y, z_box = (out[cuts[k] : cuts[k + 1]].copy() for k in (7, 8, 9))
+        x, y, z_box = (out[cuts[k] : cuts[k + 1]].copy() for k in (8, 9, 10))
         return Solution(
             x, y, _NONE, z_box, Status.SOLVED, KktResiduals(*residuals), int(iterations), spent,
             self._daqp.name,

@@ -5,8 +5,9 @@ A :class:`Plan` is made once for each set of tasks and contacts; a tick then onl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ from wbc.validate import Array, read_only
 
 # Curvatures below this fraction of the largest are raised to it: steps stay finite in flat valleys.
 FLATTEST = 1e-5
+# Recovery from outside a limit or margin outweighs the tasks by this factor (in the squared cost).
+RECOVERY_FACTOR = 1e2
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +259,35 @@ def assemble(
         g -= decision.damping * rest
     qp = QP(P, g, A, b, C, bounds.lower, bounds.upper, lower, upper, labels)
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+class Assembled(NamedTuple):
+    """The QP of a level without inequality rows, and the largest square of a weighted row of it."""
+
+    qp: QP
+    heaviest: float
+
+    def bounded(self, bounds: Bounds | None, box: tuple[Array, Array]) -> QP:
+        """Return the QP with inequality rows and a box, as :func:`assemble` would."""
+        qp = self.qp
+        lower, upper = box
+        if bounds is None:
+            return replace(qp, lower=lower, upper=upper)
+        P, g = qp.P, qp.g
+        if bounds.push is not None:
+            push = outweighing(bounds.push, self.heaviest)
+            J = push.weight[:, None] * push.matrix
+            P, g = P + J.T @ J, g - (push.weight * push.target) @ J
+        labels = Labels(qp.labels.equality, bounds.labels, qp.labels.variables)
+        rows = bounds.matrix, bounds.lower, bounds.upper
+        qp = QP(P, g, qp.A, qp.b, *rows, lower, upper, labels)
+        return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+def outweighing(rows: Rows, heaviest: float) -> Rows:
+    """Return rows with a weight that no other row, of square ``heaviest`` at most, matches."""
+    weight = math.sqrt(RECOVERY_FACTOR * max(heaviest, 1e-6))
+    return rows._replace(weight=weight * rows.weight)
 
 
 def convexified(H: Array) -> Array:

@@ -81,7 +81,7 @@ typedef struct {
 } wbc_plan;
 
 /* The QP in out: P (nv, nv), A (held, nv), g, lower, upper (nv each), b (held), then the tasks'
- * errors (costs), and what wbc_solve writes. UNSOLVED: the QP is there, but no answer. */
+ * errors (costs), the largest square of a weighted row, and what wbc_solve writes. UNSOLVED: the QP is there, but no answer. */
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
 /* Write the QP of a plain tick, or say why it is not one. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,

@@ -232,7 +232,8 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     double *P = plan->out, *A = P + nv * nv, *g = A + held * nv, *lower = g + nv;
     double *upper = lower + nv, *b = upper + nv, *errors = b + held;
     double *frames = plan->scratch, *J = frames + plan->frames * FRAME_SIZE(nv);
-    double *e = J + (plan->costs > 6 ? plan->costs : 6) * nv, damping = 0.0, curved;
+    double *e = J + (plan->costs > 6 ? plan->costs : 6) * nv, damping = 0.0, heaviest = 0.0;
+    double curved;
     memset(P, 0, nv * nv * sizeof *P);
     memset(g, 0, nv * sizeof *g);
     wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
@@ -256,17 +257,24 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
         }
         for (int64_t i = 0; i < k; i++) {
             const double wanted = weight[i] * (-number[RATE] * error[i] - bias[i]);
+            double size = weight[i] * weight[i];
             if (block->kind == JOINTS) {
                 const int64_t c = 6 + plan->index[block->index + i];
                 P[c * nv + c] += weight[i] * weight[i];
                 g[c] -= weight[i] * wanted;
             } else {
-                for (int64_t c = 0; c < nv; c++) J[i * nv + c] *= weight[i];
+                size = 0.0;
+                for (int64_t c = 0; c < nv; c++) {
+                    J[i * nv + c] *= weight[i];
+                    size += J[i * nv + c] * J[i * nv + c];
+                }
                 bias[i] = wanted;
             }
+            if (size > heaviest) heaviest = size;
         }
         if (block->kind != JOINTS) square(nv, k, J, bias, P, g);
     }
+    errors[plan->costs] = heaviest;
     for (int64_t i = 0; i < nv; i++) {
         P[i * nv + i] += plan->damping[i] + damping;
         for (int64_t j = i + 1; j < nv; j++) P[j * nv + i] = P[i * nv + j];

@@ -95,7 +95,7 @@ int wbc_solve(const wbc_plan *plan) {
     const int64_t n = plan->tree->nv, k = plan->held, left = n - k, width = n + 1 + k;
     const double *P = plan->out, *A = P + n * n, *g = A + k * n, *lower = g + n;
     const double *upper = lower + n, *b = upper + n;
-    double *x = plan->out + (n * n + k * n + 3 * n + k) + plan->costs, *y = x + n, *z = y + k;
+    double *x = plan->out + (n * n + k * n + 3 * n + k) + plan->costs + 1, *y = x + n, *z = y + k;
     double *W = plan->scratch, *G = W + k * width, *half = G + k * left, *H = half + k * left;
     double *f = H + left * left, *up = f + left, *low = up + n, *rows = low + n;
     double *multipliers = rows + k * left, *answer = multipliers + n;
