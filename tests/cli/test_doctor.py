@@ -25,6 +25,7 @@ def test_the_core_runs(monkeypatch) -> None:
     text = said()
     assert "ticks: native core, WBC_NATIVE=auto: loaded from" in text
     assert "against Pinocchio on hoap2_like: " in text
+    assert "solver in the core: DAQP " in text
     assert "pin 4" in text
 
 
