@@ -1,5 +1,10 @@
 """Plain ticks in the native core against the Python tick on the same snapshot."""
 
+import copy
+import pickle
+import sys
+import threading
+
 import numpy as np
 import pytest
 
@@ -509,3 +514,51 @@ def test_daqp_is_only_called_where_its_layout_is_known(monkeypatch) -> None:
             refused = direct_daqp.__wrapped__()
         assert refused.address == 0
         assert reason in refused.reason
+
+
+# ---------------------------------------------------------------------- copies and threads
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_copies_have_memory_of_their_own(how, native, rng) -> None:
+    robot = native("hoap2_like")
+    here = robot.snapshot(*random_state(robot, rng))
+    controller = controller_of(robot, every_task(robot, rng, here), support(here, "double"))
+    before = controller.step(here).velocity
+    other = how(controller)
+    twin = other.robot.snapshot(here.q, here.v)
+    other.tasks[3].gain = 0.1
+    assert np.abs(other.step(twin).velocity - before).max() > 1e-3
+    np.testing.assert_array_equal(controller.step(here).velocity, before)
+    again = how(here)
+    assert again.native_state is None  # it is worked out by Pinocchio
+    np.testing.assert_allclose(again.inertia_jacobian, here.inertia_jacobian, atol=1e-12)
+    np.testing.assert_allclose(again.jacobian("left_hand"), here.jacobian("left_hand"), atol=1e-12)
+
+
+def test_threads_may_share_a_controller(native, rng) -> None:
+    robot = native("hoap2_like")
+    states = [robot.snapshot(*random_state(robot, rng)) for _ in range(20)]
+    controller = controller_of(robot, every_task(robot, rng, states[0]))
+    expected = [controller.step(state).velocity for state in states]
+    wrong: list[object] = []
+
+    def run(first: int) -> None:
+        for k in 10 * [*range(first, 20), *range(first)]:
+            try:
+                if not np.array_equal(controller.step(states[k]).velocity, expected[k]):
+                    wrong.append(k)
+            except Exception as error:  # an exception in a thread would only be printed
+                wrong.append(error)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=run, args=(first,)) for first in (0, 7, 13)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert not wrong

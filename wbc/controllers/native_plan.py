@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import math
 import operator
+import threading
 from collections.abc import Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -141,7 +142,7 @@ class NativeProblem(NamedTuple):
 class NativePlan:
     """What the core needs of a controller; made anew with each plan.
 
-    Its memory belongs to the controller: like the controller, it serves one thread at a time.
+    Its memory belongs to the controller; threads that share one take turns.
     """
 
     def __init__(
@@ -155,7 +156,8 @@ class NativePlan:
     ) -> None:
         passes = robot.native
         assert passes is not None
-        self._plan, self._parts, self._dt = plan, parts, dt
+        self._made_of = robot, [p.task for p in parts if not p.held], plan, limits, dt, backend
+        self._plan, self._parts, self._dt, self._lock = plan, parts, dt, threading.Lock()
         self._limits = _read(limits)
         self._tree = tree = passes.tree
         nv, n = robot.nv, robot.nv - 6
@@ -241,6 +243,9 @@ class NativePlan:
             return None
         return cls(robot, plan, parts, limits, dt, backend)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self).of, self._made_of  # a copy has memory of its own
+
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
         return dt == self._dt and all(map(operator.is_, self._limits, _read(limits)))
@@ -250,20 +255,21 @@ class NativePlan:
         state = snapshot.native_state
         if state is None:
             return None
-        for part in self._parts:
-            if part.task._changes != part.changes and not part.write(self._dt):
+        with self._lock:
+            for part in self._parts:
+                if part.task._changes != part.changes and not part.write(self._dt):
+                    return None
+            self._state[:] = state.array[: self._state.size]
+            self._q[:] = snapshot.q
+            self._v[:] = snapshot.v
+            start = perf_counter()
+            said = self._call(*self._arguments, snapshot.moving)
+            spent = perf_counter() - start  # setting up the QP takes a third of it
+            if said > 0:
                 return None
-        self._state[:] = state.array[: self._state.size]
-        self._q[:] = snapshot.q
-        self._v[:] = snapshot.v
-        start = perf_counter()
-        said = self._call(*self._arguments, snapshot.moving)
-        if said > 0:
-            return None
-        spent = perf_counter() - start
+            every = self._out.copy()
         cuts = self._cuts
-        out = self._out[: cuts[6]].copy()
-        errors = self._out[cuts[6] : cuts[7]].copy()  # they may be kept longer than the QP
+        out, errors = every[: cuts[6]], every[cuts[6] : cuts[7]].copy()  # errors may be kept longer
         P, A, g = out[: cuts[1]], out[cuts[1] : cuts[2]], out[cuts[2] : cuts[3]]
         lower, upper, b = out[cuts[3] : cuts[4]], out[cuts[4] : cuts[5]], out[cuts[5] :]
         held, nv = self._sizes
@@ -285,13 +291,13 @@ class NativePlan:
             residuals.append(Residual(errors[begin:end], _NONE, _NONE))
             begin = end
         solved = said == 0 and self._daqp is not None
-        assembled = Assembled(qp, float(self._out[cuts[7]]))
-        return NativeProblem(assembled, residuals, self._solution(spent) if solved else None)
+        assembled = Assembled(qp, float(every[cuts[7]]))
+        return NativeProblem(assembled, residuals, self._solution(every, spent) if solved else None)
 
-    def _solution(self, spent: float) -> Solution | None:
+    def _solution(self, out: Array, spent: float) -> Solution | None:
         """Return what DAQP answered if its residuals are small enough to need no second look."""
         assert self._daqp is not None
-        eps, cuts, out = self._daqp.eps, self._cuts, self._out
+        eps, cuts = self._daqp.eps, self._cuts
         *residuals, iterations = out[cuts[11] :].tolist()
         if not max(residuals) <= eps or math.isnan(sum(residuals)):
             return None

@@ -74,6 +74,9 @@ class KinematicState:
             )
         object.__setattr__(self, name, value)
 
+    def __getstate__(self) -> dict[str, object]:  # elsewhere the native core may be another one
+        return self.__dict__ | {"native_state": None}
+
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
