@@ -3,6 +3,7 @@
 from wbc.controllers.controller import Controller
 from wbc.controllers.kinematic import KinematicController
 from wbc.controllers.tick import Tick
-from wbc.controllers.torque import TorqueController, TorqueTick
+from wbc.controllers.torque import TorqueController
+from wbc.controllers.torque_tick import TorqueTick
 
 __all__ = ["Controller", "KinematicController", "Tick", "TorqueController", "TorqueTick"]

@@ -31,6 +31,7 @@ from wbc.validate import Array
 
 # A contact with less normal force than this [N] has no CoP worth speaking of.
 UNLOADED = 1e-6
+NO_RAMPS: Mapping[str, float] = {}
 
 
 class ContactPart(NamedTuple):
@@ -147,15 +148,20 @@ class ContactForces:
                 local = part.grasp.reshape(2, 3, -1)
                 out[:, part.columns] = (part.axes(snapshot) @ local).reshape(6, -1)
 
-    def bounds(self) -> Bounds:
-        """Return cones, and ranges of the normal forces, as rows (m, k) on the unknowns."""
+    def bounds(self, most: Mapping[str, float] = NO_RAMPS) -> Bounds:
+        """Return cones, and ranges of the normal forces, as rows (m, k) on the unknowns.
+
+        ``most`` lowers the largest normal force [N] of some contacts, by name, and so the least.
+        """
         if tuple(_shape(contact.friction) for contact in self.surfaces) != self._shapes:
             self._read_cones()
         lower, upper = self._lower.copy(), self._upper.copy()
         for k, contact in enumerate(self.surfaces):
             cone = contact.friction
             if cone is not None:
-                lower[k], upper[k] = cone.least / self.unit, cone.most / self.unit
+                largest = min(cone.most, most.get(contact.name, np.inf))
+                upper[k] = largest / self.unit
+                lower[k] = min(cone.least, largest) / self.unit
         return Bounds(self.labels, self._matrix, lower, upper)
 
     @cached_property
@@ -228,6 +234,14 @@ class Reaction:
                 own = (local @ part.axes(self.snapshot).T).reshape(6)
             found[part.contact.name] = own
         return found
+
+    def normal_forces(self) -> dict[str, float]:
+        """Return the whole normal force [N] of each surface and point, by contact."""
+        return {
+            part.contact.name: self.layout.unit * float(self.f[part.columns][2::3].sum())
+            for part in self.layout.parts
+            if part.surface is not None
+        }
 
     def corner_forces(self) -> dict[str, tuple[Array, Array]]:
         """Return points (k, 3) [m] and forces (k, 3) [N] by contact, world axes."""

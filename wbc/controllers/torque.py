@@ -13,7 +13,7 @@ to second order; limits and margins are those of the velocity level, statements 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -25,12 +25,16 @@ from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.controller import Controller
 from wbc.controllers.dynamics import TickDynamics
+from wbc.controllers.force_ramps import ForceRamps, ticks_of
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
+from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
 from wbc.controllers.relaxation import given_way
 from wbc.controllers.tick import Tick
+from wbc.controllers.torque_tick import RELAX
+from wbc.controllers.torque_tick import TorqueTick as TorqueTick
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
@@ -41,63 +45,11 @@ from wbc.validate import Array, finite_number, read_only
 
 BASE_FORCES = tuple(f"dynamics {row}" for row in ("fx", "fy", "fz", "mx", "my", "mz"))
 POLICIES = ("damp", "raise")
-# A command may exceed the torque bounds by this part of them before it is clipped [solvers' eps].
-RELAX = "relax"
+# How long contacts take to come and go [s], unless told.
+RAMP = 0.05
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
 REST_TIME = 0.05
 _FIELDS = tuple(one.name for one in fields(Tick))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TorqueTick(Tick):
-    """The answer of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
-
-    Attributes
-    ----------
-    torque:
-        (nv - 6,) command [N m or N]; always finite and inside the torque bounds.
-    acceleration:
-        (nv,) of v, over the tick.
-    reaction:
-        The contact forces, from which the properties below are made when they are asked for.
-    """
-
-    torque: Array
-    acceleration: Array
-    reaction: Reaction
-
-    @property
-    def forces(self) -> dict[str, Array]:
-        """By contact: wrench (6,) on the robot at the frame's origin, world axes, [N] then [N m].
-
-        Of a gear, its generalized force.
-        """
-        return self.reaction.wrenches()
-
-    @property
-    def corner_forces(self) -> dict[str, tuple[Array, Array]]:
-        """By contact with a friction cone: points (k, 3) [m] and forces (k, 3) [N], world axes."""
-        return self.reaction.corner_forces()
-
-    @property
-    def cop(self) -> Array | None:
-        """Centre of pressure (3,) of all contacts [m], None if none is loaded."""
-        return self.reaction.cop()
-
-    @property
-    def relaxed(self) -> tuple[str, ...]:
-        """Names of the contact rows, limits and margins that gave way; see ``slack``.
-
-        Empty in a tick that kept them all; ``policy`` is then None.
-        """
-        return tuple(self.slack) if self.policy == RELAX else ()
-
-    def report(self) -> str:
-        """Return what gave way or went wrong in one or two sentences, or ``"solved"``."""
-        if self.policy != RELAX:
-            return Tick.report(self)
-        missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
-        return f"not everything could be kept; gave way: {missed or 'nothing noticeable'}"
 
 
 class TorqueController(Controller):
@@ -161,6 +113,7 @@ class TorqueController(Controller):
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.torque_bounds = _torque_bounds(robot, torque_limits)
         self._last: Reaction | None = None
+        self._ramps = ForceRamps(robot.mass * float(np.linalg.norm(robot.model.gravity.linear)))
         super().__init__(
             robot,
             tasks,
@@ -175,6 +128,38 @@ class TorqueController(Controller):
             joint_weights=joint_weights,
             on_failure=on_failure,
         )
+
+    def set_contacts(self, contacts: Sequence[Task], ramp: float = RAMP) -> None:
+        """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
+
+        The largest normal force of a contact that is new grows from 0; that of one that is left
+        out shrinks from what it bears, and only then it is dropped: until then it is held, and
+        ``tick.ramps`` says so. Contacts with friction that were not there in the last tick are new;
+        grips and other free forces come and go at once, and so does all before the first tick.
+        Solvers keep their warm starts for each set of contacts.
+
+        Parameters
+        ----------
+        ramp:
+            [s]; 0 to change at once.
+
+        Raises
+        ------
+        InvalidInputError
+            As when the controller is made, or not a duration.
+        """
+        check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints)
+        ticks = ticks_of(finite_number("controller, ramp", ramp, least=0.0), self.dt)
+        loads = {} if self._last is None else self._last.normal_forces()
+        held = self.contacts if self._last is not None else tuple(contacts)
+        super().set_contacts(self._ramps.change(held, contacts, loads, ticks))
+
+    def _step(self, snapshot: Snapshot) -> Tick:
+        """Return the command: the tick of every controller, once what has gone is dropped."""
+        gone = self._ramps.advance()
+        if gone:
+            super().set_contacts([one for one in self.contacts if one.name not in gone])
+        return super()._step(snapshot)
 
     # ------------------------------------------------------------------ what the level says
 
@@ -208,7 +193,7 @@ class TorqueController(Controller):
         matrix, offset = self._torque_expression(snapshot)
         passive = self._passive
         dynamics = Rows(matrix[passive], -offset[passive], np.ones(len(passive)))
-        cones, nv = self.contact_forces.bounds(), self.robot.nv
+        cones, nv = self.contact_forces.bounds(self._ramps.most), self.robot.nv
         count = self._bounded.size
         rows = np.zeros((count + cones.lower.size, matrix.shape[1]))
         rows[:count] = matrix[self._bounded]
@@ -294,6 +279,7 @@ class TorqueController(Controller):
             torque=read_only(torque),
             acceleration=read_only((velocity - snapshot.v) / self.dt),
             reaction=self._last,
+            ramps=self._ramps.most,
         )
 
     def _exact(self, x: Array) -> tuple[Array, Array]:

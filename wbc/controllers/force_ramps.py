@@ -1,0 +1,110 @@
+"""Contacts that come and go: their largest normal force grows from zero, or shrinks to it.
+
+A contact that is new may bear all of the load in the tick after the one in which it bore none, and
+one that is dropped loses all of it at once: torques jump by as much. So for a while the normal
+force is bounded, from 0 up to the robot's weight or from what it was down to 0, linearly in time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from wbc.constraints.contact import Contact
+from wbc.tasks.task import Task
+
+
+class Ramp(NamedTuple):
+    """The bound on one contact's normal force, over ``ticks`` from ``start`` to ``end`` [N]."""
+
+    start: float
+    end: float
+    ticks: int
+    done: int = 0
+
+    @property
+    def most(self) -> float:
+        """The bound now [N]."""
+        return self.start + (self.end - self.start) * self.done / self.ticks
+
+    @property
+    def over(self) -> bool:
+        """Whether it has arrived."""
+        return self.done >= self.ticks
+
+
+class ForceRamps:
+    """The ramps that run in a controller.
+
+    Parameters
+    ----------
+    full:
+        Where a new contact's bound ends, before there is none [N].
+    """
+
+    def __init__(self, full: float) -> None:
+        self._full = full
+        self._coming: dict[str, Ramp] = {}
+        self._going: dict[str, Ramp] = {}
+
+    @property
+    def most(self) -> Mapping[str, float]:
+        """The bound of each contact that comes or goes [N]."""
+        return {name: ramp.most for name, ramp in (self._coming | self._going).items()}
+
+    def change(
+        self,
+        held: Sequence[Task],
+        wanted: Sequence[Task],
+        normal_forces: Mapping[str, float],
+        ticks: int,
+    ) -> tuple[Task, ...]:
+        """Begin what a change of contacts needs; return the contacts of the next tick.
+
+        Parameters
+        ----------
+        held, wanted:
+            Contacts until now and from now on; one of the same name stays, wherever its anchor is.
+        normal_forces:
+            Of the last tick [N], by contact; those that have none are taken and dropped at once.
+        """
+        if ticks < 1:
+            self._coming, self._going = {}, {}
+            return tuple(wanted)
+        before = {task.name for task in held}
+        after = {task.name for task in wanted}
+        going = {
+            name: Ramp(normal_forces[name], 0.0, ticks)
+            for name in before - after
+            if normal_forces.get(name, 0.0) > 0.0
+        }
+        for task in wanted:
+            if task.name not in before and _bears(task):
+                self._coming[task.name] = Ramp(0.0, self._full, ticks)
+        for name in after & set(self._going):  # it comes back
+            self._coming[name] = Ramp(self._going[name].most, self._full, ticks)
+        self._coming = {name: ramp for name, ramp in self._coming.items() if name in after}
+        still = {name: self._going[name] for name in going.keys() & self._going.keys()}
+        self._going = going | still
+        return (*wanted, *(task for task in held if task.name in going))
+
+    def advance(self) -> frozenset[str]:
+        """Let a tick pass; return the contacts that have gone."""
+        if not self._coming and not self._going:
+            return frozenset()
+        coming = {name: ramp._replace(done=ramp.done + 1) for name, ramp in self._coming.items()}
+        going = {name: ramp._replace(done=ramp.done + 1) for name, ramp in self._going.items()}
+        self._coming = {name: ramp for name, ramp in coming.items() if not ramp.over}
+        self._going = {name: ramp for name, ramp in going.items() if not ramp.over}
+        return frozenset(going.keys() - self._going.keys())
+
+
+def _bears(task: Task) -> bool:
+    """Whether a contact bears a normal force."""
+    return isinstance(task, Contact) and task.friction is not None
+
+
+def ticks_of(duration: float, dt: float) -> int:
+    """Return how many ticks a ramp takes, at least as long as ``duration`` [s]."""
+    return math.ceil(duration / dt - 1e-9)

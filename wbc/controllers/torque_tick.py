@@ -1,0 +1,68 @@
+"""What one tick of the torque level answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from wbc.controllers.contact_forces import Reaction
+from wbc.controllers.tick import Tick
+from wbc.validate import Array
+
+RELAX = "relax"  # the policy of a tick in which something gave way
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TorqueTick(Tick):
+    """The answer of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
+
+    Attributes
+    ----------
+    torque:
+        (nv - 6,) command [N m or N]; always finite and inside the torque bounds.
+    acceleration:
+        (nv,) of v, over the tick.
+    reaction:
+        The contact forces, from which the properties below are made when they are asked for.
+    ramps:
+        Of each contact that comes or goes: its largest normal force in this tick [N]. See
+        :meth:`TorqueController.set_contacts`.
+    """
+
+    torque: Array
+    acceleration: Array
+    reaction: Reaction
+    ramps: Mapping[str, float]
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """By contact: wrench (6,) on the robot at the frame's origin, world axes, [N] then [N m].
+
+        Of a gear, its generalized force.
+        """
+        return self.reaction.wrenches()
+
+    @property
+    def corner_forces(self) -> dict[str, tuple[Array, Array]]:
+        """By contact with a friction cone: points (k, 3) [m] and forces (k, 3) [N], world axes."""
+        return self.reaction.corner_forces()
+
+    @property
+    def cop(self) -> Array | None:
+        """Centre of pressure (3,) of all contacts [m], None if none is loaded."""
+        return self.reaction.cop()
+
+    @property
+    def relaxed(self) -> tuple[str, ...]:
+        """Names of the contact rows, limits and margins that gave way; see ``slack``.
+
+        Empty in a tick that kept them all; ``policy`` is then None.
+        """
+        return tuple(self.slack) if self.policy == RELAX else ()
+
+    def report(self) -> str:
+        """Return what gave way or went wrong in one or two sentences, or ``"solved"``."""
+        if self.policy != RELAX:
+            return Tick.report(self)
+        missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
+        return f"not everything could be kept; gave way: {missed or 'nothing noticeable'}"
