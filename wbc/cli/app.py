@@ -16,6 +16,7 @@ from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
 from wbc.cli.render import render
+from wbc.cli.report import report
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, run
 from wbc.cli.view import view
@@ -57,6 +58,7 @@ def common(
 app.command(epilog=EXIT_CODES)(run)
 app.command()(view)
 app.command()(render)
+app.command()(report)
 app.command()(init)
 app.command()(check)
 app.command()(analyze)

@@ -1,0 +1,211 @@
+"""Reports: whole, small, offline, and what they replay is the run."""
+
+import base64
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from wbc.cli import app
+from wbc.errors import InvalidInputError
+from wbc.problem import load_problem
+from wbc.robot import Robot
+from wbc.robot.geometry import RobotMeshes
+from wbc.run import Result
+from wbc.view.history import read_history
+from wbc.view.report import write_report
+from wbc.view.report.replay import MOST, replay_data, replay_rows
+from wbc.view.report.report import report_text
+from wbc.view.simplify import within
+
+REACH = """\
+# </script><b>@DATA@ & "quotes"
+robot: hoap2_like
+support: double
+tasks:
+  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.2, 0, 0.1]},
+         gain: 0.1}
+constraints:
+  room: {type: obstacles, links: [left_hand_link], things: {wall: {half_space: [-1, 0, 0],
+         position: [0.1, 0, 0]}, ball: {sphere: 0.05, position: [0.3, 0.2, 0.2]}}}
+stop: {duration: 0.3}
+"""
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    path = tmp_path_factory.mktemp("reach") / "p.yaml"
+    path.write_text(REACH)
+    return load_problem(path).run()
+
+
+@pytest.fixture(scope="module")
+def page(result: Result) -> str:
+    return report_text(result.robot, result.history, result.summary(), "a <title>")
+
+
+def data_of(page: str) -> dict[str, Any]:
+    (text,) = re.findall(r'id="data">(.*?)</script>', page, flags=re.DOTALL)
+    data: dict[str, Any] = json.loads(text)
+    return data
+
+
+def numbers(text: str, shape: tuple[int, ...]) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").reshape(shape)
+
+
+def test_the_replay_is_the_run(result: Result, page: str) -> None:
+    data, history, robot = data_of(page), result.history, result.robot
+    rows = replay_rows(history.time)
+    assert (rows[0], rows[-1]) == (0, len(history) - 1)
+    count = len(rows)
+    np.testing.assert_allclose(numbers(data["time"], (count,)), history.time[rows], atol=1e-6)
+    np.testing.assert_allclose(numbers(data["com"], (count, 3)), history.com[rows], atol=1e-6)
+    places = numbers(data["places"], (count, data["joints"], 7))
+    model, pinocchio_data = robot.model, robot.model.createData()
+    for place, row in zip(places, rows, strict=True):
+        pin.forwardKinematics(model, pinocchio_data, history.q[row])
+        for joint in range(data["joints"]):
+            pose = pinocchio_data.oMi[joint]
+            np.testing.assert_allclose(place[joint, :3], pose.translation, atol=1e-6)
+            R = Rotation.from_quat(place[joint, 3:]).as_matrix()
+            np.testing.assert_allclose(R, pose.rotation, atol=1e-6)
+    axes, sizes = numbers(data["axes"], (count, 3, 3)), numbers(data["sizes"], (count, 6))
+    # Of an ellipsoid of mass M: I = M/5 (tr(S) - S), S = axes diag(a^2) axes'; 3 r^2 = 5 * a^2 / 5.
+    S = np.einsum("kij,kj,klj->kil", axes, sizes[:, :3] ** 2, axes)
+    inertia = robot.mass / 5 * (np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S)
+    expected = history.inertia[rows]
+    found = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    # Six masses M/6 at +-r: sum of 2 M/6 r^2 along each axis is that of the ellipsoid, M/5 a^2.
+    np.testing.assert_allclose(sizes[:, 3:] ** 2 / 3, sizes[:, :3] ** 2 / 5, rtol=1e-5)
+    assert data["stands"] == [True] * count
+
+
+def test_shapes_are_rounded_by_less_than_a_step(result: Result, page: str) -> None:
+    shapes = RobotMeshes(result.robot).in_joint_frames
+    meshes = within([mesh for _, mesh in shapes], 40_000)
+    for part, (joint, _), mesh in zip(data_of(page)["parts"], shapes, meshes, strict=True):
+        raw = np.frombuffer(base64.b64decode(part["corners"]), dtype="<u2").reshape(-1, 3)
+        step = np.array(part["step"])
+        corners = np.array(part["low"]) + step * raw
+        assert (np.abs(corners - mesh.vertices) <= 0.5001 * step).all()
+        faces = np.frombuffer(base64.b64decode(part["faces"]), dtype="<u2").reshape(-1, 3)
+        np.testing.assert_array_equal(faces, mesh.faces)
+        assert part["joint"] == joint
+
+
+def test_soles_obstacles_and_targets_are_in_it(result: Result, page: str) -> None:
+    data, rows = data_of(page), replay_rows(result.history.time)
+    assert (len(data["soles"]), len(data["obstacles"])) == (2, 2)
+    snapshot = result.robot.snapshot(result.history.q[0])
+    sole, foot = data["soles"][0], next(iter(result.robot.feet.values()))
+    place = numbers(data["places"], (len(rows), data["joints"], 7))[0, sole["joint"]]
+    corners = np.array(sole["corners"]) @ Rotation.from_quat(place[3:]).as_matrix().T + place[:3]
+    flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
+    wanted = flat @ snapshot.rotation(foot.frame).T + snapshot.position(foot.frame)
+    np.testing.assert_allclose(corners, wanted, atol=1e-6)
+    (aim,) = data["aims"]
+    targets = numbers(aim["wanted"], (len(rows), 3))
+    np.testing.assert_allclose(targets, result.history.targets["hand"][rows], atol=1e-6)
+
+
+def test_it_needs_nothing_else_and_no_text_gets_out(page: str) -> None:
+    assert not re.findall(r"(?:src|href)\s*=\s*[\"']?(?!data:)\w+:", page)
+    assert "http" not in page.replace("http-equiv", "")
+    assert "default-src 'none'" in page
+    assert "&lt;/script&gt;&lt;b&gt;@DATA@ &amp; &quot;quotes&quot;" in page
+    assert page.count("</script>") == 2
+    assert "<h1>a &lt;title&gt;</h1>" in page
+    for words in ("Versions", "Tick time", "Held back by", "left_hand_link", "proxsuite"):
+        assert words in page
+    assert len(data_of(page)["plots"]) == 4
+
+
+def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(result: Result) -> None:
+    """The robot with the finest meshes; its replay, without plots, which are 0.1 MB each."""
+    robot = Robot.load("g1")
+    q = np.tile(robot.posture("standing"), (2000, 1))
+    run = read_history(
+        robot,
+        type("H", (), {"time": np.arange(2000) * 0.005, "q": q, "errors": {},
+                       "inertia": np.tile([1.0, 0, 0, 1, 0, 1], (2000, 1))})(),
+    )  # fmt: skip
+    rows = replay_rows(run.time)
+    assert len(rows) == pytest.approx(300, abs=2)
+    size = len(json.dumps(replay_data(run, rows[:2])))
+    per_frame = (len(json.dumps(replay_data(run, rows[:4]))) - size) / 2
+    assert size + len(rows) * per_frame < 5e6
+    assert len(replay_rows(np.arange(100_000) * 0.005)) == MOST
+
+
+def test_plots_know_where_time_runs(result: Result, page: str) -> None:
+    for plot in data_of(page)["plots"]:
+        assert plot["times"][0] == pytest.approx(0.0)
+        assert plot["times"][1] == pytest.approx(result.history.time[-1])
+        left, right = plot["across"]
+        assert 0.0 < left < right < 1.0
+        assert base64.b64decode(plot["png"]).startswith(b"\x89PNG")
+
+
+def test_by_the_command_line(result: Result, tmp_path: Path) -> None:
+    result.save(tmp_path / "r.npz")
+    command = ["report", str(tmp_path / "r.npz"), "-o"]
+    answer = CliRunner().invoke(app, [*command, str(tmp_path / "r.html")])
+    assert answer.exit_code == 0, answer.stderr
+    assert answer.stdout.startswith(f"written  {tmp_path / 'r.html'} (0.")
+    again = write_report(
+        result.robot, result.history, result.summary(), tmp_path / "2.html",
+        title=f"r: {result.status.value.replace('_', ' ')}",
+    )  # fmt: skip
+    assert again.read_bytes() == (tmp_path / "r.html").read_bytes()
+    refused = CliRunner().invoke(app, [*command, str(tmp_path / "r.pdf")])
+    assert (refused.exit_code, "written as .html" in refused.stderr) == (1, True)
+
+
+def test_a_run_of_one_tick_and_another_ending(result: Result, tmp_path: Path) -> None:
+    one = type("H", (), {"time": [0.0], "q": result.history.q[:1], "errors": {}})()
+    page = report_text(result.robot, one, {}, "one")
+    assert len(replay_rows(np.zeros(1))) == 1
+    assert "not known" in page
+    with pytest.raises(InvalidInputError, match=r"written as \.html"):
+        write_report(result.robot, result.history, {}, tmp_path / "r.pdf", title="x")
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+def test_a_browser_shows_it_with_the_network_off(page: str, tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api")
+    (tmp_path / "r.html").write_text(page, encoding="utf-8")
+    options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+    options.append("--enable-unsafe-swiftshader")
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=CHROMIUM, args=options)
+        tab = browser.new_context(offline=True).new_page()
+        complaints: list[str] = []
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on("console", lambda message: complaints.append(message.text))
+        tab.goto((tmp_path / "r.html").as_uri())
+        assert tab.inner_text("h1") == "a <title>"
+        if not tab.evaluate("!!document.createElement('canvas').getContext('webgl2')"):
+            browser.close()
+            pytest.skip("no WebGL here")
+        begins = tab.evaluate("canvas.toDataURL()")
+        tab.evaluate("slider.value = slider.max; slider.dispatchEvent(new Event('input'))")
+        ends = tab.evaluate("canvas.toDataURL()")
+        clock = tab.inner_text("#clock")
+        tab.uncheck("#layers input >> nth=0")
+        bare = tab.evaluate("canvas.toDataURL()")
+        browser.close()
+    assert complaints == []
+    assert len({begins, ends, bare}) == 3
+    assert clock in ("0.29 s", "0.30 s")

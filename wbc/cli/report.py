@@ -1,0 +1,53 @@
+"""``wbc report``: a run as one HTML file that opens offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wbc.cli.completion import robots_beginning
+from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
+
+
+def report(
+    run: Annotated[
+        Path,
+        typer.Argument(
+            help="The result of wbc run, or a problem, which is run first.",
+            metavar="RESULT.npz|PROBLEM.yaml",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The report: .html.")],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="The robot, if its file is not where it was.", autocompletion=robots_beginning
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Write a run as one HTML file: replay in 3-D, plots, tables, the problem and versions."""
+    with errors_in_one_line():
+        from wbc.cli.outputs import Outputs, check_place, require_matplotlib
+        from wbc.cli.saved import saved_or_run, title_of
+
+        require_matplotlib("wbc report")
+        from wbc.view.report.report import report_format, write_report
+
+        report_format(output)
+        check_place("--output", output)
+        saved = saved_or_run(run, robot, quiet)
+        title = title_of(saved)
+        outputs = Outputs()
+        outputs.save(
+            output,
+            lambda path: write_report(saved.robot, saved.history, saved.summary, path, title=title),
+        )
+        if not quiet:
+            for path in outputs.written:
+                typer.echo(f"written  {path} ({path.stat().st_size / 1e6:.1f} MB)")
+    for failure in outputs.failures:
+        complain(failure)
+    raise typer.Exit(BAD_INPUT if outputs.failures else 0)

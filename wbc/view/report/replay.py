@@ -1,0 +1,127 @@
+"""What the replay in a report is made of: shapes once, and what moves, frame by frame."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
+from wbc.robot.geometry import Mesh, RobotMeshes, Surface, joint_placements
+from wbc.validate import Array
+from wbc.view import style
+from wbc.view.history import Run
+from wbc.view.simplify import within
+from wbc.view.solids import solid_surface
+
+TRIANGLES = 40_000  # of the robot
+FPS, MOST = 30.0, 900  # frames per second, and in all
+STEPS = 65535  # of a coordinate over the extent of its mesh
+WALL = 1.0  # m: half the side of a wall
+
+
+def replay_rows(time: Array) -> list[int]:
+    """Return the rows that are shown, evenly spread, the first and the last among them."""
+    span = float(time[-1] - time[0])
+    count = min(len(time), MOST, max(2, round(span * FPS) + 1))
+    wanted = np.linspace(time[0], time[-1], count)
+    return np.unique(np.searchsorted(time, wanted - 1e-9).clip(0, len(time) - 1)).tolist()
+
+
+def replay_data(run: Run, rows: Sequence[int]) -> dict[str, Any]:
+    """Return plain data: arrays as base64 text of little-endian numbers."""
+    robot = run.robot
+    shapes = RobotMeshes(robot).in_joint_frames
+    meshes = within([mesh for _, mesh in shapes], TRIANGLES)
+    places, com, axes, sizes, stands, grounded = [], [], [], [], [], []
+    for row in rows:
+        snapshot = robot.snapshot(run.q[row])
+        rotations, origins = joint_placements(robot, run.q[row])
+        places.append(np.column_stack((origins, Rotation.from_matrix(rotations).as_quat())))
+        ellipsoid = equimomental(snapshot.inertia, robot.mass)
+        radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
+        pose = run.pose(row)
+        com.append(snapshot.com)
+        axes.append(ellipsoid.axes.ravel())
+        sizes.append(np.concatenate((ellipsoid.semi_axes, radii)))
+        stands.append(pose.stands and bool(robot.feet))
+        grounded.append(pose.grounded)
+    return {
+        "time": _numbers(run.time[rows]),
+        "parts": [
+            {"joint": joint, **_mesh(mesh)} for (joint, _), mesh in zip(shapes, meshes, strict=True)
+        ],
+        "joints": int(np.shape(places)[1]),
+        "places": _numbers(places),  # (frames, joints, 7): origin, quaternion xyzw
+        "com": _numbers(com),
+        "axes": _numbers(axes),  # (frames, 9): principal axes as columns
+        "sizes": _numbers(sizes),  # (frames, 6): semi-axes, radii of the masses
+        "stands": stands,
+        "grounded": bool(np.any(grounded)),
+        "soles": [*_soles(run)],
+        "obstacles": [
+            {**_surface(_obstacle(run, name)), "places": _numbers(track.place[list(rows)])}
+            for name, track in run.obstacles.items()
+        ],
+        "aims": [
+            {
+                "name": name,
+                "points": _numbers(run.points[name][list(rows)]),
+                "wanted": _numbers(targets[list(rows)]),
+            }
+            for name, targets in run.targets.items()
+        ],
+        "phases": [run.phase_at(row) for row in rows],
+        "colours": {"principal": style.PRINCIPAL, "target": style.YELLOW, "sole": style.ORANGE},
+    }
+
+
+def _soles(run: Run) -> list[dict[str, Any]]:
+    """Return the corners of the soles in the frames of the joints that carry them."""
+    robot, soles = run.robot, []
+    for foot in robot.feet.values():
+        frame = robot.model.frames[robot.frame_id(foot.frame)]
+        corners = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
+        placed = corners @ np.array(frame.placement.rotation).T + frame.placement.translation
+        soles.append({"joint": int(frame.parentJoint), "corners": placed.tolist()})
+    return soles
+
+
+def _obstacle(run: Run, name: str) -> Surface:
+    track = run.obstacles[name]
+    there = np.flatnonzero(np.isfinite(track.place).all(axis=(1, 2)))
+    place = track.place[there[0]] if len(there) else np.eye(3, 4)
+    base = run.q[0, :3]
+    centre = (base - place[:, 3]) @ place[:, :3]
+    return solid_surface(track.shape, centre, WALL, -float(place[2, 3]))
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    return {"colour": list(mesh.colour), **_surface(Surface(mesh.vertices, mesh.faces))}
+
+
+def _surface(surface: Surface) -> dict[str, Any]:
+    """Return triangles with corners rounded to 1/65535 of the mesh's extent."""
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    step = np.maximum(high - low, 1e-9) / STEPS
+    corners = np.round((surface.vertices - low) / step).astype("<u2")
+    wide = len(surface.vertices) > STEPS
+    return {
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "corners": _text(corners),
+        "faces": _text(surface.faces.astype("<u4" if wide else "<u2")),
+        "wide": wide,
+    }
+
+
+def _numbers(values: ArrayLike) -> str:
+    return _text(np.asarray(values, dtype="<f4"))
+
+
+def _text(array: NDArray[Any]) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
