@@ -88,7 +88,7 @@ let lines;
 const camera = { azimuth: 0.6, elevation: 0.25, distance: 3, centre: [0, 0, 0] };
 function look() {
   const reach = Math.max(sizes[0], com[2] > 0 ? com[2] : sizes[0]);
-  camera.distance = 5.2 * reach; camera.centre = [com[0], com[1], com[2]];
+  camera.distance = 6 * reach; camera.centre = [com[0], com[1], com[2]];
 }
 function draw(mesh, model, rgb, alpha = 1, lit = 1) {
   gl.uniformMatrix4fv(where.model, false, model); gl.uniform4f(where.tint, ...rgb, alpha);
@@ -131,7 +131,7 @@ function paint() {
       draw(pole, rod(p, q, 0.08 * dotSize), [0.3, 0.3, 0.3]); } }
   gl.enable(gl.BLEND); gl.depthMask(false);
   if (shown.obstacles) for (const block of blocks) { const m = block.places.subarray(12 * k, 12 * k + 12);
-    if (Number.isFinite(m[0])) draw(block.mesh, new Float32Array([m[0], m[4], m[8], 0, m[1], m[5], m[9], 0, m[2], m[6], m[10], 0, m[3], m[7], m[11], 1]), [0.72, 0.55, 0.38], 0.45); }
+    if (Number.isFinite(m[0])) draw(block.mesh, new Float32Array([m[0], m[4], m[8], 0, m[1], m[5], m[9], 0, m[2], m[6], m[10], 0, m[3], m[7], m[11], 1]), [0.72, 0.55, 0.38], 0.28); }
   if (shown.ellipsoid) draw(ball, affine(...axis.map((u, j) => u.map((x) => x * size[j])), middle), [0.1, 0.5, 0.78], 0.3, 2);
   gl.disable(gl.BLEND);
 }

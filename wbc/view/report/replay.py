@@ -21,7 +21,7 @@ from wbc.view.solids import solid_surface
 TRIANGLES = 40_000  # of the robot
 FPS, MOST = 30.0, 900  # frames per second, and in all
 STEPS = 65535  # of a coordinate over the extent of its mesh
-WALL = 1.0  # m: half the side of a wall
+WALL = 0.7  # m: half the side of a wall
 
 
 def replay_rows(time: Array) -> list[int]:
