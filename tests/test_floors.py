@@ -27,10 +27,10 @@ FLOORS = {
     "controllers": 3,
     "motion": 4,
     "run": 4,
+    "simulation": 5,
     "problem": 5,
     "view": 6,
     "cli": 6,
-    "simulation": 6,
     "__main__": 6,
 }
 # Rooms inside a room that stand on a floor of their own: a balance law may solve a QP.

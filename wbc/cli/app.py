@@ -19,6 +19,7 @@ from wbc.cli.render import render
 from wbc.cli.report import report
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, run
+from wbc.cli.sim import SIM_EXIT_CODES, sim
 from wbc.cli.view import view
 
 app = typer.Typer(
@@ -56,6 +57,7 @@ def common(
 
 # One line for each command, in the order of the help.
 app.command(epilog=EXIT_CODES)(run)
+app.command(epilog=SIM_EXIT_CODES)(sim)
 app.command()(view)
 app.command()(render)
 app.command()(report)

@@ -13,6 +13,7 @@ from rich.text import Text
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
 from wbc.run.shaping_report import ShapingReport
+from wbc.simulation import SimulationStatus
 
 SHOWN = 5
 _STOPPED = {
@@ -29,8 +30,8 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
     time = result.history.time
     seconds = len(time) * float(time[1] - time[0]) if time.size > 1 else 0.0
     reason = f"{result.reason} ({len(result.history)} ticks, {seconds:.2f} s)"
-    console.print(_head(result.status, reason))
-    console.print(_tasks(result))
+    console.print(head(result.status, reason))
+    console.print(tasks_table(result))
     if result.inertia:
         console.print(_inertia(result))
     if result.shaping is not None:
@@ -46,7 +47,7 @@ def print_result(result: Result, written: Iterable[Path]) -> None:
 def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> None:
     """Print how a pendulum's problem ended, and what was measured."""
     console = Console(highlight=False)
-    console.print(_head(result.status, result.reason))
+    console.print(head(result.status, result.reason))
     table = heads("measured", "")
     for name, value in result.measures.items():
         table.add_row(Text(name), Text(f"{value:.4g} {result.unit(name)}".rstrip()))
@@ -54,7 +55,8 @@ def print_pendulum_result(result: PendulumResult, written: Iterable[Path]) -> No
     print_written(console, written)
 
 
-def _head(status: RunStatus | PendulumStatus, reason: str) -> Text:
+def head(status: RunStatus | PendulumStatus | SimulationStatus, reason: str) -> Text:
+    """Return the line that says how something ended."""
     colour = "green" if status.good else "red"
     head = Text(status.value.replace("_", " "), style=f"bold {colour}")
     return head.append(f": {reason}", style="not bold default")
@@ -66,7 +68,8 @@ def print_written(console: Console, written: Iterable[Path], width: int = 15) ->
         console.print(Text.assemble((f"{'written':{width}}", "dim"), str(path)), soft_wrap=True)
 
 
-def _tasks(result: Result) -> Table:
+def tasks_table(result: Result) -> Table:
+    """Return a table of how far each task is from its target."""
     accepts = any(task.tolerance is not None for task in result.tasks.values())
     table = heads("task", "error", "largest entry", *(["tolerance"] if accepts else []))
     for name, task in result.tasks.items():

@@ -17,16 +17,18 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
 from wbc.problem.global_search import check_global, global_shaping
-from wbc.problem.levels import check_level
+from wbc.problem.levels import REMEDY, TORQUE, check_level
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.parts import Parts
 from wbc.problem.plan import plan
 from wbc.problem.robot_spec import RobotSpec
+from wbc.problem.simulation_spec import turned_with
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import check_said, contacts_of, slack_by_frame
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask
+from wbc.run.standing import held_feet
 
 MAX_TICKS = 1_000_000
 OVERLAP = 0.05  # m: simple shapes may stick out of the bodies that they stand for by less
@@ -46,6 +48,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     spec.start.check(robot, mistakes)
     mistakes.raise_any()
     q = robot.posture(spec.start.posture, spec.start.joints)
+    if spec.ground_height is not None and not robot.fixed_base:
+        q = turned_with(q, spec.simulation.ground().normal)
     start = robot.snapshot(q, np.zeros(robot.nv))
     built = dict[str, TargetedTask]()
     for name, task in spec.tasks.items():
@@ -83,6 +87,9 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         surroundings=around,
         contact_slack=slack_by_frame(supports),
     )
+    if spec.controller.level == TORQUE:
+        feet, duration = held_feet(parts.contacts), spec.whole_stop.duration
+        spec.simulation.check(start, feet, spec.controller.dt, duration, mistakes)
     for name, one in around.constraints.items():  # what stands is now known
         with mistakes.at("constraints", name):
             check_outside(one.during(start, parts.contacts), start)
@@ -120,7 +127,10 @@ def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
         with mistakes.at("stop", "accept", name):
             if name not in spec.tasks:
                 raise UnknownNameError("task", name, spec.tasks)
-    stop, where = spec.whole_stop, ("stop", "duration") if spec.phases is None else ("phases",)
+    stop = spec.whole_stop
+    where: tuple[str, ...] = ("phases",)
+    if spec.phases is None:
+        where = ("simulation" if spec.controller.level == TORQUE else "stop", "duration")
     ticks = stop.duration / spec.controller.dt
     with mistakes.at(*where):
         if ticks > MAX_TICKS:
@@ -132,6 +142,7 @@ def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
         _check_ramps(spec, mistakes)
     else:
         _check_no_times(spec, mistakes)
+    _check_simulation(spec, mistakes)
     if spec.phases is None and not any(task.active for task in spec.tasks.values()):
         with mistakes.at("tasks"):
             raise InvalidInputError("no task is active; there is nothing to do")
@@ -140,10 +151,30 @@ def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
 def _check_ramps(spec: ProblemSpec, mistakes: Mistakes) -> None:
     for name, ramp in _ramps(spec):
         with mistakes.at("tasks", name, "ramp"):
-            if ramp > spec.stop.duration:
+            if ramp > spec.whole_stop.duration:
+                section = "simulation" if spec.controller.level == TORQUE else "stop"
                 raise InvalidInputError(
-                    f"{ramp:g} s is longer than the run (stop.duration, {spec.stop.duration:g} s)"
+                    f"{ramp:g} s is longer than the run ({section}.duration,"
+                    f" {spec.whole_stop.duration:g} s)"
                 )
+
+
+def _check_simulation(spec: ProblemSpec, mistakes: Mistakes) -> None:
+    """Refuse a simulation of the velocity level, and what decides twice how long it is."""
+    if spec.controller.level != TORQUE:
+        if "simulation" in spec.model_fields_set:
+            with mistakes.at("simulation"):
+                raise InvalidInputError(f"belongs to the torque level; {REMEDY[TORQUE]}")
+        return
+    for key in sorted(spec.stop.model_fields_set & {"duration", "speed"}):
+        if spec.phases is None:
+            with mistakes.at("stop", key):
+                raise InvalidInputError(
+                    "belongs to the velocity level; a simulation lasts for simulation.duration"
+                )
+    if spec.phases is not None and "duration" in spec.simulation.model_fields_set:
+        with mistakes.at("simulation", "duration"):
+            raise InvalidInputError("a run with phases ends after the last; leave this out")
 
 
 def _check_no_times(spec: ProblemSpec, mistakes: Mistakes) -> None:

@@ -34,7 +34,7 @@ def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
         for name, one in built.items()
     }
     hold = partial(contacts_of, spec.support, friction=spec.controller.friction_cone)
-    return Phase("", 0.0, spec.stop.duration, hold, changes)
+    return Phase("", 0.0, spec.whole_stop.duration, hold, changes)
 
 
 def plan(
@@ -64,6 +64,7 @@ class _Planner:
         mistakes: Mistakes,
     ) -> None:
         self._start, self._source, self._mistakes = start, source, mistakes
+        self._ground = spec.ground_height
         self._dt, self._friction = spec.controller.dt, spec.controller.friction_cone
         self._specs: dict[str, TaskSpec] = {name: spec.tasks[name] for name in built}
         self._names = tuple(spec.tasks)
@@ -108,7 +109,8 @@ class _Planner:
         contacts: tuple[Contact, ...] = ()
         with self._mistakes.at(*where):
             contacts = contacts_of(self._support, self._start, self._friction)
-            lifted = (off_the_ground(self._start, foot) for foot in Standing.on("", contacts).feet)
+            standing = Standing.on("", contacts).feet
+            lifted = (off_the_ground(self._start, foot, self._ground) for foot in standing)
             for complaint in filter(None, lifted if first else ()):
                 raise InvalidInputError(complaint)
         return contacts

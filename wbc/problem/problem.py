@@ -24,11 +24,17 @@ from wbc.problem.spec import ProblemSpec
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.simulate import Cancelled, Observe, Progress, Show, simulate
+from wbc.run.standing import FLAT, held_feet
 from wbc.run.stopping import Stop
+from wbc.simulation import FallLimits, SimulationResult, run_trial
 from wbc.validate import by_name
 
 if TYPE_CHECKING:
     from wbc.problem.pendulum.problem import PendulumProblem
+
+# How far a corner of a sole that is put down may be from the ground in a simulation [m]: what is
+# measured has noise, and physics brings it down.
+TOUCHED = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +113,48 @@ class Problem:
         phases = self.executor()
         return simulate(phases, parts.start, stop, progress, observe, made_with, cancelled, show)
 
+    def simulate(
+        self,
+        progress: Progress | None = None,
+        *,
+        cancelled: Cancelled | None = None,
+        show: Show | None = None,
+    ) -> SimulationResult:
+        """Simulate a problem of the torque level from its start to its end, or the robot's fall.
+
+        For ``progress``, ``cancelled`` and ``show`` see :func:`wbc.simulation.run_trial`. It starts
+        afresh, so a second one gives the same result, bit for bit but for the times.
+
+        Raises
+        ------
+        InvalidInputError
+            A problem of the velocity level.
+        SimulationError
+            MuJoCo is not installed, or the physics blew up.
+        """
+        spec, parts = self.spec, self.parts
+        if not isinstance(spec.controller, TorqueSpec):
+            raise InvalidInputError(
+                f"{self.source.name}: controller.level is velocity: commanded velocities are run,"
+                f" not simulated: wbc run {self.source.name}; for torques write controller:"
+                " {level: torque}"
+            )
+        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        plant = spec.simulation.plant(start, held_feet(parts.contacts), spec.controller.dt)
+        found = {**versions(), "mujoco": version_of("mujoco")}
+        made_with = {"problem": self.provenance(), "versions": found}
+        made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
+        return run_trial(
+            self.executor(),
+            plant,
+            Stop(**spec.whole_stop.model_dump()),
+            falls=FallLimits(**spec.simulation.falls),
+            progress=progress,
+            provenance=made_with,
+            cancelled=cancelled,
+            show=show,
+        )
+
     def executor(self) -> PhaseExecutor:
         """Return what leads a run through the phases, from the start; it serves one run."""
         spec, parts = self.spec, self.parts
@@ -117,6 +165,8 @@ class Problem:
             partial(parts.controller, spec.controller),
             parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv)),
             parts.surroundings.move_to,
+            spec.ground_height,
+            TOUCHED if spec.controller.level == "torque" else FLAT,
         )
 
     def provenance(self) -> dict[str, Any]:

@@ -228,7 +228,7 @@ class KeysOf:
     Parameters
     ----------
     kind:
-        A dataclass with a section ``Parameters`` in its docstring.
+        A dataclass with a section ``Parameters`` or ``Attributes`` in its docstring.
     forms:
         Types of keys to which the above does not apply.
     """
@@ -263,7 +263,10 @@ def _entry(of: DataclassField[Any], form: Any, description: str | None) -> Any:
 
 def _descriptions(kind: type) -> dict[str, str]:
     """Return what a class's docstring says of its parameters, by their names."""
-    _, _, body = (inspect.getdoc(kind) or "").partition("\nParameters\n----------\n")
+    _, *rest = re.split(
+        r"\n(?:Parameters|Attributes)\n-+\n", inspect.getdoc(kind) or "", maxsplit=1
+    )
+    body = "".join(rest)
     body = re.split(r"\n\w+\n---", body)[0]
     found = re.findall(r"^(\w[\w, ]*):?\n((?:(?:    .*)?\n?)+)", body, re.MULTILINE)
     return {name: inspect.cleandoc(text) for names, text in found for name in names.split(", ")}

@@ -22,8 +22,10 @@ from wbc.problem.section import (
     default_of,
     leaves,
 )
+from wbc.problem.simulation_spec import SimulationSpec
 from wbc.problem.support import Support
 from wbc.problem.task_spec import TaskSpec
+from wbc.run.standing import Ground
 from wbc.run.stopping import Stop
 
 # The kinds that are imported above.
@@ -120,13 +122,31 @@ class ProblemSpec(Section):
     """What else the robot must respect, by names of your choice."""
     controller: AnyController = QpSpec()
     """How the tasks are turned into motion."""
+    simulation: SimulationSpec = SimulationSpec()
+    """The physics, pushes and sensors of a problem of the torque level, for `wbc sim`."""
     stop: StopSpec = StopSpec()
     """When the run ends, and what counts as success."""
 
     @property
+    def ground_height(self) -> Ground | None:
+        """Height of the ground at points, world axes; None if it is level and without steps."""
+        terrain = self.simulation.terrain
+        level = self.controller.level != "torque" or not (any(terrain.slope) or terrain.steps)
+        return None if level else self.simulation.ground().height
+
+    @property
     def whole_stop(self) -> StopSpec:
-        """When the run really ends: ``stop``, but after the last phase if there are phases."""
-        if self.phases is None:
-            return self.stop
-        duration = sum(phase.duration for phase in self.phases.values())
-        return self.stop.model_copy(update={"duration": duration, "speed": None})
+        """When the run really ends: ``stop``, but after the last phase if there are phases.
+
+        A simulation ends when its section says so, and keeps what ``stop`` asks for: a push may
+        well move the CoM out of the soles.
+        """
+        update: dict[str, float | None] = {}
+        if self.controller.level == "torque":
+            given = self.stop.model_fields_set
+            update = dict.fromkeys({"balance", "slip", "margins"} - given)
+            update |= {"duration": self.simulation.duration, "speed": None}
+        if self.phases is not None:
+            duration = sum(phase.duration for phase in self.phases.values())
+            update |= {"duration": duration, "speed": None}
+        return self.stop.model_copy(update=update)

@@ -16,7 +16,7 @@ from wbc.constraints import Contact
 from wbc.controllers import Controller
 from wbc.robot import Snapshot
 from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
-from wbc.run.standing import Standing, keep_anchors, off_the_ground, touchdowns
+from wbc.run.standing import FLAT, Ground, Standing, keep_anchors, off_the_ground, touchdowns
 from wbc.tasks import Task
 from wbc.validate import Array
 
@@ -94,6 +94,8 @@ class PhaseExecutor:
         The state in which the run starts.
     move_world:
         Called before each tick with the time [s], for instance to move obstacles.
+    ground, flat:
+        What a foot is put down on, and how flat: see :func:`wbc.run.standing.off_the_ground`.
 
     Attributes
     ----------
@@ -113,7 +115,10 @@ class PhaseExecutor:
         make_controller: MakeController,
         start: Snapshot,
         move_world: Callable[[float], None] | None = None,
+        ground: Ground | None = None,
+        flat: float = FLAT,
     ) -> None:
+        self._ground, self._flat = ground, flat
         self.tasks = tuple(one.task for one in tasks)
         self.complaint: str | None = None
         self._make_controller, self._move_world = make_controller, move_world
@@ -161,7 +166,7 @@ class PhaseExecutor:
             held = self.standing.contacts
             contacts = keep_anchors(held, phase.hold(snapshot))
             for foot in touchdowns(held, contacts):
-                reason = off_the_ground(snapshot, foot)
+                reason = off_the_ground(snapshot, foot, self._ground, self._flat)
                 if reason is not None:
                     self.complaint = f"phase {phase.name!r} cannot begin: {reason}"
                     return None

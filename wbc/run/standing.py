@@ -12,9 +12,11 @@ from wbc.constraints.com_support import support_polygon
 from wbc.constraints.margin import SKIN, Margin
 from wbc.polygon import polygon_margin
 from wbc.robot import Robot, Snapshot
+from wbc.validate import Array
 
 # How far a corner of the sole of a foot that is put down may be from the ground [m].
 FLAT = 1e-3
+Ground = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,13 +141,24 @@ def carrier(robot: Robot, frame: str) -> int:
     return int(robot.model.frames[robot.frame_id(frame)].parentJoint)
 
 
-def off_the_ground(snapshot: Snapshot, foot: str) -> str | None:
-    """Return in words why a foot cannot be stood on, or None if its sole is flat on the ground."""
+def off_the_ground(
+    snapshot: Snapshot, foot: str, ground: Ground | None = None, flat: float = FLAT
+) -> str | None:
+    """Return in words why a foot cannot be stood on, or None if its sole is flat on the ground.
+
+    Parameters
+    ----------
+    ground:
+        Height of the ground (k,) [m] at points (k, 2), world axes; None: 0 everywhere.
+    flat:
+        How far a corner of the sole may be from the ground [m].
+    """
     sole = snapshot.robot.feet[foot]
     R, p = snapshot.rotation(sole.frame), snapshot.position(sole.frame)
-    heights = sole.polygon @ R[2, :2] + p[2]  # of the corners
+    corners = sole.polygon @ R[:, :2].T + p
+    heights = corners[:, 2] if ground is None else corners[:, 2] - ground(corners[:, :2])
     worst = heights[np.argmax(np.abs(heights))]
-    if abs(worst) <= FLAT:
+    if abs(worst) <= flat:
         return None
     where = "above" if worst > 0.0 else "below"
     text = f"the {foot} foot does not stand: a corner of its sole is {1e3 * abs(worst):.2g} mm"

@@ -6,13 +6,16 @@ The only folder that knows MuJoCo, which is loaded when the first :class:`Plant`
 from wbc.simulation.contacts import Contacts
 from wbc.simulation.engine import SimulationError
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict
+from wbc.simulation.impulse import capture_impulse
 from wbc.simulation.loop import SimulationTick, simulate
 from wbc.simulation.mismatch import ModelMismatch
 from wbc.simulation.plant import Plant
 from wbc.simulation.push import Push
 from wbc.simulation.recorder import Recorder
+from wbc.simulation.result import SimulationResult, SimulationStatus
 from wbc.simulation.sensors import Sensors
 from wbc.simulation.terrain import Step, Terrain
+from wbc.simulation.trial import run_trial
 
 __all__ = [
     "Contacts",
@@ -24,9 +27,13 @@ __all__ = [
     "Recorder",
     "Sensors",
     "SimulationError",
+    "SimulationResult",
+    "SimulationStatus",
     "SimulationTick",
     "Step",
     "Terrain",
     "Verdict",
+    "capture_impulse",
+    "run_trial",
     "simulate",
 ]

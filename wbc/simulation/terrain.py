@@ -81,3 +81,13 @@ class Terrain:
         """Unit normal (3,) of the plane, upwards."""
         n = np.array([-self.slope[0], -self.slope[1], 1.0])
         return n / np.linalg.norm(n)
+
+    def height(self, points: Array) -> Array:
+        """Return the height (k,) of the ground, or of a step on it, at points (k, 2) [m]."""
+        found = points @ np.array(self.slope)
+        for step in self.steps:
+            c, s = np.cos(step.yaw), np.sin(step.yaw)
+            local = (points - step.centre[:2]) @ np.array(((c, -s), (s, c)))
+            on = (np.abs(local) <= 0.5 * step.size[:2]).all(axis=1)
+            found = np.where(on, np.maximum(found, step.centre[2]), found)
+        return found

@@ -120,13 +120,17 @@ def checked(problem: object) -> Problem:
     InvalidInputError
         A pendulum's problem, or a search for a posture.
     """
-    from wbc.problem.controller_spec import GlobalSpec
+    from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
     from wbc.problem.problem import Problem
 
     if not isinstance(problem, Problem):
         raise InvalidInputError(
             "the viewer shows robots, and this is a pendulum's problem; draw it with:"
             " wbc run --plot"
+        )
+    if isinstance(problem.spec.controller, TorqueSpec):
+        raise InvalidInputError(
+            f"wbc view: {problem.source.name} is of the torque level; it is simulated: wbc sim"
         )
     if isinstance(problem.spec.controller, GlobalSpec):
         raise InvalidInputError(

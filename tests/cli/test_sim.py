@@ -1,0 +1,84 @@
+"""``wbc sim`` as a user meets it: what it prints and writes, and exit codes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from wbc.cli import app
+
+STAND = """\
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
+  height: {type: com, axes: [z], target: start, kp: 50}
+  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  posture: {type: posture, weight: 0.3, kp: 30}
+controller: {level: torque, solver: daqp}
+simulation:
+  duration: 0.3
+  pushes: [{impulse_ratio: 0.5, angle: 1.5, at: 0.1}]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "push.yaml"
+    path.write_text(STAND)
+    return path
+
+
+def command(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> None:
+    npz, summary, table = (tmp_path / f"push.{end}" for end in ("npz", "json", "csv"))
+    picture = tmp_path / "push.png"
+    done = command("sim", file, "-o", npz, "-o", summary, "-o", table, "--plot", picture)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("stood: stood for 0.300 s (150 ticks)")
+    for words in ("push", "N s on base from 0.1 s for 0.1 s", "gave way", "CoP", "trunk", "torque"):
+        assert words in done.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    found = json.loads(summary.read_text())
+    assert found["status"] == "stood" and found["simulation"]["relaxed"] == 0.0
+    arrays = np.load(npz)
+    assert arrays["torque"].shape == (151, len(arrays["joint_names"]))
+    assert len(table.read_text().splitlines()) == 152
+    for recording in (npz, table):
+        again = command("analyze", recording, "--robot", "hoap2_like", "--ignore", "*/*")
+        assert again.exit_code == 0, again.output
+        assert "CoP inside the support" in again.stdout
+
+
+def test_a_fall_is_exit_code_three(file: Path) -> None:
+    strong = "simulation.pushes[0].impulse_ratio=4", "simulation.duration=2"
+    done = command("sim", file, "--set", strong[0], "--set", strong[1])
+    assert done.exit_code == 3, done.output
+    assert done.stdout.startswith("fell: fell at t = ")
+    assert "of the ticks: " in done.stdout
+
+
+def test_quiet_says_nothing(file: Path) -> None:
+    done = command("sim", file, "--quiet", "--set", "simulation.duration=0.15")
+    assert (done.exit_code, done.output) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("sim", "--set", "simulation.duraton=1"), "simulation.duraton: unknown key; did you mean"),
+        (("sim", "--set", "controller.level=velocity"), "belongs to the torque level"),
+        (("sim", "--output", "push.txt"), "push.txt: a result is written as .json"),
+        (("run",), "controller.level is torque: torques move a robot by physics"),
+    ],
+)
+def test_bad_input_is_exit_code_one(file: Path, arguments: tuple[str, ...], words: str) -> None:
+    done = command(arguments[0], file, *arguments[1:])
+    assert done.exit_code == 1
+    assert words in done.stderr
+    assert "Traceback" not in done.output

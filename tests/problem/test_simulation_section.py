@@ -1,0 +1,210 @@
+"""The section ``simulation``: what is made of it, mistakes, and short simulations."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.problem import Problem, load_problem
+from wbc.problem.simulation_spec import turned_with
+from wbc.run.standing import off_the_ground
+from wbc.simulation import SimulationStatus, capture_impulse
+
+STAND = """\
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
+  height: {type: com, axes: [z], target: start, kp: 50}
+  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  posture: {type: posture, weight: 0.3, kp: 30}
+controller: {level: torque, solver: daqp}
+simulation:
+  duration: 0.3
+  pushes: [{impulse_ratio: 0.5, angle: 1.5, at: 0.1, duration: 0.1}]
+"""
+LAST = STAND.splitlines()[-1]
+
+
+def problem(folder: Path, text: str = STAND, overrides: dict[str, Any] | None = None) -> Problem:
+    file = folder / "p.yaml"
+    file.write_text(text)
+    return load_problem(file, overrides)
+
+
+def complaint(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
+    with pytest.raises(ProblemFileError) as caught:
+        problem(folder, text, overrides)
+    return str(caught.value).replace(str(folder / "p.yaml"), "p.yaml")
+
+
+def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
+    one = problem(tmp_path)
+    calls: list[tuple[int, int, dict[str, Any]]] = []
+    result = one.simulate(lambda *call: calls.append(call))
+    assert result.status is SimulationStatus.STOOD and result.status.good
+    assert result.reason == "stood for 0.300 s"
+    assert len(result.run.history) == 150
+    assert calls[-1][:2] == (150, 150)
+    assert len(result.arrays["time"]) == len(result.arrays["errors/com"]) == 151
+    assert result.arrays["time"][-1] == pytest.approx(0.3)
+    # The CoM at the end, against that of the true state.
+    com = one.parts.robot.snapshot(result.arrays["q"][-1]).com
+    np.testing.assert_allclose(result.run.final.com, com, atol=1e-15)
+    assert 0.0 < result.peak_tilt < 0.2
+    assert 0.0 < max(result.torque_use.values()) < 1.0
+    # The push of half M omega d: the CoM's momentum grows by what the soles did not take.
+    assert result.cop_error < 0.02
+    (push,) = result.pushes
+    start = one.parts.robot.snapshot(one.parts.start)
+    size = capture_impulse(start, ("left", "right"), push.impulse)
+    assert np.linalg.norm(push.impulse) == pytest.approx(0.5 * size)
+    summary = result.summary()["simulation"]
+    assert summary["stood"] and summary["pushes"][0]["at"] == 0.1
+    assert "mujoco" in result.run.provenance["versions"]
+
+
+def test_the_same_file_gives_the_same_bits(tmp_path: Path) -> None:
+    noisy = {"simulation.sensors": {"position_noise": 1e-4, "dropout": 0.1, "seed": 3}}
+    one = problem(tmp_path, overrides=noisy)
+    first, second = (one.simulate().arrays for _ in range(2))
+    for name in ("q", "v", "torque", "cop"):
+        np.testing.assert_array_equal(first[name], second[name])
+    other = problem(tmp_path, overrides={**noisy, "simulation.sensors.seed": 4}).simulate()
+    assert abs(other.arrays["q"] - first["q"]).max() > 1e-9
+    assert other.lost > 0
+
+
+def test_a_strong_push_makes_it_fall(tmp_path: Path) -> None:
+    result = problem(tmp_path, overrides={
+        "simulation.pushes[0].impulse_ratio": 4.0, "simulation.duration": 2.0
+    }).simulate()  # fmt: skip
+    assert result.status is SimulationStatus.FELL
+    assert result.reason.startswith("fell at t = ")
+    assert result.duration < 1.5
+    assert result.relaxed > 0.0
+    assert list(result.gave_way.values()) == sorted(result.gave_way.values(), reverse=True)
+
+
+def test_cancelling_keeps_what_was_computed(tmp_path: Path) -> None:
+    count = iter(range(100))
+    result = problem(tmp_path).simulate(cancelled=lambda: next(count) == 9)
+    assert result.status is SimulationStatus.INTERRUPTED
+    assert len(result.run.history) == 10
+
+
+def test_tolerances_at_the_end_are_judged(tmp_path: Path) -> None:
+    result = problem(tmp_path, STAND + "stop: {accept: {com: 1.0e-7}}\n").simulate()
+    assert result.status is SimulationStatus.NOT_REACHED
+    assert "not within tolerance: com" in result.reason
+
+
+def test_phases_lift_a_foot_in_physics(tmp_path: Path) -> None:
+    text = STAND.split("simulation:")[0] + (
+        "phases:\n"
+        "  shift: {duration: 1.0, tasks: {com: {target: {over: left}}}}\n"
+        "  stand: {duration: 0.3, support: left}\n"
+    )
+    result = problem(tmp_path, text).simulate()
+    assert result.status is SimulationStatus.STOOD, result.reason
+    assert list(dict.fromkeys(result.run.history.support)) == ["left,right", "left"]
+    # What the controller let go of bears hardly anything any more.
+    weight = 9.81 * result.robot.mass
+    assert result.arrays["forces/left_sole"][-1, 2] > 0.9 * weight
+    assert result.duration == pytest.approx(1.3)
+
+
+def test_on_a_slope_the_robot_is_turned_with_the_ground(tmp_path: Path) -> None:
+    one = problem(tmp_path, overrides={"simulation.terrain.slope": [0.06, -0.04]})
+    start = one.parts.robot.snapshot(one.parts.start)
+    ground = one.spec.simulation.ground()
+    for foot in ("left", "right"):
+        assert off_the_ground(start, foot) is not None
+        assert off_the_ground(start, foot, ground.height, 1e-9) is None
+    assert one.simulate().status is SimulationStatus.STOOD
+
+
+def test_turning_with_a_plane() -> None:
+    normal = np.array((-0.3, 0.2, 1.0)) / np.linalg.norm((-0.3, 0.2, 1.0))
+    q = np.array((1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.4))
+    turned = turned_with(q, normal)
+    np.testing.assert_allclose(np.linalg.norm(turned[3:7]), 1.0)
+    assert turned[7] == 0.4
+    x, y, z, w = turned[3:7]
+    up = np.array((2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)))
+    np.testing.assert_allclose(up, normal, atol=1e-15)  # the base's z axis
+    assert normal @ turned[:3] == pytest.approx(3.0)  # as far from the plane as before
+
+
+def test_every_form_of_a_push(tmp_path: Path) -> None:
+    pushes = [
+        {"force": [1.0, 2.0, 3.0], "at": 0.0, "point": [0.0, 0.1, 0.2], "body": "head_link"},
+        {"impulse": 2.0, "direction": [0.0, 0.0, -5.0], "at": 0.1, "duration": 0.2},
+        {"impulse": 2.0, "angle": 0.0, "at": 0.1, "profile": "half_sine"},
+    ]
+    frames = problem(tmp_path).parts.robot.frame_names
+    pushes[0]["body"] = next(name for name in frames if "head" in name)
+    one = problem(tmp_path, overrides={"simulation.pushes": pushes})
+    start = one.parts.robot.snapshot(one.parts.start)
+    first, second, third = (
+        spec.push(start, ("left", "right")) for spec in one.spec.simulation.pushes
+    )
+    np.testing.assert_allclose(first.force, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(first.point, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(second.force, [0.0, 0.0, -10.0])
+    np.testing.assert_allclose(third.impulse, [2.0, 0.0, 0.0], atol=1e-15)
+    assert third.force[0] == pytest.approx(2.0 / 0.1 * np.pi / 2)
+    place = start.position("base") + start.rotation("base") @ second.point
+    np.testing.assert_allclose(place, start.com, atol=1e-15)
+
+
+def test_a_velocity_problem_is_not_simulated(tmp_path: Path) -> None:
+    text = (
+        "robot: hoap2_like\nsupport: floating\n"
+        "tasks: {hand: {type: frame, frame: left_hand, control: position, target: start}}\n"
+    )
+    with pytest.raises(InvalidInputError, match=r"level is velocity.*wbc run .*level: torque"):
+        problem(tmp_path, text).simulate()
+    words = "p.yaml:4: simulation: belongs to the torque level; give controller: {level: torque}"
+    assert words in complaint(tmp_path, text + "simulation: {duration: 1}\n")
+
+
+PUSH = "impulse_ratio: 0.5, angle: 1.5"
+MISTAKES = [
+    ("duration: 0.3", "duraton: 0.3", "p.yaml:10: simulation.duraton: unknown key; did you mean"),
+    ("duration: 0.3", "duration: 0", "p.yaml:10: simulation.duration: must be greater than 0"),
+    ("duration: 0.3", "friction: -1", "simulation.friction: must be at least 0"),
+    ("duration: 0.3", "physics_dt: 0.0015", "controller.dt: 0.002 s is no multiple of simul"),
+    ("duration: 0.3", "sensors: {delay: 0.0005}", "simulation.sensors.delay: 0.0005 s is no mult"),
+    ("duration: 0.3", "sensors: {nois: 1}", "simulation.sensors.nois: unknown key"),
+    ("duration: 0.3", "sensors: {dropout: 2}", "simulation.sensors: "),
+    ("duration: 0.3", "model_error: {mass: 0}", "simulation.model_error: "),
+    ("duration: 0.3", "falls: {trunk: bse}", "falls.trunk: unknown frame 'bse'; did you mean"),
+    ("duration: 0.3", "terrain: {slope: 1}", "simulation.terrain.slope: expected a list"),
+    ("at: 0.1", "at: 0.7, body: bsae", "p.yaml:11: simulation.pushes[0].body: unknown frame 'bsa"),
+    ("at: 0.1", "at: 0.7", "pushes[0].at: begins after the end of the simulation (0.3 s)"),
+    ("at: 0.1", "profile: sine", "simulation.pushes[0]: 'at' is missing"),
+    ("at: 0.1", "at: 0, profile: half", "profile: 'half' does not exist; did you mean 'half_sine'"),
+    (PUSH, "angle: 1", "simulation.pushes[0]: give one of force, impulse, impulse_ratio"),
+    (PUSH, "impulse: 1", "pushes[0].impulse: impulse is a number: give angle or direction"),
+    (PUSH, f"{PUSH}, force: 1", "pushes[0].impulse_ratio: give one of force, impulse"),
+    (PUSH, "force: [1, 0, 0], angle: 2", "angle: force is a vector and has a direction of its ow"),
+    (PUSH, "impulse_ratio: 1, direction: [0, 0, 1]", "direction: impulse_ratio is about horizont"),
+    (PUSH, "impulse: 1, direction: [0, 0, 0]", "pushes[0].direction: needs some length"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), MISTAKES)
+def test_mistakes_are_told_with_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in STAND
+    assert words in complaint(tmp_path, STAND.replace(old, new, 1))
+
+
+def test_how_long_it_is_is_said_once(tmp_path: Path) -> None:
+    words = "p.yaml:12: stop.duration: belongs to the velocity level; a simulation lasts for"
+    assert words in complaint(tmp_path, STAND + "stop: {duration: 1}\n")
+    phases = "phases: {only: {duration: 0.2}}\n"
+    words = "p.yaml:10: simulation.duration: a run with phases ends after the last"
+    assert words in complaint(tmp_path, STAND + phases)

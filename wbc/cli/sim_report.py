@@ -1,0 +1,99 @@
+"""What ``wbc sim`` prints when it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wbc.cli.printing import SHOWN, head, print_written, tasks_table
+from wbc.simulation import SimulationResult
+from wbc.simulation.push import Push
+
+
+def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
+    """Print whether it stood, how far each task is from its target, and what it took."""
+    console = Console(highlight=False)
+    ticks = len(result.run.history)
+    console.print(head(result.status, f"{result.reason} ({ticks} ticks)"))
+    console.print(tasks_table(result.run))
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_row("", "")
+    for push in result.pushes:
+        table.add_row("push", Text(_push(push, result)))
+    table.add_row("gave way", Text(_gave_way(result)))
+    table.add_row("CoP", _cop(result))
+    table.add_row("trunk", f"tilted by at most {result.peak_tilt:.2f} rad")
+    table.add_row("torque", Text(_torque(result)))
+    slip = result.run.slip
+    if slip is not None:
+        table.add_row("slip", f"at most {1e3 * slip.value:.2g} mm ({slip.where}, tick {slip.tick})")
+    for text in result.run.not_kept:
+        table.add_row("not kept", Text(text, style="red"))
+    if result.lost:
+        table.add_row("sensors", f"{result.lost} of {ticks} frames lost")
+    if result.run.failures:
+        first = result.run.failures[0]
+        count = len(result.run.failures)
+        text = f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
+        table.add_row("QP", Text(text, style="red"))
+    for note in result.notes:
+        table.add_row("left out", Text(note))
+    wall = result.run.tick_times()["wall"]
+    table.add_row(
+        "tick time", f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms"
+    )
+    console.print(table)
+    print_written(console, written)
+
+
+def _push(push: Push, result: SimulationResult) -> str:
+    size = float(np.linalg.norm(push.impulse))
+    force = float(np.linalg.norm(push.force))
+    late = "" if push.start < result.duration else ", after the end"
+    return (
+        f"{size:.3g} N s on {push.body} from {push.start:g} s for {push.duration:g} s,"
+        f" {force:.3g} N at most{late}"
+    )
+
+
+def _gave_way(result: SimulationResult) -> str:
+    if not result.relaxed:
+        return "nothing, in any tick"
+    return f"something in {_percent(result.relaxed)} of the ticks: {_listed(result.gave_way)}"
+
+
+def _listed(shares: Mapping[str, float]) -> str:
+    first = [f"{name} {_percent(share)}" for name, share in list(shares.items())[:SHOWN]]
+    more = len(shares) - SHOWN
+    return ", ".join(first) + (f" and {more} more" if more > 0 else "") or "nothing noticeable"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"
+
+
+def _cop(result: SimulationResult) -> str:
+    least = 1e3 * result.least_cop_margin
+    if not np.isfinite(least):
+        return "none: no sole bore load"
+    return (
+        f"at least {least:.1f} mm inside the soles, {1e3 * result.cop_error:.1f} mm (rms) from"
+        " where the controller wanted it"
+    )
+
+
+def _torque(result: SimulationResult) -> str:
+    if not result.torque_use:
+        return "no joint has a bound"
+    name, most = next(iter(result.torque_use.items()))
+    use = f"at most {_percent(most)} of the bound ({name})"
+    if not result.saturated:
+        return use
+    return f"{use}; at the bound for {_listed(result.saturated)} of the time"

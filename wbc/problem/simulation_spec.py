@@ -1,0 +1,258 @@
+"""The physics in which a problem of the torque level is simulated: as a file describes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, Strict
+
+from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.section import (
+    LIST,
+    NUMBER,
+    WORD,
+    KeysOf,
+    Name,
+    NonNegative,
+    Number,
+    Pair,
+    Point,
+    Positive,
+    Section,
+    Size,
+    Words,
+    default_of,
+    forms,
+)
+from wbc.robot import Snapshot
+from wbc.rotations import rotation_from
+from wbc.simulation import (
+    FallLimits,
+    ModelMismatch,
+    Plant,
+    Push,
+    Sensors,
+    Step,
+    Terrain,
+    capture_impulse,
+)
+from wbc.simulation.push import PROFILES
+from wbc.validate import Array
+
+Seed = Annotated[int, Field(ge=0)]
+Strength = Annotated[
+    Annotated[Positive, NUMBER] | Annotated[Point, LIST],
+    forms("a number (with angle or direction), or a list [x, y, z]"),
+]
+STRENGTHS = ("force", "impulse", "impulse_ratio")
+EVEN = 1e-6  # a time is so many physics steps, to this part of one
+
+
+class StepSpec(Section):
+    """A box on the ground."""
+
+    centre: Point
+    """Of its upper face [m], world axes."""
+    size: Annotated[tuple[Size, ...], Strict(False), Field(min_length=3, max_length=3)]
+    """Side lengths along x, y, z before it is turned [m]."""
+    yaw: Number = default_of(Step, "yaw")
+    """How far it is turned about the vertical [rad]."""
+    friction: NonNegative | None = None
+    """Coefficient of friction; left out: that of the ground."""
+
+
+class TerrainSpec(Section):
+    """The ground."""
+
+    slope: Pair = default_of(Terrain, "slope")
+    """Rise over run along x and y. The robot, and with it everything that is relative to its
+    start, is turned with the ground, so that its soles are flat on it."""
+    steps: Annotated[tuple[StepSpec, ...], Strict(False)] = ()
+    """Boxes on the ground."""
+    time_constant: Positive = default_of(Terrain, "time_constant")
+    """How fast a contact returns from penetration [s]: larger is softer ground."""
+
+
+class PushSpec(Section):
+    """A force on a body for a while: one of force, impulse and impulse_ratio."""
+
+    body: Name = "base"
+    """A link or frame; what it is fixed to is pushed."""
+    force: Strength | None = None
+    """[N]: a number with angle or direction, or [x, y, z] in world axes; the peak of a
+    half_sine."""
+    impulse: Strength | None = None
+    """[N s], likewise: the time integral of the force."""
+    impulse_ratio: Positive | None = None
+    """Horizontal impulse in parts of M omega d, after which the capture point is at the edge of the
+    soles that stand at the start, in the direction of the push."""
+    angle: Number | None = None
+    """Direction in the horizontal plane [rad]: 0 is forwards (world x), pi/2 to the left."""
+    direction: Point | None = None
+    """Direction in world axes; its length does not matter."""
+    point: Annotated[
+        Annotated[Literal["com"], WORD] | Annotated[Point, LIST],
+        forms("com, or [x, y, z] in the body's axes"),
+    ] = "com"
+    """Where it acts: com, where the CoM is at the start, carried along with the body; or a place
+    in the body's axes [m]."""
+    at: NonNegative
+    """When it begins, in simulated time [s]."""
+    duration: Positive = 0.1
+    """How long it lasts [s]."""
+    profile: Annotated[str, Words(PROFILES)] = PROFILES[0]
+    """How the force goes over time."""
+
+    def push(self, start: Snapshot, feet: Sequence[str]) -> Push:
+        """Return the push, of a robot that stands on ``feet`` at the start.
+
+        Raises
+        ------
+        WbcError
+            An unknown body, or no strength or direction, or more than one of either.
+        """
+        start.robot.frame_id(self.body)
+        place = np.array(self.point) if isinstance(self.point, tuple) else np.zeros(3)
+        if self.point == "com":
+            place = start.rotation(self.body).T @ (start.com - start.position(self.body))
+        shape = Push(self.body, np.ones(3), place, self.at, self.duration, self.profile)
+        force = self._strength(start, feet, float(shape.impulse[0]))
+        return Push(self.body, force, place, self.at, self.duration, self.profile)
+
+    def _strength(self, start: Snapshot, feet: Sequence[str], per_newton: float) -> Array:
+        """Return the largest force (3,) [N]; ``per_newton`` is the impulse of one [N s]."""
+        given = [key for key in STRENGTHS if getattr(self, key) is not None]
+        if len(given) != 1:
+            below = given[1:2]  # the one too many
+            raise Misplaced(f"give one of {', '.join(STRENGTHS)}", *below)
+        (key,) = given
+        value = getattr(self, key)
+        if isinstance(value, tuple):
+            for other in ("angle", "direction"):
+                if getattr(self, other) is not None:
+                    raise Misplaced(f"{key} is a vector and has a direction of its own", other)
+            vector = np.array(value)
+        else:
+            vector = value * self._direction(key)
+            if key == "impulse_ratio":
+                if not feet:
+                    raise Misplaced("the robot stands on no feet at the start; give impulse", key)
+                vector = vector * capture_impulse(start, feet, vector)
+        return vector if key == "force" else vector / per_newton
+
+    def _direction(self, key: str) -> Array:
+        """Return the direction, of unit length."""
+        if (self.angle is None) == (self.direction is None):
+            raise Misplaced(f"{key} is a number: give angle or direction, one of them", key)
+        if self.angle is not None:
+            return np.array((math.cos(self.angle), math.sin(self.angle), 0.0))
+        direction = np.array(self.direction)
+        length = float(np.linalg.norm(direction))
+        if length < 1e-9:
+            raise Misplaced("needs some length", "direction")
+        if key == "impulse_ratio" and abs(direction[2]) > 1e-9 * length:
+            raise Misplaced("impulse_ratio is about horizontal pushes; z must be 0", "direction")
+        return direction / length
+
+
+def turned_with(q: Array, normal: Array) -> Array:
+    """Return a configuration turned about the world's origin, from level ground to a plane.
+
+    Parameters
+    ----------
+    normal:
+        (3,) of the plane, upwards, of unit length.
+    """
+    # The shortest rotation takes z to the normal: x y z w = (z x n, 1 + z.n), normalised.
+    turn = np.array((-normal[1], normal[0], 0.0, 1.0 + normal[2]))
+    turn /= np.linalg.norm(turn)
+    a, b, turned = turn[:3], q[3:6], np.array(q, dtype=float)
+    turned[:3] = rotation_from(turn) @ q[:3]
+    turned[3:6] = turn[3] * b + q[6] * a + np.cross(a, b)
+    turned[6] = turn[3] * q[6] - a @ b
+    return turned
+
+
+class SimulationSpec(Section):
+    """The physics, and what happens in it; of the torque level."""
+
+    duration: Positive = 4.0
+    """How long to simulate [s]; with phases it ends after the last, and this is left out."""
+    physics_dt: Positive = default_of(Plant, "physics_dt")
+    """Time step of the physics [s], of which the controller's dt is a multiple."""
+    friction: NonNegative = default_of(Terrain, "friction")
+    """Coefficient of friction of the ground; what the controller counts on is in its section."""
+    terrain: TerrainSpec = TerrainSpec()
+    """Slope and steps."""
+    shapes: bool = default_of(Plant, "shapes")
+    """Whether the links' collision shapes meet the ground too, not only the soles."""
+    sensors: Annotated[dict[str, Any], KeysOf(Sensors, seed=Seed)] = Field(default_factory=dict)
+    """Noise, bias, delay and loss of what is measured; all off by default."""
+    model_error: Annotated[dict[str, Any], KeysOf(ModelMismatch, com=Point, seed=Seed)] = Field(
+        default_factory=dict
+    )
+    """How the simulated robot differs from the model that the controller has."""
+    pushes: Annotated[tuple[PushSpec, ...], Strict(False)] = ()
+    """What pushes the robot, and when."""
+    falls: Annotated[dict[str, Any], KeysOf(FallLimits, trunk=Name, touch=bool)] = Field(
+        default_factory=dict
+    )
+    """What counts as a fall."""
+
+    def ground(self) -> Terrain:
+        """Return what the robot stands on."""
+        terrain = self.terrain
+        steps = tuple(Step(**step.model_dump()) for step in terrain.steps)
+        slope = terrain.slope[0], terrain.slope[1]
+        return Terrain(self.friction, slope, steps, terrain.time_constant)
+
+    def check(
+        self, start: Snapshot, feet: Sequence[str], dt: float, duration: float, mistakes: Mistakes
+    ) -> None:
+        """Note what shows only with the robot: names, and numbers that do not fit."""
+        whole = {"dt": dt, **{key: self.sensors.get(key, 0.0) for key in ("delay", "latency")}}
+        for key, time in whole.items():
+            place = ("controller", key) if key == "dt" else ("simulation", "sensors", key)
+            steps = time / self.physics_dt
+            with mistakes.at(*place):
+                if abs(steps - round(steps)) > EVEN or (key == "dt" and round(steps) < 1):
+                    raise Misplaced(
+                        f"{time:g} s is no multiple of simulation.physics_dt ({self.physics_dt:g})"
+                    )
+        for key, make in (("sensors", Sensors), ("model_error", ModelMismatch)):
+            with mistakes.at("simulation", key):
+                make(**getattr(self, key))
+        with mistakes.at("simulation", "falls"):
+            start.robot.frame_id(FallLimits(**self.falls).trunk)
+        for k, push in enumerate(self.pushes):
+            with mistakes.at("simulation", "pushes", k):
+                push.push(start, feet)
+                if push.at >= duration:
+                    text = f"begins after the end of the simulation ({duration:g} s)"
+                    raise Misplaced(text, "at")
+
+    def plant(self, start: Snapshot, feet: Sequence[str], dt: float) -> Plant:
+        """Return the robot in its physics, at its start, with all pushes to come.
+
+        Raises
+        ------
+        SimulationError
+            MuJoCo is not installed.
+        ModelError
+            MuJoCo refuses the robot.
+        """
+        plant = Plant(
+            start.robot,
+            dt=dt,
+            physics_dt=self.physics_dt,
+            terrain=self.ground(),
+            shapes=self.shapes,
+            sensors=Sensors(**self.sensors),
+            mismatch=ModelMismatch(**self.model_error),
+        )
+        plant.reset(start.q)
+        plant.pushes += [push.push(start, feet) for push in self.pushes]
+        return plant

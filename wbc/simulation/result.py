@@ -1,0 +1,304 @@
+"""What a simulation came to: stood or fell, what gave way, how much of the torque it took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.constraints.com_support import support_polygon
+from wbc.polygon import polygon_margin
+from wbc.robot import Robot, Snapshot
+from wbc.run.columns import Column
+from wbc.run.result import Result
+from wbc.run.saving import save_result
+from wbc.run.stopping import RunStatus
+from wbc.simulation.falling import Verdict
+from wbc.simulation.plant import Plant
+from wbc.simulation.push import Push
+from wbc.simulation.recorder import Recorder
+from wbc.validate import Array
+
+# A foot that bears less than this part of the robot's weight does not widen the support.
+LOADED = 1e-3
+# A torque this near to its bound is at it: solvers' eps.
+AT_BOUND = 1.0 - 1e-6
+WEIGHT = 9.81  # N/kg
+
+
+class SimulationStatus(StrEnum):
+    """How a simulation ended.
+
+    ``STOOD``: to its end, and every tolerance was met. ``FELL``. ``NOT_REACHED``: a tolerance was
+    not met. ``NOT_KEPT``: what ``stop`` asks to be kept all the time was not. ``QP_FAILED``: a tick
+    had no solution, even with everything but physics given up. ``NOT_STANDING``: a phase could not
+    begin. ``INTERRUPTED``: it was asked to end early.
+    """
+
+    STOOD = "stood"
+    FELL = "fell"
+    NOT_REACHED = "not_reached"
+    NOT_KEPT = "not_kept"
+    QP_FAILED = "qp_failed"
+    NOT_STANDING = "not_standing"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def good(self) -> bool:
+        """True if the robot did what was asked."""
+        return self is SimulationStatus.STOOD
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationResult:
+    """What a simulation came to.
+
+    Attributes
+    ----------
+    run:
+        What the controller saw and answered: tasks, contacts, margins, ticks.
+    verdict:
+        Whether the robot stood, until when, and why it fell.
+    arrays:
+        Rows from the first state to the last, see :meth:`save`.
+    pushes:
+        What pushed the robot.
+    relaxed:
+        Share of the ticks in which something gave way, in [0, 1].
+    gave_way:
+        The same by the name of what did, the most frequent first.
+    lost:
+        Control periods for which nothing was measured.
+    saturated:
+        Share of the control periods in which a joint was at its torque bound, by joint; those that
+        never were are left out.
+    torque_use:
+        Largest part of its torque bound that each joint used, by joint; those without are left out.
+    """
+
+    run: Result
+    verdict: Verdict
+    arrays: Mapping[str, NDArray[Any]]
+    pushes: Sequence[Push]
+    relaxed: float
+    gave_way: Mapping[str, float]
+    lost: int
+    saturated: Mapping[str, float]
+    torque_use: Mapping[str, float]
+    recorder: Recorder
+    notes: Sequence[str]
+
+    @classmethod
+    def of(
+        cls,
+        run: Result,
+        plant: Plant,
+        recorder: Recorder,
+        *,
+        verdict: Verdict,
+        pushes: Sequence[Push],
+        gave_way: Mapping[str, int],
+        relaxed: int,
+        lost: int,
+        tilt: Array,
+        bounds: Array,
+    ) -> SimulationResult:
+        """Return the result of what was recorded.
+
+        Parameters
+        ----------
+        gave_way, relaxed:
+            In how many ticks, by name and altogether.
+        tilt:
+            (n,) of the trunk [rad].
+        bounds:
+            (nv - 6,) on the torques.
+        """
+        robot, truth, ticks = plant.robot, recorder.arrays(), len(run.history)
+        used = np.abs(truth["torque"][1:]) / bounds
+        parts = dict(zip(robot.joint_names, used.max(axis=0, initial=0.0).tolist(), strict=True))
+        at_bound = (used >= AT_BOUND).mean(axis=0) if len(used) else np.zeros(len(bounds))
+        shares = zip(robot.joint_names, at_bound.tolist(), strict=True)
+        ranked = sorted(gave_way.items(), key=lambda one: -one[1])
+        return cls(
+            run=run,
+            verdict=verdict,
+            arrays={
+                **_of_ticks(run, len(recorder)),
+                **truth,
+                "tilt": tilt,
+                "cop_margin": cop_margin(robot, truth),
+            },
+            pushes=tuple(pushes),
+            relaxed=relaxed / ticks,
+            gave_way={name: count / ticks for name, count in ranked},
+            lost=lost,
+            saturated=_falling({name: share for name, share in shares if share > 0.0}),
+            torque_use=_falling(
+                {name: parts[name] for name, most in zip(parts, bounds, strict=True)
+                 if np.isfinite(most)}
+            ),
+            recorder=recorder,
+            notes=tuple(plant.notes),
+        )  # fmt: skip
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.run.robot
+
+    @property
+    def status(self) -> SimulationStatus:
+        """How it ended."""
+        if not self.verdict.stood:
+            return SimulationStatus.FELL
+        if self.run.status.good or self.run.status is RunStatus.TIMEOUT:
+            return SimulationStatus.STOOD
+        return SimulationStatus(self.run.status.value)
+
+    @property
+    def reason(self) -> str:
+        """Why, in words."""
+        if self.status in (SimulationStatus.STOOD, SimulationStatus.FELL):
+            return self.verdict.reason
+        return f"{self.verdict.reason}; {self.run.reason}"
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return float(self.arrays["time"][-1])
+
+    @property
+    def least_cop_margin(self) -> float:
+        """How far the CoP was inside the soles that bore load, at least [m]; NaN if none did."""
+        margin = self.arrays["cop_margin"]
+        return float(np.nanmin(margin)) if np.isfinite(margin).any() else float("nan")
+
+    @property
+    def peak_tilt(self) -> float:
+        """Largest angle of the trunk from its first vertical [rad]."""
+        return float(self.arrays["tilt"].max())
+
+    @property
+    def cop_error(self) -> float:
+        """Root mean square distance of the CoP from where the controller wanted it [m]."""
+        apart = self.arrays["cop"][:, :2] - self.arrays["planned_cop"][:, :2]
+        known = np.square(apart).sum(axis=1)[np.isfinite(apart).all(axis=1)]
+        return float(np.sqrt(known.mean())) if known.size else float("nan")
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the histories as plain data."""
+        return {
+            **self.run.summary(),
+            "status": self.status.value,
+            "reason": self.reason,
+            "mass": self.robot.mass,
+            "simulation": {
+                "stood": self.verdict.stood,
+                "verdict": self.verdict.reason,
+                "duration": self.duration,
+                "pushes": [_push_summary(push) for push in self.pushes],
+                "relaxed": self.relaxed,
+                "gave_way": dict(self.gave_way),
+                "lost_frames": self.lost,
+                "least_cop_margin": self.least_cop_margin,
+                "cop_error_rms": self.cop_error,
+                "peak_tilt": self.peak_tilt,
+                "saturated": dict(self.saturated),
+                "torque_use": dict(self.torque_use),
+                "notes": list(self.notes),
+            },
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the summary as ``.json``, summary and arrays as ``.npz``, or a table as ``.csv``.
+
+        Rows of the arrays are the states between ticks, from the first to the last: those of
+        :class:`~wbc.simulation.recorder.Recorder`, ``tilt`` of the trunk [rad] and ``cop_margin``,
+        how far the CoP is inside the soles that bear load [m]. Beside them there are those of
+        :class:`~wbc.run.History`, of the tick that began in each state, as the controller measured
+        it; the last row repeats the last tick.
+
+        Raises
+        ------
+        InvalidInputError
+            Another ending.
+        OSError
+            The file cannot be written.
+        """
+        save_result(path, self.summary(), lambda: self.arrays, self._columns)
+
+    def _columns(self) -> list[Column]:
+        return [
+            *self.recorder.columns(),
+            ("trunk/tilt [rad]", self.arrays["tilt"]),
+            ("cop/inside_soles [m]", self.arrays["cop_margin"]),
+        ]
+
+
+def cop_margin(robot: Robot, truth: Mapping[str, Array]) -> Array:
+    """Return how far the CoP of the soles is inside those that bear load (n,) [m]; NaN in the air.
+
+    It is that of the soles' wrenches alone: a hand on the ground counts neither here nor there.
+
+    Parameters
+    ----------
+    truth:
+        Arrays of a :class:`~wbc.simulation.recorder.Recorder`.
+    """
+    found = np.full(len(truth["time"]), np.nan)
+    least = LOADED * robot.mass * WEIGHT
+    feet = {name: foot.frame for name, foot in robot.feet.items()}
+    for k, q in enumerate(truth["q"]):
+        wrenches = {name: truth[f"forces/{frame}"][k] for name, frame in feet.items()}
+        loaded = {name: one for name, one in wrenches.items() if one[2] > least}
+        if loaded:
+            snapshot = robot.snapshot(q)
+            cop = _cop(snapshot, {feet[name]: one for name, one in loaded.items()})
+            found[k] = float(polygon_margin(support_polygon(snapshot, loaded), cop))
+    return found
+
+
+def _cop(snapshot: Snapshot, wrenches: Mapping[str, Array]) -> Array:
+    """Return the CoP (2,) of soles by the wrench at the frame of each, on its own plane."""
+    total, place = 0.0, np.zeros(3)
+    for frame, wrench in wrenches.items():
+        R = snapshot.rotation(frame)
+        force, moment = R.T @ wrench[:3], R.T @ wrench[3:]
+        on_sole = np.array((-moment[1] / force[2], moment[0] / force[2], 0.0))
+        place += force[2] * (snapshot.position(frame) + R @ on_sole)
+        total += force[2]
+    return place[:2] / total
+
+
+def _of_ticks(run: Result, rows: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of the ticks, the last row repeated up to the number of states."""
+    arrays = run.history.arrays()
+    count = len(run.history)
+    return {
+        name: np.concatenate((one, np.repeat(one[-1:], rows - count, axis=0)))
+        if one.ndim and len(one) == count and not name.startswith("obstacles/")
+        else one
+        for name, one in arrays.items()
+    }
+
+
+def _falling(shares: Mapping[str, float]) -> dict[str, float]:
+    return dict(sorted(shares.items(), key=lambda one: -one[1]))
+
+
+def _push_summary(push: Push) -> dict[str, Any]:
+    return {
+        "body": push.body,
+        "force": push.force.tolist(),
+        "impulse": push.impulse.tolist(),
+        "point": push.point.tolist(),
+        "at": push.start,
+        "duration": push.duration,
+        "profile": push.profile,
+    }
