@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Limits
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
 
 DT = 0.005
@@ -136,3 +136,95 @@ def test_bad_limits_are_refused(robot: Robot) -> None:
         Limits(robot, acceleration={"*": 1.0})
     with pytest.raises(InvalidInputError, match=r"base_twist: expected shape \(6,\)"):
         Limits(robot, base_twist=[1.0])
+
+
+def test_without_limits_nothing_is_bounded(robot: Robot) -> None:
+    nothing = Limits(robot, position=False, velocity=None)
+    here = robot.snapshot(neutral(robot))
+    lower, upper = nothing.box(here, DT)
+    np.testing.assert_array_equal(lower, np.full(robot.nv, -np.inf))
+    np.testing.assert_array_equal(upper, np.full(robot.nv, np.inf))
+    # Without a range speed and acceleration bound as ever, and nothing has to be taken back.
+    no_range = Limits(robot, position=False, acceleration=7.0)
+    far = np.where(np.isfinite(robot.limits.upper), robot.limits.upper + 0.5, 0.3)
+    moving = robot.snapshot(at(robot, far), np.zeros(robot.nv))
+    box, recovery = no_range.box_and_recovery(moving, DT)
+    assert recovery is None
+    np.testing.assert_allclose(box[1][6:], np.minimum(robot.limits.velocity, 7.0 * DT))
+    np.testing.assert_allclose(box[0][6:], -box[1][6:])
+
+
+def test_accelerations_joint_by_joint(robot: Robot) -> None:
+    each = np.linspace(1.0, 9.0, robot.nv - 6)
+    limits = Limits(robot, acceleration=each)
+    np.testing.assert_array_equal(limits.acceleration, each)
+    with pytest.raises(InvalidInputError, match="limits, acceleration: expected shape"):
+        Limits(robot, acceleration=each[1:])
+
+
+def test_a_continuous_joint_has_its_speed_only(robot_named) -> None:
+    robot = robot_named("mixed_joints")
+    free = [6 + k for k in robot.limits.unbounded]
+    assert free
+    limits = Limits(robot, acceleration=np.inf)
+    lower, upper = limits.box(robot.snapshot(neutral(robot)), DT)
+    np.testing.assert_array_equal(upper[free], robot.limits.velocity[list(robot.limits.unbounded)])
+    np.testing.assert_array_equal(lower[free], -upper[free])
+    fast = Limits(robot, velocity=None, acceleration=np.inf)
+    assert np.isinf(fast.box(robot.snapshot(neutral(robot)), DT)[1][free]).all()
+
+
+def test_several_joints_outside_are_moved_back(robot: Robot) -> None:
+    """One below by far, at its speed; one above by little, a part of the way; the rest is not."""
+    limits = Limits(robot, recovery=0.5)
+    bounded = np.flatnonzero(np.isfinite(robot.limits.upper))
+    above, below = int(bounded[-2]), int(bounded[-1])
+    joints = 0.5 * (np.clip(robot.limits.lower, -3, 3) + np.clip(robot.limits.upper, -3, 3))
+    joints[above] = robot.limits.upper[above] + 1e-4
+    joints[below] = robot.limits.lower[below] - 1.0
+    here = robot.snapshot(at(robot, joints))
+    rows = limits.box_and_recovery(here, DT)[1]
+    assert rows is not None
+    np.testing.assert_array_equal(rows.matrix, np.eye(robot.nv)[[6 + above, 6 + below]])
+    np.testing.assert_array_equal(rows.weight, [1.0, 1.0])
+    speed = robot.limits.velocity
+    assert rows.target[0] == pytest.approx(-min(0.5 * 1e-4 / DT, speed[above]), rel=1e-6)
+    assert rows.target[1] == pytest.approx(min(0.5 / DT, speed[below]), rel=1e-9)
+    margin, name = limits.worst_margin(here.q)
+    assert (name, margin) == (robot.joint_names[below], pytest.approx(-1.0))
+
+
+def test_a_robot_without_joints_has_no_worst_one(tmp_path) -> None:
+    path = tmp_path / "stone.urdf"
+    path.write_text(
+        '<robot name="stone"><link name="stone"><inertial><mass value="2"/><inertia ixx="1" ixy="0"'
+        ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>'
+    )
+    stone = Robot.load(path, base="floating")
+    limits = Limits(stone)
+    assert limits.worst_margin(stone.postures["neutral"]) == (np.inf, "no joint")
+    box, recovery = limits.box_and_recovery(stone.snapshot(stone.postures["neutral"]), DT)
+    assert recovery is None
+    assert box[0].shape == (6,)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"recovery": 1.5}, r"^limits, recovery: 1\.5 is above 1"),
+        ({"recovery": 0.0}, r"^limits, recovery: must be greater than 0"),
+        ({"recovery": 1.0001}, r"above 1 \(all in one tick\)"),
+        ({"margin": -0.1}, r"^limits, margin: must be at least 0"),
+        ({"position": False, "margin": 0.1}, r"margin=0\.1 has no effect with position=False"),
+        ({"braking": "fre"}, r"unknown kind of braking 'fre'; did you mean 'free'"),
+    ],
+)
+def test_each_mistake_is_named(robot: Robot, given: dict, told: str) -> None:
+    with pytest.raises(WbcError, match=told):
+        Limits(robot, **given)
+
+
+def test_the_whole_way_in_one_tick_is_allowed(robot: Robot) -> None:
+    assert Limits(robot, recovery=1.0).recovery == 1.0
+    with pytest.raises(InvalidInputError, match=r"^limits: expected a robot"):
+        Limits(None)

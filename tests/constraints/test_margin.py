@@ -1,0 +1,255 @@
+"""The law of margins on walls across a line: every number of its rows in closed form.
+
+The base moves along x, axes as the world's; wall k is at ``places[k]`` and comes at ``speeds[k]``.
+"""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits
+from wbc.constraints.margin import (
+    INTERIOR,
+    PART,
+    SKIN,
+    USED,
+    BrakingParameters,
+    Margin,
+    _matched,
+    point_curvature_bound,
+)
+from wbc.constraints.rows import Bounds, Distances
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot, Snapshot
+
+DT = 0.005
+
+
+class Walls(Margin):
+    """Keeps the base's x below walls; the distances that were asked for are remembered."""
+
+    def __init__(self, robot: Robot, places, speeds=None, bend: float = 0.0, keys=None) -> None:
+        super().__init__(robot, "walls", None)
+        self.places = np.array(places, dtype=float)
+        self.speeds = None if speeds is None else np.array(speeds, dtype=float)
+        self.keys = np.arange(len(places)) if keys is None else np.array(keys)
+        self.bend, self.asked = bend, []
+
+    def distances(self, snapshot: Snapshot, keys=None) -> Distances:
+        self.asked.append(None if keys is None else keys.tolist())
+        some = np.ones(self.keys.size, dtype=bool) if keys is None else np.isin(self.keys, keys)
+        matrix = np.zeros((int(some.sum()), self.robot.nv))
+        matrix[:, 0] = -1.0
+        rate = None if self.speeds is None else -self.speeds[some]
+        clearance = self.places[some] - snapshot.q[0] - SKIN
+        return Distances(self.keys[some], clearance, matrix, rate)
+
+    def labels(self, distances: Distances) -> tuple[str, ...]:
+        return tuple(f"wall {key}" for key in distances.keys)
+
+    def curvature_bound(self, distances: Distances, step: np.ndarray) -> np.ndarray:
+        return np.full(distances.keys.size, self.bend)
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def at(robot: Robot, x: float) -> Snapshot:
+    q = robot.postures["neutral"].copy()
+    q[0] = x
+    return robot.snapshot(q)
+
+
+def along(robot: Robot, speed: float) -> np.ndarray:
+    v = np.zeros(robot.nv)
+    v[0] = speed
+    return v
+
+
+def cut(walls: Walls, x: float, speed: float) -> Bounds | None:
+    """Return the cutting planes where ``speed`` leads from ``x``."""
+    robot = walls.robot
+    here, v = at(robot, x), along(robot, speed)
+    rows = walls.rows(here, DT)
+    walls.asked.clear()
+    there = robot.snapshot(robot.integrate(here.q, v, DT))
+    return walls.cutting_planes(there, v, DT, rows)
+
+
+# ------------------------------------------------------------------ rows
+
+
+def test_what_is_inside_is_pushed_out_and_what_is_not_brakes(robot) -> None:
+    walls = Walls(robot, [1.0 + 3.5e-4, 1.5, 1.2])
+    rows = walls.rows(at(robot, 1.0 + 7e-4), DT)  # 3.5e-4 in the wall, of which SKIN is not lost
+    law = BrakingParameters()
+    back = law.recovery / DT * 3.5e-4
+    assert rows.push is not None
+    np.testing.assert_allclose(rows.push.target, [back], rtol=1e-9)
+    np.testing.assert_array_equal(rows.push.matrix, rows.matrix[:1])
+    np.testing.assert_array_equal(rows.push.weight, [1.0])
+    assert PART * back < INTERIOR
+    assert rows.lower[0] == pytest.approx(-PART * back, rel=1e-9)
+    for k, place in ((1, 1.5), (2, 1.2)):
+        left = place - (1.0 + 7e-4) - SKIN
+        u = -rows.lower[k]
+        stop = u * DT + u * u / (2.0 * law.deceleration)
+        assert stop == pytest.approx(left, rel=1e-9) or u == pytest.approx(law.gain / DT * left)
+        assert stop <= left * (1.0 + 1e-9)
+    np.testing.assert_array_equal(rows.upper, np.inf)
+
+
+def test_recovery_is_bounded(robot) -> None:
+    rows = Walls(robot, [0.0, 1.0]).rows(at(robot, 0.5), DT)
+    assert rows.push is not None
+    np.testing.assert_allclose(rows.push.target, [BrakingParameters().recovery_speed])
+    np.testing.assert_allclose(rows.lower[0], -INTERIOR)
+
+
+def test_no_distances_make_no_rows(robot) -> None:
+    rows = Walls(robot, [], []).rows(at(robot, 0.0), DT)
+    assert rows.labels == ()
+    assert rows.lower.shape == (0,)
+    assert rows.push is None
+
+
+# ------------------------------------------------------------------ where a command leads
+
+
+def test_a_cut_ends_where_the_wall_will_be(robot) -> None:
+    """At x = 0.9 with 20 m/s; the first wall comes at 2 m/s and the second is far away."""
+    walls = Walls(robot, [1.0, 5.0], [2.0, 0.0], keys=[3, 7])
+    found = cut(walls, 0.9, 20.0)
+    assert found is not None
+    assert found.labels == ("wall 3",)
+    assert found.matrix.shape == (1, robot.nv)
+    np.testing.assert_array_equal(found.matrix, -along(robot, 1.0)[None])
+    np.testing.assert_array_equal(found.upper, [np.inf])
+    allowed = -float(found.lower[0])
+    assert 0.9 + DT * allowed == pytest.approx(1.0 - 2.0 * DT - SKIN, rel=1e-12)
+
+
+def test_a_cut_never_asks_to_go_back(robot) -> None:
+    """The wall comes at 40 m/s: rest is allowed, what more is needed is not a bound."""
+    found = cut(Walls(robot, [1.0], [40.0]), 0.95, 1.0)
+    assert found is not None
+    np.testing.assert_array_equal(found.lower, [0.0])
+
+
+@pytest.mark.parametrize(
+    ("wall_speed", "own", "violates"),
+    [
+        (0.5, 0.0, False),  # it comes, the robot rests: not the robot's doing
+        (0.5, 0.1, True),  # it goes to meet it
+        (-0.5, 0.25, False),  # it recedes faster than the robot follows
+        (-0.5, 0.75, True),  # the robot follows faster
+        (0.0, 1e-5, False),  # rounding
+    ],
+)
+def test_from_inside_only_what_the_robot_adds_counts(robot, wall_speed, own, violates) -> None:
+    found = cut(Walls(robot, [1.0], [wall_speed]), 1.001, own)
+    assert (found is not None) == violates
+    if found is not None:  # no deeper than at the start
+        end = 1.0 - DT * wall_speed - SKIN - (1.001 + DT * -float(found.lower[0]))
+        assert end == pytest.approx(min(1.0 - SKIN - 1.001, end), abs=1e-12)
+
+
+def test_half_the_skin_may_be_used(robot) -> None:
+    walls = Walls(robot, [1.0])
+    here = at(robot, 0.9)
+    rows = walls.rows(here, DT)
+    for end, may in ((0.0, False), (-0.9 * USED, False), (-1.1 * USED, True)):
+        v = along(robot, (0.1 - SKIN - end) / DT)
+        assert walls.may_violate(rows, v, DT) == may
+        assert (cut(walls, 0.9, float(v[0])) is not None) == may
+
+
+@pytest.mark.parametrize(("bend", "may"), [(0.0, False), (2e-4, True)])
+def test_what_bends_may_end_lower(robot, bend: float, may: bool) -> None:
+    walls = Walls(robot, [1.0], bend=bend)
+    rows = walls.rows(at(robot, 0.9), DT)
+    v = along(robot, (0.1 - SKIN - 1e-4) / DT)  # a linear prediction ends at 1e-4
+    assert walls.may_violate(rows, v, DT) == may
+
+
+@pytest.mark.parametrize(("speed", "may"), [(-1.0, False), (1.0, True)])
+def test_a_prediction_counts_the_walls_own_way(robot, speed: float, may: bool) -> None:
+    walls = Walls(robot, [1.0], [speed])
+    rows = walls.rows(at(robot, 0.9), DT)
+    assert walls.may_violate(rows, along(robot, (0.1 - SKIN) / DT), DT) == may
+
+
+def test_rows_without_distances_violate_nothing(robot) -> None:
+    walls, empty = Walls(robot, [1.0]), np.zeros(0)
+    plain = Bounds((), np.zeros((0, robot.nv)), empty, empty)
+    assert walls.may_violate(plain, along(robot, 1e3), DT) is False
+
+
+def test_only_what_may_be_violated_is_measured_again(robot) -> None:
+    walls = Walls(robot, [1.0, 1.05, 9.0], keys=[2, 4, 6])
+    cut(walls, 0.9, 24.0)  # ends at 1.02
+    assert walls.asked == [[2]]
+    cut(walls, 0.9, 29.0)  # ends at 1.045, inside the skin's other half: not violated
+    assert walls.asked == [[2]]
+    cut(walls, 0.9, 40.0)
+    assert walls.asked == [[2, 4]]
+    # So far that pairs which were not among those measured may have come near: all of them.
+    cut(walls, 0.9, 1700.0)
+    assert walls.asked == [None]
+    empty = np.zeros(0)
+    plain = Bounds((), np.zeros((0, robot.nv)), empty, empty)
+    walls.asked.clear()
+    walls.cutting_planes(at(robot, 2.0), along(robot, 1.0), DT, plain)
+    assert walls.asked == [None]
+
+
+def test_distances_are_matched_by_their_keys() -> None:
+    def some(keys: list[int], rate: bool) -> Distances:
+        numbers = np.array(keys, dtype=np.int64)
+        own = 0.1 * numbers if rate else None
+        return Distances(numbers, 10.0 + numbers, np.zeros((len(keys), 8)), own)
+
+    after = some([1, 5, 7, 9, 11], True)
+    clearance, rate = _matched(some([2, 5, 9], True), after)
+    np.testing.assert_array_equal(clearance, [np.inf, 15.0, np.inf, 19.0, np.inf])
+    np.testing.assert_allclose(rate, [0.0, 0.5, 0.0, 0.9, 0.0])
+    clearance, rate = _matched(some([2, 5, 9], False), after)
+    np.testing.assert_array_equal(clearance, [np.inf, 15.0, np.inf, 19.0, np.inf])
+    np.testing.assert_array_equal(rate, 0.0)
+    for before in (None, some([], True)):
+        clearance, rate = _matched(before, after)
+        np.testing.assert_array_equal(clearance, np.inf)
+        np.testing.assert_array_equal(rate, 0.0)
+        assert clearance.dtype == float
+
+
+def test_the_bound_on_bends_of_points() -> None:
+    """Half of angle times (lever of a metre times angle, and what the base slides)."""
+    step = np.array([1e-2, -2e-2, 3e-2, 1e-3, 2e-3, -3e-3, 4e-3])
+    three = Distances(np.arange(3), np.zeros(3), np.zeros((3, 7)), None)
+    expected = 0.5 * 1e-2 * (1.0 * 1e-2 + 6e-2)
+    np.testing.assert_allclose(point_curvature_bound(three, step), [expected] * 3, rtol=1e-12)
+
+
+# ------------------------------------------------------------------ words
+
+
+def test_words(robot) -> None:
+    walls = Walls(robot, [1.0])
+    assert repr(walls) == "Walls('walls')"
+    with pytest.raises(InvalidInputError, match=r"'walls' is a Walls.*no rows in terms of the po"):
+        walls.symbolic_rows(None)
+    with pytest.raises(InvalidInputError, match=r"^walls: expected a robot as"):
+        Walls("robot", [1.0])
+
+
+def test_joints_without_limits_of_acceleration_brake_all_the_same(robot) -> None:
+    """An infinite acceleration of joints must leave the declared deceleration, not a NaN."""
+    walls = Walls(robot, [1.0])
+    free = Limits(robot, velocity=None)
+    assert np.isinf(free.acceleration).all()
+    bounded = Walls(robot, [1.0])
+    Margin.__init__(bounded, robot, "walls", None, free)
+    here = at(robot, 0.9)
+    np.testing.assert_array_equal(bounded.rows(here, DT).lower, walls.rows(here, DT).lower)
