@@ -84,6 +84,10 @@ def test_another_controller_has_other_sliders(
     stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
     other = wbc.KinematicController(robot, [wbc.PostureTask(robot, q)])
     stage.draw(cast_of(other), frame_at(other, q, 0.1))
-    with pytest.raises(IndexError):
-        stage.gui("zz times")
-    assert stage.gui("posture").value == 0.0
+    assert not stage.gui("shape").visible
+    assert stage.gui("posture").visible
+    stage.draw(cast_of(controller), frame_at(controller, q, 0.2))
+    assert stage.gui("shape").visible
+    assert not stage.gui("posture").visible
+    with pytest.raises(IndexError):  # made once, and shown again
+        stage.gui("shape", nth=1)

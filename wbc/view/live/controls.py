@@ -34,7 +34,7 @@ class Controls:
         self.past: float | None = None
         self._replaying = False
         if clock:
-            buttons = gui.add_button_group("Controller", tuple(BUTTONS))
+            buttons = gui.add_button_group("Loop", tuple(BUTTONS))
             buttons.on_click(lambda event: send(BUTTONS[event.target.value]))
             speed = gui.add_dropdown(
                 "Speed", tuple(SPEEDS), initial_value="1", hint="Times real time."

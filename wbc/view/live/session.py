@@ -45,7 +45,7 @@ class Session:
     def run(self, ticks: int | None = None) -> None:
         """Run until the page ends, or for so many ticks."""
         last = FOR_EVER if ticks is None else self.ticks + ticks
-        while self.ticks < last and not self._viewer.error:
+        while self.ticks < last and not self._viewer.closed:
             now, remark = self._run_once(last)
             if self.ticks < last and not self.clock.restart:
                 self._wait_for_restart(now, remark)
@@ -86,7 +86,7 @@ class Session:
     def _wait(self, now: LoopTick) -> bool:
         """Wait until the next tick is due; False if there is to be none."""
         viewer, clock = self._viewer, self.clock
-        while not viewer.error:
+        while not viewer.closed:
             changed = self._take_requests()
             left = clock.remaining(self._problem.spec.controller.dt)
             if not left:
@@ -97,7 +97,7 @@ class Session:
         return False
 
     def _wait_for_restart(self, now: LoopTick | None, remark: str) -> None:
-        while not self._viewer.error and not self.clock.restart:
+        while not self._viewer.closed and not self.clock.restart:
             self._take_requests()
             if now is not None:
                 self._show(now, remark)

@@ -17,6 +17,7 @@ from wbc.view.live.shown import Shown
 LEFT_ALONE = 0.6  # s after the user has moved a slider, in which it does not follow the target
 FACTORS = (0.5, 2.0)  # of an inertia, relative to that at the first frame
 OFFSET = 0.15  # of the robot's size: how far a slider moves the CoM
+WANTED = 0.5  # order on the page: after the button, before the weights
 DECADES = 2.0  # of a weight's factor, either way
 PRINCIPAL = ("smallest", "middle", "largest")
 
@@ -44,7 +45,8 @@ class Sliders:
 
     def __init__(self, gui: GuiApi, tab: Any, send: Callable[[Request], None], size: float) -> None:
         self._gui, self._tab, self._send, self._size = gui, tab, send, size
-        self._folders: list[Any] = []
+        # By task the elements that are shown while it is in use; they are made once.
+        self._elements = dict[tuple[str, str, str, tuple[str, ...]], list[Any]]()
         self._followers: list[Follower] = []
         self._touched = dict[str, float]()
         self._targets = dict[str, Array]()
@@ -53,26 +55,33 @@ class Sliders:
         self._weights = dict[str, Any]()
         with tab:
             release = gui.add_button(
-                "Give targets and weights back", hint="To the problem, or to the program."
+                "Give targets and weights back",
+                hint="To the problem, or to the program.",
+                order=0.0,
             )
             release.on_click(lambda _: self._release())
+            self._weights_folder = gui.add_folder("Weights, powers of ten", order=1.0)
 
     def cast(self, cast: Cast, shown: Shown) -> None:
-        """Make the sliders of the tasks."""
-        for folder in self._folders:
-            folder.remove()
-        self._folders, self._followers, self._weights = [], [], {}
+        """Make the sliders of tasks that are new, and hide those of tasks that are over."""
+        used = {(task.name, task.kind, task.frame, task.rows): task for task in cast.tasks}
+        for key, task in used.items():
+            if key not in self._elements:
+                self._elements[key] = self._made(task, shown)
+        for key, elements in self._elements.items():
+            for element in elements:
+                element.visible = key in used
+
+    def _made(self, task: TaskInfo, shown: Shown) -> list[Any]:
+        made = list[Any]()
         with self._tab:
-            for task in cast.tasks:
-                if task.kind in ("inertia", "principal"):
-                    self._add_inertia(task, shown)
-                elif task.kind == "com":
-                    self._add_com(task, shown)
-            folder = self._gui.add_folder("Weights, powers of ten")
-            self._folders.append(folder)
-            with folder:
-                for task in cast.tasks:
-                    self._add_weight(task)
+            if task.kind in ("inertia", "principal"):
+                made.append(self._add_inertia(task, shown))
+            elif task.kind == "com":
+                made.append(self._add_com(task, shown))
+        with self._weights_folder:
+            made.append(self._add_weight(task))
+        return made
 
     def show(self, shown: Shown) -> None:
         """Let sliders follow targets that others move."""
@@ -87,7 +96,7 @@ class Sliders:
 
     # ------------------------------------------------------------------ kinds of sliders
 
-    def _add_inertia(self, task: TaskInfo, shown: Shown) -> None:
+    def _add_inertia(self, task: TaskInfo, shown: Shown) -> Any:
         rows: tuple[str, ...]
         if task.kind == "principal":
             base, rows = np.linalg.eigvalsh(shown.snapshot.inertia), PRINCIPAL
@@ -100,9 +109,11 @@ class Sliders:
             rows = tuple(row for row in task.rows if row[0] == row[1])
             entries = [np.array([COMPONENTS.index(row)]) for row in rows]
         base = self._base.setdefault(task.name, base)
-        with self._folder(f"Inertia wanted: {task.name}"):
+        folder = self._gui.add_folder(f"Inertia wanted: {task.name}", order=WANTED)
+        with folder:
             for row, chosen in zip(rows, entries, strict=True):
                 self._add_factor(task.name, row, chosen, base)
+        return folder
 
     def _add_factor(self, task: str, row: str, chosen: Array, base: Array) -> None:
         slider = self._gui.add_slider(
@@ -120,12 +131,14 @@ class Sliders:
             Follower(slider, lambda target: float(target[chosen].sum()) / whole, task)
         )
 
-    def _add_com(self, task: TaskInfo, shown: Shown) -> None:
+    def _add_com(self, task: TaskInfo, shown: Shown) -> Any:
         base = self._base.setdefault(task.name, shown.snapshot.com.copy())
         reach = 10 * round(100.0 * OFFSET * self._size)
-        with self._folder(f"CoM wanted: {task.name}"):
+        folder = self._gui.add_folder(f"CoM wanted: {task.name}", order=WANTED)
+        with folder:
             for row in task.rows:
                 self._add_offset(task.name, row, base, reach)
+        return folder
 
     def _add_offset(self, task: str, row: str, base: Array, reach: int) -> None:
         axis = "xyz".index(row)
@@ -143,7 +156,7 @@ class Sliders:
             Follower(slider, lambda target: 1e3 * float(target[axis] - base[axis]), task)
         )
 
-    def _add_weight(self, task: TaskInfo) -> None:
+    def _add_weight(self, task: TaskInfo) -> Any:
         slider = self._gui.add_slider(
             task.name, -DECADES, DECADES, 0.1, 0.0, hint="The weight is multiplied by 10 to this."
         )
@@ -154,13 +167,9 @@ class Sliders:
 
         slider.on_update(changed)
         self._weights[task.name] = slider
+        return slider
 
     # ------------------------------------------------------------------
-
-    def _folder(self, label: str) -> Any:
-        folder = self._gui.add_folder(label)
-        self._folders.append(folder)
-        return folder
 
     def _connect(self, slider: Any, task: str, target: Callable[[float], Array]) -> None:
         """Send a task's target when the user moves a slider."""

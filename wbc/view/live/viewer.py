@@ -231,6 +231,11 @@ class Viewer:
         atexit.unregister(self.close)
 
     @property
+    def closed(self) -> bool:
+        """Whether the page has been closed, or has ended by itself."""
+        return self._closed.is_set()
+
+    @property
     def dropped(self) -> int:
         """How many updates were not sent, since a later one was there."""
         return self._mailbox.dropped

@@ -35,14 +35,17 @@ class Place:
     rotation: TaskInfo | None = None
 
     def pose(self, shown: Shown) -> tuple[Array, Array] | None:
-        """Return wanted position and rotation; what no task wants is as it is; None: no target."""
+        """Return wanted position and rotation; a position that no task wants is as it is.
+
+        None if there is no target.
+        """
         targets, snapshot = shown.frame.targets, shown.snapshot
         if self.position is not None and self.position.name not in targets:
             return None
         if self.rotation is not None and self.rotation.name not in targets:
             return None
         p = snapshot.position(self.frame) if self.frame else snapshot.com
-        R = snapshot.rotation(self.frame) if self.frame else np.eye(3)
+        R: Array = np.eye(3)  # world axes, unless a rotation is wanted
         if self.position is not None:
             wanted = targets[self.position.name][0]
             chosen = [k for k, axis in enumerate("xyz") if axis in self.position.rows]
@@ -115,9 +118,9 @@ class TargetsLayer(Layer):
         self._axes = [task for task in cast.tasks if task.kind == "axis"]
 
     def _ghost(self, place: Place) -> Any:
-        if not place.frame:
+        if place.rotation is None:
             return self.scene.add_icosphere(
-                f"{self.path}/com",
+                f"{self.path}/{place.frame or 'com'}",
                 0.022 * self.size,
                 GREEN,
                 opacity=0.5,
