@@ -34,6 +34,7 @@ from wbc.view.live.sliders import Sliders
 NICE = 10  # the control loop comes first where processors are few
 PERIOD = 1.0 / 40.0  # s between looks at what has come
 PANEL_PERIOD = 0.15  # s between changes of the numbers: faster cannot be read
+GLASS = 0.55  # opacity of the robot once there are contact forces to see
 AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in sizes of the robot
 
 
@@ -56,7 +57,7 @@ class Page:
         self._cast: Cast | None = None
         self._drawn: tuple[Frame, Cast | None] | None = None
         self._drawn_cast: Cast | None = None
-        self._layers_changed = False
+        self._layers_changed = self._seen_forces = False
         self._last: Shown | None = None
         self._panel_at = self._controls_at = 0.0
         shapes = RobotShapes(self._robot)
@@ -108,8 +109,8 @@ class Page:
         if setup.steer:
             self._sliders = Sliders(gui, tabs.add_tab("Steer"), self.send, size)
         with tabs.add_tab("Layers"):
-            opacity = gui.add_slider("Robot opacity", 0.1, 1.0, 0.05, 1.0)
-            opacity.on_update(lambda event: robot.set_opacity(event.target.value))
+            self._opacity = gui.add_slider("Robot opacity", 0.1, 1.0, 0.05, 1.0)
+            self._opacity.on_update(lambda event: robot.set_opacity(event.target.value))
             for layer in self._layers:
                 self._add_checkbox(layer)
 
@@ -175,6 +176,8 @@ class Page:
                 if layer.root.visible:
                     layer.show(shown)
         self._last = shown
+        if shown.forces and not self._seen_forces:  # they act inside the legs
+            self._seen_forces, self._opacity.value = True, GLASS
         self._write_panel(now)
 
     def _write_panel(self, now: float) -> None:

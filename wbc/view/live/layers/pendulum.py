@@ -43,7 +43,8 @@ class EllipsoidLayer(Layer):
             1.0,
             BLUE,
             subdivisions=5,
-            opacity=0.22,
+            opacity=0.3,
+            side="back",  # its far side: the robot stands before it, and is not veiled
             cast_shadow=False,
             receive_shadow=False,
         )
@@ -105,8 +106,8 @@ class LegLayer(Layer):
         self._cop = scene.add_cylinder(f"{self.path}/cop", 0.02 * size, 0.003, ORANGE, **disc)
         self._cmp = scene.add_cylinder(f"{self.path}/cmp", 0.014 * size, 0.004, PURPLE, **disc)
         self._names = [
-            scene.add_label(f"{self.path}/{name} name", name, font_screen_scale=0.8)
-            for name in ("CoP", "CMP")
+            scene.add_label(f"{self.path}/{name} name", name, font_screen_scale=0.8, anchor=anchor)
+            for name, anchor in (("CoP", "top-left"), ("CMP", "bottom-right"))
         ]
 
     def show(self, shown: Shown) -> None:
