@@ -72,6 +72,13 @@ class RmpState:
     average_angular_velocity: Array  # of the momentum: I^-1 k_G (3,) [rad/s]
     axes_angular_velocity: Array | None  # at which the axes turn (3,) [rad/s]; None if undefined
 
+    def __repr__(self) -> str:
+        com = np.array2string(self.com, precision=3)
+        where = (
+            "in the air" if self.cop is None else f"cop={np.array2string(self.cop, precision=3)}"
+        )
+        return f"RmpState({self.mass:.2f} kg, com={com}, {where})"
+
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)

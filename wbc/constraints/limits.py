@@ -83,6 +83,9 @@ class Limits:
         No such kind of braking.
     """
 
+    def __repr__(self) -> str:
+        return f"Limits({self.robot.name!r}, {self.robot.nv - 6} joints)"
+
     def __init__(
         self,
         robot: Robot,

@@ -102,6 +102,11 @@ class Controller(ABC):
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
 
+    def __repr__(self) -> str:
+        counts = f"{len(self.tasks)} tasks, {len(self.contacts)} contacts"
+        counts += f", {len(self.constraints)} constraints"
+        return f"{type(self).__name__}({self.robot.name!r}, {counts}, dt={self.dt:g})"
+
     def __init__(
         self,
         robot: Robot,

@@ -70,6 +70,12 @@ class Tick:
     slack: Mapping[str, float] = field(default_factory=dict)
     singular: Mapping[str, Singularity] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        names = [*self.errors]
+        told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        size = f"nv={self.velocity.size}"
+        return f"{type(self).__name__}({self.status.value}, {size}, errors: {told})"
+
     @property
     def ok(self) -> bool:
         """True if the QP was solved and checked."""

@@ -34,6 +34,8 @@ class TorqueTick(Tick):
     reaction: Reaction
     ramps: Mapping[str, float]
 
+    __repr__ = Tick.__repr__
+
     @property
     def forces(self) -> dict[str, Array]:
         """By contact: wrench (6,) on the robot at the frame's origin, world axes, [N] then [N m].

@@ -65,6 +65,10 @@ class Motion:
     dropouts: tuple[Dropout, ...] = ()
     source: str = "motion"
 
+    def __repr__(self) -> str:
+        span = f"{len(self.time)} frames, {self.time[-1] - self.time[0]:.4g} s"
+        return f"Motion({self.robot.name!r}, {span})"
+
     def __post_init__(self) -> None:
         count, source = np.size(self.time), self.source
         if count < LEAST_ROWS:

@@ -151,6 +151,10 @@ class RmpSeries:
     average_angular_velocity: Array
     axes_angular_velocity: Array
 
+    def __repr__(self) -> str:
+        span = f"{len(self)} frames, {self.time[-1] - self.time[0]:.4g} s"
+        return f"RmpSeries({self.robot.name!r}, {span})"
+
     def __post_init__(self) -> None:
         for array in self.arrays().values():
             read_only(array)

@@ -58,6 +58,10 @@ class Problem:
     spec: ProblemSpec
     parts: Parts
 
+    def __repr__(self) -> str:
+        told = f"{self.parts.robot.name!r}, {len(self.spec.tasks)} tasks"
+        return f"Problem({self.source.name!r}, {told})"
+
     def run(
         self,
         progress: Progress | None = None,

@@ -63,6 +63,10 @@ class QP:
     upper: Array  # (n,)
     labels: Labels
 
+    def __repr__(self) -> str:
+        rows = f"{len(self.b)} equalities, {len(self.l)} inequalities"
+        return f"QP({self.g.size} variables, {rows})"
+
     @classmethod
     def build(
         cls,

@@ -120,6 +120,12 @@ class Solution:
     attempts: int = 1  # how many times a backend tried before it was satisfied or gave up
     message: str = ""  # what the solver itself said, when it failed
 
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.status.value} by {self.solver}, {self.x.size} variables,"
+            f" {self.iterations} iterations)"
+        )
+
     @property
     def solved(self) -> bool:
         """Whether ``x`` may be used."""

@@ -103,6 +103,9 @@ class Foot:
     link: str
     polygon: Array
 
+    def __repr__(self) -> str:
+        return f"Foot({self.name!r}, link={self.link!r}, {len(self.polygon)} corners)"
+
     def __post_init__(self) -> None:
         read_only(self.polygon)
 

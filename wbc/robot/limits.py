@@ -50,6 +50,9 @@ class Limits:
         for array in (self.lower, self.upper, self.velocity, self.effort):
             read_only(array)
 
+    def __repr__(self) -> str:
+        return f"Limits({len(self.names)} joints, {len(self.missing)} missing)"
+
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), tuple(getattr(self, field.name) for field in fields(self))
 

@@ -100,6 +100,10 @@ class History:
     tick_cpu_time: Array
     status: NDArray[np.str_]
 
+    def __repr__(self) -> str:
+        span = f", {self.time[0]:g} to {self.time[-1]:.4g} s" if len(self) else ""
+        return f"History({len(self)} ticks{span})"
+
     def __len__(self) -> int:
         return int(self.time.size)
 

@@ -171,6 +171,10 @@ class Result:
     provenance: Mapping[str, Any]
     shaping: ShapingReport | None = None
 
+    def __repr__(self) -> str:
+        ran = f"{len(self.history)} ticks, {len(self.tasks)} tasks"
+        return f"Result({self.status.value}, {self.robot.name!r}, {ran})"
+
     @property
     def worst_kkt(self) -> float:
         """Largest KKT residual of the solved ticks; NaN if there is none."""

@@ -39,6 +39,9 @@ class PendulumProblem:
     spec: PendulumSpec
     parts: Balance | Planning
 
+    def __repr__(self) -> str:
+        return f"PendulumProblem({self.source.name!r}, {self.spec.model!r}, {self.spec.mass:g} kg)"
+
     def run(
         self, progress: Progress | None = None, *, cancelled: Cancelled | None = None
     ) -> PendulumResult:

@@ -136,6 +136,9 @@ class PendulumResult:
     arrays: Mapping[str, NDArray[np.generic]]
     provenance: Mapping[str, Any]
 
+    def __repr__(self) -> str:
+        return f"PendulumResult({self.status.value}, {len(self.history.time)} times)"
+
     def unit(self, name: str) -> str:
         """Return the unit of what is measured under ``name``; empty if it has none."""
         return UNITS.get(name.removeprefix("margin to "), "")
