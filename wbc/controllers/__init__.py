@@ -2,8 +2,17 @@
 
 from wbc.controllers.controller import Controller
 from wbc.controllers.kinematic import KinematicController
+from wbc.controllers.stance import Stance, stance_torques
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 
-__all__ = ["Controller", "KinematicController", "Tick", "TorqueController", "TorqueTick"]
+__all__ = [
+    "Controller",
+    "KinematicController",
+    "Stance",
+    "Tick",
+    "TorqueController",
+    "TorqueTick",
+    "stance_torques",
+]

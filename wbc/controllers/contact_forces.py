@@ -31,6 +31,8 @@ from wbc.validate import Array
 
 # A contact with less normal force than this [N] has no CoP worth speaking of.
 UNLOADED = 1e-6
+# Contacts further from their anchors than this [m, rad] are not where they are said to be.
+FAR, TILTED = 0.01, 0.1
 NO_RAMPS: Mapping[str, float] = {}
 
 
@@ -266,6 +268,18 @@ class Reaction:
                 total += float(normal.sum())
                 moment += normal @ part.points(self.snapshot)
         return moment / total if total * self.layout.unit > UNLOADED else None
+
+
+def displaced(snapshot: Snapshot, contacts: Sequence[Task]) -> dict[str, float]:
+    """Return how far contacts are from their anchors [m], of those that are not at them."""
+    found = {}
+    for contact in contacts:
+        if isinstance(contact, Contact):
+            error = contact.residual(snapshot).error
+            by = float(np.linalg.norm(error[:3]))
+            if by > FAR or float(np.linalg.norm(error[3:])) > TILTED:
+                found[contact.name] = by
+    return found
 
 
 def _part(contact: Task, begin: int) -> ContactPart | None:

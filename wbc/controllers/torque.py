@@ -12,6 +12,7 @@ to second order; limits and margins are those of the velocity level, statements 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import partial
@@ -350,6 +351,15 @@ def _torque_bounds(robot: Robot, factor: float | None) -> Array:
         )
     if factor is None:
         return read_only(np.full(robot.nv - 6, np.inf))
+    without = robot.limits.without_effort
+    if without:
+        logging.getLogger(__name__).warning(
+            "controller: %s has no effort limit for %s; torques are not bounded there: give"
+            " Robot.load(..., effort={%r: N m}), or torque_limits=None to mean it",
+            robot.name,
+            ", ".join(without),
+            without[0],
+        )
     return read_only(
         finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wbc.controllers.contact_forces import Reaction
+from wbc.controllers.contact_forces import Reaction, displaced
 from wbc.controllers.tick import Tick
 from wbc.validate import Array
 
@@ -62,9 +62,23 @@ class TorqueTick(Tick):
         """
         return tuple(self.slack) if self.policy == RELAX else ()
 
+    @property
+    def displaced(self) -> dict[str, float]:
+        """Contacts that are not at their anchors, by how far [m]: in the air, or held elsewhere.
+
+        What they are said to bear is then no force that the ground gives. The controller moves
+        them towards their anchors.
+        """
+        contacts = [part.contact for part in self.reaction.layout.parts]
+        return displaced(self.reaction.snapshot, contacts)
+
     def report(self) -> str:
         """Return what gave way or went wrong in one or two sentences, or ``"solved"``."""
+        away = "".join(
+            f"; contact {name!r} is {1e3 * by:.3g} mm from its anchor"
+            for name, by in self.displaced.items()
+        )
         if self.policy != RELAX:
-            return Tick.report(self)
+            return Tick.report(self) + away
         missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
-        return f"not everything could be kept; gave way: {missed or 'nothing noticeable'}"
+        return f"not everything could be kept; gave way: {missed or 'nothing noticeable'}{away}"

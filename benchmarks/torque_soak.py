@@ -1,0 +1,249 @@
+"""Torque soak: from whatever state, an answer that motors can give.
+
+Robots x solvers x random states: joints beyond their limits, feet off the ground, contradictory
+contacts (two anchors for one foot), joints rushing, pushes that change the velocity between ticks,
+contacts that come and go, and numbers that are none. Counted: commands that are not finite or
+outside the torque bounds, ticks that gave way (relaxed) or fell back (damped), exceptions that are
+no WbcError, bad input that was accepted; and the slowest tick against the median in CPU time.
+
+    python benchmarks/torque_soak.py [--ticks 10000] [--robots g1 ...] [--solver daqp] [--seed 1]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise
+
+import argparse
+import gc
+import traceback
+from collections import Counter
+from dataclasses import dataclass, field
+from time import thread_time
+
+import numpy as np
+
+from wbc import (
+    ComTask,
+    Contact,
+    InertiaTask,
+    Limits,
+    LoadShareTask,
+    MomentumTask,
+    OrientationTask,
+    PostureTask,
+    Robot,
+    SelfCollision,
+    Snapshot,
+    Task,
+    TorqueController,
+    TorqueTask,
+    WbcError,
+    support,
+)
+
+ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
+SOLVERS = ("daqp", "proxqp")
+EPISODE = 100
+FAULTS = 0.01
+
+
+@dataclass
+class Record:
+    """What was seen of one robot and solver."""
+
+    ticks: int = 0
+    bad: int = 0
+    faults: int = 0
+    policies: Counter[str] = field(default_factory=Counter)
+    examples: list[str] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+    slow: list[tuple[float, str]] = field(default_factory=list)
+
+    def wrong(self, what: str) -> None:
+        """Count something that must not be, and keep an example."""
+        self.bad += 1
+        if len(self.examples) < 5:
+            self.examples.append(what)
+
+    def line(self) -> str:
+        """Return the figures in one line."""
+        times = np.array(self.seconds) * 1e3
+        middle, worst = np.median(times), times.max()
+        share = {name: f"{100 * n / self.ticks:.2f}%" for name, n in sorted(self.policies.items())}
+        return (
+            f"{self.ticks} ticks, {self.bad} wrong, {self.faults} faults refused, {share},"
+            f" median {middle:.2f} ms, p99.9 {np.percentile(times, 99.9):.2f}, slowest {worst:.2f}"
+            f" ({worst / middle:.1f} x)"
+        )
+
+
+def tasks_of(here: Snapshot, rng: np.random.Generator) -> list[Task]:
+    """The usual tasks with weights over some decades, and now and then tasks about forces."""
+    robot = here.robot
+    tasks: list[Task] = [
+        ComTask(robot, here.com + 0.1 * rng.normal(size=3), weight=10 ** rng.uniform(-1, 2)),
+        OrientationTask(robot, "base", here.rotation("base"), weight=10 ** rng.uniform(-1, 1)),
+        PostureTask(robot, here.q, weight=10 ** rng.uniform(-1.5, 0)),
+        MomentumTask(robot, weight=10 ** rng.uniform(-2, 0)),
+    ]
+    if rng.random() < 0.5:
+        shape = here.inertia * np.exp(0.3 * rng.normal())
+        tasks.append(InertiaTask(robot, shape, weight=10 ** rng.uniform(-1, 1)))
+    if rng.random() < 0.3:
+        frames = [foot.frame for foot in robot.feet.values()]
+        tasks.append(LoadShareTask(robot, dict(zip(frames, (1.0, 2.0), strict=True))))
+        tasks.append(TorqueTask(robot))
+    return tasks
+
+
+def contacts_of(here: Snapshot, rng: np.random.Generator) -> list[Contact]:
+    """Feet of some mode, their anchors where they are or off; now and then contradictory."""
+    mode = str(rng.choice(["double", "double", "left", "right", "floating"]))
+    contacts: list[Contact] = list(support(here, mode))
+    if contacts and rng.random() < 0.2:  # two anchors for one foot
+        one = contacts[-1]
+        link = here.robot.model.frames[here.robot.frame_id(one.frame)].parentJoint
+        names = [
+            frame.name
+            for frame in here.robot.model.frames
+            if frame.parentJoint == link and frame.name in here.robot.frame_names
+        ]
+        other = next((name for name in names if name != one.frame), None)
+        if other is not None:
+            away = here.position(other) + 0.05 * rng.normal(size=3)
+            contacts.append(
+                Contact(
+                    here.robot,
+                    other,
+                    away,
+                    here.rotation(other),
+                    corners=[[0.02, 0.02], [0.02, -0.02], [-0.02, 0.0]],
+                )
+            )
+    return contacts
+
+
+def disturbed(here: Snapshot, rng: np.random.Generator) -> Snapshot:
+    """A state about one that stands: from nearly there to anywhere."""
+    robot = here.robot
+    size = 10 ** rng.uniform(-3, 0)
+    q = robot.integrate(here.q, size * rng.normal(size=robot.nv), 1.0)
+    return robot.snapshot(q, 10 ** rng.uniform(-1, 1) * size * rng.normal(size=robot.nv))
+
+
+def refused(robot: Robot, controller: TorqueController, rng: np.random.Generator) -> bool:
+    """Whether a state that is none is refused by a WbcError."""
+    q, v = robot.posture("standing").copy(), np.zeros(robot.nv)
+    which = rng.integers(4)
+    if which < 2:
+        (q, v)[which][rng.integers((q, v)[which].size)] = rng.choice([np.nan, np.inf])
+    try:
+        if which == 2:
+            controller.step(None)  # type: ignore[arg-type]
+        else:
+            controller.step(robot.snapshot(q, v[:-1] if which == 3 else v))
+    except WbcError:
+        return True
+    return False
+
+
+def episode(
+    robot: Robot,
+    margins: SelfCollision,
+    solver: str,
+    rng: np.random.Generator,
+    record: Record,
+) -> None:
+    """Run one controller: random states, or its own motion with pushes."""
+    standing = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    there = disturbed(standing, rng)
+    constraints = [margins] if rng.random() < 0.5 else []
+    dt = float(rng.choice([0.001, 0.002, 0.005]))
+    controller = TorqueController(
+        robot,
+        tasks_of(standing, rng),
+        contacts=contacts_of(standing if rng.random() < 0.5 else there, rng),
+        limits=Limits(robot),
+        constraints=constraints,
+        dt=dt,
+        solver=solver,
+    )
+    closed = rng.random() < 0.5
+    for k in range(EPISODE):
+        if rng.random() < FAULTS:
+            if refused(robot, controller, rng):
+                record.faults += 1
+            else:
+                record.wrong("a state that is none was accepted")
+        if rng.random() < 0.02:
+            controller.set_contacts(contacts_of(there, rng), ramp=float(rng.choice([0.0, 0.05])))
+        if not closed:
+            there = disturbed(standing, rng)
+        began = thread_time()
+        tick = controller.step(there)
+        spent = thread_time() - began
+        torque, most = tick.torque, controller.torque_bounds
+        record.ticks += 1
+        record.policies[tick.policy or "solved"] += 1
+        if k > 2:  # the first are about loading and planning
+            record.seconds.append(spent)
+            qp = tick.qp
+            record.slow.append(
+                (
+                    spent,
+                    f"{tick.policy} n {qp.g.size} rows {qp.u.size} it {tick.solution.iterations}"
+                    f" solve {1e3 * tick.times.solve:.2f} of {1e3 * tick.times.total:.2f} ms",
+                )
+            )
+            record.slow = sorted(record.slow)[-5:]
+        if not (np.isfinite(torque).all() and np.isfinite(tick.velocity).all()):
+            record.wrong("a command that is not finite: " + tick.report())
+        elif (np.abs(torque) > most).any():
+            record.wrong("a torque outside its bounds: " + tick.report())
+        elif tick.policy == "damp" and len(record.examples) < 5:
+            record.examples.append("damped: " + tick.report())
+        if closed:
+            v = tick.velocity + (rng.random() < 0.02) * rng.normal(size=robot.nv)
+            v = np.clip(v, -50.0, 50.0)
+            there = robot.snapshot(robot.integrate(there.q, v, dt), v)
+
+
+def soak(name: str, solver: str, ticks: int, seed: int) -> Record:
+    """Run episodes until there are so many ticks."""
+    robot, record = Robot.load(name), Record()
+    margins = SelfCollision(robot, margin=0.01)
+    rng = np.random.default_rng([seed, sum(name.encode()), SOLVERS.index(solver)])
+    while record.ticks < ticks:
+        try:
+            episode(robot, margins, solver, rng, record)
+        except WbcError as error:
+            record.wrong(f"refused: {error}")
+            record.ticks += 1
+        except Exception:  # counted: that none comes is what is tested
+            record.wrong(traceback.format_exc())
+            record.ticks += 1
+        gc.collect()
+    return record
+
+
+def main() -> None:
+    """Soak each robot with each solver, and print what was seen."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=10_000, help="per robot and solver")
+    parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
+    parser.add_argument("--solver", nargs="+", default=list(SOLVERS))
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    gc.disable()  # between episodes only: a collection is no part of a tick
+    for name in options.robots:
+        for solver in options.solver:
+            record = soak(name, solver, options.ticks, options.seed)
+            print(f"{name} {solver}: {record.line()}", flush=True)
+            for example in record.examples:
+                print(f"  {example}", flush=True)
+            for seconds, why in record.slow[::-1]:
+                print(f"  {1e3 * seconds:.2f} ms: {why}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""Whether a robot can stand still: the torques that it takes, and what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.constraints.mechanics import mechanics_of
+from wbc.controllers.contact_forces import ContactForces, Reaction, displaced
+from wbc.errors import InvalidInputError, WbcError
+from wbc.qp.daqp import Daqp
+from wbc.qp.problem import QP, Labels
+from wbc.qp.solution import Status
+from wbc.robot import Snapshot
+from wbc.tasks.task import Task
+from wbc.validate import Array, finite_number, read_only
+
+# Squared costs, in units of the robot's weight (and, for moments, of that at one metre): of what no
+# contact can bear, of torque beyond the limits, of torque, and of forces.
+UNHELD, EXCESS, TORQUE, FORCE = 1e6, 1e3, 1e-3, 1e-6
+# What the costs leave of the first two is no failure: parts of the weight, and of a limit.
+NEGLIGIBLE = 1e-3
+ROUNDING = 1e-6  # torques below this part of the weight at one metre are none
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """What standing still takes at one snapshot.
+
+    Attributes
+    ----------
+    torque:
+        (nv - 6,) least torques [N m or N], near or beyond what there is if there are no others.
+    most:
+        (nv - 6,) the limits.
+    reaction:
+        The contact forces that go with them.
+    unheld:
+        (6,) force [N] and moment [N m] on the base, base axes, that no forces of these contacts
+        bear.
+    displaced:
+        Distance [m] of each contact from its anchor, of those that are not at it.
+    """
+
+    snapshot: Snapshot
+    torque: Array
+    most: Array
+    reaction: Reaction
+    unheld: Array
+    displaced: Mapping[str, float]
+
+    @property
+    def forces(self) -> dict[str, Array]:
+        """By contact: wrench (6,) on the robot at the frame's origin, world axes [N, N m]."""
+        return self.reaction.wrenches()
+
+    @property
+    def overloaded(self) -> dict[str, tuple[float, float]]:
+        """By joint: the torque that it takes, and the largest there is, where that is less."""
+        unsaid = ROUNDING * _weight(self.snapshot)
+        beyond = np.abs(self.torque) > (1.0 + NEGLIGIBLE) * self.most + unsaid
+        names = self.snapshot.robot.joint_names
+        return {
+            names[k]: (float(self.torque[k]), float(self.most[k])) for k in np.flatnonzero(beyond)
+        }
+
+    @property
+    def held(self) -> bool:
+        """Whether the contacts can bear the robot, whatever torques that takes."""
+        return float(np.abs(self.unheld).max()) <= NEGLIGIBLE * _weight(self.snapshot)
+
+    @property
+    def ok(self) -> bool:
+        """Whether it can stand: contacts that are there and bear it, and torques that suffice."""
+        return self.held and not self.overloaded and not self.displaced
+
+    def report(self) -> str:
+        """Return what is missing, by contact and joint, or ``"can stand"``."""
+        said = [
+            f"contact {name!r} is {1e3 * by:.3g} mm from its anchor: in the air, or anchored"
+            " elsewhere"
+            for name, by in self.displaced.items()
+        ]
+        if not self.held:
+            force, moment = np.linalg.norm(self.unheld[:3]), np.linalg.norm(self.unheld[3:])
+            which = ", ".join(self.forces) or "no contacts"
+            said.append(
+                f"no forces of {which} bear the robot: {force:.4g} N and {moment:.4g} N m on its"
+                " base are left; move its CoM over the support, or add a contact"
+            )
+        said += [
+            f"{name} needs {needed:.4g} N m and has {most:.4g}"
+            for name, (needed, most) in self.overloaded.items()
+        ]
+        return "; ".join(said) or "can stand"
+
+
+def stance_torques(
+    snapshot: Snapshot, contacts: Sequence[Task], *, torque_limits: float = 1.0
+) -> Stance:
+    """Return the torques by which a robot stands still on its contacts, or the nearest to that.
+
+    In statics: bias = [0; tau] + J' f with forces inside their cones. Torques are the least in
+    squares that keep the limits, if any do; otherwise those that exceed them least.
+
+    Parameters
+    ----------
+    snapshot:
+        Where it stands; its velocity is of no account.
+    contacts:
+        As a :class:`~wbc.controllers.torque.TorqueController` takes them.
+    torque_limits:
+        Factor on the robot's effort limits.
+
+    Raises
+    ------
+    InvalidInputError
+        No snapshot, no contacts, or contacts of which it is not known where forces act.
+    """
+    if not isinstance(snapshot, Snapshot):
+        raise InvalidInputError(f"stance: expected a snapshot of a robot, got {snapshot!r}")
+    robot = snapshot.robot
+    given = list(contacts) if isinstance(contacts, Iterable) else [None]
+    if any(not isinstance(one, Task) or one.robot is not robot for one in given):
+        raise InvalidInputError(
+            f"stance: expected a list of contacts of this {robot.name} object, got {contacts!r}"
+        )
+    factor = finite_number("stance, torque_limits", torque_limits, above=0.0)
+    rest = robot.snapshot(snapshot.q, np.zeros(robot.nv))
+    weight = _weight(rest)
+    forces = ContactForces(robot, mechanics_of(robot, tuple(contacts)), weight)
+    most = factor * robot.limits.effort
+    most[[robot.joint_index(name) - 6 for name in robot.couplings]] = 0.0  # they have no motor
+    known, by_force = rest.bias / weight, forces.generalized(rest)
+    qp = _statics(forces, known, by_force, most / weight)
+    solution = Daqp().solve(qp, quick=True)
+    if solution.status is not Status.SOLVED:
+        raise WbcError(f"stance: its QP was not solved: {solution.message or solution.status}")
+    f = solution.x[: forces.size]
+    torque = weight * (known[6:] - by_force[6:] @ f)
+    return Stance(
+        snapshot,
+        read_only(torque),
+        read_only(most),
+        Reaction(forces, rest, f),
+        read_only(weight * (known[:6] - by_force[:6] @ f)),
+        displaced(snapshot, contacts),
+    )
+
+
+def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) -> QP:
+    """Return the QP of forces and of torques beyond ``most``, all in units of the weight."""
+    k, n = forces.size, most.size
+    # x = (f, excess): tau = bias - J' f, |tau - excess| <= most; base rows are costs.
+    base, joints = by_force[:6], by_force[6:]
+    P = np.zeros((k + n, k + n))
+    P[:k, :k] = UNHELD * base.T @ base + TORQUE * joints.T @ joints + FORCE * np.eye(k)
+    P[k:, k:] = EXCESS * np.eye(n)
+    g = np.concatenate((-UNHELD * base.T @ known[:6] - TORQUE * joints.T @ known[6:], np.zeros(n)))
+    cones = forces.bounds()
+    bounded = np.isfinite(most)
+    rows = np.zeros((cones.lower.size + int(bounded.sum()), k + n))
+    rows[: cones.lower.size, :k] = cones.matrix
+    rows[cones.lower.size :, :k] = -joints[bounded]
+    rows[cones.lower.size :, k:] = -np.eye(n)[bounded]
+    least = np.where(np.isfinite(cones.upper), np.minimum(cones.lower, cones.upper), cones.lower)
+    free = np.full(n, np.inf)
+    return QP(
+        P,
+        g,
+        np.zeros((0, k + n)),
+        np.zeros(0),
+        rows,
+        np.concatenate((least, (-most - known[6:])[bounded])),
+        np.concatenate((cones.upper, (most - known[6:])[bounded])),
+        np.concatenate((forces.lower, -free)),
+        np.concatenate((forces.upper, free)),
+        Labels((), (*cones.labels, *("torque",) * int(bounded.sum())), (*forces.names, *("",) * n)),
+    )
+
+
+def _weight(snapshot: Snapshot) -> float:
+    robot = snapshot.robot
+    return robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
