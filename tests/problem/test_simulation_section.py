@@ -208,3 +208,18 @@ def test_how_long_it_is_is_said_once(tmp_path: Path) -> None:
     phases = "phases: {only: {duration: 0.2}}\n"
     words = "p.yaml:10: simulation.duration: a run with phases ends after the last"
     assert words in complaint(tmp_path, STAND + phases)
+
+
+def test_noise_delay_and_a_wrong_model_are_what_the_file_says() -> None:
+    path = Path(__file__).parents[2] / "problems" / "stand_hoap2_like.yaml"
+    one = load_problem(path, {"simulation.duration": 0.3, "simulation.sensors.dropout": 0.2})
+    assert isinstance(one, Problem)
+    result = one.simulate()
+    assert result.status is SimulationStatus.STOOD, result.reason
+    assert result.lost > 10
+    # What the controller saw differs from the truth by noise; never by more than six of it.
+    seen, true = result.run.history.com[:-1], result.arrays["com"][:-2]
+    np.testing.assert_array_equal(seen, true)  # both are of what was measured
+    com = np.array([result.robot.snapshot(q).com for q in result.arrays["q"][:-2]])
+    apart = np.abs(seen - com).max()
+    assert 1e-5 < apart < 2e-2

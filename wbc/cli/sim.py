@@ -124,10 +124,9 @@ def _run(problem: Problem, quiet: bool) -> tuple[SimulationResult, Interrupts]:
 
 
 def _draw(result: SimulationResult, path: Path, name: str) -> None:
-    from wbc.view.run import plot_run
+    from wbc.view.simulation import plot_simulation
 
-    title = f"{name}: {result.status.value.replace('_', ' ')}"
-    plot_run(result.robot, result.run.history, path, title=title)
+    plot_simulation(result.robot, result.arrays, path, title=f"{name}: {result.reason}")
 
 
 def _exit_code(result: SimulationResult) -> int:

@@ -76,7 +76,7 @@ def _listed(shares: Mapping[str, float]) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %"
+    return f"{100.0 * share:.3g} %"
 
 
 def _cop(result: SimulationResult) -> str:

@@ -1,0 +1,74 @@
+"""The figure of a simulation: what it draws of the arrays, and what it refuses."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.view import style
+from wbc.view.simulation import plot_simulation, simulation_figure
+
+Arrays = dict[str, NDArray[np.float64]]
+ROWS = 41
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.load("hoap2_like")
+
+
+@pytest.fixture
+def arrays(robot: Robot) -> Arrays:
+    time = np.linspace(0.0, 2.0, ROWS)
+    q = np.tile(robot.postures["standing"], (ROWS, 1))
+    com = np.tile(robot.snapshot(q[0]).com, (ROWS, 1))
+    push = np.zeros((ROWS, 3))
+    push[5:8] = (0.0, 40.0, 0.0)
+    torque = np.zeros((ROWS, robot.nv - 6))
+    torque[:, 3] = 0.5 * robot.limits.effort[3]
+    cop = com * (1.0, 1.0, 0.0)
+    cop[-1] = np.nan  # in the air
+    wrench = np.tile((0.0, 0.0, 30.0, 0.0, 0.0, 0.0), (ROWS, 1))
+    found = {"time": time, "q": q, "com": com, "cop": cop, "planned_cop": cop, "torque": torque,
+             "push": push, "relaxed": time > 1.9, "tilt": 0.1 * time,
+             "cop_margin": np.full(ROWS, 0.02)}  # fmt: skip
+    for foot in robot.feet.values():
+        found |= {f"{part}forces/{foot.frame}": wrench for part in ("", "planned_")}
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(style, "DPI", 40)
+
+
+def test_everything_is_drawn(robot: Robot, arrays: Arrays, tmp_path) -> None:
+    figure = simulation_figure(robot, arrays, title="push: stood")
+    titles = {axes.get_title() or axes.get_title(loc="left") for axes in figure.axes}
+    # At the start, when the push ends, and a tenth, three tenths and all of the time after it.
+    assert {f"t = {t:.2f} s" for t in (0.0, 0.35, 0.5, 0.85, 2.0)} <= titles
+    plots = {axes.get_title(loc="left"): axes for axes in figure.axes}
+    torques = plots["Torques that come nearest to their bounds"]
+    np.testing.assert_allclose(torques.lines[0].get_ydata(), 50.0)
+    words = [text.get_text() for text in torques.texts]
+    assert robot.joint_names[3] in words and "something gave way" in words
+    lateral = plots["CoM and CoP, y: to the left"]
+    np.testing.assert_allclose(lateral.lines[-1].get_ydata(), 0.0, atol=1e-12)
+    pushed = lateral.patches[0].get_extents().transformed(lateral.transData.inverted())
+    np.testing.assert_allclose((pushed.x0, pushed.x1), (0.2, 0.35))
+    path = plot_simulation(robot, arrays, tmp_path / "push.png", title="push")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_pushes_the_robot_is_drawn_now_and_then(robot: Robot, arrays: Arrays) -> None:
+    figure = simulation_figure(robot, {**arrays, "push": np.zeros((ROWS, 3))}, title="still")
+    titles = {axes.get_title() for axes in figure.axes}
+    assert {f"t = {t:.2f} s" for t in (0.0, 0.5, 1.0, 1.5, 2.0)} <= titles
+
+
+def test_what_is_no_simulation_is_refused(robot: Robot, arrays: Arrays) -> None:
+    with pytest.raises(InvalidInputError, match="no array tilt; give what wbc sim writes"):
+        simulation_figure(robot, {k: v for k, v in arrays.items() if k != "tilt"}, title="")
+    with pytest.raises(InvalidInputError, match="simulation, torque: expected 41 rows, got 3"):
+        simulation_figure(robot, {**arrays, "torque": arrays["torque"][:3]}, title="")

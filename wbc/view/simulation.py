@@ -1,0 +1,209 @@
+"""A simulation in one figure: the robot over time, CoM and CoP, contact forces, torques, tilt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.validate import Array, finite_array
+from wbc.view import style
+from wbc.view.options import View
+from wbc.view.portrait import DEFAULT, draw_portraits, portraits_of, shape_of
+from wbc.view.series import Series, plot_curves
+
+WIDTH = 12.0  # inches
+PANEL_SHAPE = (0.9, 1.7)  # height to width of a portrait, at least and at most
+TOP, BELOW_PANEL, ROWS, PLOT = 0.85, 0.35, 3, 2.1  # inches
+SHOWN = 5  # portraits
+AFTER_PUSH = (0.0, 0.1, 0.3, 1.0)  # parts of the time after a push at which the robot is drawn
+JOINTS = 4  # whose torque is drawn: those that use most of it
+PUSHED = "#FBE9DF"  # behind plots while something pushes
+NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
+
+
+def plot_simulation(
+    robot: Robot,
+    arrays: Mapping[str, Any],
+    path: str | Path,
+    *,
+    title: str,
+    view: View = DEFAULT,
+) -> Path:
+    """Draw a simulation: see :func:`simulation_figure`.
+
+    Parameters
+    ----------
+    path:
+        The file, which is returned: png, svg or pdf by its suffix.
+
+    Raises
+    ------
+    InvalidInputError
+        Another suffix, no such folder, or arrays that do not fit together.
+    ModelError
+        The robot's meshes cannot be read.
+    """
+    path = style.picture_file(path)
+    style.save(simulation_figure(robot, arrays, title=title, view=view), path)
+    return path
+
+
+def simulation_figure(
+    robot: Robot, arrays: Mapping[str, Any], *, title: str, view: View = DEFAULT
+) -> Figure:
+    """Return a figure of a simulation.
+
+    Above the robot at a few instants. Below, with pushes shaded: CoM and CoP, measured and
+    commanded, along x and y; normal force of each foot, measured and commanded; torques by their
+    bounds, with the ticks in which something gave way marked; tilt of the trunk and how far the CoP
+    is inside the soles.
+
+    Parameters
+    ----------
+    arrays:
+        As ``wbc sim`` writes them, or :attr:`wbc.simulation.SimulationResult.arrays` has them.
+    """
+    run = _read(robot, arrays)
+    time, moments = run["time"], _instants(run)
+    names = {f"t = {time[k]:.2f} s": run["q"][k] for k in moments}
+    portraits = portraits_of(robot, names, view)
+    width = WIDTH / SHOWN
+    high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
+    below = ROWS * PLOT
+    figure = style.sheet(WIDTH, TOP + high + BELOW_PANEL + below, title, below)
+    margin = 0.5 * (WIDTH - len(portraits) * width)
+    bottom = below + BELOW_PANEL
+    places = [
+        style.place(figure, margin + k * width, bottom, width, high) for k in range(len(portraits))
+    ]
+    draw_portraits(places, portraits)
+    grid = figure.add_gridspec(ROWS, 2)
+    axes = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(2 * ROWS)]
+    _plot_com(axes[0], run, 0, "x: forwards")
+    _plot_com(axes[1], run, 1, "y: to the left")
+    _plot_forces(axes[2], robot, run)
+    _plot_torques(axes[3], robot, run)
+    _plot_tilt(axes[4], run)
+    _plot_margin(axes[5], run)
+    for one in axes:
+        _mark_pushes(one, run)
+    return figure
+
+
+def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the arrays that are drawn, all of the same length."""
+    missing = [name for name in NEEDED if name not in arrays]
+    if missing:
+        raise InvalidInputError(
+            f"simulation: no array {', '.join(missing)}; give what wbc sim writes as .npz"
+        )
+    count = np.size(arrays["time"])
+    run = {"time": finite_array("simulation, time", arrays["time"], (count,))}
+    run["q"] = finite_array("simulation, q", arrays["q"], (count, robot.nq))
+    soles = [foot.frame for foot in robot.feet.values()]
+    names = [*NEEDED[2:], "cop_margin", *(f"forces/{sole}" for sole in soles)]
+    names += [f"planned_forces/{sole}" for sole in soles]
+    for name in names:
+        found = np.asarray(arrays[name] if name in arrays else np.full(count, np.nan), float)
+        if len(found) != count:
+            raise InvalidInputError(f"simulation, {name}: expected {count} rows, got {len(found)}")
+        run[name] = found
+    return run
+
+
+def _pushes(run: Mapping[str, Array]) -> list[tuple[int, int]]:
+    """Return the first and last row of each time in which something pushed."""
+    on = np.concatenate(([False], (run["push"] != 0.0).any(axis=1), [False]))
+    edges = np.flatnonzero(on[1:] != on[:-1])
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _instants(run: Mapping[str, Array]) -> list[int]:
+    """Return the rows in which the robot is drawn: dense after the first push."""
+    last, pushes = len(run["time"]) - 1, _pushes(run)
+    if not pushes:
+        rows = np.linspace(0, last, min(SHOWN, last + 1))
+    else:
+        rows = pushes[0][1] + np.array(AFTER_PUSH) * (last - pushes[0][1])
+    return sorted({0, *np.round(rows).astype(int).tolist()})
+
+
+def _mark_pushes(axes: Axes, run: Mapping[str, Array]) -> None:
+    time = run["time"]
+    for first, last in _pushes(run):
+        axes.axvspan(time[max(first - 1, 0)], time[last], color=PUSHED, linewidth=0.0, zorder=0)
+
+
+def _plot_com(axes: Axes, run: Mapping[str, Array], axis: int, name: str) -> None:
+    style.plain(axes, f"CoM and CoP, {name}", "time [s]", "from the CoM's start [mm]")
+    start = run["com"][0, axis]
+    parts = (
+        Series("CoP", style.BLUE, "-", run["cop"]),
+        Series("CoP commanded", style.ORANGE, ":", run["planned_cop"]),
+        Series("CoM", style.BLACK, "-", run["com"]),
+    )
+    curves = [
+        Series(one.label, one.colour, one.dashes, 1e3 * (one.values[:, axis] - start))
+        for one in parts
+    ]
+    plot_curves(axes, run["time"], curves)
+
+
+def _plot_forces(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:
+    style.plain(axes, "Normal force of each foot (dashed: commanded)", "time [s]", "N")
+    curves = []
+    for k, (foot, sole) in enumerate(robot.feet.items()):
+        colour = style.SERIES[k % len(style.SERIES)]
+        for part, dashes in (("planned_forces", "--"), ("forces", "-")):
+            values = run[f"{part}/{sole.frame}"][:, 2].copy()
+            values[0] = np.nan  # nothing had been measured or commanded yet
+            label = foot if dashes == "-" else ""
+            curves.append(Series(label, colour, dashes, values))
+    _plot(axes, run["time"], curves)
+
+
+def _plot_torques(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:
+    style.plain(axes, "Torques that come nearest to their bounds", "time [s]", "% of the bound")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        used = 100.0 * np.abs(run["torque"]) / robot.limits.effort
+    used[:, ~np.isfinite(robot.limits.effort)] = 0.0
+    most = np.argsort(-used.max(axis=0))[:JOINTS]
+    curves = [
+        Series(robot.joint_names[j], style.SERIES[k], "-", used[:, j]) for k, j in enumerate(most)
+    ]
+    plot_curves(axes, run["time"], curves)
+    axes.axhline(100.0, color=style.VERMILION, linewidth=0.8)
+    axes.set_ylim(0.0, max(105.0, axes.get_ylim()[1]))
+    gave_way = run["time"][run["relaxed"] > 0.0]
+    if len(gave_way):
+        axes.plot(gave_way, np.zeros(len(gave_way)), "|", color=style.VERMILION, markersize=8,
+                  clip_on=False)  # fmt: skip
+        axes.text(0.01, 0.03, "something gave way", color=style.VERMILION, fontsize=style.SMALL,
+                  transform=axes.transAxes)  # fmt: skip
+
+
+def _plot_tilt(axes: Axes, run: Mapping[str, Array]) -> None:
+    style.plain(axes, "Tilt of the trunk", "time [s]", "rad")
+    plot_curves(axes, run["time"], [Series("tilt", style.PURPLE, "-", run["tilt"])])
+    axes.set_ylim(bottom=0.0)
+
+
+def _plot_margin(axes: Axes, run: Mapping[str, Array]) -> None:
+    style.plain(axes, "CoP inside the soles that bear load", "time [s]", "mm")
+    plot_curves(axes, run["time"], [Series("CoP", style.BLUE, "-", 1e3 * run["cop_margin"])])
+    axes.axhline(0.0, color=style.VERMILION, linewidth=0.8)
+
+
+def _plot(axes: Axes, time: Array, curves: Sequence[Series]) -> None:
+    """Draw curves, those without a name behind the others."""
+    for one in curves:
+        if not one.label:
+            axes.plot(time, one.values, color=one.colour, linestyle=one.dashes, linewidth=1.0)
+    plot_curves(axes, time, [one for one in curves if one.label])
