@@ -17,6 +17,7 @@ FLOORS = {
     "polygon": 0,
     "braking": 0,
     "native": 0,
+    "processes": 0,
     "robot": 1,
     "rmp": 1,
     "qp": 1,

@@ -15,6 +15,7 @@ from wbc.cli.analyze import analyze
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
+from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.render import render
 from wbc.cli.report import report
 from wbc.cli.robots import collisions, robots
@@ -58,6 +59,7 @@ def common(
 # One line for each command, in the order of the help.
 app.command(epilog=EXIT_CODES)(run)
 app.command(epilog=SIM_EXIT_CODES)(sim)
+app.command(epilog=PUSH_EXIT_CODES)(push)
 app.command()(view)
 app.command()(render)
 app.command()(report)

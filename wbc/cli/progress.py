@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -63,6 +64,10 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
         return "analysing", "frame", ""
     if "drawing" in info:
         return "drawing", "frame", ""
+    if "push" in info:
+        push = info["push"]
+        ended = "survived" if push.survived else "not survived"
+        return "pushing", "push", f"{push.ratio:.4g} at {math.degrees(push.angle):.4g} deg {ended}"
     if "cost" in info:
         cost = info["cost"]
         return "searching", "start", "no posture yet" if cost is None else f"best cost {cost:.4g}"

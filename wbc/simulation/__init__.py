@@ -3,6 +3,7 @@
 The only folder that knows MuJoCo, which is loaded when the first :class:`Plant` is made.
 """
 
+from wbc.simulation.campaign import PushGrid, PushOutcome, run_campaign
 from wbc.simulation.contacts import Contacts
 from wbc.simulation.engine import SimulationError
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict
@@ -11,6 +12,7 @@ from wbc.simulation.loop import SimulationTick, simulate
 from wbc.simulation.mismatch import ModelMismatch
 from wbc.simulation.plant import Plant
 from wbc.simulation.push import Push
+from wbc.simulation.push_map import PushMap
 from wbc.simulation.recorder import Recorder
 from wbc.simulation.result import SimulationResult, SimulationStatus
 from wbc.simulation.sensors import Sensors
@@ -24,6 +26,9 @@ __all__ = [
     "ModelMismatch",
     "Plant",
     "Push",
+    "PushGrid",
+    "PushMap",
+    "PushOutcome",
     "Recorder",
     "Sensors",
     "SimulationError",
@@ -34,6 +39,7 @@ __all__ = [
     "Terrain",
     "Verdict",
     "capture_impulse",
+    "run_campaign",
     "run_trial",
     "simulate",
 ]

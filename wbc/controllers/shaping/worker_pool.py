@@ -25,6 +25,7 @@ from wbc.controllers.shaping.nlp import Ipopt, Local, Nlp, Start
 from wbc.controllers.shaping.outcome import Stopped
 from wbc.controllers.shaping.separation import SeparatedIpopt, searcher
 from wbc.errors import WbcError
+from wbc.processes import blocked_interrupt, terminate
 
 MOMENT = 0.05  # s to wait for a result, before looking whether Ctrl-C was pressed
 AHEAD = 2  # searches that each process has been given, so that none waits for this one
@@ -70,10 +71,7 @@ class WorkerPool:
     def __exit__(self, *exception: object) -> None:
         if self._pool is None:
             return
-        # Amid a search or while they load: as terminate_workers does from Python 3.14 on.
-        for process in list((self._pool._processes or {}).values()):
-            process.terminate()
-        self._pool.shutdown(cancel_futures=True)
+        terminate(self._pool)
         self._folder.cleanup()
 
     def late(self, number: int) -> bool:
@@ -128,7 +126,7 @@ class WorkerPool:
     def _begin(self, function: Callable[..., Any], *arguments: object) -> Future[Any]:
         if self._pool is None:
             raise WbcError("global shaping: a search was submitted to a pool without workers")
-        with _blocked_interrupt():  # this may start processes
+        with blocked_interrupt():  # this may start processes
             return self._pool.submit(function, *arguments)
 
 
@@ -188,19 +186,6 @@ def _search(start: Start, deadline: float | None) -> Local | None:
     """Return where the search from a start ends, None after the deadline."""
     late = deadline is not None and time.time() > deadline
     return None if late else _loaded[0].search(start)
-
-
-@contextmanager
-def _blocked_interrupt() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach, also not while they load.
-
-    A blocked signal stays blocked in what is started; here it waits until it no longer is.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

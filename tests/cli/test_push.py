@@ -1,0 +1,130 @@
+"""``wbc push``: end to end, ended and gone on with, and refused."""
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from wbc.cli import app
+from wbc.cli.push import ratios_of
+from wbc.errors import InvalidInputError
+from wbc.problem.pushing import PushedProblem
+from wbc.simulation import PushOutcome
+
+STAND = """\
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
+  height: {type: com, axes: [z], target: start, kp: 50, weight: 5}
+  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  posture: {type: posture, target: start, weight: 0.3, kp: 30}
+controller: {level: torque, solver: daqp}
+simulation: {duration: 1.0}
+"""
+GRID = ("--directions", 2, "--ratios", "0.4,3.0", "--workers", 1)
+
+
+def run(folder: Path, *options: object, text: str = STAND) -> Result:
+    path = folder / "stand.yaml"
+    path.write_text(text)
+    return CliRunner().invoke(app, ["push", str(path), *map(str, options)])
+
+
+@pytest.mark.parametrize(
+    ("text", "ratios"),
+    [
+        ("0.8:2.0:0.1", [round(0.8 + 0.1 * k, 9) for k in range(13)]),
+        ("1:1.25:0.1", [1.0, 1.1, 1.2]),
+        ("1.5:1.5:0.1", [1.5]),
+        ("1.0,1.2,1.5", [1.0, 1.2, 1.5]),
+    ],
+)
+def test_ratios(text: str, ratios: list[float]) -> None:
+    assert ratios_of(text) == ratios
+
+
+@pytest.mark.parametrize("text", ["", "1:2", "a:b:c", "0:2:0.1", "2:1:0.1", "1:2:0", "1:2:1e-9"])
+def test_what_are_no_ratios_is_said(text: str) -> None:
+    with pytest.raises(InvalidInputError, match="--ratios"):
+        ratios_of(text)
+
+
+def test_pushed_written_and_drawn(tmp_path: Path) -> None:
+    places = [tmp_path / f"r.{ending}" for ending in ("json", "npz", "csv")]
+    result = run(
+        tmp_path,
+        *GRID,
+        *(word for place in places for word in ("-o", place)),
+        "--plot",
+        tmp_path / "r.png",
+    )
+    assert result.exit_code == 0, result.output
+    assert "survives 0.40 (least) and 0.40 (mean) M omega d" in " ".join(result.stdout.split())
+    told = json.loads(places[0].read_text())
+    assert [one["limit"] for one in told["maps"][0]["directions"]] == [0.4, 0.4]
+    assert all(place.exists() for place in places)
+    assert (tmp_path / "r.png").stat().st_size > 10_000
+    assert not list(tmp_path.glob("*.partial"))
+
+
+def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = tmp_path / "whole.json"
+    assert run(tmp_path, *GRID, "-o", whole, "-q").exit_code == 0
+    original, tried = PushedProblem.__call__, list[float]()
+
+    def counted(self: PushedProblem, angle: float, ratio: float) -> PushOutcome:
+        tried.append(ratio)
+        if len(tried) == 2:
+            signal.raise_signal(signal.SIGINT)
+        return original(self, angle, ratio)
+
+    monkeypatch.setattr(PushedProblem, "__call__", counted)
+    parts = tmp_path / "parts.json"
+    ended = run(tmp_path, *GRID, "-o", parts)
+    assert ended.exit_code == 130
+    assert "the same command goes on" in ended.output and "pushed in part" in ended.output
+    assert not parts.exists() and len(tried) == 2
+    assert len((tmp_path / "parts.json.partial").read_text().splitlines()) == 3
+
+    other = run(tmp_path, *GRID, "-o", parts, "--duration", 0.05)
+    assert other.exit_code == 1 and "push differs" in " ".join(other.output.split())
+    assert run(tmp_path, *GRID, "-o", parts, "-q").exit_code == 0
+    assert len(tried) == 4  # two in all, the two others now
+    assert parts.read_text() == whole.read_text()
+    assert not (tmp_path / "parts.json.partial").exists()
+
+
+def test_compared_with_another_problem(tmp_path: Path) -> None:
+    stiff = tmp_path / "stiff.yaml"
+    stiff.write_text(STAND.replace("duration: 1.0", "duration: 0.8"))
+    result = run(
+        tmp_path, "--directions", 1, "--ratios", "0.3", "--compare", stiff, "--workers", 1,
+        "--plot", tmp_path / "r.svg", "-o", tmp_path / "r.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "stand survives 1.00 times what stiff does" in " ".join(result.stdout.split())
+    told = json.loads((tmp_path / "r.json").read_text())
+    assert [one["problem"] for one in told["maps"]] == ["stand", "stiff"]
+    assert told["compared"]["times"] == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--directions", 0), "directions"),
+        (("--ratios", "2:1:0.1"), "--ratios"),
+        (("-o", "r.txt"), "r.txt"),
+        (("--plot", "r.txt"), "r.txt"),
+        (("--body", "nobody"), "nobody"),
+        (("--at", 5.0), "before the push is over"),
+    ],
+)
+def test_bad_input(tmp_path: Path, options: tuple[object, ...], text: str) -> None:
+    result = run(tmp_path, *options)
+    assert result.exit_code == 1
+    assert text in " ".join(result.output.split())

@@ -1,0 +1,83 @@
+"""Problems pushed: outcomes depend on nothing but the push, and pendulums are not pushed."""
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
+from wbc.simulation import capture_impulse
+
+STAND = """\
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
+  height: {type: com, axes: [z], target: start, kp: 50, weight: 5}
+  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  posture: {type: posture, target: start, weight: 0.3, kp: 30}
+controller: {level: torque, solver: daqp}
+simulation: {duration: 1.0, pushes: [{impulse_ratio: 5.0, angle: 0.0, at: 0.0}]}
+"""
+STILL, _, _ = STAND.partition("simulation")
+
+
+def loader(folder: Path, text: str = STAND, **settings: object) -> LoadPushed:
+    path = folder / "stand.yaml"
+    path.write_text(text)
+    return LoadPushed.of(path, {}, PushSettings(**settings))  # type: ignore[arg-type]
+
+
+def test_a_small_push_is_survived_a_large_one_is_not_and_order_does_not_matter(
+    tmp_path: Path,
+) -> None:
+    load = loader(tmp_path)
+    one = load()
+    angle = 0.25 * math.pi
+    small, large = one(angle, 0.5), one(angle, 3.0)
+    assert small.survived and small.reason == "stood for 1.000 s"
+    assert small.impulse == pytest.approx(
+        0.5 * capture_impulse(one.start, one.feet, (1.0, 1.0)), rel=1e-12
+    )
+    assert 0.0 < small.tilt < 0.5 and 0.0 <= small.slip < 2e-3
+    assert not large.survived and "fell" in large.reason and large.time < 1.0
+    assert one(angle, 0.5) == small  # bit for bit, after a fall
+    assert pickle.loads(pickle.dumps(load))()(angle, 0.5) == small
+    assert one.own_pushes == 1  # and was left out: it is five times M omega d
+
+
+def test_who_still_moves_in_the_end_has_not_survived(tmp_path: Path) -> None:
+    moving = loader(tmp_path, rest=1e-5)()(0.0, 0.5)
+    assert not moving.survived and "not at rest" in moving.reason
+
+
+def test_bounds_are_those_of_the_stance(tmp_path: Path) -> None:
+    one = loader(tmp_path)()
+    bounds = one.bounds(np.array((0.0, 1.0)))
+    np.testing.assert_allclose(bounds.ankle, [one.unit(0.0), one.unit(1.0)], rtol=1e-9)
+
+
+def test_what_cannot_be_pushed_says_why(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match="level: torque"):
+        loader(tmp_path, "robot: hoap2_like\nsupport: double\ntasks: {p: {type: posture}}\n")()
+    with pytest.raises(InvalidInputError, match="no feet"):
+        loader(tmp_path, STILL.replace("support: double", "support: floating"))()
+    with pytest.raises(InvalidInputError, match="before the push is over"):
+        loader(tmp_path, at=0.95)()
+    with pytest.raises(UnknownNameError, match="chest"):
+        loader(tmp_path, body="chest")()
+    with pytest.raises(InvalidInputError, match="duration"):
+        PushSettings(duration=0.0)
+    with pytest.raises(InvalidInputError, match="name a file"):
+        LoadPushed.of(Path("-"), {}, PushSettings())
+
+
+def test_a_file_that_changes_meanwhile_is_noticed(tmp_path: Path) -> None:
+    load = loader(tmp_path)
+    assert isinstance(load(), PushedProblem)
+    loader(tmp_path, STAND + "# mine\n")
+    with pytest.raises(InvalidInputError, match="was changed meanwhile"):
+        load()

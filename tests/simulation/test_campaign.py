@@ -1,0 +1,250 @@
+"""Campaigns of pushes: which are tried, in how many processes, and what a kill leaves."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from wbc.errors import InvalidInputError, WbcError
+from wbc.simulation import PushGrid, PushOutcome, run_campaign
+from wbc.simulation.campaign import Trial
+from wbc.simulation.campaign_log import CampaignLog
+
+RATIOS = (0.8, 1.0, 1.2, 1.4, 1.6)
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Pushes are survived inside an ellipse, but for some, and beyond it for others."""
+
+    but: Sequence[tuple[float, float]] = ()
+    dies_at: float = math.inf
+    pause: float = 0.0
+
+    def limit(self, angle: float) -> float:
+        return 1.5 / math.hypot(math.cos(angle), 1.4 * math.sin(angle))
+
+    def __call__(self) -> Trial:
+        return self.tried
+
+    def tried(self, angle: float, ratio: float) -> PushOutcome:
+        if ratio >= self.dies_at:
+            os._exit(1)
+        time.sleep(self.pause)
+        odd = any(math.isclose(angle, a) and math.isclose(ratio, r) for a, r in self.but)
+        survived = (ratio <= self.limit(angle)) != odd
+        return PushOutcome(angle, ratio, 3.0 * ratio, survived, "so it is", 1.0, 0.1, 0.0, 0.0)
+
+
+def refused() -> Trial:
+    raise InvalidInputError("this cannot be pushed")
+
+
+def keys(outcomes: Sequence[PushOutcome]) -> list[tuple[float, float]]:
+    return [one.key for one in outcomes]
+
+
+def test_a_direction_ends_after_failures_in_a_row() -> None:
+    trial = Ellipse()
+    outcomes = run_campaign(PushGrid(8, RATIOS, failures=2), trial)
+    for angle in PushGrid(8).angles:
+        mine = [one for one in outcomes if math.isclose(one.angle, angle)]
+        survived = [ratio for ratio in RATIOS if ratio <= trial.limit(angle)]
+        assert [one.ratio for one in mine if one.survived] == survived
+        left = len(RATIOS) - len(survived)
+        assert len(mine) == len(survived) + min(left, 2)
+
+
+def test_with_no_limit_on_failures_the_whole_grid_is_tried() -> None:
+    grid = PushGrid(4, RATIOS, failures=0)
+    assert len(run_campaign(grid, Ellipse())) == grid.size == 20
+
+
+def test_gentle_pushes_come_first_and_are_recorded_as_they_come() -> None:
+    recorded: list[PushOutcome] = []
+    told: list[tuple[int, int]] = []
+    outcomes = run_campaign(
+        PushGrid(4, RATIOS),
+        Ellipse(),
+        record=recorded.append,
+        progress=lambda done, total, info: told.append((done, total)),
+    )
+    assert [one.ratio for one in recorded] == sorted(one.ratio for one in recorded)
+    assert sorted(keys(recorded)) == keys(outcomes)
+    assert told == [(k + 1, 20) for k in range(len(outcomes))]
+
+
+def test_what_is_known_is_not_tried_again_and_what_is_not_of_the_grid_is_left_out() -> None:
+    whole = run_campaign(PushGrid(8, RATIOS), Ellipse())
+    known = [one for one in whole if one.ratio < 1.1]
+    tried: list[PushOutcome] = []
+    coarse = run_campaign(PushGrid(4, RATIOS), Ellipse(), known=known, record=tried.append)
+    assert not set(keys(known)) & set(keys(tried))
+    assert coarse == [one for one in whole if one.key in {*keys(coarse)}]
+    assert len({one.angle for one in coarse}) == 4
+    nothing: list[PushOutcome] = []
+    again = run_campaign(PushGrid(8, RATIOS), refused, known=whole, record=nothing.append)
+    assert again == whole and not nothing  # nor is anything loaded
+
+
+def test_the_outcomes_do_not_depend_on_the_processes() -> None:
+    grid, trial = PushGrid(5, RATIOS, failures=1), Ellipse(but=((0.0, 1.0),))
+    assert run_campaign(grid, trial, workers=2) == run_campaign(grid, trial)
+
+
+def test_what_a_process_cannot_load_or_survive_is_told() -> None:
+    with pytest.raises(InvalidInputError, match="this cannot be pushed"):
+        run_campaign(PushGrid(2, RATIOS), refused, workers=2)
+    recorded: list[PushOutcome] = []
+    with pytest.raises(WbcError, match="a process ended without an answer"):
+        run_campaign(PushGrid(2, RATIOS), Ellipse(dies_at=1.1), workers=2, record=recorded.append)
+    assert {one.ratio for one in recorded} <= {0.8, 1.0} and recorded
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_it_ends_when_asked_with_what_there_is(workers: int) -> None:
+    recorded: list[PushOutcome] = []
+    outcomes = run_campaign(
+        PushGrid(4, RATIOS),
+        Ellipse(),
+        workers=workers,
+        record=recorded.append,
+        cancelled=lambda: len(recorded) >= 3,
+    )
+    assert 3 <= len(outcomes) == len(recorded) < 20
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"directions": 0}, "directions"),
+        ({"directions": 2.5}, "whole number"),
+        ({"failures": -1}, "failures"),
+        ({"ratios": []}, "ratios"),
+        ({"ratios": [1.0, 0.9]}, "must rise"),
+        ({"ratios": [0.0, 0.9]}, "above 0"),
+        ({"ratios": [1.0, float("nan")]}, "ratios"),
+    ],
+)
+def test_a_grid_that_is_none_is_refused(options: dict[str, object], text: str) -> None:
+    with pytest.raises(InvalidInputError, match=text):
+        PushGrid(**options)  # type: ignore[arg-type]
+
+
+# ---------------------------------------------------------------------- the log
+
+OUTCOME = PushOutcome(0.5, 1.1, 12.3456789012345678, True, "stood", 4.0, 0.1, 1e-3, 0.0)
+MADE_OF = {"text": "robot: g1", "ratios": (1.0, 2.0)}
+
+
+def test_a_log_gives_back_what_it_was_given(tmp_path: Path) -> None:
+    with CampaignLog(tmp_path / "log", MADE_OF) as log:
+        assert not log.known
+        log.add("one", OUTCOME)
+        log.add("two", OUTCOME._replace(ratio=0.1 + 0.2))
+    with CampaignLog(tmp_path / "log", MADE_OF) as log:
+        assert log.known == {"one": [OUTCOME], "two": [OUTCOME._replace(ratio=0.1 + 0.2)]}
+        log.remove()
+    assert not (tmp_path / "log").exists()
+
+
+def test_half_a_line_is_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    with CampaignLog(path, MADE_OF) as log:
+        log.add("one", OUTCOME)
+        log.add("one", OUTCOME._replace(ratio=2.0))
+    path.write_bytes(path.read_bytes()[:-20])
+    with CampaignLog(path, MADE_OF) as log:
+        assert log.known == {"one": [OUTCOME]}
+        log.add("one", OUTCOME._replace(ratio=3.0))
+    with CampaignLog(path, MADE_OF) as log:
+        assert [one.ratio for one in log.known["one"]] == [1.1, 3.0]
+    path.write_bytes(path.read_bytes()[:10])  # killed within the head
+    with CampaignLog(path, MADE_OF) as log:
+        assert not log.known
+    assert len(path.read_text().splitlines()) == 1
+
+
+def test_the_log_of_another_campaign_is_refused_by_what_differs(tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    CampaignLog(path, MADE_OF).__exit__(None, None, None)
+    before = path.read_text()
+    with pytest.raises(InvalidInputError, match=r"another campaign \(text differs\)"):
+        CampaignLog(path, {**MADE_OF, "text": "robot: talos"})
+    path.write_text("not\njson\n")
+    with pytest.raises(InvalidInputError, match="not what a campaign left"):
+        CampaignLog(path, MADE_OF)
+    path.write_text(before + json.dumps({"problem": "one", "angle": 1.0}) + "\n")
+    with pytest.raises(InvalidInputError, match="not what a campaign left"):
+        CampaignLog(path, MADE_OF)
+
+
+def test_after_a_kill_it_goes_on_and_no_process_is_left(tmp_path: Path) -> None:
+    """SIGKILL in the midst: the processes end by themselves, and what was done is not redone."""
+    log = tmp_path / "log"
+    script = tmp_path / "campaign.py"
+    script.write_text(
+        textwrap.dedent(
+            f"""
+            import sys
+            sys.path.insert(0, {str(Path(__file__).parents[2])!r})
+            from pathlib import Path
+            from tests.simulation.test_campaign import Ellipse, RATIOS
+            from wbc.simulation import PushGrid, run_campaign
+            from wbc.simulation.campaign_log import CampaignLog
+
+            if __name__ == "__main__":
+                with CampaignLog(Path({str(log)!r}), {{}}) as kept:
+                    run_campaign(
+                        PushGrid(6, RATIOS), Ellipse(pause=0.3), workers=2,
+                        record=lambda one: kept.add("one", one),
+                    )
+            """
+        )
+    )
+    running = subprocess.Popen([sys.executable, str(script)])
+    deadline = time.monotonic() + 120.0
+    while not (log.exists() and len(log.read_text().splitlines()) > 2):
+        assert running.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+    workers = children(running.pid)
+    assert len(workers) >= 2
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    while any(alive(pid) for pid in workers):
+        assert time.monotonic() < deadline, "a process outlived its campaign"
+        time.sleep(0.02)
+    tried: list[PushOutcome] = []
+    grid = PushGrid(6, RATIOS)
+    with CampaignLog(log, {}) as kept:
+        known = kept.known["one"]
+        whole = run_campaign(grid, Ellipse(), known=known, record=tried.append)
+    assert 2 <= len(known) < len(whole)
+    assert len(tried) == len(whole) - len(known)
+    assert whole == run_campaign(grid, Ellipse())
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that one has started (Linux)."""
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    if not path.exists():
+        pytest.skip("needs /proc")
+    return [int(one) for one in path.read_text().split()]
+
+
+def alive(pid: int) -> bool:
+    """Return whether a process runs; one that has ended and waits to be reaped does not."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"

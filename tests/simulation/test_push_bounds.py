@@ -1,0 +1,78 @@
+"""What theory says of pushes: against the linear inverted pendulum, integrated."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.robot import Robot
+from wbc.simulation import capture_impulse
+from wbc.simulation.campaign import compass_angles
+from wbc.simulation.push_bounds import hip_torque, pulse_factor, push_bounds
+
+FEET = ("left", "right")
+OMEGA = 3.8
+
+
+def caught(ratio: float, duration: float, d: float = 0.1, dt: float = 1e-4) -> bool:
+    """Whether a LIP whose CoP runs to the edge d at once catches an impulse in parts of M w d."""
+    force = ratio * OMEGA * d / duration  # per kg
+    xi = 0.0
+    for k in range(round(20.0 / OMEGA / dt)):
+        pushed = force if k * dt < duration else 0.0
+        # xi' = w (xi - p) + F/(M w), exact for a constant right-hand side
+        target = d - pushed / OMEGA**2
+        xi = target + (xi - target) * np.exp(OMEGA * dt)
+        if xi > 10.0 * d:
+            return False
+        if xi < d and not pushed:
+            return True
+    return xi <= d
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.1, 0.3])
+def test_a_push_that_takes_time_is_caught_up_to_the_factor(duration: float) -> None:
+    limit = pulse_factor(OMEGA, duration)
+    assert caught(0.999 * limit, duration)
+    assert not caught(1.001 * limit, duration)
+
+
+def test_a_push_at_once_has_no_factor() -> None:
+    assert pulse_factor(OMEGA, 0.0) == 1.0
+    assert pulse_factor(OMEGA, 1e-9) == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1"])
+def test_bounds_of_a_robot(name: str, load: Callable[[str], Robot]) -> None:
+    robot = load(name)
+    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    angles = compass_angles(16)
+    bounds = push_bounds(start, FEET, angles, 0.1, 1.2)
+    units = [capture_impulse(start, FEET, (np.cos(a), np.sin(a))) for a in angles]
+    np.testing.assert_allclose(bounds.ankle, units, rtol=1e-9)  # two ways to the same number
+    np.testing.assert_allclose(bounds.pulse / bounds.ankle, pulse_factor(bounds.omega, 0.1))
+    assert bounds.wheel is not None and (bounds.wheel > bounds.pulse).all()
+    smaller = push_bounds(start, FEET, angles, 0.1, 0.4).wheel
+    assert smaller is not None and (smaller < bounds.wheel).all()
+
+
+def test_hips_of_a_g1_are_its_pitch_and_roll_motors(load: Callable[[str], Robot]) -> None:
+    robot = load("g1")
+    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    effort = dict(zip(robot.joint_names, robot.limits.effort.tolist(), strict=True))
+    # The pitch axes of a G1 are across the trunk; those of roll are inclined by 27 degrees.
+    pitch = 2.0 * effort["left_hip_pitch_joint"]
+    assert hip_torque(start, FEET, 1) == pytest.approx(pitch, rel=1e-6)
+    roll = 2.0 * effort["left_hip_roll_joint"]
+    assert 0.85 * roll < hip_torque(start, FEET, 0) <= roll
+
+
+def test_without_effort_limits_there_is_no_estimate(
+    load: Callable[[str], Robot], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wbc.simulation.push_bounds.hip_torque", lambda *_: math.inf)
+    robot = load("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    bounds = push_bounds(start, FEET, compass_angles(4), 0.1, 1.2)
+    assert bounds.wheel is None and "effort" in bounds.why_no_wheel

@@ -1,0 +1,78 @@
+"""Maps of pushes: limits, what is odd, and files."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.robot import Robot
+from wbc.simulation import PushGrid, PushMap, PushOutcome
+from wbc.simulation.push_bounds import push_bounds
+from wbc.simulation.push_map import compared, save_maps
+
+GRID = PushGrid(4, (1.0, 1.2, 1.4, 1.6), failures=0)
+# By direction and ratio: a limit, a hole, all survived, nothing survived.
+SURVIVED = ("110.", "1101", "1111", "0100")
+
+
+def outcomes(table: tuple[str, ...]) -> list[PushOutcome]:
+    return [
+        PushOutcome(float(angle), ratio, ratio, one == "1", "why", 4.0, 0.1, 0.0, 0.0)
+        for angle, row in zip(GRID.angles, table, strict=True)
+        for ratio, one in zip((1.0, 1.2, 1.4, 1.6), row, strict=True)
+        if one != "."
+    ]
+
+
+@pytest.fixture
+def made(load: Callable[[str], Robot]) -> Callable[[tuple[str, ...]], PushMap]:
+    robot = load("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    bounds = push_bounds(start, ("left", "right"), GRID.angles, 0.1, 1.2)
+
+    def one(table: tuple[str, ...]) -> PushMap:
+        return PushMap("p", robot.name, GRID, outcomes(table), bounds, bounds)
+
+    return one
+
+
+def test_a_limit_is_the_largest_up_to_which_all_were_survived(
+    made: Callable[[tuple[str, ...]], PushMap],
+) -> None:
+    found = made(SURVIVED)
+    np.testing.assert_array_equal(found.limits, [1.2, 1.2, 1.6, 0.0])
+    np.testing.assert_array_equal(found.open_ended, [False, False, True, False])
+    assert [found.beyond(k) for k in range(4)] == [[], [1.6], [], [1.2]]
+    assert not found.complete  # one push was not tried
+    assert made(("1100", *SURVIVED[1:])).complete
+    first = found.first_failure(1)
+    assert first is not None and first.ratio == 1.4
+    assert found.first_failure(2) is None
+
+
+def test_files_hold_what_the_map_says(
+    made: Callable[[tuple[str, ...]], PushMap], tmp_path: Path
+) -> None:
+    one, other = made(SURVIVED), made(("1000", "1000", "1110", "1000"))
+    for ending in ("json", "npz", "csv"):
+        save_maps(tmp_path / f"r.{ending}", [one, other], {"push": {"duration": 0.1}})
+    told = json.loads((tmp_path / "r.json").read_text())
+    first, second = told["maps"]
+    assert [d["limit"] for d in first["directions"]] == [1.2, 1.2, 1.6, 0.0]
+    assert first["directions"][1]["survived_beyond"] == [1.6]
+    assert first["directions"][2]["at_least"] and first["directions"][2]["first_failure"] is None
+    assert len(first["outcomes"]) == 15 and len(second["outcomes"]) == 16
+    assert told["compared"]["times"] == pytest.approx([1.2, 1.2, 1.6 / 1.4, 0.0])
+    np.testing.assert_allclose(compared(one, other), told["compared"]["times"])
+    with np.load(tmp_path / "r.npz") as archive:
+        np.testing.assert_array_equal(archive["survived"][0], [1, 1, 0, -1])
+        np.testing.assert_array_equal(archive["2/limit"], [1.0, 1.0, 1.4, 1.0])
+        assert np.isnan(archive["time"][0, 3]) and archive["time"][0, 0] == 4.0
+    with (tmp_path / "r.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["limit [M omega d]"]) for row in rows] == [1.2, 1.2, 1.6, 0.0]
+    assert [row["monotone"] for row in rows] == ["1", "0", "1", "0"]
+    assert float(rows[0]["survived [N s]"]) == pytest.approx(1.2 * one.bounds.ankle[0])

@@ -1,0 +1,264 @@
+"""``wbc push``: a robot pushed from all sides, ever harder, and what it survives."""
+
+from __future__ import annotations
+
+import os
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wbc.cli.completion import solvers_beginning
+from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
+from wbc.cli.run import overrides_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wbc.cli.interrupts import Interrupts
+    from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
+    from wbc.simulation import PushGrid, PushMap
+    from wbc.simulation.campaign_log import CampaignLog
+
+PUSH_EXIT_CODES = (
+    "Exit codes: 0 every push was tried; 1 bad input; 2 wrong usage; 130 or 143 ended by Ctrl-C or"
+    " SIGTERM. With --output, the same command then goes on where it ended, also after a kill."
+)
+RATIOS = "0.8:2.0:0.1"
+PARTIAL = ".partial"  # after the output's name: what is kept until the campaign is done
+MOST_RATIOS = 1000
+OUTLINE = 360  # directions of what theory says in a picture
+
+
+def push(
+    problem: Annotated[
+        Path, typer.Argument(help="A problem of the torque level.", metavar="PROBLEM.yaml")
+    ],
+    directions: Annotated[
+        int, typer.Option(help="How many, evenly around; the first is forwards (world x).")
+    ] = 16,
+    ratios: Annotated[
+        str,
+        typer.Option(
+            help="Impulses in parts of M omega d: from:to:step, or a list as in 1.0,1.2,1.5.",
+            metavar="FROM:TO:STEP",
+        ),
+    ] = RATIOS,
+    failures: Annotated[
+        int,
+        typer.Option(help="A direction ends after so many failures in a row; 0: the whole grid."),
+    ] = 2,
+    body: Annotated[
+        str, typer.Option(help="Link or frame that is pushed, where the CoM is at the start.")
+    ] = "base",
+    duration: Annotated[float, typer.Option(help="Of a push, of constant force [s].")] = 0.1,
+    at: Annotated[float, typer.Option(help="When it begins [s].")] = 0.1,
+    compare: Annotated[
+        Path | None,
+        typer.Option(help="Push this problem, too, and say how much more the first survives."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes; by default as many as processors.", min=1)
+    ] = None,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write the result: .json, .npz with arrays, .csv a row per direction;"
+            " repeatable. Every push is kept beside the first until the end.",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw what is survived by direction, beside theory.")
+    ] = None,
+    solver: Annotated[
+        str | None,
+        typer.Option(
+            help="QP solver; short for --set controller.solver=NAME.",
+            autocompletion=solvers_beginning,
+        ),
+    ] = None,
+    assign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Replace a value of the file, or of both, as wbc run does; repeatable.",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Push a robot from all sides, ever harder, and say what it survives without a step.
+
+    A direction's limit is the largest impulse up to which all smaller ones of the grid were
+    survived: the robot stood to the end of the simulation and was at rest there. Pushes of the
+    file's own are left out.
+    """
+    with errors_in_one_line():
+        from wbc.problem.pushing import LoadPushed, PushSettings
+        from wbc.simulation import PushGrid
+
+        grid = PushGrid(directions, ratios_of(ratios), failures)
+        settings = PushSettings(body=body, duration=duration, at=at)
+        places = _checked(output or [], plot)
+        overrides = overrides_of(assign, solver)
+        paths = [problem] if compare is None else [problem, compare]
+        loads = [LoadPushed.of(path, overrides, settings) for path in paths]
+        count = workers or len(os.sched_getaffinity(0))
+        code = _campaign(paths, loads, settings, grid, count, places, plot, quiet)
+    raise typer.Exit(code)
+
+
+def ratios_of(text: str) -> list[float]:
+    """Return what ``from:to:step`` or a list of numbers stands for.
+
+    Raises
+    ------
+    InvalidInputError
+        Neither, or too many.
+    """
+    from wbc.errors import InvalidInputError
+
+    mistake = f"--ratios {text}: expected from:to:step, as in {RATIOS}, or numbers as in 1.0,1.2"
+    try:
+        if ":" not in text:
+            return [float(part) for part in text.split(",")]
+        first, last, step = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise InvalidInputError(mistake) from None
+    if not (0.0 < first <= last < float("inf") and step > 0.0):
+        raise InvalidInputError(f"{mistake}; from must be above 0, to not below it, step above 0")
+    steps = (last - first) / step
+    if not steps < MOST_RATIOS:
+        raise InvalidInputError(f"--ratios {text}: more than {MOST_RATIOS} impulses")
+    return [round(first + k * step, 9) for k in range(int(steps + 1e-6) + 1)]
+
+
+def _checked(output: list[Path], plot: Path | None) -> list[Path]:
+    """Return the outputs; raise for those that cannot be written, before any work is done."""
+    from wbc.cli.outputs import check_picture, check_place
+    from wbc.run.saving import result_format
+
+    for each in output:
+        result_format(each)
+        check_place("--output", each)
+    if plot is not None:
+        check_picture("--plot", plot)
+    return output
+
+
+def _campaign(
+    paths: Sequence[Path],
+    loads: Sequence[LoadPushed],
+    settings: PushSettings,
+    grid: PushGrid,
+    workers: int,
+    output: list[Path],
+    plot: Path | None,
+    quiet: bool,
+) -> int:
+    """Push, write and print what came of it, and return the exit code."""
+    from wbc.cli.outputs import Outputs
+    from wbc.cli.push_report import print_maps
+    from wbc.problem.pushing import conditions
+    from wbc.simulation.campaign_log import CampaignLog
+    from wbc.simulation.push_map import save_maps
+
+    pushed = [load() for load in loads]
+    names = _names(paths)
+    if not quiet:
+        print_notes(pushed[0].robot)
+        _print_left_out(names, pushed)
+    made_with = conditions(settings)
+    made_of = {
+        "problems": {name: load.made_of() for name, load in zip(names, loads, strict=True)},
+        **made_with,
+    }
+    kept = output[0].with_name(output[0].name + PARTIAL) if output else None
+    log = None if kept is None else CampaignLog(kept, made_of)
+    with log or nullcontext():
+        maps, interrupts = _push_all(names, loads, pushed, grid, workers, log, quiet)
+        outputs = Outputs()
+        if not interrupts():
+            for each in output:
+                outputs.save(each, lambda path: save_maps(path, maps, made_of))
+            if plot is not None:
+                outputs.draw(plot, lambda path: _draw(maps, path, settings))
+            if log is not None and not outputs.failures:
+                log.remove()
+        if not quiet:
+            print_maps(maps, settings, outputs.written)
+    for failure in outputs.failures:
+        complain(failure)
+    if interrupts():
+        if kept is None:
+            complain("interrupted; with --output FILE the same command would go on later")
+        else:
+            complain(f"interrupted; the same command goes on with what is in {kept}")
+        return interrupts.exit_code
+    return BAD_INPUT if outputs.failures else 0
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Return names that tell problems apart."""
+    stems = [path.stem for path in paths]
+    return (
+        stems if len(set(stems)) == len(stems) else [f"{k + 1}: {p}" for k, p in enumerate(paths)]
+    )
+
+
+def _print_left_out(names: Sequence[str], pushed: Sequence[PushedProblem]) -> None:
+    head = typer.style("note:", fg="yellow", bold=True)
+    for name, one in zip(names, pushed, strict=True):
+        if one.own_pushes:
+            plural = "es" if one.own_pushes > 1 else ""
+            text = f"{one.own_pushes} push{plural} of simulation.pushes left out"
+            typer.echo(f"{head} {name}: {text}", err=True)
+
+
+def _push_all(
+    names: Sequence[str],
+    loads: Sequence[LoadPushed],
+    pushed: Sequence[PushedProblem],
+    grid: PushGrid,
+    workers: int,
+    log: CampaignLog | None,
+    quiet: bool,
+) -> tuple[list[PushMap], Interrupts]:
+    """Push every problem, until the end or a signal."""
+    from wbc.cli.interrupts import noted_interrupts
+    from wbc.cli.progress import shown_progress
+    from wbc.simulation import PushMap, run_campaign
+    from wbc.simulation.campaign import compass_angles
+
+    maps = []
+    with (
+        nullcontext() if quiet else shown_progress() as progress,
+        noted_interrupts() as interrupts,
+    ):
+        for name, load, one in zip(names, loads, pushed, strict=True):
+            outcomes = run_campaign(
+                grid,
+                load if workers > 1 else partial(_itself, one),  # it is loaded here already
+                workers=workers,
+                known=() if log is None else log.known.get(name, ()),
+                record=None if log is None else partial(log.add, name),
+                progress=progress,
+                cancelled=interrupts,
+            )
+            theory = one.bounds(grid.angles), one.bounds(compass_angles(OUTLINE))
+            maps.append(PushMap(name, one.robot.name, grid, outcomes, *theory))
+    return maps, interrupts
+
+
+def _itself(one: PushedProblem) -> PushedProblem:
+    return one
+
+
+def _draw(maps: Sequence[PushMap], path: Path, settings: PushSettings) -> None:
+    from wbc.view.push import plot_pushes
+
+    plot_pushes(maps, path, duration=settings.duration)

@@ -1,0 +1,126 @@
+"""What ``wbc push`` prints when it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wbc.cli.printing import heads, print_written
+from wbc.problem.pushing import PushSettings
+from wbc.simulation import PushMap
+from wbc.simulation.push_map import compared
+
+
+def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterable[Path]) -> None:
+    """Print what is survived by direction, beside theory, and what to know about it."""
+    console = Console(highlight=False)
+    first = maps[0]
+    many = len(maps) > 1
+    for one in maps:
+        state = "pushed" if one.complete else "pushed in part"
+        head = Text(state, style="bold green" if one.complete else "bold yellow")
+        text = (
+            f": {one.name}, {one.robot}, {len(one.outcomes)} pushes of {settings.duration:g} s"
+            f" on {settings.body}; survives {_least_and_mean(one)} M omega d"
+        )
+        console.print(head.append(text, style="not bold default"))
+    console.print(_table(maps))
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_row("", "")
+    if many:
+        times = compared(first, maps[1])
+        table.add_row(
+            "compared",
+            Text(
+                f"{first.name} survives {np.nanmin(times):.2f} times what {maps[1].name} does at"
+                f" least, {np.nanmean(times):.2f} times on average"
+            ),
+        )
+    for one in maps:
+        for name, text in _rows(one, f"{one.name}: " if many else ""):
+            table.add_row(name, Text(text))
+    console.print(table)
+    print_written(console, written)
+
+
+def _least_and_mean(one: PushMap) -> str:
+    more = "at least " if one.open_ended.any() else ""
+    return f"{more}{one.limits.min():.2f} (least) and {one.limits.mean():.2f} (mean)"
+
+
+def _table(maps: Sequence[PushMap]) -> Table:
+    first, many = maps[0], len(maps) > 1
+    names = [f"survived, {one.name}" if many else "survived" for one in maps]
+    table = heads(
+        "direction [deg]", "M omega d [N s]", *names, "[N s]", "in theory", "with wheel", "fails by"
+    )
+    bounds = first.bounds
+    for k, angle in enumerate(np.degrees(first.grid.angles).tolist()):
+        unit = float(bounds.ankle[k])
+        failure = first.first_failure(k)
+        table.add_row(
+            f"{angle:.4g}",
+            f"{unit:.2f}",
+            *(_limit(one, k) for one in maps),
+            f"{first.limits[k] * unit:.2f}",
+            f"{bounds.pulse[k] / unit:.2f}",
+            "" if bounds.wheel is None else f"{bounds.wheel[k] / unit:.2f}",
+            Text("" if failure is None else _short(failure.reason)),
+        )
+    return table
+
+
+def _limit(one: PushMap, k: int) -> Text:
+    """Return the limit of a direction: with a sign where the grid ends, or where it is odd."""
+    limit, open_ended = one.limits[k], one.open_ended[k]
+    if limit == 0.0:
+        tried = one.first_failure(k)
+        return Text("" if tried is None else f"< {tried.ratio:.4g}", style="red")
+    odd = "*" if one.beyond(k) else ""
+    return Text(f"{'>= ' if open_ended else ''}{limit:.4g}{odd}")
+
+
+def _short(reason: str) -> str:
+    """Return why a robot fell, without when."""
+    _, _, why = reason.partition(": ")
+    return (why or reason).split(", more than")[0]
+
+
+def _rows(one: PushMap, who: str) -> Iterator[tuple[str, str]]:
+    """Yield what there is to know of a map."""
+    odd = [
+        f"{np.degrees(one.grid.angles[k]):.4g} deg at {', '.join(f'{r:.4g}' for r in ratios)}"
+        for k in range(one.grid.directions)
+        if (ratios := one.beyond(k))
+    ]
+    if odd:
+        yield (
+            "not monotone",
+            f"{who}* survived beyond a smaller push that was not: {'; '.join(odd)}",
+        )
+    lasted = [outcome for outcome in one.outcomes if outcome.survived]
+    if lasted:
+        yield (
+            "survivors",
+            f"{who}trunk tilted by at most {max(o.tilt for o in lasted):.2f} rad, feet ended at"
+            f" most {1e3 * max(o.slip for o in lasted):.1f} mm from where they began, something"
+            f" gave way in at most {100 * max(o.relaxed for o in lasted):.2g} % of the ticks",
+        )
+    bounds = one.bounds
+    if bounds.wheel is None:
+        yield "with wheel", f"{who}no estimate: {bounds.why_no_wheel}"
+    else:
+        mass = bounds.reaction_mass
+        x, y = mass["inertia"]
+        yield (
+            "with wheel",
+            f"{who}a reaction mass of {x:.3g}, {y:.3g} kg m^2 with {mass['torque']:.3g} N m that"
+            f" turns by {mass['angle']:.3g} rad; an estimate, not a bound of the robot",
+        )

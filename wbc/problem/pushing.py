@@ -1,0 +1,200 @@
+"""A problem of the torque level as what is pushed, again and again: see ``wbc push``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.problem.controller_spec import TorqueSpec
+from wbc.problem.problem import Problem, load_problem
+from wbc.problem.provenance import plain, version_of, versions
+from wbc.run.standing import held_feet
+from wbc.simulation import FallLimits, PushOutcome, SimulationError, capture_impulse, simulate
+from wbc.simulation.push_bounds import PushBounds, push_bounds
+from wbc.validate import Array, check_fields, finite_number
+
+
+@dataclass(frozen=True)
+class PushSettings:
+    """How a robot is pushed, and when it counts as at rest again.
+
+    Attributes
+    ----------
+    body:
+        What is pushed, where the CoM is at the start; the place is carried along with the body.
+    duration:
+        Of the push, whose force is constant [s].
+    at:
+        When it begins [s].
+    rest:
+        Speed of the CoM in the end, below which the robot is at rest [m/s].
+    """
+
+    body: str = "base"
+    duration: float = 0.1
+    at: float = 0.1
+    rest: float = 0.05
+
+    def __post_init__(self) -> None:
+        check_fields(self, "push, ", "duration", "rest", above=0.0)
+        check_fields(self, "push, ", "at", least=0.0)
+
+
+class PushedProblem:
+    """Tries pushes on a problem; the pushes of its own are left out.
+
+    Raises
+    ------
+    InvalidInputError
+        A problem that is not of the torque level, does not begin on feet, or ends before the push.
+    UnknownNameError
+        No such body.
+    """
+
+    def __init__(self, problem: Problem, settings: PushSettings) -> None:
+        spec, parts = problem.spec, problem.parts
+        name = problem.source.name
+        if not isinstance(spec.controller, TorqueSpec):
+            raise InvalidInputError(
+                f"{name}: controller.level is velocity, and pushes need torques: write controller:"
+                " {level: torque}"
+            )
+        self.problem, self.settings = problem, settings
+        self.robot = parts.robot
+        self.start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        self.feet = held_feet(parts.contacts)
+        if not self.feet:
+            raise InvalidInputError(
+                f"{name}: the robot stands on no feet at the start, so there is no M omega d to"
+                " push by; give support: double, left or right"
+            )
+        self.robot.frame_id(settings.body)
+        self.duration = spec.whole_stop.duration
+        if settings.at + settings.duration >= self.duration:
+            raise InvalidInputError(
+                f"{name}: ends at {self.duration:g} s, before the push is over; give"
+                " simulation.duration more"
+            )
+        self.falls = FallLimits(**spec.simulation.falls)
+        self._plant = spec.simulation.plant(self.start, self.feet, spec.controller.dt)
+        self.own_pushes = len(spec.simulation.pushes)
+
+    def unit(self, angle: float) -> float:
+        """Return M omega d in a direction [N s]."""
+        return capture_impulse(self.start, self.feet, (np.cos(angle), np.sin(angle)))
+
+    def bounds(self, angles: Array) -> PushBounds:
+        """Return what theory says of pushes in directions (n,) [rad]."""
+        settings = self.settings
+        return push_bounds(self.start, self.feet, angles, settings.duration, self.falls.tilt)
+
+    def __call__(self, angle: float, ratio: float) -> PushOutcome:
+        """Push at rest in a direction [rad], by an impulse in parts of M omega d."""
+        plant, settings, falls = self._plant, self.settings, self.falls
+        angle = finite_number("push, angle", angle)
+        impulse = finite_number("push, ratio", ratio, least=0.0) * self.unit(angle)
+        plant.reset(self.start.q)
+        along = np.array((np.cos(angle), np.sin(angle), 0.0))
+        force = impulse / settings.duration * along
+        if impulse > 0.0:
+            plant.push(settings.body, force, "com", start=settings.at, duration=settings.duration)
+        up = plant.body_rotation(falls.trunk)[2].copy()
+        phases = self.problem.executor()
+        loop = simulate(phases.controller, plant, self.duration, update=phases.update, falls=falls)
+        ticks = relaxed = 0
+        least_upright, ending = 1.0, ""
+        try:
+            for now in loop:
+                ticks += 1
+                relaxed += bool(now.tick.policy)
+                upright = float(plant.body_rotation(falls.trunk)[2] @ up)
+                least_upright = min(least_upright, upright)
+                if not now.verdict.stood:
+                    ending = now.verdict.reason
+        except (SimulationError, ControllerFailure) as error:
+            ending = str(error)
+        final = plant.snapshot()
+        speed = float(np.linalg.norm(final.com_velocity))
+        if not ending and phases.complaint:
+            ending = phases.complaint
+        if not ending and speed > settings.rest:
+            ending = f"not at rest in the end: the CoM moves at {speed:.2g} m/s"
+        return PushOutcome(
+            angle=angle,
+            ratio=float(ratio),
+            impulse=impulse,
+            survived=not ending,
+            reason=ending or f"stood for {plant.time:.3f} s",
+            time=plant.time,
+            tilt=float(np.arccos(np.clip(least_upright, -1.0, 1.0))),
+            slip=self._slip(final.position),
+            relaxed=relaxed / max(ticks, 1),
+        )
+
+    def _slip(self, position: Any) -> float:
+        frames = [self.robot.foot(foot).frame for foot in self.feet]
+        return max(float(np.linalg.norm(position(f) - self.start.position(f))) for f in frames)
+
+
+@dataclass(frozen=True)
+class LoadPushed:
+    """Loads a problem to be pushed, in whatever process: to be pickled.
+
+    Attributes
+    ----------
+    path:
+        Of the problem's file.
+    overrides:
+        Values that replace the file's, by key path.
+    """
+
+    path: Path
+    overrides: Mapping[str, Any]
+    settings: PushSettings
+    text: str
+
+    @classmethod
+    def of(cls, path: Path, overrides: Mapping[str, Any], settings: PushSettings) -> LoadPushed:
+        """Return what loads a file as it is now.
+
+        Raises
+        ------
+        InvalidInputError
+            stdin, which other processes cannot read.
+        OSError
+            The file cannot be read.
+        """
+        if str(path) == "-":
+            raise InvalidInputError("wbc push reads a problem in several processes: name a file")
+        found = load_problem(path, overrides)
+        return cls(path.resolve(), dict(overrides), settings, found.source.text)
+
+    def __call__(self) -> PushedProblem:
+        """Return the problem, ready to be pushed.
+
+        Raises
+        ------
+        WbcError
+            It cannot be, or the file is another by now.
+        """
+        problem = load_problem(self.path, self.overrides)
+        if not isinstance(problem, Problem):
+            raise InvalidInputError(f"{self.path}: a pendulum's problem; pushes are for robots")
+        if problem.source.text != self.text:
+            raise InvalidInputError(f"{self.path}: was changed meanwhile; begin anew")
+        return PushedProblem(problem, self.settings)
+
+    def made_of(self) -> dict[str, Any]:
+        """Return what outcomes depend on, as plain data."""
+        return {"text": self.text, "overrides": plain(self.overrides)}
+
+
+def conditions(settings: PushSettings) -> dict[str, Any]:
+    """Return what outcomes depend on besides problems, as plain data."""
+    found = {**versions(), "mujoco": version_of("mujoco")}
+    return {"push": asdict(settings), "versions": found}

@@ -1,0 +1,266 @@
+"""Pushes from all sides, ever harder, in parallel processes: which are survived.
+
+A grid, and not a bisection only: a robot may survive a push and fall by a smaller one, and where it
+does so is a finding. Which pushes are tried depends on the outcomes, not on the workers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from functools import cached_property
+from multiprocessing import get_context
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError, WbcError
+from wbc.processes import blocked_interrupt, end_with_parent, terminate
+from wbc.validate import Array, finite_number, finite_vector, read_only, set_fields
+
+MOMENT = 0.1  # s to wait for an outcome, before looking whether the campaign is to end
+DIGITS = 9  # to which angles and ratios tell pushes apart
+
+
+class PushOutcome(NamedTuple):
+    """What became of one push.
+
+    Attributes
+    ----------
+    angle:
+        Direction in the horizontal plane [rad]: 0 is along world x.
+    ratio:
+        Impulse in parts of M omega d of this direction.
+    impulse:
+        [N s].
+    survived:
+        It stood, and was at rest in the end.
+    reason:
+        How it ended, in words.
+    time:
+        Until when it stood [s].
+    tilt:
+        Largest angle of the trunk from its first vertical [rad].
+    slip:
+        How far a foot was from where it began, at most [m].
+    relaxed:
+        Share of the ticks in which something gave way, in [0, 1].
+    """
+
+    angle: float
+    ratio: float
+    impulse: float
+    survived: bool
+    reason: str
+    time: float
+    tilt: float
+    slip: float
+    relaxed: float
+
+    @property
+    def key(self) -> tuple[float, float]:
+        """What tells pushes apart."""
+        return key(self.angle, self.ratio)
+
+
+class Trial(Protocol):
+    """Tries a push; the outcome depends on nothing but the arguments."""
+
+    def __call__(self, angle: float, ratio: float) -> PushOutcome:
+        """Push at rest in a direction [rad], by an impulse in parts of M omega d."""
+
+
+# Makes what tries pushes, once in every process: it is pickled, and need not be small.
+MakeTrial = Callable[[], Trial]
+Progress = Callable[[int, int, Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, eq=False)
+class PushGrid:
+    """Directions evenly around times impulses.
+
+    Attributes
+    ----------
+    directions:
+        How many, the first along world x.
+    ratios:
+        Impulses (k,) in parts of M omega d, rising.
+    failures:
+        A direction ends after so many pushes in a row that were not survived; 0: never.
+
+    Raises
+    ------
+    InvalidInputError
+        No directions or ratios, or ratios that do not rise from above 0.
+    """
+
+    directions: int = 16
+    ratios: ArrayLike = (0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0)
+    failures: int = 2
+
+    def __post_init__(self) -> None:
+        for name, least in (("directions", 1), ("failures", 0)):
+            value = finite_number(f"push grid, {name}", getattr(self, name), least=float(least))
+            if value != int(value):
+                raise InvalidInputError(f"push grid, {name}: must be a whole number, got {value:g}")
+            set_fields(self, **{name: int(value)})
+        ratios = finite_vector("push grid, ratios", self.ratios, np.size(self.ratios))
+        if ratios.size == 0 or ratios[0] <= 0.0 or np.diff(ratios).min(initial=1.0) < 1e-6:
+            raise InvalidInputError(f"push grid, ratios: must rise from above 0, got {ratios}")
+        set_fields(self, ratios=read_only(ratios))
+
+    @cached_property
+    def angles(self) -> Array:
+        """Of the directions (n,) [rad]."""
+        return compass_angles(self.directions)
+
+    @property
+    def size(self) -> int:
+        """How many pushes there are at most."""
+        return self.directions * np.size(self.ratios)
+
+    def next_ratio(self, angle: float, found: Mapping[tuple[float, float], PushOutcome]) -> float:
+        """Return the next ratio to try in a direction; infinite if it is done."""
+        in_a_row = 0
+        for ratio in np.asarray(self.ratios).tolist():
+            outcome = found.get(key(angle, ratio))
+            if outcome is None:
+                return float(ratio)
+            in_a_row = 0 if outcome.survived else in_a_row + 1
+            if self.failures and in_a_row == self.failures:
+                break
+        return math.inf
+
+
+def compass_angles(count: int) -> Array:
+    """Return angles (count,) evenly around, from 0 on [rad]."""
+    return 2.0 * np.pi * np.arange(count) / count
+
+
+def key(angle: float, ratio: float) -> tuple[float, float]:
+    """Return what tells pushes apart."""
+    return round(angle, DIGITS), round(ratio, DIGITS)
+
+
+def run_campaign(
+    grid: PushGrid,
+    make: MakeTrial,
+    *,
+    workers: int = 1,
+    known: Iterable[PushOutcome] = (),
+    record: Callable[[PushOutcome], object] | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> list[PushOutcome]:
+    """Try the pushes of a grid, and return the outcomes by direction and impulse.
+
+    Parameters
+    ----------
+    make:
+        Called once in every process that tries pushes.
+    workers:
+        Processes that do; with 1 it is this one. More are started fresh (``spawn``), so a script
+        needs the usual ``if __name__ == "__main__"`` guard. The outcomes do not depend on it.
+    known:
+        Outcomes from before; those of the grid are not tried again.
+    record:
+        Called here with every new outcome, as it comes.
+    progress:
+        Called with how many pushes are done, how many there are at most, and the last.
+    cancelled:
+        Asked between pushes; True ends the campaign with what there is.
+
+    Raises
+    ------
+    WbcError
+        A process died, or what a trial raises.
+    """
+    size = int(finite_number("campaign, workers", workers, least=1.0))
+    here = {key(a, r) for a in grid.angles.tolist() for r in np.asarray(grid.ratios).tolist()}
+    found = {one.key: one for one in known if one.key in here}
+    ended = cancelled or (lambda: False)
+    tell = progress or (lambda done, total, info: None)
+    if any(math.isfinite(grid.next_ratio(angle, found)) for angle in grid.angles.tolist()):
+        outcomes = _one_by_one if size == 1 else _in_processes
+        for outcome in outcomes(grid, make, found, min(size, grid.directions), ended):
+            found[outcome.key] = outcome
+            if record is not None:
+                record(outcome)
+            tell(len(found), grid.size, {"push": outcome})
+    return [found[one] for one in sorted(found)]
+
+
+def _next(
+    grid: PushGrid, found: Mapping[tuple[float, float], PushOutcome], busy: Iterable[float]
+) -> tuple[float, float] | None:
+    """Return the gentlest push to try, of a direction that is not being tried."""
+    waits = [
+        (grid.next_ratio(angle, found), angle)
+        for angle in grid.angles.tolist()
+        if angle not in set(busy)
+    ]
+    ratio, angle = min(waits, default=(math.inf, 0.0))
+    return (angle, ratio) if math.isfinite(ratio) else None
+
+
+def _one_by_one(
+    grid: PushGrid,
+    make: MakeTrial,
+    found: Mapping[tuple[float, float], PushOutcome],
+    _: int,
+    ended: Callable[[], bool],
+) -> Iterator[PushOutcome]:
+    trial = make()
+    while not ended() and (push := _next(grid, found, ())) is not None:
+        yield trial(*push)
+
+
+def _in_processes(
+    grid: PushGrid,
+    make: MakeTrial,
+    found: Mapping[tuple[float, float], PushOutcome],
+    size: int,
+    ended: Callable[[], bool],
+) -> Iterator[PushOutcome]:
+    """Yield outcomes as they come; a direction is tried by one process at a time."""
+    pool = ProcessPoolExecutor(size, get_context("spawn"), _load, (make,))
+    pending: dict[Future[PushOutcome], float] = {}
+    try:
+        while not ended():
+            while len(pending) < size and (push := _next(grid, found, pending.values())):
+                with blocked_interrupt():  # this may start processes
+                    pending[pool.submit(_try, *push)] = push[0]
+            if not pending:
+                return
+            for future in wait(pending, MOMENT, FIRST_COMPLETED).done:
+                del pending[future]
+                yield future.result()
+    except BrokenProcessPool as error:
+        raise WbcError(
+            "campaign: a process ended without an answer, perhaps for want of memory; fewer"
+            " workers need less"
+        ) from error
+    finally:
+        terminate(pool)
+
+
+_trial: list[Trial | WbcError] = []  # of a process of the pool
+
+
+def _load(make: MakeTrial) -> None:
+    end_with_parent()
+    try:
+        _trial.append(make())
+    except WbcError as error:  # else the pool would only say that it is broken
+        _trial.append(error)
+
+
+def _try(angle: float, ratio: float) -> PushOutcome:
+    (trial,) = _trial
+    if isinstance(trial, WbcError):
+        raise trial
+    return trial(angle, ratio)

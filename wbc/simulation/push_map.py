@@ -1,0 +1,217 @@
+"""What a campaign of pushes came to: the impulse that is survived, by direction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.run.saving import save_result
+from wbc.simulation.campaign import PushGrid, PushOutcome, key
+from wbc.simulation.push_bounds import PushBounds
+from wbc.validate import Array
+
+UNTRIED, FELL, SURVIVED = -1, 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class PushMap:
+    """Outcomes of the pushes of a grid on one problem.
+
+    Attributes
+    ----------
+    outcomes:
+        Of those that were tried.
+    bounds:
+        Of theory, by direction.
+    outline:
+        The same by finer directions, for pictures.
+    """
+
+    name: str
+    robot: str
+    grid: PushGrid
+    outcomes: Sequence[PushOutcome]
+    bounds: PushBounds
+    outline: PushBounds
+    complete: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        angles = self.grid.angles.tolist()
+        done = all(np.isinf(self.grid.next_ratio(angle, self._found)) for angle in angles)
+        object.__setattr__(self, "complete", done)
+
+    @cached_property
+    def _found(self) -> Mapping[tuple[float, float], PushOutcome]:
+        return {one.key: one for one in self.outcomes}
+
+    def outcome(self, direction: int, step: int) -> PushOutcome | None:
+        """Return what became of a push of the grid, by its indices; None if it was not tried."""
+        return self._found.get(key(self.grid.angles[direction], self._ratios[step]))
+
+    @cached_property
+    def _ratios(self) -> Array:
+        return np.asarray(self.grid.ratios)
+
+    @cached_property
+    def table(self) -> NDArray[np.int8]:
+        """1 survived, 0 not, -1 not tried (n, k): by direction and ratio."""
+        found = np.full((self.grid.directions, self._ratios.size), UNTRIED, dtype=np.int8)
+        for row in range(found.shape[0]):
+            for column in range(found.shape[1]):
+                outcome = self.outcome(row, column)
+                if outcome is not None:
+                    found[row, column] = SURVIVED if outcome.survived else FELL
+        return found
+
+    @cached_property
+    def limits(self) -> Array:
+        """Largest ratio (n,) up to which every push of the grid was survived; 0 if none was."""
+        whole = np.cumprod(self.table == SURVIVED, axis=1).sum(axis=1)
+        return np.where(whole > 0, self._ratios[np.maximum(whole, 1) - 1], 0.0)
+
+    @cached_property
+    def open_ended(self) -> NDArray[np.bool_]:
+        """Whether a direction (n,) has no failure in the grid: its limit is at least this."""
+        return np.asarray((self.table != FELL).all(axis=1))
+
+    def beyond(self, direction: int) -> list[float]:
+        """Return the ratios that were survived beyond a smaller push that was not."""
+        row = self.table[direction]
+        failed = np.maximum.accumulate(row == FELL)
+        return [float(ratio) for ratio in self._ratios[failed & (row == SURVIVED)]]
+
+    def first_failure(self, direction: int) -> PushOutcome | None:
+        """Return the gentlest push of a direction that was not survived."""
+        columns = np.flatnonzero(self.table[direction] == FELL)
+        return self.outcome(direction, int(columns[0])) if columns.size else None
+
+    @property
+    def least_slack(self) -> float:
+        """The finest step of the grid: limits are known to no better than this."""
+        return float(np.diff(self._ratios).min(initial=np.inf))
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything as plain data."""
+        bounds, angles = self.bounds, self.grid.angles
+        directions = []
+        for k, angle in enumerate(angles.tolist()):
+            first = self.first_failure(k)
+            unit = float(bounds.ankle[k])
+            directions.append(
+                {
+                    "angle": angle,
+                    "limit": float(self.limits[k]),
+                    "impulse": float(self.limits[k]) * unit,
+                    "at_least": bool(self.open_ended[k]),
+                    "survived_beyond": self.beyond(k),
+                    "first_failure": None if first is None else first._asdict(),
+                    "capture_impulse": unit,
+                    "pulse_limit": float(bounds.pulse[k]) / unit,
+                    "reaction_mass_limit": None
+                    if bounds.wheel is None
+                    else float(bounds.wheel[k]) / unit,
+                }
+            )
+        return {
+            "problem": self.name,
+            "robot": self.robot,
+            "complete": self.complete,
+            "least": float(self.limits.min()),
+            "mean": float(self.limits.mean()),
+            "omega": bounds.omega,
+            "reaction_mass": bounds.reaction_mass,
+            "directions": directions,
+            "outcomes": [one._asdict() for one in self.outcomes],
+        }
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the histories' place in an ``.npz``: rows are directions."""
+        bounds = self.bounds
+        none = np.full_like(bounds.ankle, np.nan)
+        values = np.full((4, *self.table.shape), np.nan)
+        for row in range(values.shape[1]):
+            for column in range(values.shape[2]):
+                one = self.outcome(row, column)
+                if one is not None:
+                    values[:, row, column] = one.time, one.tilt, one.slip, one.relaxed
+        return {
+            "angle": self.grid.angles,
+            "ratio": self._ratios,
+            "survived": self.table,
+            "limit": self.limits,
+            "capture_impulse": bounds.ankle,
+            "pulse_limit": bounds.pulse / bounds.ankle,
+            "reaction_mass_limit": none if bounds.wheel is None else bounds.wheel / bounds.ankle,
+            **dict(zip(("time", "tilt", "slip", "relaxed"), values, strict=True)),
+        }
+
+
+def compared(one: PushMap, other: PushMap) -> Array:
+    """Return by how much more one survives than the other (n,), by direction; NaN for 0 of both."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(one.limits * one.bounds.ankle / (other.limits * other.bounds.ankle))
+
+
+def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str, Any]) -> None:
+    """Write maps as ``.json``, ``.npz`` with arrays, or ``.csv`` with a row per direction.
+
+    The arrays of the second problem, and of others, begin with their number: ``2/limit``; so do
+    the columns of a table.
+
+    Raises
+    ------
+    InvalidInputError
+        Another ending.
+    OSError
+        The file cannot be written.
+    """
+    summary: dict[str, Any] = {
+        "kind": "push campaign",
+        "ratios": np.asarray(maps[0].grid.ratios).tolist(),
+        "failures": maps[0].grid.failures,
+        **made_with,
+        "maps": [one.summary() for one in maps],
+    }
+    if len(maps) > 1:
+        times = compared(maps[0], maps[1])
+        summary["compared"] = {
+            "least": float(times.min()), "mean": float(times.mean()), "times": times.tolist()
+        }  # fmt: skip
+
+    def arrays() -> dict[str, NDArray[Any]]:
+        return {
+            f"{prefix}{name}": values
+            for prefix, one in zip(_prefixes(maps), maps, strict=True)
+            for name, values in one.arrays().items()
+        }
+
+    def columns() -> list[tuple[str, Array]]:
+        found = [("angle [rad]", maps[0].grid.angles)]
+        for prefix, one in zip(_prefixes(maps), maps, strict=True):
+            rows = one.arrays()
+            found += [
+                (f"{prefix}limit [M omega d]", rows["limit"]),
+                (f"{prefix}survived [N s]", rows["limit"] * rows["capture_impulse"]),
+                (f"{prefix}M omega d [N s]", rows["capture_impulse"]),
+                (f"{prefix}at_least", one.open_ended.astype(float)),
+                (f"{prefix}monotone", _monotone(one)),
+                (f"{prefix}pulse_limit [M omega d]", rows["pulse_limit"]),
+                (f"{prefix}reaction_mass_limit [M omega d]", rows["reaction_mass_limit"]),
+            ]
+        return found
+
+    save_result(path, summary, arrays, columns)
+
+
+def _prefixes(maps: Sequence[PushMap]) -> list[str]:
+    return ["" if k == 0 else f"{k + 1}/" for k in range(len(maps))]
+
+
+def _monotone(one: PushMap) -> Array:
+    return np.array([float(not one.beyond(k)) for k in range(one.grid.directions)])
