@@ -8,6 +8,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from wbc.cli import app
+from wbc.controllers.closed_loop import LoopTick
+from wbc.problem import History
 
 STAND = """\
 robot: {model: hoap2_like, armature: 0.003}
@@ -82,3 +84,33 @@ def test_bad_input_is_exit_code_one(file: Path, arguments: tuple[str, ...], word
     assert done.exit_code == 1
     assert words in done.stderr
     assert "Traceback" not in done.output
+
+
+def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the page is given; that it shows it is tested with the viewer."""
+    seen: list[object] = []
+
+    class Page:
+        url = "http://localhost:1"
+
+        def wait(self) -> None:
+            seen.append("waited")
+
+    class Watching:
+        viewer = Page()
+
+        def __init__(self, robot: object, *, title: str) -> None:
+            seen.append(title)
+
+        def show(self, now: LoopTick, _: object) -> None:
+            seen.append(round(now.time, 6))
+
+        def replay(self, history: History) -> None:
+            seen.append(len(history))
+
+    monkeypatch.setattr("wbc.view.live.watching.Watching", Watching)
+    done = command("sim", file, "--view", "--set", "simulation.duration=0.15")
+    assert done.exit_code == 0, done.output
+    assert (seen[0], *seen[-2:]) == ("push", 75, "waited")
+    assert seen[1:-2] == [round(0.002 * k, 6) for k in range(75)]
+    assert "played again at http://localhost:1" in done.stderr

@@ -217,9 +217,8 @@ def test_noise_delay_and_a_wrong_model_are_what_the_file_says() -> None:
     result = one.simulate()
     assert result.status is SimulationStatus.STOOD, result.reason
     assert result.lost > 10
-    # What the controller saw differs from the truth by noise; never by more than six of it.
-    seen, true = result.run.history.com[:-1], result.arrays["com"][:-2]
-    np.testing.assert_array_equal(seen, true)  # both are of what was measured
-    com = np.array([result.robot.snapshot(q).com for q in result.arrays["q"][:-2]])
-    apart = np.abs(seen - com).max()
+    # What the controller saw is not what was true, but near it.
+    com = np.array([result.robot.snapshot(q).com for q in result.arrays["q"]])
+    seen = result.run.history.com
+    apart = np.abs(seen - com[: len(seen)]).max()
     assert 1e-5 < apart < 2e-2

@@ -18,12 +18,13 @@ from wbc.cli.errors import (
     errors_in_one_line,
     print_notes,
 )
-from wbc.cli.run import overrides_of
+from wbc.cli.run import overrides_of, watched
 
 if TYPE_CHECKING:
     from wbc.cli.interrupts import Interrupts
     from wbc.problem import Problem
     from wbc.simulation import SimulationResult
+    from wbc.view.live.watching import Watching
 
 SIM_EXIT_CODES = (
     "Exit codes: 0 it stood, and every tolerance was met; 1 bad input, or the physics blew up; 2"
@@ -64,15 +65,24 @@ def sim(
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C."),
+    ] = False,
 ) -> None:
     """Simulate a problem of the torque level and say whether the robot stood."""
     with errors_in_one_line():
-        code = _simulate(problem, output or [], plot, overrides_of(assign, solver), quiet)
+        code = _simulate(problem, output or [], plot, overrides_of(assign, solver), quiet, view)
     raise typer.Exit(code)
 
 
 def _simulate(
-    path: Path, output: list[Path], plot: Path | None, overrides: dict[str, Any], quiet: bool
+    path: Path,
+    output: list[Path],
+    plot: Path | None,
+    overrides: dict[str, Any],
+    quiet: bool,
+    view: bool,
 ) -> int:
     """Simulate a problem, write and print what came of it, and return the exit code."""
     from wbc.cli.outputs import Outputs, check_picture, check_place
@@ -80,19 +90,23 @@ def _simulate(
     from wbc.errors import InvalidInputError
     from wbc.problem import Problem, load_problem
     from wbc.run.saving import result_format
+    from wbc.view.live.process import require_viser
 
     for each in output:
         result_format(each)
         check_place("--output", each)
     if plot is not None:
         check_picture("--plot", plot)
+    if view:
+        require_viser()
     problem = load_problem(path, overrides)
     if not isinstance(problem, Problem):
         raise InvalidInputError(f"{path}: a pendulum's problem simulates itself: wbc run {path}")
     if not quiet:
         print_notes(problem.parts.robot)
-    result, interrupts = _run(problem, quiet)
     name = "stdin" if str(path) == "-" else path.stem
+    watching = watched(problem, name) if view else None
+    result, interrupts = _run(problem, quiet, watching)
     if interrupts() and not output:
         output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{name}.npz"]
     outputs = Outputs()
@@ -108,10 +122,16 @@ def _simulate(
         where = ", ".join(str(one) for one in outputs.written) or "nowhere"
         complain(f"interrupted; what was computed until then is in {where}")
         return interrupts.exit_code
+    if watching is not None:
+        watching.replay(result.run.history)
+        typer.echo(f"it can be played again at {watching.viewer.url}; Ctrl-C ends", err=True)
+        watching.viewer.wait()
     return BAD_INPUT if outputs.failures else _exit_code(result)
 
 
-def _run(problem: Problem, quiet: bool) -> tuple[SimulationResult, Interrupts]:
+def _run(
+    problem: Problem, quiet: bool, watching: Watching | None
+) -> tuple[SimulationResult, Interrupts]:
     """Simulate a problem, until its end, a fall or a signal."""
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
@@ -120,7 +140,8 @@ def _run(problem: Problem, quiet: bool) -> tuple[SimulationResult, Interrupts]:
         nullcontext() if quiet else shown_progress() as progress,
         noted_interrupts() as interrupts,
     ):
-        return problem.simulate(progress, cancelled=interrupts), interrupts
+        show = None if watching is None else watching.show
+        return problem.simulate(progress, cancelled=interrupts, show=show), interrupts
 
 
 def _draw(result: SimulationResult, path: Path, name: str) -> None:
