@@ -21,8 +21,9 @@ ACTIVE_SET_ITERATIONS = 300
 # The same for QPs that come once and are asked for nowhere else: relaxed ones of 120 unknowns took
 # up to 302 in 2000 random ticks, 3 ms.
 ONE_OFF_ITERATIONS = 1000
-# Cap on ProxQP's outer iterations where the time is bounded: most warm ticks take 1 to 3.
-QUICK_ITERATIONS = 4
+# Caps on ProxQP's outer iterations where the time is bounded, warm and cold: most warm ticks take 1
+# to 3. Cold ones that take more than 8 take 20 and 10 ms, DAQP then a millisecond.
+QUICK_ITERATIONS, QUICK_COLD = 4, 8
 
 
 class ProxQP:
@@ -89,7 +90,8 @@ class ProxQP:
             return self._solve_actively(qp, check, self._one_off)
         key = (workspace, qp.g.size, qp.b.size, qp.u.size)
         last = self._workspaces.pop(key, None)
-        native = last or Workspace.create(qp, self.eps, self.max_iterations)
+        most = min(QUICK_COLD, self.max_iterations) if quick else self.max_iterations
+        native = last or Workspace.create(qp, self.eps, most)
         raw = native.solve_cold() if last is None else native.solve_warm(qp)
         accepted = check.accept(qp, raw)
         if accepted is None and quick:
