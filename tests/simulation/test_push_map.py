@@ -65,8 +65,12 @@ def test_files_hold_what_the_map_says(
     assert first["directions"][1]["survived_beyond"] == [1.6]
     assert first["directions"][2]["at_least"] and first["directions"][2]["first_failure"] is None
     assert len(first["outcomes"]) == 15 and len(second["outcomes"]) == 16
-    assert told["compared"]["times"] == pytest.approx([1.2, 1.2, 1.6 / 1.4, 0.0])
-    np.testing.assert_allclose(compared(one, other), told["compared"]["times"])
+    assert told["compared"]["times"][:3] == pytest.approx([1.2, 1.2, 1.6 / 1.4])
+    assert told["compared"]["times"][3] is None  # nothing was survived: nothing is known
+    least, mean, _ = compared(one, other)
+    assert least == pytest.approx(1.6 / 1.4) and mean == pytest.approx((2.4 + 1.6 / 1.4) / 3)
+    nothing = made(("0000",) * 4)
+    assert np.isnan(compared(one, nothing)[0])
     with np.load(tmp_path / "r.npz") as archive:
         np.testing.assert_array_equal(archive["survived"][0], [1, 1, 0, -1])
         np.testing.assert_array_equal(archive["2/limit"], [1.0, 1.0, 1.4, 1.0])

@@ -35,19 +35,24 @@ def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterabl
     table.add_column(overflow="fold")
     table.add_row("", "")
     if many:
-        times = compared(first, maps[1])
-        table.add_row(
-            "compared",
-            Text(
-                f"{first.name} survives {np.nanmin(times):.2f} times what {maps[1].name} does at"
-                f" least, {np.nanmean(times):.2f} times on average"
-            ),
-        )
+        table.add_row("compared", Text(_compared(first, maps[1])))
     for one in maps:
         for name, text in _rows(one, f"{one.name}: " if many else ""):
             table.add_row(name, Text(text))
     console.print(table)
     print_written(console, written)
+
+
+def _compared(one: PushMap, other: PushMap) -> str:
+    least, mean, times = compared(one, other)
+    unknown = int(np.isnan(times).sum())
+    if unknown == len(times):
+        return f"in no direction both survived a push of the grid: {one.name}, {other.name}"
+    left_out = f" (but for {unknown} directions, in which one of them survived none)"
+    return (
+        f"{one.name} survives {least:.2f} times what {other.name} does at least, {mean:.2f} times"
+        f" on average{left_out if unknown else ''}"
+    )
 
 
 def _least_and_mean(one: PushMap) -> str:

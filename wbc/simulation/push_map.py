@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -91,11 +92,6 @@ class PushMap:
         columns = np.flatnonzero(self.table[direction] == FELL)
         return self.outcome(direction, int(columns[0])) if columns.size else None
 
-    @property
-    def least_slack(self) -> float:
-        """The finest step of the grid: limits are known to no better than this."""
-        return float(np.diff(self._ratios).min(initial=np.inf))
-
     def summary(self) -> dict[str, Any]:
         """Return everything as plain data."""
         bounds, angles = self.bounds, self.grid.angles
@@ -152,10 +148,19 @@ class PushMap:
         }
 
 
-def compared(one: PushMap, other: PushMap) -> Array:
-    """Return by how much more one survives than the other (n,), by direction; NaN for 0 of both."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(one.limits * one.bounds.ankle / (other.limits * other.bounds.ankle))
+def compared(one: PushMap, other: PushMap) -> tuple[float, float, Array]:
+    """Return how many times what the other survives one does: least, mean, and by direction (n,).
+
+    NaN in directions in which one of them survived no push of the grid, and they are left out of
+    the first two.
+    """
+    known = (one.limits > 0.0) & (other.limits > 0.0)
+    times = np.full(known.shape, np.nan)
+    mine, others = one.limits * one.bounds.ankle, other.limits * other.bounds.ankle
+    times[known] = mine[known] / others[known]
+    if not known.any():
+        return math.nan, math.nan, times
+    return float(times[known].min()), float(times[known].mean()), times
 
 
 def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str, Any]) -> None:
@@ -179,10 +184,8 @@ def save_maps(path: str | Path, maps: Sequence[PushMap], made_with: Mapping[str,
         "maps": [one.summary() for one in maps],
     }
     if len(maps) > 1:
-        times = compared(maps[0], maps[1])
-        summary["compared"] = {
-            "least": float(times.min()), "mean": float(times.mean()), "times": times.tolist()
-        }  # fmt: skip
+        least, mean, times = compared(maps[0], maps[1])
+        summary["compared"] = {"least": least, "mean": mean, "times": times.tolist()}
 
     def arrays() -> dict[str, NDArray[Any]]:
         return {

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from wbc.simulation import PushMap
 from wbc.simulation.push_bounds import PushBounds
@@ -15,8 +16,9 @@ from wbc.validate import Array
 from wbc.view import style
 
 Others = Sequence[PushMap]
-WIDTH, HEIGHT, LEGEND = 4.6, 4.3, 0.6  # inches of a plot, and of what is written below
+WIDTH, HEIGHT, LEGEND = 4.6, 4.6, 0.6  # inches of a plot, and of what is written below
 DOT = 10.0  # points^2
+RINGS = 5  # circles of the grid, about
 SIDES = ((0.0, "forwards"), (0.5 * np.pi, "left"), (np.pi, "back"), (1.5 * np.pi, "right"))
 
 
@@ -67,8 +69,8 @@ def _told(maps: Sequence[PushMap], k: int) -> str:
     one = maps[k]
     text = f"least {one.limits.min():.2f}, mean {one.limits.mean():.2f}"
     if k == 0 and len(maps) > 1:
-        times = compared(maps[0], maps[1])
-        text += f"; {np.nanmean(times):.2f} x {maps[1].name}"
+        _, mean, _ = compared(maps[0], maps[1])
+        text += f"; {mean:.2f} x {maps[1].name}" if np.isfinite(mean) else ""
     return text
 
 
@@ -115,6 +117,8 @@ def _lines(axes: Any, one: PushMap, per: Callable[[PushBounds], Array], others: 
         line = _closed(other.grid.angles, other.limits * other.bounds.ankle * scale)
         axes.plot(*line, color=style.PURPLE, linewidth=1.5, label="survived by the other")
     axes.set_ylim(bottom=0.0)
+    axes.yaxis.set_major_locator(MaxNLocator(RINGS, steps=(1, 2, 5, 10)))
+    axes.tick_params(axis="y", labelsize=style.SMALL - 1.0, labelcolor=style.GREY)
     axes.set_rlabel_position(180.0 / one.grid.directions)  # between two directions
 
 
