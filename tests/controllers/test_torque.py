@@ -241,3 +241,13 @@ def test_normal_forces_keep_their_range(robot_named: Load) -> None:
     left.friction = wbc.FrictionCone(least=1e4)  # more than the ground can be pushed with
     tick = controller.step(here)
     assert tick.ok and tick.forces["left_sole"][2] < 1e4
+
+
+def test_what_has_no_effect_at_this_level_is_said(
+    robot_named: Load, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = robot_named("hoap2_like")
+    here = standing(robot)
+    tasks = [wbc.ComTask(robot, here.com, singular_threshold=0.1)]
+    wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double"))
+    assert "singular_threshold of task 'com' has no effect" in caplog.text

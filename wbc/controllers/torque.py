@@ -115,6 +115,11 @@ class TorqueController(Controller):
         joint_weights: JointWeights | None = None,
         on_failure: str = "damp",
     ) -> None:
+        for task in tasks:
+            if isinstance(task, Task) and task.singular_threshold > 0.0:
+                logging.getLogger(__name__).warning(
+                    "controller: singular_threshold of %s has no effect at the torque level", task
+                )
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.torque_bounds = _torque_bounds(robot, torque_limits)
         self._last: Reaction | None = None
