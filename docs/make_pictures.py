@@ -22,6 +22,7 @@ from wbc.view.analysis import plot_analysis
 from wbc.view.balance import pushes_figure, regions_figure
 from wbc.view.history import read_history
 from wbc.view.options import View
+from wbc.view.simulation import plot_simulation
 from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +59,23 @@ def analysis_picture() -> None:
     picture = PICTURES / "shiko_hoap2_rmp.png"
     title = f"{recording.name}: {series.robot.name}, {series.robot.mass:.1f} kg"
     plot_analysis(series, picture, title=title, snapshots=SHIKO)
-    Image.open(picture).convert("RGB").quantize(256).save(picture, optimize=True)
+    smaller(picture)
+
+
+def push_picture() -> None:
+    """Draw a push in simulation as `wbc sim` does."""
+    result = load_problem(ROOT / "problems" / "push_g1.yaml").simulate()
+    picture = PICTURES / "push_g1.png"
+    plot_simulation(result.robot, result.arrays, picture, title=f"push_g1: {result.reason}")
+    smaller(picture, width=1620)
+
+
+def smaller(picture: Path, width: int | None = None) -> None:
+    """Keep 256 colours, and ``width`` pixels across."""
+    image = Image.open(picture).convert("RGB")
+    if width is not None:
+        image = image.resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
+    image.quantize(256).save(picture, optimize=True)
 
 
 def pendulum_pictures() -> None:
@@ -112,6 +129,7 @@ def main() -> None:
         poses |= {k: run.pose(-1) for k, run in runs.items()}
         plot_robot(robot, poses, PICTURES / f"{name}.png")
     analysis_picture()
+    push_picture()
     pendulum_pictures()
 
 
