@@ -64,7 +64,13 @@ def _table(maps: Sequence[PushMap]) -> Table:
     first, many = maps[0], len(maps) > 1
     names = [f"survived, {one.name}" if many else "survived" for one in maps]
     table = heads(
-        "direction [deg]", "M omega d [N s]", *names, "[N s]", "in theory", "with wheel", "fails by"
+        "direction [deg]",
+        "M omega d [N s]",
+        *names,
+        "[N s]",
+        "ankles, in theory",
+        "reaction mass",
+        "fails by",
     )
     bounds = first.bounds
     for k, angle in enumerate(np.degrees(first.grid.angles).tolist()):
@@ -120,12 +126,12 @@ def _rows(one: PushMap, who: str) -> Iterator[tuple[str, str]]:
         )
     bounds = one.bounds
     if bounds.wheel is None:
-        yield "with wheel", f"{who}no estimate: {bounds.why_no_wheel}"
+        yield "reaction mass", f"{who}no estimate: {bounds.why_no_wheel}"
     else:
         mass = bounds.reaction_mass
         x, y = mass["inertia"]
         yield (
-            "with wheel",
-            f"{who}a reaction mass of {x:.3g}, {y:.3g} kg m^2 with {mass['torque']:.3g} N m that"
+            "reaction mass",
+            f"{who}{x:.3g}, {y:.3g} kg m^2 with {mass['torque']:.3g} N m that"
             f" turns by {mass['angle']:.3g} rad; an estimate, not a bound of the robot",
         )
