@@ -337,6 +337,7 @@ def random_task(kind: int, here: Snapshot, rng: Rng) -> Task:
         law["lm_damping"] = decades(rng, -6, 2)
     if rng.random() < 0.2:
         law["singular_threshold"] = decades(rng, -4, 0)
+    without_gain = {key: law[key] for key in law if key not in ("gain", "lm_damping")}
     eye, zero = np.eye(3), np.zeros(3)
     shape = here.inertia_in("base")
     makers: tuple[Callable[[], Task], ...] = (
@@ -348,7 +349,7 @@ def random_task(kind: int, here: Snapshot, rng: Rng) -> Task:
         lambda: AxisTask(robot, frame, (0, 0, 1), **law),
         lambda: InertiaTask(robot, shape, frame="base", second_order=bool(rng.integers(2)), **law),
         lambda: PrincipalInertiaTask(robot, np.linalg.eigvalsh(shape), **law),
-        lambda: MomentumTask(robot, **law),
+        lambda: MomentumTask(robot, **without_gain),
         lambda: DistanceTask(robot, frame, other, 0.1, **law),
         lambda: PostureTask(robot, robot.posture("standing"), **law),
         lambda: DampingTask(robot, weight=law["weight"], priority=law["priority"]),

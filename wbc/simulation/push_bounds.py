@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.constraints.com_support import support_polygon
-from wbc.rmp.balance.push_limits import Wheel, push_limits
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -84,6 +83,8 @@ def push_bounds(
     InvalidInputError
         No feet, or a CoM that is not above their soles.
     """
+    from wbc.rmp.balance.push_limits import Wheel, push_limits  # loads CasADi
+
     feet = tuple(feet)
     robot = snapshot.robot
     ground = float(np.mean([snapshot.position(robot.foot(foot).frame)[2] for foot in feet]))
