@@ -123,6 +123,12 @@ GOOD = [
     with_task("{type: posture, target: {knee: 1}}"),
     with_task("{type: posture, target: start}"),
     with_task("{type: momentum, components: [kx], target: [1]}"),
+    with_task("{type: contact_force, frame: f, components: [fz], target: [9], weight: [2]}"),
+    with_task("{type: load_share, target: {a: 1, b: 2}, priority: 1}"),
+    with_task("{type: cop, target: [0, 0.1]}"),
+    with_task("{type: force_rate, frames: [a]}"),
+    with_task("{type: torque, target: {'*': 1}, joints: ['*_knee']}"),
+    with_task("{type: torque, target: 2}"),
 ]
 BAD = [
     "robot: g1\n",
@@ -157,6 +163,11 @@ BAD = [
     with_task("{type: posture, gain: true}"),
     with_task("{type: momentum, gain: 0.5}"),
     with_task("{type: inertia, target: wide}"),
+    with_task("{type: contact_force, frame: f, components: [f]}"),
+    with_task("{type: load_share, target: {a: 1}}"),
+    with_task("{type: cop, target: [1]}"),
+    with_task("{type: force_rate, kd: 1}"),
+    with_task("{type: torque, target: start}"),
 ]
 
 

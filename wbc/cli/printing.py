@@ -78,6 +78,8 @@ def tasks_table(result: Result) -> Table:
         worst = int(np.argmax(np.abs(task.error)))
         largest = f"{task.rows[worst]} {task.error[worst]:+.3g}"
         cells = [Text(name), Text(f"{task.norm:.3g}{unit}"), Text(largest)]
+        if np.isnan(task.error).all():  # about forces, which no tick decided
+            cells[1:] = [Text("unknown"), Text("it was never on")]
         if task.tolerance is not None:
             met = task.norm <= task.tolerance
             cells.append(Text(f"{task.tolerance:g}", style="green" if met else "red"))

@@ -14,6 +14,7 @@ from wbc.constraints import Constraint, Contact, Limits, Obstacles
 from wbc.constraints.margin import SKIN
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.problem.borne import check_borne
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
 from wbc.problem.global_search import check_global, global_shaping
@@ -75,6 +76,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
     if not isinstance(spec.limits, str):
         limits = mistakes.require(("limits",), partial(spec.limits.build, robot))
     around = surroundings(spec.constraints, start, limits, mistakes)
+    mistakes.raise_any()
+    check_borne(spec, phases, start, mistakes)
     mistakes.raise_any()
     supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
     parts = Parts(

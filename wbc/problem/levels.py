@@ -1,4 +1,4 @@
-"""Which keys of tasks and contacts belong to which control level: those of the other are refused.
+"""Which tasks, and keys of tasks and contacts, one control level has: the other refuses them.
 
 They would do nothing, and nobody would notice.
 """
@@ -24,10 +24,19 @@ REMEDY = {
     TORQUE: "give controller: {level: torque}, or leave it out",
 }
 
+LEVEL = {
+    VELOCITY: "give controller: {level: velocity}, or leave the task out",
+    TORQUE: "give controller: {level: torque}, or leave the task out",
+}
+
 
 def check_level(spec: ProblemSpec, mistakes: Mistakes) -> None:
-    """Note the keys that a problem's level has no use for."""
+    """Note the tasks and keys that a problem's level has no use for."""
     other = VELOCITY if spec.controller.level == TORQUE else TORQUE
+    for name, task in spec.tasks.items():
+        if task.level == other:
+            with mistakes.at("tasks", name):
+                raise Misplaced(f"{task.type} belongs to the {other} level; {LEVEL[other]}", "type")
     for path, section in _sections(spec):
         keys = (CONTACT_KEYS if isinstance(section, ContactSpec) else TASK_KEYS)[other]
         for key in sorted(section.model_fields_set & set(keys)):

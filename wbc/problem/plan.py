@@ -137,6 +137,7 @@ class _Planner:
             return {}
         if "target" in given:
             _check_feet_below(spec, self._start, contacts)
+        spec.check_change(self._specs[name])
         self._built[name] = spec.build(name, self._start)
         self._specs[name] = spec
         return {name: self._built[name]} if "target" in given else {}

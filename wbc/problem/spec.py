@@ -58,7 +58,7 @@ class PhaseTaskSpec(Section):
     target: Annotated[Any, AnyTarget()] | None = None
     """Where the task's target should be at the end of the phase, in any form that the task itself
     takes; what is relative is relative to the start of the run. It moves smoothly from where it is,
-    or from where the robot is if the task was off."""
+    or from where the robot is if the task was off; of forces from the task's own target."""
     weight: Weight | None = None
     """Weight at the end of the phase; it changes smoothly."""
     active: bool | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from pydantic import Field
 
@@ -20,24 +20,20 @@ class TaskSpec(Section):
     """What all tasks have in common.
 
     A kind of task is a subclass with a ``type`` of its own, a ``target``, a ``weight``, and
-    :meth:`build`. Keys that are added here, or to :class:`ErrorTaskSpec`, are handed on to the
-    task's class under the same name.
+    :meth:`build`. Keys that are added here, or to the classes below, are handed on to the task's
+    class under the same name.
     """
 
     no_posture: ClassVar[str] = ""
     """Why a search over postures has no use for such a task; empty if it has."""
+    level: ClassVar[str] = ""
+    """The only control level that has such tasks; empty if both have."""
 
     type: str
     target: Any
     weight: Any
     priority: int = Field(default=default_of(Task, "priority"), ge=0, le=9)
     """Strict level, 0 the most important: a level never gives way to a later one."""
-    singular_threshold: NonNegative = default_of(VelocityLaw, "singular_threshold")
-    """Singular values of the Jacobian below this are singular, counting the motions that contacts
-    and earlier levels leave [unit of the error/s per rad/s]: the task asks for less in their
-    directions, so that joints need not race. 0: never. Of the velocity level."""
-    kd: NonNegative | None = None
-    """At the torque level: damping of the error [1/s]; left out: critical, 2 sqrt(kp)."""
     active: bool = True
     """false: the task is off, until a phase puts it to use."""
 
@@ -55,6 +51,20 @@ class TaskSpec(Section):
     def moved_frame(self) -> str | None:
         """The frame that the task moves, which must not be held at the same time."""
         return None
+
+    @property
+    def contact_frames(self) -> tuple[str, ...]:
+        """Frames that the file names as those of contacts."""
+        return ()
+
+    def check_change(self, before: Self) -> None:
+        """Refuse what a phase cannot change about the task as it was ``before``.
+
+        Raises
+        ------
+        Misplaced
+            Such a change.
+        """
 
     def feet_below(self, robot: Robot) -> tuple[str, ...]:
         """Return the feet that the target is above; they must stand when it is set."""
@@ -82,7 +92,24 @@ class TaskSpec(Section):
         return {key: value for key, value in values.items() if value is not None}
 
 
-class ErrorTaskSpec(TaskSpec):
+class MotionTaskSpec(TaskSpec):
+    """What tasks about the motion have in common, at either level."""
+
+    singular_threshold: NonNegative = default_of(VelocityLaw, "singular_threshold")
+    """Singular values of the Jacobian below this are singular, counting the motions that contacts
+    and earlier levels leave [unit of the error/s per rad/s]: the task asks for less in their
+    directions, so that joints need not race. 0: never. Of the velocity level."""
+    kd: NonNegative | None = None
+    """At the torque level: damping of the error [1/s]; left out: critical, 2 sqrt(kp)."""
+
+
+class ForceTaskSpec(TaskSpec):
+    """What tasks about contact forces and torques have in common; there are no gains."""
+
+    level: ClassVar[str] = "torque"
+
+
+class ErrorTaskSpec(MotionTaskSpec):
     """What tasks with an error to remove have in common."""
 
     gain: Fraction = default_of(VelocityLaw, "gain")

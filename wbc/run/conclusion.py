@@ -21,7 +21,7 @@ from wbc.run.result import (
 from wbc.run.standing import Standing
 from wbc.run.stopping import Stop, ending
 from wbc.spatial import COMPONENTS, DIAGONAL, vech_inverse
-from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
+from wbc.tasks import ForceTask, InertiaTask, PrincipalInertiaTask, Task
 from wbc.tasks.inertia import TRACE
 from wbc.validate import Array
 
@@ -53,7 +53,9 @@ def conclude(
     final = recorder.measure(end, standing)
     results = {
         task.name: TaskResult(
-            error=task.deviation(end, task.residual(end)),
+            error=recorder.decided(task)
+            if isinstance(task, ForceTask)
+            else task.deviation(end, task.residual(end)),
             rows=task.reported_rows,
             units=task.units,
             tolerance=stop.accept.get(task.name),

@@ -210,6 +210,12 @@ class Recorder:
             }
         )
 
+    def decided(self, task: Task) -> Array:
+        """Return the error (k,) that the last tick with a task told; NaN if there was none."""
+        rows = (row["errors"] for row in reversed(self._rows))
+        last = next((errors[task.name] for errors in rows if task.name in errors), None)
+        return np.full(len(task.reported_rows), np.nan) if last is None else last
+
     def measure(self, snapshot: Snapshot, standing: Standing) -> Measured:
         """Return what the summary needs to know of a state."""
         drifts = {contact.frame: contact.residual(snapshot).error for contact in standing.contacts}

@@ -8,13 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from wbc.problem.section import Name, NonNegative, default_of
-from wbc.problem.task_spec import TaskSpec
+from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
 from wbc.tasks import DampingTask
 
 
-class DampingSpec(TaskSpec):
+class DampingSpec(MotionTaskSpec):
     """Rest: velocities as low as the other tasks leave them."""
 
     type: Literal["damping"]

@@ -19,7 +19,7 @@ from wbc.problem.section import (
     default_of,
     forms,
 )
-from wbc.problem.task_spec import TaskSpec
+from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
 from wbc.tasks import MomentumTask
@@ -38,7 +38,7 @@ Components = Annotated[
 ]
 
 
-class MomentumSpec(TaskSpec):
+class MomentumSpec(MotionTaskSpec):
     """Centroidal momentum; a rate already, so there is no error to remove by a gain."""
 
     no_posture: ClassVar[str] = "momentum is about velocities, a posture has none"
