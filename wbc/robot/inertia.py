@@ -132,7 +132,7 @@ def inertia_curvature(
     turned = W @ w
     turned -= w @ W
     first = carried.sum(axis=0)
-    second = np.tensordot(turned, P, ((0, 2), (0, 1))) + np.tensordot(w, spread, ((0, 2), (0, 1)))
+    second = (turned @ P + w @ spread).sum(axis=0)
     velocity = first[:3, 3] / mass
     rate = first[:3, :3] + first[:3, :3].T
     curvature = second[:3, :3] + second[:3, :3].T
@@ -142,11 +142,12 @@ def inertia_curvature(
 
 def _of_second_moments(S: Array) -> Array:
     """Return tr(S) 1 - S (3, 3)."""
-    return S.trace() * np.eye(3) - S
+    return float(S[0, 0] + S[1, 1] + S[2, 2]) * _ONE - S
 
 
 # From vech to the (3, 3) matrix, and from a twist to its 4x4 matrix, flat (6, 16).
 _MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+_ONE = np.eye(3)
 _TWISTS = np.zeros((6, 16))
 _TWISTS[np.arange(3), 4 * np.arange(3) + 3] = 1.0
 _TWISTS.reshape(6, 4, 4)[3:, :3, :3] = [skew(axis) for axis in np.eye(3)]

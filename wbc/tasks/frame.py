@@ -292,7 +292,7 @@ def orientation_drift(
     R = snapshot.rotation(frame)
     relative = target.T @ R
     w = snapshot.jacobian(frame)[3:] @ snapshot.v
-    alpha = snapshot.drift(frame)[3:] - target_acceleration + np.cross(w, target_rate)
+    alpha = snapshot.drift(frame)[3:] - target_acceleration + skew(w) @ target_rate
     return log_drift(relative, R.T @ (w - target_rate), R.T @ alpha)
 
 
