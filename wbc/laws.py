@@ -8,8 +8,11 @@ law says what v+ should do for it: :class:`VelocityLaw` (first order, for the ve
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number
@@ -76,6 +79,19 @@ class Rows(NamedTuple):
     singular_threshold: float = 0.0
     rate: float = 0.0
     bias: Array | None = None
+
+
+def stacked(matrices: Sequence[Array], n: int) -> Array:
+    """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
+    widths = {matrix.shape[1] for matrix in matrices}
+    if widths == {n}:
+        return np.concatenate(matrices)
+    rows, begin = np.zeros((sum(map(len, matrices)), n)), 0
+    for matrix in matrices:
+        end = begin + len(matrix)
+        rows[begin:end, : matrix.shape[1]] = matrix
+        begin = end
+    return rows
 
 
 class Weighted(Protocol):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.laws import Rows
+from wbc.laws import Rows, stacked
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances
 from wbc.validate import Array
@@ -159,21 +159,12 @@ def stack(parts: Sequence[Bounds]) -> Bounds:
         slack = np.concatenate([h if part.slack is None else part.slack for part, h in slacks])
     return Bounds(
         sum((part.labels for part in parts), ()),
-        np.concatenate([widened(part.matrix, widest) for part in parts]),
+        stacked([part.matrix for part in parts], widest),
         np.concatenate([part.lower for part in parts]),
         np.concatenate([part.upper for part in parts]),
         push,
         slack=slack,
     )
-
-
-def widened(matrix: Array, n: int) -> Array:
-    """Return a matrix (k, m) with zero columns behind, (k, n)."""
-    if matrix.shape[1] == n:
-        return matrix
-    rows = np.zeros((len(matrix), n))
-    rows[:, : matrix.shape[1]] = matrix
-    return rows
 
 
 def take(names: Sequence[str], which: Index) -> tuple[str, ...]:

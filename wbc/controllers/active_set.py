@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from wbc.controllers.plan import Decision, stacked
-from wbc.laws import Rows
+from wbc.controllers.plan import Decision
+from wbc.laws import Rows, stacked
 from wbc.qp.elimination import RANK_TOLERANCE
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution

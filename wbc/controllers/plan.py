@@ -15,9 +15,9 @@ import numpy as np
 
 from wbc.constraints.contact import ContactRows
 from wbc.constraints.limits import BASE_ROWS
-from wbc.constraints.rows import Bounds, widened
+from wbc.constraints.rows import Bounds
 from wbc.controllers.slack import Slacks, with_slack
-from wbc.laws import Rows
+from wbc.laws import Rows, stacked
 from wbc.qp.problem import QP, Labels
 from wbc.robot import Robot
 from wbc.tasks.task import Task
@@ -253,7 +253,7 @@ def assemble(
         bounds = none
     else:
         labels = Labels(labels.equality, bounds.labels, labels.variables)
-    C = bounds.matrix if bounds.matrix.shape[1] == n else widened(bounds.matrix, n)
+    C = bounds.matrix if bounds.matrix.shape[1] == n else stacked([bounds.matrix], n)
     g = -(wanted @ J)
     if rest is not None:
         g -= decision.damping * rest
@@ -301,16 +301,3 @@ def convexified(H: Array) -> Array:
     np.maximum(sizes, FLATTEST * sizes.max(), out=sizes)
     half = vectors * np.sqrt(sizes)
     return half @ half.T
-
-
-def stacked(matrices: Sequence[Array], n: int) -> Array:
-    """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
-    widths = {matrix.shape[1] for matrix in matrices}
-    if widths == {n}:
-        return np.concatenate(matrices)
-    rows, begin = np.zeros((sum(map(len, matrices)), n)), 0
-    for matrix in matrices:
-        end = begin + len(matrix)
-        rows[begin:end, : matrix.shape[1]] = matrix
-        begin = end
-    return rows
