@@ -6,8 +6,8 @@ torque): they are physics, and stay hard. Everything else gives way, in this ord
 costs:
 
 1. ranges of normal force (dropped: a foot that must be loaded may not be);
-2. contacts, joint limits and margins between bodies, each weighed like the heaviest task; joints
-   and bodies that are outside already are moved back by a cost that outweighs all of that.
+2. contacts, joint limits and margins between bodies, each weighed like the heaviest task. What is
+   outside already may not go further; that it is moved back waits for a tick that keeps the rest.
 
 All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
 gave way, and by how much, is reported by name.
@@ -22,7 +22,7 @@ import numpy as np
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds, stack, take
 from wbc.controllers.plan import Physics, Plan, assemble
-from wbc.controllers.slack import SLACK_OF
+from wbc.controllers.slack import slacks_of
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
 from wbc.validate import Array
@@ -82,21 +82,15 @@ def relaxed_qp(
 
 def given_way(plan: Plan, contacts: Sequence[Rows], qp: QP, x: Array) -> dict[str, float]:
     """Return what a relaxed QP's solution misses, by the name of contact row, limit or margin."""
-    missed = {
-        name.removeprefix(SLACK_OF): float(value)
-        for name, value in zip(qp.labels.variables, x, strict=True)
-        if name.startswith(SLACK_OF) and abs(value) > NEGLIGIBLE
-    }
-    return dict(_contacts_missed(plan, contacts, x)) | missed
+    missed = dict(_contacts_missed(plan, contacts, x)) | slacks_of(qp, x)
+    return {name: by for name, by in missed.items() if abs(by) > NEGLIGIBLE}
 
 
 def _contacts_missed(plan: Plan, contacts: Sequence[Rows], x: Array) -> Iterator[tuple[str, float]]:
     labels = iter(plan.held.labels)
     for row in contacts:
         values = row.matrix @ x[: row.matrix.shape[1]] - row.target
-        for value, name in zip(values.tolist(), labels, strict=False):
-            if abs(value) > NEGLIGIBLE:
-                yield name, value
+        yield from ((name, value) for value, name in zip(values.tolist(), labels, strict=False))
 
 
 def _soft(bounds: Bounds, weight: float) -> Bounds:
