@@ -84,36 +84,29 @@ def solve_with_look_ahead(
     held:
         Rows of the contacts: if a QP has no solution, margins are relaxed by what these need.
     """
-    bounds, cuts = stack(margins.parts), list[Bounds]()
-    outcome = solve(bounds, None)
-    for _ in range(ROUNDS):
-        if not outcome.solved:
-            return solve(relax_for_contacts(bounds, held), outcome.box), 1.0
-        found = margins.violated(outcome.velocity)
-        if not found:
-            return outcome, 1.0
-        cuts += found
-        bounds = stack([*margins.parts, *cuts])
-        outcome = solve(bounds, outcome.box)
+    outcome, rows, kept = solve_with_cuts(solve, margins, ROUNDS)
     if not outcome.solved:
-        return solve(relax_for_contacts(bounds, held), outcome.box), 1.0
-    return outcome, margins.step_scale(outcome.velocity)
+        return solve(relax_for_contacts(stack(rows), held), outcome.box), 1.0
+    return outcome, 1.0 if kept else margins.step_scale(outcome.velocity)
 
 
-def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bounds]]:
+def solve_with_cuts(
+    solve: Solve, margins: MarginRows, rounds: int = CUT_ROUNDS
+) -> tuple[Outcome, list[Bounds], bool]:
     """Return the outcome with margins kept where it leads, and the rows that this took.
 
-    For the torque level, where no part of a command is safer than the whole: after the last round,
-    or when a QP has no solution, the outcome is returned as it is.
+    After the last round, or when a QP has no solution, the outcome is returned as it is: at the
+    torque level no part of a command is safer than the whole. The last thing returned is whether
+    the outcome was looked at and violates no margin.
     """
     rows = list(margins.parts)
     outcome = solve(stack(rows), None)
-    for _ in range(CUT_ROUNDS):
+    for _ in range(rounds):
         if not outcome.solved:
-            break
+            return outcome, rows, False
         found = margins.violated(outcome.velocity)
         if not found:
-            break
+            return outcome, rows, True
         rows += found
-        outcome = solve(stack(rows), None)
-    return outcome, rows
+        outcome = solve(stack(rows), outcome.box)
+    return outcome, rows, False

@@ -246,7 +246,7 @@ class TorqueController(Controller):
         else:
             parts = [_reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
             margins = margins._replace(parts=parts)
-            outcome, rows = solve_with_cuts(partial(self._solver.solve, problem), margins)
+            outcome, rows, _ = solve_with_cuts(partial(self._solver.solve, problem), margins)
         self._first = self._within_limits(outcome)
         self._missed: dict[str, float] | None = None
         if self._first.solved:
