@@ -166,15 +166,6 @@ class ContactForces:
                 lower[k] = min(cone.least, largest) / self.unit
         return Bounds(self.labels, self._matrix, lower, upper)
 
-    @cached_property
-    def columns(self) -> Mapping[str, slice]:
-        """Which of the force unknowns belong to each contact, by its name."""
-        return {part.contact.name: part.columns for part in self.parts}
-
-    def grasp(self, name: str) -> Array | None:
-        """Return the grasp map (6, k) of a contact in the axes of its forces, or None if free."""
-        return next(part.grasp for part in self.parts if part.contact.name == name)
-
     def _read_cones(self) -> None:
         """Lay out the rows: one for each whole normal force, then the facets of each corner."""
         self._shapes = tuple(_shape(contact.friction) for contact in self.surfaces)

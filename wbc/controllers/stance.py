@@ -59,7 +59,7 @@ class Stance:
     @property
     def overloaded(self) -> dict[str, tuple[float, float]]:
         """By joint: the torque that it takes, and the largest there is, where that is less."""
-        unsaid = ROUNDING * _weight(self.snapshot)
+        unsaid = ROUNDING * self.snapshot.robot.weight
         beyond = np.abs(self.torque) > (1.0 + NEGLIGIBLE) * self.most + unsaid
         names = self.snapshot.robot.joint_names
         return {
@@ -69,7 +69,7 @@ class Stance:
     @property
     def held(self) -> bool:
         """Whether the contacts can bear the robot, whatever torques that takes."""
-        return float(np.abs(self.unheld).max()) <= NEGLIGIBLE * _weight(self.snapshot)
+        return float(np.abs(self.unheld).max()) <= NEGLIGIBLE * self.snapshot.robot.weight
 
     @property
     def ok(self) -> bool:
@@ -129,7 +129,7 @@ def stance_torques(
         )
     factor = finite_number("stance, torque_limits", torque_limits, above=0.0)
     rest = robot.snapshot(snapshot.q, np.zeros(robot.nv))
-    weight = _weight(rest)
+    weight = robot.weight
     forces = ContactForces(robot, mechanics_of(robot, tuple(contacts)), weight)
     most = factor * robot.limits.effort
     most[[robot.joint_index(name) - 6 for name in robot.couplings]] = 0.0  # they have no motor
@@ -179,8 +179,3 @@ def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) 
         np.concatenate((forces.upper, free)),
         Labels((), (*cones.labels, *("torque",) * int(bounded.sum())), (*forces.names, *("",) * n)),
     )
-
-
-def _weight(snapshot: Snapshot) -> float:
-    robot = snapshot.robot
-    return robot.mass * float(np.linalg.norm(robot.model.gravity.linear))

@@ -123,7 +123,7 @@ class TorqueController(Controller):
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.torque_bounds = _torque_bounds(robot, torque_limits)
         self._last: Reaction | None = None
-        self._ramps = ForceRamps(robot.mass * float(np.linalg.norm(robot.model.gravity.linear)))
+        self._ramps = ForceRamps(robot.weight)
         super().__init__(
             robot,
             tasks,

@@ -100,6 +100,11 @@ class KinematicTree:
         return float(pin.computeTotalMass(self.model))
 
     @cached_property
+    def weight(self) -> float:
+        """Total weight [N], in the model's gravity."""
+        return self.mass * math.hypot(*self.model.gravity.linear)
+
+    @cached_property
     def armature(self) -> Array:
         """Rotor inertia (nv-6,), as felt at the joint [kg m^2 or kg]; in the mass matrix."""
         return read_only(np.array(self.model.armature[BASE_NV:]))
