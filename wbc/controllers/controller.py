@@ -37,7 +37,7 @@ from wbc.controllers.parts import (
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import Slacks, slacks_of
-from wbc.controllers.tick import POLICIES, Tick, Times
+from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
@@ -214,7 +214,7 @@ class Controller(ABC):
             margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
         ready = perf_counter()
         outcome, step_scale = self._solve(problem, margins)
-        tick = self._tick(snapshot, residuals, outcome, step_scale, singular, start, ready)
+        tick = self._tick(snapshot, physics, residuals, outcome, step_scale, singular, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
@@ -302,6 +302,7 @@ class Controller(ABC):
     def _tick(
         self,
         snapshot: Snapshot,
+        physics: Physics,
         residuals: Sequence[Residual],
         outcome: Outcome,
         step_scale: float,
@@ -312,11 +313,14 @@ class Controller(ABC):
         """Turn the outcome into a command, by the declared policy if there is no solution."""
         solved = outcome.solution.status is Status.SOLVED
         slack: dict[str, float] = {}
+        policy = None if solved else self.on_failure
         if not solved:
             velocity, slack = self._fallback(snapshot, outcome)
         else:
             velocity = outcome.velocity
-            if outcome.qp.g.size > self.plan.decision.size:
+            if outcome.given_way is not None:
+                policy, slack = RELAX, outcome.given_way
+            elif outcome.qp.g.size > self.plan.decision.size:
                 slack = slacks_of(outcome.qp, outcome.solution.x)
             if step_scale < 1.0:
                 velocity = step_scale * velocity
@@ -330,7 +334,7 @@ class Controller(ABC):
         return Tick(
             velocity=velocity,
             status=outcome.solution.status,
-            policy=None if solved else self.on_failure,
+            policy=policy,
             errors=errors,
             solution=outcome.solution,
             qp=outcome.qp,

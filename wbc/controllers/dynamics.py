@@ -1,4 +1,11 @@
-"""What forces and torques are by the unknowns of one torque tick, for tasks about them."""
+"""What forces and torques are by the unknowns x = (v+, f) of one torque tick.
+
+One step of the floating-base dynamics, D the joints' damping,
+
+    M (v+ - v)/dt + bias + D v+ = [0; tau] + J' f
+
+makes the base forces and torques an affine expression of x.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import lapack
 
 from wbc.controllers.contact_forces import ContactForces
 from wbc.robot import Snapshot
@@ -31,6 +39,34 @@ class TickDynamics:
     matrix: Array
     offset: Array
     last: Mapping[str, Array] | None
+
+    @classmethod
+    def at(
+        cls, snapshot: Snapshot, forces: ContactForces, last: Mapping[str, Array] | None
+    ) -> TickDynamics:
+        """Return the dynamics at a snapshot."""
+        robot, unit = snapshot.robot, forces.unit
+        nv = robot.nv
+        matrix = np.empty((nv, nv + forces.size))
+        np.multiply(snapshot.mass_matrix, 1.0 / robot.mass, out=matrix[:, :nv])
+        offset = snapshot.bias / unit
+        offset -= matrix[:, :nv] @ snapshot.v
+        diagonal = matrix.reshape(-1)[:: matrix.shape[1] + 1]
+        diagonal[6:] += robot.damping / unit
+        np.negative(forces.generalized(snapshot), out=matrix[:, nv:])
+        return cls(snapshot, forces, matrix, offset, last)
+
+    def torques(self, x: Array) -> Array:
+        """Return the torques (nv - 6,) of all joints [N m] at x (n,)."""
+        torques: Array = self.unit * (self.matrix @ x + self.offset)[6:]
+        return torques
+
+    def exact(self, x: Array) -> Array:
+        """Return x (n,) with a base velocity that meets its dynamics to rounding, not to eps."""
+        met = x.copy()
+        base = self.matrix[:6]
+        met[:6] -= lapack.dposv(base[:, :6], base @ x + self.offset[:6])[1]
+        return met
 
     @property
     def size(self) -> int:

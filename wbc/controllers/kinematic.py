@@ -47,7 +47,9 @@ class KinematicController(Controller):
             outcome, step_scale = self._solve(problem, margins)
             if not outcome.solved:  # the Python tick finds out why, and what is best then
                 return super()._step(snapshot)
-        return self._tick(snapshot, found.residuals, outcome, step_scale, {}, start, ready)
+        return self._tick(
+            snapshot, NO_PHYSICS, found.residuals, outcome, step_scale, {}, start, ready
+        )
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         super()._plan(contacts)

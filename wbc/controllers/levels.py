@@ -23,7 +23,7 @@ from wbc.constraints.rows import Bounds, stack
 from wbc.controllers.active_set import ActiveSet, achieved_rows
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
-from wbc.controllers.relaxation import relaxed_qp
+from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
@@ -51,6 +51,8 @@ class Outcome(NamedTuple):
         In solvers [s], over all levels.
     singular:
         Of each task with a singular threshold on the levels below the first.
+    given_way:
+        What a relaxed QP misses, by name; None where nothing was relaxed.
     """
 
     qp: QP
@@ -59,6 +61,7 @@ class Outcome(NamedTuple):
     nv: int
     solve_time: float
     singular: dict[str, Singularity]
+    given_way: dict[str, float] | None = None
 
     @property
     def solved(self) -> bool:
@@ -178,11 +181,13 @@ class LevelSolver:
 
         See :mod:`wbc.controllers.relaxation`.
         """
-        qp = relaxed_qp(
-            self.plan, problem.rows, problem.contacts, problem.box, margins, problem.physics
-        )
+        rows, contacts, physics = problem.rows, problem.contacts, problem.physics
+        qp = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
         solution = self._solve_qp(qp, workspace=None)
-        return Outcome(qp, solution, qp, self.plan.decision.nv, solution.solve_time, {})
+        missed = given_way(self.plan, contacts, qp, solution.x) if solution.solved else None
+        return Outcome(
+            qp, solution, qp, self.plan.decision.nv, solution.solve_time, {}, given_way=missed
+        )
 
     def _descend(
         self, problem: LevelProblem, held: list[Rows], bounds: Bounds | None, first: Outcome

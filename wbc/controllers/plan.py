@@ -16,6 +16,7 @@ import numpy as np
 from wbc.constraints.contact import ContactRows
 from wbc.constraints.limits import BASE_ROWS
 from wbc.constraints.rows import Bounds
+from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.slack import Slacks, with_slack
 from wbc.laws import Rows, stacked
 from wbc.qp.problem import QP, Labels
@@ -99,6 +100,8 @@ class Physics(NamedTuple):
         Rows of the tasks about forces, in the order of the plan.
     rest:
         (n,) what the damping of the unknowns pulls towards; None for zero.
+    dynamics:
+        What forces and torques are by the unknowns, at the torque level.
     """
 
     equalities: Sequence[Rows] = ()
@@ -106,6 +109,7 @@ class Physics(NamedTuple):
     costs: Sequence[Rows] = ()
     forces: Sequence[Rows] = ()
     rest: Array | None = None
+    dynamics: TickDynamics | None = None
 
 
 NO_PHYSICS = Physics()

@@ -58,11 +58,10 @@ def relaxed_qp(
     physics:
         What stays hard, but for its slack.
     """
-    equalities, hard, extra, _, rest = physics
-    decision, n = plan.decision, plan.decision.size
+    hard, decision, n = physics.bounds, plan.decision, plan.decision.size
     heaviest = max(float(np.square(row.weight).max(initial=0.0)) for row in rows)
     unit = max(heaviest, 1e-6)
-    costs, held = [*rows, *extra], list(equalities)
+    costs, held = [*rows, *physics.costs], list(physics.equalities)
     for contact, row in zip(plan.held.contacts, contacts, strict=True):
         if isinstance(contact, Gear | BoltedBase):
             held.append(row)
@@ -77,7 +76,7 @@ def relaxed_qp(
     physical = sum(len(row.target) for row in held)
     labels = Labels(plan.labels[0].equality[:physical], (), decision.names)
     bounds = stack(parts) if parts else None
-    return assemble(decision, costs, held, (-free, free), bounds, labels, rest)
+    return assemble(decision, costs, held, (-free, free), bounds, labels, physics.rest)
 
 
 def given_way(plan: Plan, contacts: Sequence[Rows], qp: QP, x: Array) -> dict[str, float]:

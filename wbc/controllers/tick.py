@@ -12,6 +12,7 @@ from wbc.qp.solution import Conflict, Solution, Status
 from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "closest", "raise")
+RELAX = "relax"  # the policy of a tick in which something gave way, at the torque level
 # Multipliers below this part of the largest, or below this, are what solvers leave: not active.
 ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
 

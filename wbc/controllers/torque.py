@@ -1,13 +1,10 @@
 """The torque level: the same tasks as inverse dynamics, by one QP per tick.
 
-The unknowns are the velocity at the end of the tick and the contact forces, x = (v+, f). With the
-floating-base dynamics, one step of dt,
-
-    M (v+ - v)/dt + bias + D v+ = [0; tau] + J' f        D the joints' damping
-
-torques are an affine expression of x: its base rows are equalities, its joint rows give the torque
-bounds, the torque costs and the command. Tasks follow their second-order laws, contacts stand still
-to second order; limits and margins are those of the velocity level, statements about v+.
+The unknowns are the velocity at the end of the tick and the contact forces, x = (v+, f). Torques
+are an affine expression of x (:mod:`wbc.controllers.dynamics`): its base rows are equalities, its
+joint rows give the torque bounds, the torque costs and the command. Tasks follow their second-order
+laws, contacts stand still to second order; limits and margins are those of the velocity level,
+statements about v+.
 """
 
 from __future__ import annotations
@@ -19,7 +16,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.linalg import lapack
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
@@ -32,10 +28,8 @@ from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
 from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
-from wbc.controllers.relaxation import given_way
 from wbc.controllers.tick import Tick
-from wbc.controllers.torque_tick import RELAX
-from wbc.controllers.torque_tick import TorqueTick as TorqueTick
+from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
@@ -189,8 +183,6 @@ class TorqueController(Controller):
         self._passive = np.array([*range(6), *followers])
         self._most = self.torque_bounds[bounded] / self._unit
         self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
-        self._joint_damping = np.array(robot.model.damping) * (self.dt / robot.mass)
-        self._joint_damping[:6] = 0.0
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
         return velocity.extended(forces.names, forces.lower, forces.upper, damping)
@@ -200,9 +192,10 @@ class TorqueController(Controller):
         return BASE_FORCES + followers
 
     def _physics(self, snapshot: Snapshot) -> Physics:
-        matrix, offset = self._torque_expression(snapshot)
+        dynamics = self._dynamics(snapshot)
+        matrix, offset = dynamics.matrix, dynamics.offset
         passive = self._passive
-        dynamics = Rows(matrix[passive], -offset[passive], np.ones(len(passive)))
+        held = Rows(matrix[passive], -offset[passive], np.ones(len(passive)))
         cones, nv = self.contact_forces.bounds(self._ramps.most), self.robot.nv
         count = self._bounded.size
         rows = np.zeros((count + cones.lower.size, matrix.shape[1]))
@@ -217,24 +210,15 @@ class TorqueController(Controller):
         )
         rest = np.zeros(matrix.shape[1])
         rest[:nv] = snapshot.v
-        self._expression = matrix, offset
-        self._force_rows = []
-        if self._force_tasks:
-            last = None if self._last is None else self._last.wrenches()
-            seen = TickDynamics(snapshot, self.contact_forces, matrix, offset, last)
-            self._force_rows = [task.force_rows(seen) for task in self._force_tasks]
-        return Physics([dynamics], bounds, forces=self._force_rows, rest=rest)
+        forces = [task.force_rows(dynamics) for task in self._force_tasks]
+        return Physics([held], bounds, forces=forces, rest=rest, dynamics=dynamics)
 
-    def _torque_expression(self, snapshot: Snapshot) -> tuple[Array, Array]:
-        """Return E (nv, n) and e (nv,) with ``E x + e = [0; tau]``, in units of ``m / dt``."""
-        nv, mass = self.robot.nv, self.robot.mass
-        matrix = np.empty((nv, nv + self.contact_forces.size))
-        np.multiply(snapshot.mass_matrix, 1.0 / mass, out=matrix[:, :nv])
-        offset = snapshot.bias * (self.dt / mass)
-        offset -= matrix[:, :nv] @ snapshot.v
-        matrix.flat[: nv * matrix.shape[1] : matrix.shape[1] + 1] += self._joint_damping
-        np.negative(self.contact_forces.generalized(snapshot), out=matrix[:, nv:])
-        return matrix, offset
+    def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
+        """Return what forces and torques are by the unknowns."""
+        last = None
+        if self._force_tasks and self._last is not None:
+            last = self._last.wrenches()
+        return TickDynamics.at(snapshot, self.contact_forces, last)
 
     # ------------------------------------------------------------------ parts of the tick
 
@@ -247,14 +231,10 @@ class TorqueController(Controller):
             parts = [_reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
             margins = margins._replace(parts=parts)
             outcome, rows, _ = solve_with_cuts(partial(self._solver.solve, problem), margins)
-        self._first = self._within_limits(outcome)
-        self._missed: dict[str, float] | None = None
-        if self._first.solved:
-            return self._first, 1.0
+        outcome = self._within_limits(outcome)
+        if outcome.solved:
+            return outcome, 1.0
         relaxed = self._solver.solve_relaxed(self._without_least(problem), rows)
-        if relaxed.solved:
-            x = relaxed.solution.x
-            self._missed = given_way(self.plan, problem.contacts, relaxed.qp, x)
         return relaxed._replace(solve_time=outcome.solve_time + relaxed.solve_time), 1.0
 
     def _reachable(self, problem: LevelProblem) -> LevelProblem:
@@ -285,25 +265,22 @@ class TorqueController(Controller):
         physics = problem.physics._replace(bounds=bounds._replace(lower=lower))
         return problem._replace(physics=physics)
 
-    def _tick(self, snapshot: Snapshot, *parts: Any) -> TorqueTick:
-        tick = super()._tick(snapshot, *parts)
+    def _tick(self, snapshot: Snapshot, physics: Physics, *parts: Any) -> TorqueTick:
+        tick = super()._tick(snapshot, physics, *parts)
         known = {name: getattr(tick, name) for name in _FIELDS}
+        dynamics = physics.dynamics or self._dynamics(snapshot)
         if tick.status is Status.SOLVED:
-            velocity, f = self._exact(tick.solution.x[: self.plan.decision.size])
-            if self._missed is not None:
-                known |= {"policy": RELAX, "slack": self._missed}
-        else:
-            velocity, f = self._at_rest(snapshot), np.zeros(self.contact_forces.size)
-        matrix, offset = self._expression
-        x = np.concatenate((velocity, f))
-        torque = self._unit * (matrix @ x + offset)[6:]
+            x = dynamics.exact(tick.solution.x[: self.plan.decision.size])
+        else:  # joints come to rest, on no ground that one could count on
+            x = np.concatenate((tick.velocity, np.zeros(self.contact_forces.size)))
+        velocity, f = x[: self.robot.nv], x[self.robot.nv :]
+        torque = dynamics.torques(x)
         np.clip(torque, -self.torque_bounds, self.torque_bounds, out=torque)
-        known["velocity"] = read_only(velocity)
         errors = {  # of this decision: no state has a force
             task.name: self._unit * (row.matrix @ x - row.target)
-            for task, row in zip(self._force_tasks, self._force_rows, strict=True)
+            for task, row in zip(self._force_tasks, physics.forces, strict=True)
         }
-        known["errors"] = known["errors"] | errors
+        known |= {"velocity": read_only(velocity), "errors": known["errors"] | errors}
         self._last = Reaction(self.contact_forces, snapshot, f)
         return TorqueTick(
             **known,
@@ -313,23 +290,11 @@ class TorqueController(Controller):
             ramps=self._ramps.most,
         )
 
-    def _exact(self, x: Array) -> tuple[Array, Array]:
-        """Return velocity and forces that meet the base's dynamics to rounding, not to eps."""
-        nv = self.robot.nv
-        matrix, offset = self._expression
-        velocity = x[:nv].copy()
-        missed = matrix[:6] @ x + offset[:6]
-        velocity[:6] -= lapack.dposv(matrix[:6, :6], missed)[1]
-        return velocity, x[nv:]
-
-    def _at_rest(self, snapshot: Snapshot) -> Array:
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the velocity of a robot whose joints come to rest: the last resort."""
         velocity = snapshot.v.copy()
         velocity[6:] *= max(0.0, 1.0 - self.dt / REST_TIME)
-        return velocity
-
-    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
-        return self._at_rest(snapshot), {}
+        return velocity, {}
 
 
 def _reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:

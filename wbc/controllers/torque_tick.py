@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from wbc.controllers.contact_forces import Reaction, displaced
-from wbc.controllers.tick import Tick
+from wbc.controllers.tick import RELAX, Tick
 from wbc.validate import Array
-
-RELAX = "relax"  # the policy of a tick in which something gave way
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from wbc.controllers.closed_loop import Update
 from wbc.controllers.controller import Controller
-from wbc.controllers.torque import TorqueTick
+from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict

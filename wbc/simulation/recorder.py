@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.controllers.torque import TorqueTick
+from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.series import turning_joints
 from wbc.run.columns import Column, placed_columns, rate_columns
 from wbc.run.saving import save_result

@@ -10,7 +10,8 @@ import numpy as np
 
 from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick
-from wbc.controllers.torque import TorqueController, TorqueTick
+from wbc.controllers.torque import TorqueController
+from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder as RunRecorder

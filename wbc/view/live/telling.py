@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.constraints import Contact, Obstacles, SelfCollision
 from wbc.controllers import Controller, Tick
-from wbc.controllers.torque import TorqueTick
+from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.collision import CollisionModel
 from wbc.tasks import (
     AxisTask,
