@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
@@ -48,8 +47,6 @@ from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
 FORMULATIONS = ("equality", "reduced")
-# A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
-TOLERANCE = 1e-6
 
 
 class Controller(ABC):
@@ -244,10 +241,10 @@ class Controller(ABC):
     def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
         """Return the optimum, and the part of it that is safe to command."""
         if margins is None:
-            return self._within_limits(self._solver.solve(problem)), 1.0
+            return self._solver.solve(problem).within_limits(self.plan.decision.names), 1.0
         solve = partial(self._solver.solve, problem)
         outcome, step_scale = solve_with_look_ahead(solve, margins, problem.contacts)
-        return self._within_limits(outcome), step_scale
+        return outcome.within_limits(self.plan.decision.names), step_scale
 
     # ------------------------------------------------------------------ parts of the tick
 
@@ -276,28 +273,6 @@ class Controller(ABC):
             self.formulation == "reduced",
             quick=self._relaxes,
         )
-
-    def _within_limits(self, outcome: Outcome) -> Outcome:
-        """Refuse a solution outside the limits in the robot's own units, whatever it rests on.
-
-        Residuals are judged relative to the numbers of the QP, which may be huge; joints are not.
-        """
-        if outcome.solution.status is not Status.SOLVED:
-            return outcome
-        nv, v, first = self.robot.nv, outcome.velocity, outcome.first
-        excess = np.maximum(first.lower[:nv] - v, v - first.upper[:nv])
-        worst = int(excess.argmax())
-        if excess[worst] <= TOLERANCE:  # NaN is not
-            return outcome
-        solution = replace(
-            outcome.solution,
-            status=Status.CONTRADICTED,
-            message=(
-                f"{self.plan.decision.names[worst]} at {v[worst]:.6g}, outside its limits "
-                f"[{first.lower[worst]:.6g}, {first.upper[worst]:.6g}]: not commanded"
-            ),
-        )
-        return outcome._replace(solution=solution)
 
     def _tick(
         self,

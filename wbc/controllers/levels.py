@@ -13,6 +13,7 @@ Active bounds that the achieved rows imply stay active below: see
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -32,6 +33,9 @@ from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Snapshot
 from wbc.validate import Array
+
+# A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
+TOLERANCE = 1e-6
 
 Box = tuple[Array, Array]
 
@@ -77,6 +81,29 @@ class Outcome(NamedTuple):
     def box(self) -> Box:
         """The bounds (nv,), (nv,) on the velocity that the first level kept."""
         return self.first.lower[: self.nv], self.first.upper[: self.nv]
+
+    def within_limits(self, names: Sequence[str]) -> Outcome:
+        """Refuse a solution outside the limits in the robot's own units, whatever it rests on.
+
+        Residuals are judged relative to the numbers of the QP, which may be huge; joints are not.
+        ``names`` are those of the unknowns.
+        """
+        if self.solution.status is not Status.SOLVED:
+            return self
+        (lower, upper), v = self.box, self.velocity
+        excess = np.maximum(lower - v, v - upper)
+        worst = int(excess.argmax())
+        if excess[worst] <= TOLERANCE:  # NaN is not
+            return self
+        solution = replace(
+            self.solution,
+            status=Status.CONTRADICTED,
+            message=(
+                f"{names[worst]} at {v[worst]:.6g}, outside its limits "
+                f"[{lower[worst]:.6g}, {upper[worst]:.6g}]: not commanded"
+            ),
+        )
+        return self._replace(solution=solution)
 
 
 class LevelProblem(NamedTuple):

@@ -28,6 +28,7 @@ from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
 from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
+from wbc.controllers.reachable import reachable_limits, reachable_rows
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import InvalidInputError
@@ -44,10 +45,6 @@ POLICIES = ("damp", "raise")
 RAMP = 0.05
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
 REST_TIME = 0.05
-# What limits ask of a joint beyond the braking that they count on, by that: the reserve.
-BRAKING = 2.0
-# Hardest braking before a margin, and hardest way out of it [m/s^2].
-MARGIN_BRAKING = 20.0
 _FIELDS = tuple(one.name for one in fields(Tick))
 
 
@@ -224,36 +221,19 @@ class TorqueController(Controller):
 
     def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
         rows: list[Bounds] = []
-        problem = self._reachable(problem)
+        if self.limits is not None:
+            problem = reachable_limits(problem, self.limits.acceleration, self.dt)
         if margins is None:
             outcome = self._solver.solve(problem)
         else:
-            parts = [_reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
+            parts = [reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
             margins = margins._replace(parts=parts)
             outcome, rows, _ = solve_with_cuts(partial(self._solver.solve, problem), margins)
-        outcome = self._within_limits(outcome)
+        outcome = outcome.within_limits(self.plan.decision.names)
         if outcome.solved:
             return outcome, 1.0
         relaxed = self._solver.solve_relaxed(self._without_least(problem), rows)
         return relaxed._replace(solve_time=outcome.solve_time + relaxed.solve_time), 1.0
-
-    def _reachable(self, problem: LevelProblem) -> LevelProblem:
-        """Return the problem with limits that ask for no harder braking than joints are capable of.
-
-        A joint that meets its range too fast is braked as hard as it can be, not at once.
-        """
-        if self.limits is None:
-            return problem
-        v = problem.snapshot.v
-        change = np.full(v.size, np.inf)
-        change[6:] = BRAKING * self.limits.acceleration * self.dt
-        lower, upper = problem.box
-        recovery = problem.recovery
-        if recovery is not None:
-            now, step = recovery.matrix @ v, np.abs(recovery.matrix[:, 6:]) @ change[6:]
-            recovery = recovery._replace(target=np.clip(recovery.target, now - step, now + step))
-        box = np.minimum(lower, v + change), np.maximum(upper, v - change)
-        return problem._replace(box=box, recovery=recovery)
 
     def _without_least(self, problem: LevelProblem) -> LevelProblem:
         """Return the problem without least normal forces."""
@@ -295,17 +275,6 @@ class TorqueController(Controller):
         velocity = snapshot.v.copy()
         velocity[6:] *= max(0.0, 1.0 - self.dt / REST_TIME)
         return velocity, {}
-
-
-def _reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
-    """Return rows of margins that ask for no harder braking than :data:`MARGIN_BRAKING`."""
-    if not bounds.lower.size:
-        return bounds
-    change, push = MARGIN_BRAKING * dt, bounds.push
-    if push is not None:
-        push = push._replace(target=np.minimum(push.target, push.matrix @ v + change))
-    lower = np.minimum(bounds.lower, bounds.matrix @ v + change)
-    return bounds._replace(lower=lower, push=push)
 
 
 def _limits(limits: Limits | None, torques: Array) -> Limits | None:

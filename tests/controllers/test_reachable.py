@@ -1,0 +1,42 @@
+"""What limits and margins ask of a joint that comes too fast: all that it can do, and no more."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wbc.constraints.rows import Bounds
+from wbc.controllers.levels import LevelProblem
+from wbc.controllers.plan import NO_PHYSICS
+from wbc.controllers.reachable import BRAKING, MARGIN_BRAKING, reachable_limits, reachable_rows
+from wbc.laws import Rows
+from wbc.robot import Robot
+
+DT = 0.002
+
+
+def test_boxes_hold_what_braking_can_reach(robot_named: Callable[[str], Robot]) -> None:
+    robot = robot_named("hoap2_like")
+    v = np.zeros(robot.nv)
+    v[6], v[7] = 3.0, -0.01
+    here = robot.snapshot(robot.posture("standing"), v)
+    box = np.full(robot.nv, -0.5), np.full(robot.nv, 0.5)
+    recovery = Rows(np.eye(2, robot.nv, 6), np.array([-1.0, -0.02]), np.ones(2))
+    acceleration = np.full(robot.nv - 6, 10.0)
+    problem = LevelProblem(here, [], [], NO_PHYSICS, box, recovery)
+    found = reachable_limits(problem, acceleration, DT)
+    step = BRAKING * 10.0 * DT
+    assert found.box[1][6] == 3.0 - step  # braked as hard as it can be
+    assert found.box[1][7] == 0.5 and found.box[0][7] == -0.5  # nothing to brake
+    assert found.recovery is not None
+    np.testing.assert_allclose(found.recovery.target, [3.0 - step, -0.02])
+
+
+def test_margins_ask_for_what_braking_can_reach() -> None:
+    v = np.array([-1.0, 0.0])
+    push = Rows(np.eye(2), np.array([0.1, 0.01]), np.ones(2))
+    bounds = Bounds(("a", "b"), np.eye(2), np.array([0.0, -0.1]), np.full(2, np.inf), push)
+    found = reachable_rows(bounds, v, DT)
+    change = MARGIN_BRAKING * DT
+    np.testing.assert_allclose(found.lower, [-1.0 + change, -0.1])
+    assert found.push is not None
+    np.testing.assert_allclose(found.push.target, [-1.0 + change, 0.01])

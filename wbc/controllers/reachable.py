@@ -1,0 +1,52 @@
+"""Limits and margins that ask for no harder braking than a robot with finite torques is capable of.
+
+At the velocity level a joint that meets its range too fast is stopped at once, and a body in a
+margin may not come nearer from this tick on. Motors cannot do that: such rows would contradict the
+torque bounds, and the tick would give up contacts for them. So at the torque level what comes too
+fast is braked as hard as it can be, not at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.constraints.rows import Bounds
+from wbc.controllers.levels import LevelProblem
+from wbc.robot.limits import BASE_NV
+from wbc.validate import Array
+
+# What limits ask of a joint beyond the braking that they count on, by that: the reserve.
+BRAKING = 2.0
+# Hardest braking before a margin, and hardest way out of it [m/s^2].
+MARGIN_BRAKING = 20.0
+
+
+def reachable_limits(problem: LevelProblem, acceleration: Array, dt: float) -> LevelProblem:
+    """Return the problem with its box and recovery within reach of the velocity now.
+
+    Parameters
+    ----------
+    acceleration:
+        (nv - 6,) that the limits count on [rad/s^2 or m/s^2].
+    """
+    v = problem.snapshot.v
+    change = np.full(v.size, np.inf)
+    change[BASE_NV:] = BRAKING * acceleration * dt
+    lower, upper = problem.box
+    recovery = problem.recovery
+    if recovery is not None:
+        now, step = recovery.matrix @ v, np.abs(recovery.matrix[:, BASE_NV:]) @ change[BASE_NV:]
+        recovery = recovery._replace(target=np.clip(recovery.target, now - step, now + step))
+    box = np.minimum(lower, v + change), np.maximum(upper, v - change)
+    return problem._replace(box=box, recovery=recovery)
+
+
+def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:
+    """Return rows of margins within reach of the velocity (nv,) now."""
+    if not bounds.lower.size:
+        return bounds
+    change, push = MARGIN_BRAKING * dt, bounds.push
+    if push is not None:
+        push = push._replace(target=np.minimum(push.target, push.matrix @ v + change))
+    lower = np.minimum(bounds.lower, bounds.matrix @ v + change)
+    return bounds._replace(lower=lower, push=push)
