@@ -21,9 +21,10 @@ from wbc.problem.provenance import provenance, version_of, versions
 from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
+from wbc.run.callbacks import Cancelled, Observe, Progress, Show
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
-from wbc.run.simulate import Cancelled, Observe, Progress, Show, simulate
+from wbc.run.simulate import simulate
 from wbc.run.standing import FLAT, held_feet
 from wbc.run.stopping import Stop
 from wbc.simulation import FallLimits, SimulationResult, run_trial

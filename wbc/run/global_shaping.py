@@ -11,23 +11,21 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from wbc.controllers.closed_loop import LoopTick
-from wbc.controllers.shaping import GlobalShaping, Motion, ShapingOutcome, Stopped
+from wbc.controllers.shaping import (
+    GlobalShaping,
+    Motion,
+    ShapingOutcome,
+    ShapingStatistics,
+    Stopped,
+)
 from wbc.controllers.shaping.motion import MakeController
-from wbc.controllers.shaping.problem import posture_errors
+from wbc.controllers.shaping.problem import ShapingProblem, posture_errors
+from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder
 from wbc.run.result import Result
 from wbc.run.shaping_report import Posture, SearchEffort, ShapingReport, relative_error
-from wbc.run.simulate import (
-    DEFAULT_STOP,
-    PROGRESS_EVERY,
-    Cancelled,
-    Observe,
-    Progress,
-    Show,
-    progress_info,
-    ticks_in,
-)
+from wbc.run.simulate import DEFAULT_STOP, ticks_in
 from wbc.run.standing import Standing
 from wbc.run.stopping import RunStatus, Stop
 from wbc.tasks import InertiaTask, PrincipalInertiaTask, Task
@@ -88,41 +86,16 @@ def shape_globally(
     KeyboardInterrupt
         Interrupted before anything was found, or on the way.
     """
+    calls = Callbacks(progress, observe, cancelled, show)
 
     def searched(done: int, total: int, cost: float | None) -> None:
-        if progress is not None:
-            progress(done, total, {"cost": cost})
+        calls.tell(done, total, {"cost": cost})
 
     searched(0, starts, None)  # drawing and closing many starts takes a while
     outcome = shaping.solve(q, starts, seconds, workers, seed, searched, patience)
     began = perf_counter()
     problem = shaping.problem
-    tasks = tuple(tasks) or problem.tasks
-    standing = Standing.on("", problem.contacts, problem.constraints, problem.limits)
-    recorders: list[Recorder] = []
-    total = ticks_in(stop.duration, dt)
-    interrupted: float | None = None
-
-    def watch(attempt: int, now: LoopTick) -> bool:
-        nonlocal interrupted
-        if attempt == len(recorders):
-            recorders.append(Recorder(problem.robot, tasks))
-        recorder = recorders[attempt]
-        # On the way other tasks lead; what is told is how far the problem's own are.
-        errors = posture_errors(problem.tasks, now.snapshot)
-        recorder.add(now, standing, errors)
-        if observe is not None:
-            observe(now.tick)
-        if show is not None:
-            show(now, None)
-        done = len(recorder.states)
-        if progress is not None and (done - 1) % PROGRESS_EVERY == 0:
-            info = progress_info(now, errors, len(recorder.failures))
-            progress(done, total, {**info, "posture": attempt + 1})
-        if cancelled is not None and cancelled():
-            interrupted = done * dt
-        return interrupted is not None
-
+    way = _WayThere(problem, tuple(tasks) or problem.tasks, ticks_in(stop.duration, dt), dt, calls)
     motion = shaping.reach(
         q,
         outcome,
@@ -132,24 +105,63 @@ def shape_globally(
         make_controller,
         longest=stop.duration,
         rest_speed=stop.speed,
-        watch=watch,
+        watch=way.watch,
     )
-    reach_seconds = perf_counter() - began
-    recorder = recorders[_led_to(outcome, motion)]
-    end = problem.robot.snapshot(motion.q[-1], recorder.history().v[-1])
-    at_rest = motion.at_rest
+    effort = _effort(starts, outcome.statistics, perf_counter() - began)
+    recorder = way.recorders[_led_to(outcome, motion)]
     result = conclude(
-        tasks,
+        way.tasks,
         stop,
         recorder,
-        standing,
-        end,
-        at_rest,
+        way.standing,
+        problem.robot.snapshot(motion.q[-1], recorder.history().v[-1]),
+        motion.at_rest,
         provenance=provenance,
-        interrupted=interrupted,
+        interrupted=way.interrupted,
     )
-    done = outcome.statistics
-    effort = SearchEffort(
+    return _with_search(result, problem.tasks, outcome, motion, effort)
+
+
+class _WayThere:
+    """Records the motion to the best postures, an attempt each, and tells of it.
+
+    On the way other tasks lead; what is recorded and told is how far the problem's own are.
+    """
+
+    def __init__(
+        self,
+        problem: ShapingProblem,
+        tasks: tuple[Task, ...],
+        total: int,
+        dt: float,
+        calls: Callbacks,
+    ) -> None:
+        self.problem, self.tasks = problem, tasks
+        self.total, self.dt, self.calls = total, dt, calls
+        self.standing = Standing.on("", problem.contacts, problem.constraints, problem.limits)
+        self.recorders: list[Recorder] = []
+        self.interrupted: float | None = None
+
+    def watch(self, attempt: int, now: LoopTick) -> bool:
+        """Take a tick of an attempt; return whether the motion is to end."""
+        if attempt == len(self.recorders):
+            self.recorders.append(Recorder(self.problem.robot, self.tasks))
+        recorder = self.recorders[attempt]
+        errors = posture_errors(self.problem.tasks, now.snapshot)
+        recorder.add(now, self.standing, errors)
+        self.calls.tick(now, None)
+        done = len(recorder.states)
+        if self.calls.due(done, last=False):
+            info = progress_info(now, errors, len(recorder.failures))
+            self.calls.tell(done, self.total, {**info, "posture": attempt + 1})
+        if self.calls.cancel():
+            self.interrupted = done * self.dt
+        return self.interrupted is not None
+
+
+def _effort(starts: int, done: ShapingStatistics, reach_seconds: float) -> SearchEffort:
+    """Return what search and motion took."""
+    return SearchEffort(
         starts=starts,
         drawn=done.drawn,
         searched=done.searched,
@@ -160,7 +172,6 @@ def shape_globally(
         workers=done.workers,
         stopped=None if done.stopped is None else done.stopped.value,
     )
-    return _with_search(result, problem.tasks, outcome, motion, effort)
 
 
 def _with_search(

@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.controllers import Controller, Tick
-from wbc.controllers.closed_loop import LoopTick, closed_loop
+from wbc.controllers import Controller
+from wbc.controllers.closed_loop import closed_loop
+from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder
 from wbc.run.phases import PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.stopping import RestWatch, Stop
-from wbc.validate import Array
 
-# Called with ticks done, ticks at most, and time [s], speed, errors by task, failed ticks; by a
-# search with searches done, searches in all, and cost.
-Progress = Callable[[int, int, Mapping[str, Any]], None]
-Observe = Callable[[Tick], None]
-Cancelled = Callable[[], bool]  # asked after every tick whether the run is to end there
-# Called with every tick of the loop and the controller that answered, if that is the problem's own.
-Show = Callable[[LoopTick, Controller | None], None]
-PROGRESS_EVERY = 10
 DEFAULT_STOP = Stop()
 
 
@@ -69,7 +60,8 @@ def simulate(
     """
     if not isinstance(controller, PhaseExecutor):
         controller = PhaseExecutor.single(controller, controller.robot.snapshot(q))
-    phases, first = controller, controller.controller
+    phases, calls = controller, Callbacks(progress, observe, cancelled, show)
+    first = phases.controller
     robot, dt = first.robot, first.dt
     total = ticks_in(stop.duration, dt)
     recorder = Recorder(robot, phases.tasks)
@@ -77,27 +69,23 @@ def simulate(
     at_rest, interrupted = False, None
     for now in closed_loop(first, q, total, phases.update):
         recorder.add(now, phases.standing)
-        if observe is not None:
-            observe(now.tick)
-        if show is not None:
-            show(now, phases.controller)
+        calls.tick(now, phases.controller)
         at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
         done = len(recorder.states)
         over = at_rest or now.gave_up or done == total
-        if not over and cancelled is not None and cancelled():
+        if not over and calls.cancel():
             over, interrupted = True, done * dt
-        if progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or over):
-            progress(done, total, progress_info(now, now.tick.errors, len(recorder.failures)))
+        if calls.due(done, over):
+            calls.tell(done, total, progress_info(now, now.tick.errors, len(recorder.failures)))
         if over:
             break
     phases.move_to(done * dt)
     end = robot.snapshot(now.q, now.tick.velocity)
-    standing = phases.standing
     return conclude(
         phases.tasks,
         stop,
         recorder,
-        standing,
+        phases.standing,
         end,
         at_rest,
         phases.complaint,
@@ -109,9 +97,3 @@ def simulate(
 def ticks_in(duration: float, dt: float) -> int:
     """Return how many ticks of ``dt`` [s] a run of ``duration`` [s] has, at least one."""
     return max(1, math.ceil(duration / dt - 1e-9))
-
-
-def progress_info(now: LoopTick, errors: Mapping[str, Array], failed: int) -> dict[str, Any]:
-    """Return what is told of a tick: see :func:`simulate`."""
-    norms = {name: float(np.linalg.norm(error)) for name, error in errors.items()}
-    return {"time": now.time, "speed": now.speed, "errors": norms, "failed": failed}

@@ -22,6 +22,7 @@ from wbc.simulation.falling import Verdict
 from wbc.simulation.plant import Plant
 from wbc.simulation.push import Push
 from wbc.simulation.recorder import Recorder
+from wbc.simulation.trial_record import TrialRecord
 from wbc.validate import Array
 
 # A foot that bears less than this part of the robot's weight does not widen the support.
@@ -94,56 +95,32 @@ class SimulationResult:
     notes: Sequence[str]
 
     @classmethod
-    def of(
-        cls,
-        run: Result,
-        plant: Plant,
-        recorder: Recorder,
-        *,
-        verdict: Verdict,
-        pushes: Sequence[Push],
-        gave_way: Mapping[str, int],
-        relaxed: int,
-        lost: int,
-        tilt: Array,
-        bounds: Array,
-    ) -> SimulationResult:
-        """Return the result of what was recorded.
-
-        Parameters
-        ----------
-        gave_way, relaxed:
-            In how many ticks, by name and altogether.
-        tilt:
-            (n,) of the trunk [rad].
-        bounds:
-            (nv - 6,) on the torques.
-        """
-        robot, truth, ticks = plant.robot, recorder.arrays(), len(run.history)
+    def of(cls, run: Result, plant: Plant, record: TrialRecord, bounds: Array) -> SimulationResult:
+        """Return the result of a trial; ``bounds`` (nv - 6,) are those on the torques."""
+        robot, truth, ticks = plant.robot, record.truth.arrays(), record.ticks
         used = np.abs(truth["torque"][1:]) / bounds
         parts = dict(zip(robot.joint_names, used.max(axis=0, initial=0.0).tolist(), strict=True))
         at_bound = (used >= AT_BOUND).mean(axis=0) if len(used) else np.zeros(len(bounds))
         shares = zip(robot.joint_names, at_bound.tolist(), strict=True)
-        ranked = sorted(gave_way.items(), key=lambda one: -one[1])
         return cls(
             run=run,
-            verdict=verdict,
+            verdict=record.verdict,
             arrays={
-                **_of_ticks(run, len(recorder)),
+                **_of_ticks(run, len(record.truth)),
                 **truth,
-                "tilt": tilt,
+                "tilt": np.array(record.tilt),
                 "cop_margin": cop_margin(robot, truth),
             },
-            pushes=tuple(pushes),
-            relaxed=relaxed / ticks,
-            gave_way={name: count / ticks for name, count in ranked},
-            lost=lost,
+            pushes=record.pushes,
+            relaxed=record.relaxed / ticks,
+            gave_way={name: count / ticks for name, count in record.gave_way.most_common()},
+            lost=record.lost,
             saturated=_falling({name: share for name, share in shares if share > 0.0}),
             torque_use=_falling(
                 {name: parts[name] for name, most in zip(parts, bounds, strict=True)
                  if np.isfinite(most)}
             ),
-            recorder=recorder,
+            recorder=record.truth,
             notes=tuple(plant.notes),
         )  # fmt: skip
 

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from wbc.controllers import Controller
-from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.run.callbacks import Callbacks, Cancelled, Progress, Show
 from wbc.run.conclusion import conclude
-from wbc.run.history import Recorder as RunRecorder
 from wbc.run.phases import PhaseExecutor
-from wbc.run.simulate import PROGRESS_EVERY, Cancelled, Progress, Show, ticks_in
+from wbc.run.simulate import ticks_in
 from wbc.run.stopping import Stop
-from wbc.simulation.falling import FallLimits, Verdict
-from wbc.simulation.loop import STANDING_LIMITS, SimulationTick, simulate
+from wbc.simulation.falling import FallLimits
+from wbc.simulation.loop import STANDING_LIMITS, simulate
 from wbc.simulation.plant import Plant
-from wbc.simulation.recorder import Recorder
 from wbc.simulation.result import SimulationResult
+from wbc.simulation.trial_record import TrialRecord
 from wbc.validate import Array
 
 
@@ -61,48 +59,34 @@ def run_trial(
     SimulationError
         The physics blew up.
     """
-    dt, total = plant.dt, ticks_in(stop.duration, plant.dt)
-    truth, run = Recorder(plant), RunRecorder(plant.robot, phases.tasks)
-    up = plant.body_rotation(falls.trunk)[2].copy()  # the vertical in the trunk's axes
-    verdict, interrupted = Verdict(True, plant.time, "stood for 0 s"), None
-    pushes = tuple(plant.pushes)
-    gave_way = Counter[str]()
-    relaxed = lost = 0
-    tilt = [0.0]
-    first = phases.controller
-
-    loop = simulate(first, plant, total * dt, update=phases.update, falls=falls)
+    calls = Callbacks(progress, cancelled=cancelled, show=show)
+    total = ticks_in(stop.duration, plant.dt)
+    record = TrialRecord(plant, phases, falls)
+    first, interrupted = phases.controller, None
+    loop = simulate(first, plant, total * plant.dt, update=phases.update, falls=falls)
     try:
         for now in loop:
-            truth.add(now.tick)
-            kept = _as_run(now, dt)
-            run.add(kept, phases.standing)
-            gave_way.update(now.tick.relaxed)
-            relaxed += bool(now.tick.policy)
-            lost += not now.fresh
-            verdict = now.verdict
-            tilt.append(_angle(plant.body_rotation(falls.trunk)[2], up))
-            if show is not None:
-                show(kept, phases.controller)
-            done = len(run.states)
-            over = not verdict.stood or done == total
-            if not over and cancelled is not None and cancelled():
+            kept = record.add(now)
+            calls.tick(kept, phases.controller)
+            over = not now.verdict.stood or record.ticks == total
+            if not over and calls.cancel():
                 over, interrupted = True, plant.time
-            if progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or over):
-                progress(done, total, {"time": plant.time, "errors": {}, "failed": relaxed})
+            if calls.due(record.ticks, over):
+                told = {"time": plant.time, "errors": {}, "failed": record.relaxed}
+                calls.tell(record.ticks, total, told)
             if over:
                 break
     except ControllerFailure as failure:
-        if not isinstance(failure.tick, TorqueTick) or not run.states:
+        if not isinstance(failure.tick, TorqueTick) or not record.ticks:
             raise
-        run.failures[len(run.states)] = failure.tick.report()
-    if not run.states:
+        record.run.failures[record.ticks] = failure.tick.report()
+    if not record.ticks:
         raise InvalidInputError("simulation: the sensors lost every frame; there was no tick")
     phases.move_to(plant.time)
     result = conclude(
         phases.tasks,
         stop,
-        run,
+        record.run,
         phases.standing,
         plant.snapshot(),
         False,
@@ -110,31 +94,7 @@ def run_trial(
         provenance,
         interrupted,
     )
-    return SimulationResult.of(
-        result,
-        plant,
-        truth,
-        verdict=verdict,
-        pushes=pushes,
-        gave_way=gave_way,
-        relaxed=relaxed,
-        lost=lost,
-        tilt=np.array(tilt),
-        bounds=_bounds(first),
-    )
-
-
-def _as_run(now: SimulationTick, dt: float) -> LoopTick:
-    """Return a control period as the run's recorder knows it: by when it began."""
-    began = now.time - dt
-    return LoopTick(
-        began, now.snapshot, now.tick, now.snapshot.q, now.seconds, now.cpu_seconds, False
-    )
-
-
-def _angle(a: Array, b: Array) -> float:
-    """Return the angle between unit vectors [rad]."""
-    return float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
+    return SimulationResult.of(result, plant, record, _bounds(first))
 
 
 def _bounds(controller: Controller) -> Array:

@@ -15,7 +15,7 @@ from wbc.problem.provenance import provenance, versions
 from wbc.problem.source import Source
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.run.simulate import Cancelled, Progress
+from wbc.run.callbacks import Cancelled, Progress
 
 
 @dataclass(frozen=True, eq=False)

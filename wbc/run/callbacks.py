@@ -1,0 +1,58 @@
+"""What a run calls while it goes on: progress, every tick, and whether it is to end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.controllers import Controller, Tick
+from wbc.controllers.closed_loop import LoopTick
+from wbc.validate import Array
+
+# Called with ticks done, ticks at most, and time [s], speed, errors by task, failed ticks; by a
+# search with searches done, searches in all, and cost.
+Progress = Callable[[int, int, Mapping[str, Any]], None]
+Observe = Callable[[Tick], None]
+Cancelled = Callable[[], bool]  # asked after every tick whether the run is to end there
+# Called with every tick of the loop and the controller that answered, if that is the problem's own.
+Show = Callable[[LoopTick, Controller | None], None]
+PROGRESS_EVERY = 10  # ticks
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """What a run calls, see :func:`wbc.run.simulate`; whatever is None is left out."""
+
+    progress: Progress | None = None
+    observe: Observe | None = None
+    cancelled: Cancelled | None = None
+    show: Show | None = None
+
+    def tick(self, now: LoopTick, controller: Controller | None) -> None:
+        """Hand on a tick of the loop, and the controller that answered."""
+        if self.observe is not None:
+            self.observe(now.tick)
+        if self.show is not None:
+            self.show(now, controller)
+
+    def cancel(self) -> bool:
+        """Return whether the run is asked to end."""
+        return self.cancelled is not None and self.cancelled()
+
+    def due(self, done: int, last: bool) -> bool:
+        """Return whether progress is told now: of every tenth tick, and of the last."""
+        return self.progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or last)
+
+    def tell(self, done: int, total: int, info: Mapping[str, Any]) -> None:
+        """Tell how far the run is."""
+        if self.progress is not None:
+            self.progress(done, total, info)
+
+
+def progress_info(now: LoopTick, errors: Mapping[str, Array], failed: int) -> dict[str, Any]:
+    """Return what is told of a tick: time [s], largest speed, error norms by task, failed ticks."""
+    norms = {name: float(np.linalg.norm(error)) for name, error in errors.items()}
+    return {"time": now.time, "speed": now.speed, "errors": norms, "failed": failed}

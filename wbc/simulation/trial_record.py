@@ -1,0 +1,78 @@
+"""What is kept of a simulation while it goes on: the truth, the ticks, and what gave way."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from wbc.controllers.closed_loop import LoopTick
+from wbc.run.history import Recorder as RunRecorder
+from wbc.run.phases import PhaseExecutor
+from wbc.simulation.falling import FallLimits, Verdict
+from wbc.simulation.loop import SimulationTick
+from wbc.simulation.plant import Plant
+from wbc.simulation.recorder import Recorder
+from wbc.validate import Array
+
+
+class TrialRecord:
+    """Keeps the control periods of a trial, from the state that its plant is in.
+
+    Attributes
+    ----------
+    truth:
+        States and forces of the plant.
+    run:
+        What the controller saw and answered.
+    pushes:
+        What will push the robot.
+    verdict:
+        Whether it stands.
+    gave_way:
+        In how many ticks each thing gave way, by name.
+    relaxed, lost:
+        Ticks in which anything did, and control periods for which nothing was measured.
+    tilt:
+        Angles of the trunk from its first vertical [rad], of the first state and every period's.
+    """
+
+    def __init__(self, plant: Plant, phases: PhaseExecutor, falls: FallLimits) -> None:
+        self.truth, self.run = Recorder(plant), RunRecorder(plant.robot, phases.tasks)
+        self.pushes = tuple(plant.pushes)
+        self.verdict = Verdict(True, plant.time, "stood for 0 s")
+        self.gave_way = Counter[str]()
+        self.relaxed = self.lost = 0
+        self.tilt = [0.0]
+        self._plant, self._phases, self._trunk = plant, phases, falls.trunk
+        self._up = self._trunk_vertical().copy()
+
+    @property
+    def ticks(self) -> int:
+        """Control periods kept."""
+        return len(self.run.states)
+
+    def add(self, now: SimulationTick) -> LoopTick:
+        """Keep a control period; return it as a tick of a run, by when it began."""
+        kept = LoopTick(
+            now.time - self._plant.dt,
+            now.snapshot,
+            now.tick,
+            now.snapshot.q,
+            now.seconds,
+            now.cpu_seconds,
+            False,
+        )
+        self.truth.add(now.tick)
+        self.run.add(kept, self._phases.standing)
+        self.gave_way.update(now.tick.relaxed)
+        self.relaxed += bool(now.tick.policy)
+        self.lost += not now.fresh
+        self.verdict = now.verdict
+        cosine = np.clip(self._trunk_vertical() @ self._up, -1.0, 1.0)
+        self.tilt.append(float(np.arccos(cosine)))
+        return kept
+
+    def _trunk_vertical(self) -> Array:
+        """Return the vertical (3,) in the trunk's axes."""
+        return self._plant.body_rotation(self._trunk)[2]
