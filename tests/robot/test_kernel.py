@@ -8,12 +8,15 @@ import pytest
 from tests.conftest import ROBOTS, load, random_state
 from wbc.native import VARIABLE, NativeCoreError, status
 from wbc.robot import Robot, kernel
-from wbc.robot.kernel import NativeTree, disagreement
+from wbc.robot.kernel import NativeTree
+from wbc.robot.kernel_check import disagreement
 
 QUANTITIES = (
     *("com", "inertia", "momentum", "centroidal_map", "com_jacobian", "inertia_jacobian"),
     *("base_inertia_jacobian", "joint_twists", "com_velocity", "average_angular_velocity"),
+    *("mass_matrix", "bias", "com_drift", "momentum_drift", "inertia_drift"),
 )
+INERTIAL = ("inertia_jacobian_in", "inertia_drift_in")
 pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
 
 
@@ -42,7 +45,7 @@ def test_every_quantity_is_that_of_the_python_path(name: str, rng, monkeypatch) 
         parts = zip(ours.joint_placements, theirs.joint_placements, strict=True)
         pairs += [("placements", a, b) for a, b in parts]
         for frame in frames:
-            for key in ("position", "rotation", "jacobian", "inertia_jacobian_in", "drift"):
+            for key in ("position", "rotation", "jacobian", "drift", *INERTIAL):
                 pairs.append(
                     (f"{key} {frame}", getattr(ours, key)(frame), getattr(theirs, key)(frame))
                 )

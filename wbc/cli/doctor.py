@@ -47,7 +47,8 @@ def native_lines() -> list[str]:
     if found.core is not None:
         from wbc.qp.daqp_direct import direct_daqp
         from wbc.robot import Robot
-        from wbc.robot.kernel import NativeTree, disagreement
+        from wbc.robot.kernel import NativeTree
+        from wbc.robot.kernel_check import disagreement
 
         robot = Robot.load("hoap2_like")
         tree = NativeTree(found.core, robot.model)

@@ -14,9 +14,16 @@ from wbc.native.build import NativeCoreError, built
 
 VARIABLE = "WBC_NATIVE"
 MODES = ("auto", "off", "require")
-VERSION = 1  # WBC_CORE_VERSION of source/core.h
+VERSION = 2  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long.
-_FUNCTIONS = {"wbc_state": 8, "wbc_frames": 6, "wbc_problem": 5, "wbc_tick": 5}
+_FUNCTIONS = {
+    "wbc_state": 8,
+    "wbc_frames": 6,
+    "wbc_motion": 5,
+    "wbc_drifts": 7,
+    "wbc_problem": 5,
+    "wbc_tick": 5,
+}
 
 
 class Core:
@@ -41,6 +48,8 @@ class Core:
             raise NativeCoreError(f"{path} is of version {version}, not {VERSION}")
         self.wbc_state: Any = library.wbc_state
         self.wbc_frames: Any = library.wbc_frames
+        self.wbc_motion: Any = library.wbc_motion
+        self.wbc_drifts: Any = library.wbc_drifts
         self.wbc_problem: Any = library.wbc_problem
         self.wbc_tick: Any = library.wbc_tick
 

@@ -7,6 +7,7 @@ is tried on a small QP before it is used. Everywhere else DAQP is called through
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
@@ -44,17 +45,18 @@ class Result(ctypes.Structure):
 
 
 class DirectDaqp(NamedTuple):
-    """DAQP's function by its address, or why it cannot be called; ``library`` keeps it loaded."""
+    """DAQP's function by its address, 0 if it cannot be called, and why; ``defaults`` its settings.
+
+    The module stays loaded, as all that Python imports.
+    """
 
     address: int
     reason: str
-    library: ctypes.PyDLL | None = None
+    defaults: bytes = bytes(8 * _SETTINGS)
 
     def settings(self, eps: float, max_iterations: int) -> ctypes.Array[ctypes.c_double]:
         """Return settings as :class:`wbc.qp.daqp.Daqp` asks for."""
-        assert self.library is not None
-        made = (ctypes.c_double * _SETTINGS)()
-        self.library.daqp_default_settings(ctypes.byref(made))
+        made = (ctypes.c_double * _SETTINGS).from_buffer_copy(self.defaults)
         made[0] = 0.1 * eps
         _integers(made)[_ITERATIONS] = max_iterations
         return made
@@ -74,8 +76,9 @@ def direct_daqp() -> DirectDaqp:
         if (defaults[0], limit) != (_TOLERANCE, 10000):
             return DirectDaqp(0, "DAQP's settings are not where they were")
         address = ctypes.cast(library.daqp_quadprog, ctypes.c_void_p).value or 0
-        direct = DirectDaqp(address, f"DAQP {found} is called directly", library)
-        return direct if _works(direct) else DirectDaqp(0, "DAQP's answer to a trial is wrong")
+        direct = DirectDaqp(address, f"DAQP {found} is called directly", bytes(defaults))
+        works = _works(library.daqp_quadprog, direct)
+        return direct if works else DirectDaqp(0, "DAQP's answer to a trial is wrong")
     except (PackageNotFoundError, OSError, AttributeError) as error:
         return DirectDaqp(0, f"DAQP's C function is not found: {error}")
 
@@ -85,7 +88,7 @@ def _integers(settings: ctypes.Array[ctypes.c_double]) -> NDArray[np.intc]:
     return np.ndarray(2 * _SETTINGS, dtype=np.intc, buffer=memoryview(settings))
 
 
-def _works(direct: DirectDaqp) -> bool:
+def _works(quadprog: Callable[..., object], direct: DirectDaqp) -> bool:
     """Whether DAQP gives the same bits as through Python, on a QP with active rows and bounds."""
     rng = np.random.default_rng(0)
     n, m = 8, 12
@@ -101,10 +104,7 @@ def _works(direct: DirectDaqp) -> bool:
     places = [array.ctypes.data for array in (H, f, A, upper, lower, sense)]
     problem = Problem(n, m, n, *places, None, 0, 0)
     result = Result(x.ctypes.data, multipliers.ctypes.data)
-    assert direct.library is not None
-    direct.library.daqp_quadprog(
-        ctypes.byref(result), ctypes.byref(problem), ctypes.byref(settings)
-    )
+    quadprog(ctypes.byref(result), ctypes.byref(problem), ctypes.byref(settings))
     return bool(
         (result.flag, result.iterations) == (flag, info["iterations"])
         and np.array_equal(x, wanted)

@@ -1,14 +1,14 @@
-"""The native core's pass over one kinematic tree, and the check that it may be trusted with it.
+"""The native core's passes over one kinematic tree.
 
 One call writes what most ticks ask for into fixed places of one array: CoM, CRB inertia with its
 Jacobian, centroidal map, placements, and the frames that earlier snapshots were asked for. It takes
-2 us on the G1, where Pinocchio's pass and the reading of its results from Python take 40.
+2 us on the G1, where Pinocchio's pass and the reading of its results from Python take 40. A second
+one, made when it is asked for, adds mass matrix, bias forces and drifts.
 """
 
 from __future__ import annotations
 
 import ctypes
-import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -16,16 +16,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.native import Core, NativeCoreError, core, mode
-from wbc.robot.inertia import inertia_rates
-from wbc.robot.workspace import Workspace
-from wbc.spatial import vech
+from wbc.native import Core
+from wbc.spatial import vech, vech_inverse
 from wbc.validate import Array, read_only
 
 # Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
 KEPT = 32
-# What the core and Pinocchio may differ by, relative to the largest entry.
-AGREEMENT = 1e-10
 REVOLUTE, PRISMATIC, CONTINUOUS = 1, 2, 3  # as in source/core.h
 
 
@@ -35,6 +31,7 @@ class _Tree(ctypes.Structure):
     _fields_ = [("nv", ctypes.c_int64), ("joints", ctypes.c_int64)] + [
         (name, ctypes.c_void_p)
         for name in ("parent", "kind", "iq", "iv", "placement", "axis", "body")
+        + ("armature", "gravity")
     ]
 
 
@@ -53,7 +50,9 @@ class NativeTree:
         integers = np.array([parents, kinds, *starts], dtype=np.int64)
         placement = np.array([_flat(pose) for pose in model.jointPlacements])
         body = np.array([_body(model.inertias[j]) for j in joints])
-        self._kept = integers, placement, axes, body  # the struct points at them
+        armature, gravity = np.array(model.armature), np.array(model.gravity.linear)
+        # The struct points at them.
+        self._kept = integers, placement, axes, body, armature, gravity
         addresses = [row.ctypes.data for row in (*integers, *self._kept[1:])]
         self._struct = _Tree(self.nv, self.joints, *addresses)
         self.address = ctypes.addressof(self._struct)
@@ -66,6 +65,22 @@ class NativeTree:
         self.origins = slice(self.rotations.stop, self.rotations.stop + 3 * self.joints)
         self.frames = self.origins.stop
         self.frame_size = 12 + 6 * nv
+        drifts = nv * nv + nv
+        self.mass_matrix, self.bias = slice(0, nv * nv), slice(nv * nv, drifts)
+        self.com_drift = slice(drifts, drifts + 3)
+        self.momentum_drift = slice(drifts + 3, drifts + 9)
+        self.inertia_rate = slice(drifts + 9, drifts + 15)
+        self.inertia_curvature = slice(drifts + 15, drifts + 21)
+        self.motion = drifts + 21
+        self.motion_size = self.motion + 9 * self.joints
+
+    def frame(self, state: Array, index: int) -> Array:
+        """Return a frame, as states keep it."""
+        joint, placement = frame_places(self.model, [index])
+        out = np.empty(self.frame_size)
+        where, of, there, to = (array.ctypes.data for array in (state, joint, placement, out))
+        self.core.wbc_frames(self.address, where, 1, of, there, to)
+        return read_only(out)
 
 
 class NativeState(NamedTuple):
@@ -100,17 +115,71 @@ class NativeState(NamedTuple):
         """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
         array, begin = self.array, self.slots.get(name)
         if begin is None:
-            passes = robot.native  # of this thread, whoever made the state
-            assert passes is not None
-            array, begin = passes.frame(array, name), 0
+            index = robot.frame_indices[name]
+            array, begin = self.tree.frame(array, index), 0
+            if robot.native is not None:  # of this thread, whoever made the state
+                robot.native.keep(name, index)
         pose = array[begin : begin + 12].copy()  # may be kept longer than the rest
         pose.flags.writeable = False
         jacobian = array[begin + 12 : begin + self.tree.frame_size].reshape(6, -1)
         return (pose[:3], pose[3:].reshape(3, 3)), jacobian
 
+    def motion(self, v: Array) -> NativeMotion:
+        """Return what is known at the state's velocity (nv,) besides."""
+        tree = self.tree
+        out, scratch = np.empty(tree.motion_size), np.empty(9 * tree.joints + 6 * tree.nv)
+        addresses = (array.ctypes.data for array in (self.array, v, out, scratch))
+        tree.core.wbc_motion(tree.address, *addresses)
+        return NativeMotion(read_only(out), self.array, tree)
+
+
+class NativeMotion(NamedTuple):
+    """Mass matrix, bias forces, and second derivatives at zero acceleration of v.
+
+    Attributes
+    ----------
+    array:
+        All of it, read-only; see source/core.h.
+    state:
+        The array of the :class:`NativeState` that it belongs to.
+    """
+
+    array: Array
+    state: Array
+    tree: NativeTree
+
+    def part(self, name: str, *shape: int) -> Array:
+        """Return a quantity by the name of its place: a view on the whole."""
+        place: slice = getattr(self.tree, name)
+        return self.array[place].reshape(shape)
+
+    def drift(self, name: str) -> Array:
+        """Return a copy of a drift by the name of its place."""
+        place: slice = getattr(self.tree, name)
+        return read_only(self.array[place].copy())
+
+    def inertia_motion(self) -> tuple[Array, Array]:
+        """Return the first and second derivative (3, 3) of the inertia at constant v."""
+        first, second = self.array[self.tree.inertia_rate], self.array[self.tree.inertia_curvature]
+        return vech_inverse(first), vech_inverse(second)
+
+    def frame_drift(self, index: int) -> Array:
+        """Return the acceleration (6,) of a frame."""
+        tree, out = self.tree, np.empty(6)
+        joint, placement = frame_places(tree.model, [index])
+        arrays = self.state, self.array
+        state, motion = (array.ctypes.data for array in arrays)
+        of, there, to = (array.ctypes.data for array in (joint, placement, out))
+        tree.core.wbc_drifts(tree.address, state, motion, 1, of, there, to)
+        return read_only(out)
+
 
 class HasPass(Protocol):
     """What a state needs of its robot."""
+
+    @property
+    def frame_indices(self) -> Mapping[str, int]:
+        """Pinocchio's index of each frame."""
 
     @property
     def native(self) -> NativePass | None:
@@ -126,10 +195,9 @@ class NativePass:
         Where frames begin that every state holds, by name; replaced, not changed, when one joins.
     """
 
-    def __init__(self, tree: NativeTree, frames: Mapping[str, int]) -> None:
+    def __init__(self, tree: NativeTree) -> None:
         self.tree = tree
         self.slots: dict[str, int] = {}
-        self._indices = frames
         self._q, self._v = np.zeros(tree.nq), np.zeros(tree.nv)
         self._scratch = np.zeros(13 * tree.joints)
         self._joints = np.zeros(KEPT, dtype=np.int64)
@@ -145,19 +213,16 @@ class NativePass:
         found.flags.writeable = False
         return NativeState(found, self.tree, self.slots)
 
-    def frame(self, state: Array, name: str) -> Array:
-        """Return a frame that ``state`` does not hold; later ones will hold it too."""
-        tree, out = self.tree, np.empty(self.tree.frame_size)
-        joint, placement = frame_places(tree.model, [self._indices[name]])
-        arrays = state, joint, placement, out
-        where, of, there, to = (array.ctypes.data for array in arrays)
-        tree.core.wbc_frames(tree.address, where, 1, of, there, to)
-        if name not in self.slots and len(self.slots) < KEPT:
-            self._joints[len(self.slots)] = joint[0]
-            self._placements[len(self.slots)] = placement[0]
-            self.slots = {**self.slots, name: tree.frames + len(self.slots) * tree.frame_size}
-            self._grow()
-        return read_only(out)
+    def keep(self, name: str, index: int) -> None:
+        """Let later states hold a frame, if there is room for one more."""
+        tree = self.tree
+        if name in self.slots or len(self.slots) >= KEPT:
+            return
+        joint, placement = frame_places(tree.model, [index])
+        self._joints[len(self.slots)] = joint[0]
+        self._placements[len(self.slots)] = placement[0]
+        self.slots = {**self.slots, name: tree.frames + len(self.slots) * tree.frame_size}
+        self._grow()
 
     def _grow(self) -> None:
         tree, count = self.tree, len(self.slots)
@@ -175,66 +240,6 @@ def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.in
     joints = np.array([frame.parentJoint for frame in every], dtype=np.int64)
     placements: Array = np.array([_flat(frame.placement) for frame in every])
     return joints, placements
-
-
-def native_tree(name: str, work: Workspace) -> NativeTree | None:
-    """Return the tree of a robot if there is a core that agrees with Pinocchio, else None.
-
-    Raises
-    ------
-    NativeCoreError
-        ``WBC_NATIVE=require``, and there is none.
-    """
-    found = core()
-    if found is None:
-        return None
-    tree = NativeTree(found, work.model)
-    worst = disagreement(tree, work)
-    if worst <= AGREEMENT:  # NaN is not
-        return tree
-    said = f"the native core and Pinocchio differ by {worst:.1e} on {name}; it is not used for it"
-    if mode() == "require":
-        raise NativeCoreError(said)
-    logging.getLogger(__name__).warning("%s", said)
-    return None
-
-
-def disagreement(tree: NativeTree, work: Workspace, states: int = 2, seed: int = 0) -> float:
-    """Return the largest difference from Pinocchio at random states, relative to each quantity."""
-    model, rng = tree.model, np.random.default_rng(seed)
-    last = model.nframes - 1
-    worst = 0.0
-    for _ in range(states):
-        q = pin.integrate(model, pin.neutral(model), rng.uniform(-1.5, 1.5, tree.nv))
-        v = rng.standard_normal(tree.nv)
-        data = work.kinematics(object(), q, v)
-        com = np.array(data.oYcrb[0].lever)
-        pose = pin.updateFramePlacement(model, data, last)
-        theirs = (
-            com,
-            data.Ig.inertia,
-            data.hg.vector,
-            data.Ag,
-            data.Ag[:3] / pin.computeTotalMass(model),
-            inertia_rates(work.composites.read(), work.composites.masses, data.J, com),
-            data.J,
-            *work.placements.copies(),
-            pose.translation,
-            pose.rotation,
-            pin.getFrameJacobian(model, data, last, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED),
-        )
-        passed = NativePass(tree, {"": last})
-        first = passed.evaluate(q, v).array
-        frame = passed.frame(first, "")
-        whole = passed.evaluate(q, v).array  # now holds the frame
-        for ours in (np.concatenate((first, frame)), whole):
-            begin = 0
-            for wanted in theirs:
-                got = ours[begin : begin + np.size(wanted)].reshape(np.shape(wanted))
-                begin += np.size(wanted)
-                difference = np.abs(got - wanted).max() / max(np.abs(wanted).max(), 1e-9)
-                worst = float(np.maximum(worst, difference))  # keeps NaN
-    return worst
 
 
 def _flat(pose: pin.SE3) -> Array:

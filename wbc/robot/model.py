@@ -18,10 +18,16 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.drives import JointValues, effort_note, set_drives
 from wbc.robot.feet import NO_FEET, FootSpec, find_feet, is_arm
 from wbc.robot.formats import read_description
-from wbc.robot.formats.description import GeometrySource, lock_joints
-from wbc.robot.library import find_robot
+from wbc.robot.formats.description import (
+    Coupling,
+    Description,
+    GeometrySource,
+    lock_joints,
+)
+from wbc.robot.library import NamedRobot, Source, find_robot
 from wbc.robot.limits import Limits
 from wbc.robot.model_checks import check_supported
+from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches
 from wbc.robot.postures import (
     NEUTRAL,
@@ -33,7 +39,6 @@ from wbc.robot.postures import (
     set_joints,
     settled,
 )
-from wbc.robot.state import KinematicState
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, by_name, read_only
 
@@ -127,41 +132,23 @@ class Robot(KinematicTree):
         if base not in (None, *BASES):
             raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")
         found = find_robot(source)
-        known = found.known
-        if isinstance(package_dirs, str | Path):
-            package_dirs = (package_dirs,)
-        if not isinstance(package_dirs, Iterable):
-            raise InvalidInputError(f"package_dirs: expected a list, got {package_dirs!r}")
-        folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
-        description = read_description(found.path, folders)
-        rigid = {**(known.locked if known else {}), **by_name("locked", locked or {})}
-        model, couplings = lock_joints(description, rigid)
-        notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
-        if known is not None:
-            names = tuple(model.names)
-            set_drives(
-                model, armature={k: v for k, v in known.armature.items() if matches(k, names)}
-            )
-        set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
+        description, model, couplings, notes = _read(found, locked or {}, package_dirs)
+        _set_drives(model, found.known, armature, damping, friction, effort)
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         states = {**description.states, **(read_states(states_file) if states_file else {})}
-        postures, posture_notes = named_postures(limits, pin.neutral(model), states, known)
+        postures, posture_notes = named_postures(limits, pin.neutral(model), states, found.known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
-        specs = known.feet if known else {} if base == "fixed" else None
-        if feet is not None:
-            specs = {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
+        specs = _foot_specs(found.known, feet, base)
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
-        bolted = None if soles or base else description.bolted
-        if bolted == "" and is_arm(model, postures[STANDING]):
-            bolted = "the root link carries a single arm"
+        bolted = None if soles or base else _bolted(description, model, postures[STANDING])
         if bolted:
             reason = f"{bolted} and there are no feet"
             foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
         if NO_FEET in foot_notes:
             logging.getLogger(__name__).warning("%s: %s", found.path, NO_FEET)
-        if known is None:
+        if found.known is None:
             postures[STANDING], note = settled(model, limits, postures[STANDING], soles)
             foot_notes += note
         postures[STANDING] = grounded(model, postures[STANDING], soles)
@@ -174,11 +161,7 @@ class Robot(KinematicTree):
             fixed_base=base == "fixed" or bool(bolted),
             couplings=couplings,
             postures=postures,
-            notes=(known.notes if known else ())
-            + notes
-            + posture_notes
-            + foot_notes
-            + effort_note(limits),
+            notes=notes + posture_notes + foot_notes + effort_note(limits),
             srdf=states_file,
             geometry=description.geometry,
         )
@@ -242,6 +225,51 @@ class Robot(KinematicTree):
         return Snapshot(self, q, self.check_velocity(v), moving=True)
 
 
+def _read(
+    found: Source, locked: Mapping[str, float], package_dirs: Iterable[str | Path]
+) -> tuple[Description, pin.Model, Mapping[str, Coupling], tuple[str, ...]]:
+    """Return what a robot's file says, its model with joints locked, mimic joints, and notes."""
+    if isinstance(package_dirs, str | Path):
+        package_dirs = (package_dirs,)
+    if not isinstance(package_dirs, Iterable):
+        raise InvalidInputError(f"package_dirs: expected a list, got {package_dirs!r}")
+    known = found.known
+    folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
+    description = read_description(found.path, folders)
+    rigid = {**(known.locked if known else {}), **by_name("locked", locked)}
+    model, couplings = lock_joints(description, rigid)
+    notes = description.notes + check_supported(model, found.path) + add_base_frame(model)
+    return description, model, couplings, (known.notes if known else ()) + notes
+
+
+def _set_drives(model: pin.Model, known: NamedRobot | None, *given: JointValues | None) -> None:
+    """Set armature, damping, friction and effort; a named robot's rotors first."""
+    if known is not None:
+        names = tuple(model.names)
+        rotors = {k: v for k, v in known.armature.items() if matches(k, names)}
+        set_drives(model, armature=rotors)
+    armature, damping, friction, effort = given
+    set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
+
+
+def _foot_specs(
+    known: NamedRobot | None,
+    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
+    base: str | None,
+) -> Mapping[str, FootSpec] | None:
+    """Return what is said of the feet; None: they are to be guessed."""
+    if feet is not None:
+        return {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
+    return known.feet if known else {} if base == "fixed" else None
+
+
+def _bolted(description: Description, model: pin.Model, standing: Array) -> str | None:
+    """Return why a base that nothing is said of is fixed, if it has no feet; None if it floats."""
+    if description.bolted == "" and is_arm(model, standing):
+        return "the root link carries a single arm"
+    return description.bolted
+
+
 def check_robot(what: str, robot: object) -> None:
     """Refuse what is no robot, such as its name.
 
@@ -256,10 +284,10 @@ def check_robot(what: str, robot: object) -> None:
         )
 
 
-class Snapshot(KinematicState):
+class Snapshot(MovingState):
     """Everything known about a robot at one measured state, read-only: see :meth:`Robot.snapshot`.
 
-    All but the type of ``robot`` is that of :class:`~wbc.robot.state.KinematicState`.
+    All but the type of ``robot`` is that of :class:`~wbc.robot.moving_state.MovingState`.
     """
 
     robot: Robot

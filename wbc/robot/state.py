@@ -18,7 +18,7 @@ from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
-from wbc.spatial import commutator_matrix, congruence, skew, vech
+from wbc.spatial import commutator_matrix, congruence, skew
 from wbc.validate import Array, read_only
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -75,7 +75,7 @@ class KinematicState:
         object.__setattr__(self, name, value)
 
     def __getstate__(self) -> dict[str, object]:  # elsewhere the native core may be another one
-        return self.__dict__ | {"native_state": None}
+        return self.__dict__ | {"native_state": None, "_motion": None}
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
@@ -105,11 +105,6 @@ class KinematicState:
         return read_only(self._kinematics().hg.vector.copy() if state is None else state.momentum())
 
     @cached_property
-    def momentum_drift(self) -> Array:
-        """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
-        return read_only(self._rates().dAg @ self.v)
-
-    @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
@@ -122,11 +117,6 @@ class KinematicState:
     def com_velocity(self) -> Array:
         """Velocity of the CoM (3,) [m/s]."""
         return read_only(self.momentum[:3] / self.robot.mass)
-
-    @cached_property
-    def com_drift(self) -> Array:
-        """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
-        return read_only(self._rates().acom[0].copy())
 
     @cached_property
     def average_angular_velocity(self) -> Array:
@@ -184,36 +174,6 @@ class KinematicState:
         spin = commutator_matrix(self.inertia) @ self.jacobian(frame)[3:]
         return read_only(congruence(R.T) @ (self.inertia_jacobian - spin))
 
-    @cached_property
-    def inertia_drift(self) -> Array:
-        """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
-        return self.inertia_drift_in(WORLD)
-
-    def inertia_drift_in(self, frame: str = WORLD) -> Array:
-        """Drift (6,) of :meth:`inertia_in` for the same ``frame``: the second derivative.
-
-        In a frame that turns at w, at the rate a of zero acceleration of v, the inertia R' I R has
-        the second derivative R' (I'' - 2 [w, I'] - [a, I] + [w, [w, I]]) R, in the commutator of
-        skew matrices.
-        """
-        rate, total = self._inertia_motion
-        if frame == WORLD:
-            return read_only(vech(total))
-        R, turn = self.rotation(frame), self.jacobian(frame)[3:] @ self.v
-        W, A, inertia = skew(turn), skew(self.drift(frame)[3:]), self.inertia
-        half = W @ inertia - inertia @ W - 2.0 * rate
-        total = total + W @ half - half @ W - A @ inertia + inertia @ A
-        return read_only(vech(R.T @ total @ R))
-
-    @cached_property
-    def _inertia_motion(self) -> tuple[Array, Array]:
-        """First and second derivative (3, 3) of the inertia at constant v, world axes."""
-        data, work = self._kinematics(), self.robot.workspace
-        composites = work.composites
-        return crb.inertia_curvature(
-            work.columns, composites.read(), composites.masses, data.J, self.com, self.v
-        )
-
     def base_inertia_hessian(self, weights: Array) -> Array:
         """Hessian (nv, nv) by the joints of sum_ab weights_ab I_ab, I in base axes.
 
@@ -251,14 +211,6 @@ class KinematicState:
             self._jacobians[frame] = found
         return found
 
-    def drift(self, frame: str) -> Array:
-        """Acceleration (6,) of the frame at zero acceleration of v, world axes [m/s^2, rad/s^2]."""
-        robot = self.robot
-        motion = pin.getFrameClassicalAcceleration(
-            robot.model, self._rates(), robot.frame_id(frame), _ALIGNED
-        )
-        return read_only(motion.vector.copy())
-
     @cached_property
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
@@ -294,33 +246,6 @@ class KinematicState:
         self._placements[frame] = found = position, rotation
         return found
 
-    # ------------------------------------------------------------------ dynamics, on demand
-
-    @cached_property
-    def mass_matrix(self) -> Array:
-        """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
-        work = self.robot.workspace
-        # Pinocchio fills the upper triangle.
-        half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
-        return read_only(half + half.T)
-
-    @cached_property
-    def bias(self) -> Array:
-        """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
-
-        ``tau`` is what arrives at the links: the joints' damping and dry friction
-        (``robot.damping``, ``robot.friction``) are taken off what the motors give before.
-        """
-        robot = self.robot
-        forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
-        return read_only(forces.copy())
-
-    @cached_property
-    def mechanical_connection(self) -> Array:
-        """A (6, nv - 6) with base momentum h_0 = I_0 (v_0 + A joint_rates), eq. 17, base axes."""
-        M = self.mass_matrix
-        return read_only(np.linalg.solve(M[:6, :6], M[:6, 6:]))
-
     # ------------------------------------------------------------------ internals
 
     @cached_property
@@ -339,6 +264,3 @@ class KinematicState:
         if work.kinematics_owner is self:
             return work.kinematics_data
         return work.kinematics(self, self.q, self.v)
-
-    def _rates(self) -> pin.Data:
-        return self.robot.workspace.rates(self, self.q, self.v)

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.feet import NO_FEET, Foot
 from wbc.robot.formats.description import Coupling
-from wbc.robot.kernel import NativePass, NativeTree, native_tree
+from wbc.robot.kernel import NativePass, NativeTree
+from wbc.robot.kernel_check import native_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
@@ -202,7 +203,7 @@ class KinematicTree:
             return self.scratch.native
         except AttributeError:
             tree = self._native_tree
-            self.scratch.native = tree and NativePass(tree, self.frame_indices)
+            self.scratch.native = tree and NativePass(tree)
             return self.scratch.native
 
     @cached_property

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 1
+#define WBC_CORE_VERSION 2
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -23,6 +23,8 @@ typedef struct {
     const double *placement;                /* (joints, 12) in the parent joint: rotation, origin */
     const double *axis;                     /* (joints, 3) in the joint's own axes */
     const double *body; /* (joints, 10): mass, CoM, inertia xx xy xz yy yz zz about the CoM */
+    const double *armature; /* (nv) rotor inertia */
+    const double *gravity;  /* (3) */
 } wbc_tree;
 
 /* What is known of a robot at one state, in fixed places of one array. */
@@ -46,6 +48,24 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 /* Write frames, one behind the other, as they are in a state. Returns 0. */
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
+
+/* What is known at a velocity v besides: mass matrix (nv, nv), bias forces (nv), then at zero
+ * acceleration of v the accelerations of CoM and momentum and, world axes, the first and second
+ * derivative of the inertia; then of each joint, its origin and axes, how it moves. */
+#define BIAS(nv) ((nv) * (nv))
+#define DRIFTS(nv) (BIAS(nv) + (nv))
+enum { COM_DRIFT = 0, MOMENTUM_DRIFT = 3, INERTIA_RATE = 9, INERTIA_CURVATURE = 15, DRIFTS_SIZE = 21 };
+#define JOINT_MOTION(nv) (DRIFTS(nv) + DRIFTS_SIZE) /* (joints, 9) */
+enum { OMEGA = 0, ALPHA = 3, ACCELERATION = 6, JOINT_MOTION_SIZE = 9 };
+#define MOTION_SIZE(nv, joints) (JOINT_MOTION(nv) + JOINT_MOTION_SIZE * (joints))
+
+/* Write all that into motion; scratch holds 9 numbers a joint and 6 a
+ * column. Returns 0. */
+int wbc_motion(const wbc_tree *tree, const double *state, const double *v, double *motion,
+               double *scratch);
+/* Write the accelerations (6) of frames at zero acceleration of v. Returns 0. */
+int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
+               const int64_t *joint, const double *placement, double *out);
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,

@@ -1,0 +1,113 @@
+"""Whether the native core may be trusted with a robot: it is tried against Pinocchio first."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.native import NativeCoreError, core, mode
+from wbc.robot.inertia import inertia_curvature, inertia_rates
+from wbc.robot.kernel import NativePass, NativeTree
+from wbc.robot.workspace import Workspace
+from wbc.spatial import vech
+from wbc.validate import Array
+
+# What the core and Pinocchio may differ by, relative to the largest entry.
+AGREEMENT = 1e-10
+
+
+def native_tree(name: str, work: Workspace) -> NativeTree | None:
+    """Return the tree of a robot if there is a core that agrees with Pinocchio, else None.
+
+    Raises
+    ------
+    NativeCoreError
+        ``WBC_NATIVE=require``, and there is none.
+    """
+    found = core()
+    if found is None:
+        return None
+    tree = NativeTree(found, work.model)
+    worst = disagreement(tree, work)
+    if worst <= AGREEMENT:  # NaN is not
+        return tree
+    said = f"the native core and Pinocchio differ by {worst:.1e} on {name}; it is not used for it"
+    if mode() == "require":
+        raise NativeCoreError(said)
+    logging.getLogger(__name__).warning("%s", said)
+    return None
+
+
+def disagreement(tree: NativeTree, work: Workspace, states: int = 2, seed: int = 0) -> float:
+    """Return the largest difference from Pinocchio at random states, relative to each quantity."""
+    model, rng = tree.model, np.random.default_rng(seed)
+    last = model.nframes - 1
+    worst = 0.0
+    for _ in range(states):
+        q = pin.integrate(model, pin.neutral(model), rng.uniform(-1.5, 1.5, tree.nv))
+        v = rng.standard_normal(tree.nv)
+        passed = NativePass(tree)
+        first = passed.evaluate(q, v)
+        frame = tree.frame(first.array, last)
+        passed.keep("", last)
+        whole = passed.evaluate(q, v)  # now holds the frame
+        motion = first.motion(v)
+        moving = np.concatenate((motion.array[: tree.motion], motion.frame_drift(last)))
+        state, rates = _state(model, work, q, v), _motion(model, work, q, v)
+        for ours, theirs in (
+            (np.concatenate((first.array, frame)), state),
+            (whole.array, state),
+            (moving, rates),
+        ):
+            worst = float(np.maximum(worst, _difference(ours, theirs)))  # keeps NaN
+    return worst
+
+
+def _state(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Array, ...]:
+    """Return what a state holds, and the last frame, by Pinocchio."""
+    data, last = work.kinematics(object(), q, v), model.nframes - 1
+    com = np.array(data.oYcrb[0].lever)
+    pose = pin.updateFramePlacement(model, data, last)
+    return (
+        com,
+        data.Ig.inertia,
+        data.hg.vector,
+        data.Ag,
+        data.Ag[:3] / pin.computeTotalMass(model),
+        inertia_rates(work.composites.read(), work.composites.masses, data.J, com),
+        data.J,
+        *work.placements.copies(),
+        pose.translation,
+        pose.rotation,
+        pin.getFrameJacobian(model, data, last, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED),
+    )
+
+
+def _motion(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Array, ...]:
+    """Return what a motion holds, and the last frame's acceleration, by Pinocchio."""
+    owner = object()
+    data, rates = work.kinematics(owner, q, v), work.rates(owner, q, v)
+    composites, com = work.composites, np.array(data.oYcrb[0].lever)
+    curvature = inertia_curvature(
+        work.columns, composites.read(), composites.masses, data.J, com, v
+    )
+    half = pin.crba(model, work.scratch, q) * work.upper_half
+    bias = pin.nonLinearEffects(model, work.scratch, q, v).copy()
+    frame, aligned = model.nframes - 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    drift = pin.getFrameClassicalAcceleration(model, rates, frame, aligned)
+    drifts = rates.acom[0], rates.dAg @ v, *map(vech, curvature)
+    return half + half.T, bias, *drifts, drift.vector
+
+
+def _difference(ours: Array, theirs: Sequence[Array]) -> float:
+    """Return the largest difference between quantities behind each other and those expected."""
+    begin, worst = 0, 0.0
+    for wanted in theirs:
+        got = ours[begin : begin + np.size(wanted)].reshape(np.shape(wanted))
+        begin += np.size(wanted)
+        difference = np.abs(got - wanted).max() / max(np.abs(wanted).max(), 1e-9)
+        worst = float(np.maximum(worst, difference))
+    return worst

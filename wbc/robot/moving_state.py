@@ -1,0 +1,123 @@
+"""A robot at one measured state, in motion: its dynamics, and what accelerates by itself.
+
+Drifts are second derivatives at zero acceleration of v, which velocities make. From the native core
+where it is used, else from Pinocchio.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.robot import inertia as crb
+from wbc.robot.kernel import NativeMotion
+from wbc.robot.names import WORLD
+from wbc.robot.state import KinematicState
+from wbc.spatial import skew, vech
+from wbc.validate import Array, read_only
+
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class MovingState(KinematicState):
+    """A kinematic state with dynamics and drifts; see :class:`wbc.Snapshot`."""
+
+    # ------------------------------------------------------------------ dynamics
+
+    @cached_property
+    def mass_matrix(self) -> Array:
+        """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
+        if self._motion is not None:
+            return self._motion.part("mass_matrix", self.robot.nv, -1)
+        work = self.robot.workspace
+        # Pinocchio fills the upper triangle.
+        half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
+        return read_only(half + half.T)
+
+    @cached_property
+    def bias(self) -> Array:
+        """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
+
+        ``tau`` is what arrives at the links: the joints' damping and dry friction
+        (``robot.damping``, ``robot.friction``) are taken off what the motors give before.
+        """
+        if self._motion is not None:
+            return self._motion.part("bias", -1)
+        robot = self.robot
+        forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
+        return read_only(forces.copy())
+
+    @cached_property
+    def mechanical_connection(self) -> Array:
+        """A (6, nv - 6) with base momentum h_0 = I_0 (v_0 + A joint_rates), eq. 17, base axes."""
+        M = self.mass_matrix
+        return read_only(np.linalg.solve(M[:6, :6], M[:6, 6:]))
+
+    # ------------------------------------------------------------------ drifts
+
+    @cached_property
+    def com_drift(self) -> Array:
+        """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
+        if self._motion is not None:
+            return self._motion.drift("com_drift")
+        return read_only(self._rates().acom[0].copy())
+
+    @cached_property
+    def momentum_drift(self) -> Array:
+        """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
+        if self._motion is not None:
+            return self._motion.drift("momentum_drift")
+        return read_only(self._rates().dAg @ self.v)
+
+    def drift(self, frame: str) -> Array:
+        """Acceleration (6,) of the frame at zero acceleration of v, world axes [m/s^2, rad/s^2]."""
+        robot = self.robot
+        index = robot.frame_indices.get(frame) or robot.frame_id(frame)
+        if self._motion is not None:
+            return self._motion.frame_drift(index)
+        motion = pin.getFrameClassicalAcceleration(robot.model, self._rates(), index, _ALIGNED)
+        return read_only(motion.vector.copy())
+
+    @cached_property
+    def inertia_drift(self) -> Array:
+        """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
+        return self.inertia_drift_in(WORLD)
+
+    def inertia_drift_in(self, frame: str = WORLD) -> Array:
+        """Drift (6,) of :meth:`inertia_in` for the same ``frame``: the second derivative.
+
+        In a frame that turns at w, at the rate a of zero acceleration of v, the inertia R' I R has
+        the second derivative R' (I'' - 2 [w, I'] - [a, I] + [w, [w, I]]) R, in the commutator of
+        skew matrices.
+        """
+        rate, total = self._inertia_motion
+        if frame == WORLD:
+            return read_only(vech(total))
+        R, turn = self.rotation(frame), self.jacobian(frame)[3:] @ self.v
+        W, A, inertia = skew(turn), skew(self.drift(frame)[3:]), self.inertia
+        half = W @ inertia - inertia @ W - 2.0 * rate
+        total = total + W @ half - half @ W - A @ inertia + inertia @ A
+        return read_only(vech(R.T @ total @ R))
+
+    @cached_property
+    def _inertia_motion(self) -> tuple[Array, Array]:
+        """First and second derivative (3, 3) of the inertia at constant v, world axes."""
+        if self._motion is not None:
+            return self._motion.inertia_motion()
+        data, work = self._kinematics(), self.robot.workspace
+        composites = work.composites
+        return crb.inertia_curvature(
+            work.columns, composites.read(), composites.masses, data.J, self.com, self.v
+        )
+
+    # ------------------------------------------------------------------ internals
+
+    @cached_property
+    def _motion(self) -> NativeMotion | None:
+        """What the native core found at this velocity; None where it is not used."""
+        return None if self.native_state is None else self.native_state.motion(self.v)
+
+    def _rates(self) -> pin.Data:
+        return self.robot.workspace.rates(self, self.q, self.v)
