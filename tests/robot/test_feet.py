@@ -13,7 +13,7 @@ from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
-from wbc.robot.feet import NO_FEET, words_of
+from wbc.robot.foot_guess import words_of
 from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]
@@ -135,10 +135,11 @@ def test_no_feet_are_said_at_load_and_when_asked_for(
 ) -> None:
     robot = Robot.load(legged(tmp_path, shape=""))
     assert robot.feet == {}
-    assert robot.notes == (NO_FEET,)
+    (note,) = robot.notes
+    assert "no feet were found: no shapes to find soles from on left_foot, right_foot" in note
+    assert "feet: {left: {link: LINK}, ...}" in note
     (record,) = caplog.records
-    assert "legged.urdf: no feet were found" in record.getMessage()
-    assert "feet: {left: {link: LINK}, ...}" in record.getMessage()
+    assert record.getMessage() == f"{robot.path}: {note}"
     with pytest.raises(UnknownNameError, match=r"foot of legged 'left'; .*feet: \{left: \{link"):
         support(robot.snapshot(robot.posture("neutral")), "double")
     caplog.clear()
@@ -170,6 +171,72 @@ def test_feet_go_by_many_names(tmp_path: Path, left: str, right: str, feet: list
 )
 def test_wheels_and_hands_are_no_soles(tmp_path: Path, left: str, right: str) -> None:
     assert Robot.load(legged(tmp_path, left=left, right=right)).feet == {}
+
+
+@pytest.mark.parametrize(
+    ("names", "reason"),
+    [
+        ({"left": "wheel_l", "right": "wheel_r"}, "it has wheels, and wheels are no soles"),
+        ({"left": "l_hand", "right": "r_hand"}, "r_hand, l_hand, are called hands or wheels"),
+        ({"left": "one", "right": "two", "shape": BOX.replace("0.2 0.1", "0.02 0.02")}, "no flat"),
+    ],
+)
+def test_why_no_feet_were_found_is_said(tmp_path: Path, names: dict[str, str], reason: str) -> None:
+    (note,) = Robot.load(legged(tmp_path, **names)).notes
+    assert note.startswith("no feet were found: ")
+    assert reason in note
+
+
+def test_a_foot_without_its_other_one_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Robot.load(legged(tmp_path, left="left_foot", right="starboard"))
+    assert list(robot.feet) == ["left"]
+    assert "no link is called the right foot, as left_foot is" in robot.notes[0]
+    assert "not all feet were found" in caplog.text
+    both = {"left": {"link": "left_foot"}, "right": {"link": "starboard"}}
+    assert Robot.load(robot.path, feet=both).notes == ()
+
+
+@pytest.mark.parametrize("axis", ["y", "-y", "x", "-x"])
+def test_a_file_whose_other_axis_points_up_stands_upright(tmp_path: Path, axis: str) -> None:
+    """The toy, described in axes that are turned against the ground."""
+    up = {"y": (1, 0, 0), "-y": (-1, 0, 0), "x": (0, -1, 0), "-x": (0, 1, 0)}[axis]
+    turn = pin.exp3(-np.pi / 2 * np.array(up))  # takes z, up, to the axis
+    assert (turn @ [0, 0, 1]).round(9).tolist() == (
+        np.eye(3)["xyz".index(axis[-1])] * (-1 if axis[0] == "-" else 1)
+    ).tolist()
+    text = legged(tmp_path).read_text()
+    rpy = " ".join(map(str, pin.rpy.matrixToRpy(turn).tolist()))
+    for y in ("0.1", "-0.1"):
+        place = " ".join(map(str, (turn @ [0.0, float(y), -0.5]).tolist()))
+        text = text.replace(f'xyz="0 {y} -0.5" rpy="0 0 0"', f'xyz="{place}" rpy="{rpy}"')
+    path = tmp_path / "turned.urdf"
+    path.write_text(text)
+    robot = Robot.load(path)
+    assert f"the base's {axis} axis points up" in robot.notes[0]
+    s = robot.snapshot(robot.posture("standing"))
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        place = s.position(f"{side}_sole") - s.position("base")
+        np.testing.assert_allclose(place, [0.02, y, -0.56], atol=1e-9)
+        np.testing.assert_allclose(s.rotation(f"{side}_sole"), np.eye(3), atol=1e-9)
+
+
+def test_a_base_that_faces_backwards_is_turned(tmp_path: Path) -> None:
+    path = legged(tmp_path, left="right_foot", right="left_foot")
+    robot = Robot.load(path)
+    assert "its -x axis forwards" in robot.notes[0]
+    s = robot.snapshot(robot.posture("standing"))
+    np.testing.assert_allclose(s.rotation("base"), np.diag([-1.0, -1.0, 1.0]), atol=1e-12)
+    np.testing.assert_allclose(s.position("left_sole"), [-0.02, 0.1, 0.0], atol=1e-9)
+    srdf = tmp_path / "legged.srdf"
+    srdf.write_text(
+        '<robot name="legged"><group_state name="standing" group="all">'
+        '<joint name="root_joint" value="0 0 1 0 0 0.6 0.8"/></group_state></robot>'
+    )
+    told = Robot.load(path, srdf=srdf)  # a file that says how it stands is believed
+    np.testing.assert_allclose(told.posture("standing")[3:7], [0, 0, 0.6, 0.8])
+    assert told.notes == ()
 
 
 def test_shapes_to_draw_do_where_none_collide(tmp_path: Path) -> None:

@@ -318,7 +318,8 @@ def support(
 ) -> tuple[Contact, ...]:
     """Return the contacts of a support mode, anchored at ``snapshot`` (paper 5.2).
 
-    Those of a robot whose base is fixed begin with its base, whatever the mode.
+    Those of a robot whose base is fixed begin with its base, whatever the mode. Feet that end in
+    points are held as points, see :func:`contact_kind`.
 
     Parameters
     ----------
@@ -341,8 +342,17 @@ def support(
     frames = list(mode)
     if isinstance(mode, str):
         frames = [snapshot.robot.foot(foot).frame for foot in _feet_of(mode)]
-    held = tuple(Contact.hold(snapshot, frame, friction=friction) for frame in frames)
-    return base_contact(snapshot) + held
+    held = (
+        contact_kind(snapshot.robot, frame).hold(snapshot, frame, friction=friction)
+        for frame in frames
+    )
+    return base_contact(snapshot) + tuple(held)
+
+
+def contact_kind(robot: Robot, frame: str) -> type[Contact]:
+    """Return the contact that a frame makes: PointContact if it is the sole of a point foot."""
+    points = (foot.frame for foot in robot.feet.values() if len(foot.polygon) == 1)
+    return PointContact if frame in points else Contact
 
 
 def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict
 
 from wbc.constraints import Contact, PointContact, support
-from wbc.constraints.contact import DEFAULT_FRICTION, base_contact
+from wbc.constraints.contact import DEFAULT_FRICTION, base_contact, contact_kind
 from wbc.constraints.friction import FrictionCone
 from wbc.errors import InvalidInputError
 from wbc.problem.friction import FrictionSpec, cone
@@ -33,8 +33,9 @@ class ContactSpec(Section):
 
     frame: Name
     """A link, sole or other frame of the robot."""
-    type: Literal["fixed", "point"] = "fixed"
-    """fixed: position and orientation are held; point: the position only."""
+    type: Literal["fixed", "point"] | None = None
+    """fixed: position and orientation are held; point: the position only; left out: point for the
+    sole of a foot that ends in a point, as those of quadrupeds do, else fixed."""
     gain: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1)] = 0.5
     """Fraction of the drift to take back in one tick, in [0, 1]."""
     kp: NonNegative | None = None
@@ -122,7 +123,12 @@ def contacts_of(
         if frame in frames[:k]:
             raise Misplaced(f"frame {frame!r} is named twice", k)
     kinds = {"fixed": Contact, "point": PointContact}
-    held = (kinds[one.type].hold(snapshot, one.frame, **one.settings(friction)) for one in wanted)
+    held = (
+        (kinds[one.type] if one.type else contact_kind(snapshot.robot, one.frame)).hold(
+            snapshot, one.frame, **one.settings(friction)
+        )
+        for one in wanted
+    )
     return base_contact(snapshot) + tuple(held)
 
 

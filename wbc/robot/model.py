@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.drives import JointValues, effort_note, set_drives
-from wbc.robot.feet import NO_FEET, FootSpec, find_feet, is_arm
+from wbc.robot.feet import FootSpec, find_feet
+from wbc.robot.foot_guess import arm_reason, upright
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import (
     Coupling,
@@ -141,16 +142,21 @@ class Robot(KinematicTree):
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
         specs = _foot_specs(found.known, feet, base)
+        if found.known is None:
+            links = None if specs is None else {name: one.link for name, one in specs.items()}
+            postures[STANDING], turned = upright(model, postures[STANDING], links)
+            posture_notes += (turned,) if turned else ()
         soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
         bolted = None if soles or base else _bolted(description, model, postures[STANDING])
         if bolted:
             reason = f"{bolted} and there are no feet"
             foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
-        if NO_FEET in foot_notes:
-            logging.getLogger(__name__).warning("%s: %s", found.path, NO_FEET)
+        elif specs is None:
+            for note in foot_notes:  # of feet that a user may miss
+                logging.getLogger(__name__).warning("%s: %s", found.path, note)
         if found.known is None:
-            postures[STANDING], note = settled(model, limits, postures[STANDING], soles)
-            foot_notes += note
+            postures[STANDING], unsettled = settled(model, limits, postures[STANDING], soles)
+            foot_notes += unsettled
         postures[STANDING] = grounded(model, postures[STANDING], soles)
         return cls(
             name=name or found.name or description.name,
@@ -265,9 +271,7 @@ def _foot_specs(
 
 def _bolted(description: Description, model: pin.Model, standing: Array) -> str | None:
     """Return why a base that nothing is said of is fixed, if it has no feet; None if it floats."""
-    if description.bolted == "" and is_arm(model, standing):
-        return "the root link carries a single arm"
-    return description.bolted
+    return arm_reason(model, standing) if description.bolted == "" else description.bolted
 
 
 def check_robot(what: str, robot: object) -> None:

@@ -1,0 +1,225 @@
+"""Every robot of example-robot-data: what loads, what stands, and margins judged by raw meshes.
+
+1. A table of all files: feet, base, whether ``standing`` stands, or the sentence that refuses it.
+2. Random ticks of every humanoid that stands (targets mostly out of reach, four supports) with its
+   bodies kept apart. After every tick Coal measures the *raw* shapes of all watched pairs, which
+   the controller knows as capsules and hulls only.
+
+    python benchmarks/library_robots.py [--ticks 20000] [--only talos g1] [--pictures FOLDER]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
+
+import argparse
+import logging
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import process_time
+
+import coal
+import numpy as np
+import pinocchio as pin
+from random_ticks import SUPPORTS, inside, random_tasks
+
+from wbc.constraints import Limits, SelfCollision, support
+from wbc.controllers import KinematicController
+from wbc.errors import ModelError, WbcError
+from wbc.robot import Robot
+from wbc.robot.collision.bodies import named_shapes
+from wbc.robot.library import find_robot
+from wbc.robot.postures import stands
+
+DT = 0.005
+EPISODE = 100
+MARGIN = 0.01
+ROUNDING = 1e-6  # m: of Coal's distances
+SIDES = {"left", "right"}
+
+
+def folder() -> Path:
+    """Return the folder of example-robot-data's robots."""
+    return next(one for one in find_robot("g1").path.parents if one.name == "robots")
+
+
+def loaded(path: Path) -> Robot | str:
+    """Return the robot of a file, or why it is refused."""
+    try:
+        return Robot.load(path)
+    except WbcError as error:
+        return str(error).removeprefix(f"{path}: ")
+
+
+def is_humanoid(robot: Robot) -> bool:
+    """Return whether it stands on two feet."""
+    return set(robot.feet) == SIDES and stands(robot.model, robot.posture(), robot.feet)
+
+
+def verdict(robot: Robot) -> str:
+    """Return what was made of a robot, in a line."""
+    if robot.fixed_base:
+        return "fixed base"
+    if not robot.feet:
+        return next((note for note in robot.notes if "no feet" in note), "no feet")
+    up = "stands" if stands(robot.model, robot.posture(), robot.feet) else "does not stand"
+    feet = ", ".join(f"{foot.link} ({len(foot.polygon)})" for foot in robot.feet.values())
+    return f"{up} on {feet}"
+
+
+def draw(robot: Robot, target: Path) -> None:
+    """Draw a robot as it stands."""
+    from wbc.view import plot_robot
+
+    plot_robot(robot, {"standing": robot.posture()}, target)
+
+
+class RawShapes:
+    """The shapes of a robot's files, placed by Pinocchio and measured by Coal."""
+
+    def __init__(self, robot: Robot, margins: SelfCollision) -> None:
+        self.robot, self.data = robot, robot.model.createData()
+        named = {name: shape for name, _, shape in named_shapes(robot)}
+        for shape in named.values():
+            shape.geometry.computeLocalAABB()
+        names = list(named)
+        self.shapes = list(named.values())
+        self.centres = np.array([shape.geometry.aabb_center for shape in self.shapes])
+        radii = np.array([shape.geometry.aabb_radius for shape in self.shapes])
+        kept: dict[tuple[int, int], float] = {}  # the least margin of two shapes' parts
+        for label, margin in zip(margins.model.labels, margins.margins, strict=True):
+            a, b = (names.index(body.partition("/")[0]) for body in label.split(" vs "))
+            kept[a, b] = min(kept.get((a, b), np.inf), float(margin))
+        self.pairs = np.array(list(kept))
+        self.margins = np.array(list(kept.values()))
+        self.reach = radii[self.pairs].sum(axis=1) + self.margins
+
+    def broken(self, q: np.ndarray) -> tuple[float, str]:
+        """Return by how much a margin is broken [m] at most, and by which pair; 0 if none is."""
+        pin.forwardKinematics(self.robot.model, self.data, q)
+        poses = [self.data.oMi[shape.parentJoint] * shape.placement for shape in self.shapes]
+        centres = [pose.act(c) for pose, c in zip(poses, self.centres, strict=True)]
+        first, second = np.array(centres)[self.pairs.T]
+        worst = 0.0, ""
+        for k in np.flatnonzero(np.linalg.norm(first - second, axis=1) < self.reach):
+            one, two = ((self.shapes[i], poses[i]) for i in self.pairs[k])
+            solids = [
+                (shape.geometry, coal.Transform3s(p.rotation, p.translation))
+                for shape, p in (one, two)
+            ]
+            request = coal.CollisionRequest()
+            request.security_margin = float(self.margins[k]) - ROUNDING
+            if not coal.collide(*solids[0], *solids[1], request, coal.CollisionResult()):
+                continue
+            found = coal.distance(
+                *solids[0], *solids[1], coal.DistanceRequest(), coal.DistanceResult()
+            )
+            lacking = float(self.margins[k] - found), f"{one[0].name} vs {two[0].name}"
+            worst = max(worst, lacking)
+        return worst
+
+
+def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:
+    """Return a random posture in which no pair is inside its margin."""
+    scale = 0.3
+    while True:
+        step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
+        q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
+        if (margins.model.nearest(robot.snapshot(q)).distance >= margins.margins).all():
+            return q
+        scale *= 0.9
+
+
+@dataclass
+class Record:
+    """What was seen over the random ticks of one robot."""
+
+    ticks: int = 0
+    outside: float = 0.0  # rad or m
+    slip: float = 0.0  # m
+    broken: tuple[float, str] = (0.0, "")  # m
+    statuses: Counter[str] = field(default_factory=Counter)
+
+
+def episode(
+    robot: Robot,
+    margins: SelfCollision,
+    raw: RawShapes,
+    mode: str,
+    rng: np.random.Generator,
+    record: Record,
+) -> None:
+    """Run one set of random targets from a random posture."""
+    q, v = clear_posture(robot, margins, rng), np.zeros(robot.nv)
+    here = robot.snapshot(q)
+    controller = KinematicController(
+        robot,
+        random_tasks(robot, rng, here),
+        contacts=support(here, mode),
+        limits=Limits(robot),
+        constraints=[margins],
+        dt=DT,
+    )
+    for _ in range(EPISODE):
+        tick = controller.step(robot.snapshot(q, v))
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+        record.ticks += 1
+        record.statuses[tick.status.value] += 1
+        record.outside = max(record.outside, -controller.limits.worst_margin(q)[0])
+        record.broken = max(record.broken, raw.broken(q))
+        there = robot.snapshot(q)
+        slips = [contact.slip(there) for contact in controller.contacts]
+        record.slip = max([record.slip, *slips])
+
+
+def random_ticks(robot: Robot, ticks: int, seed: int) -> str:
+    """Run random ticks and return what was seen, in a line."""
+    try:
+        margins = SelfCollision(robot, margin=MARGIN)
+    except ModelError as error:
+        return str(error).removeprefix(f"{robot.path}: ")
+    rng, record, raw = np.random.default_rng(seed), Record(), RawShapes(robot, margins)
+    start = process_time()
+    while record.ticks < ticks:
+        for mode in SUPPORTS:
+            episode(robot, margins, raw, mode, rng, record)
+    broken, pair = record.broken
+    return (
+        f"{record.ticks} ticks, {len(raw.pairs)} raw pairs ({len(margins.in_contact)} in contact by"
+        f" design): margin broken by {broken * 1e3:.4f} mm {pair}, limits by {record.outside:.1e},"
+        f" feet slipped {record.slip * 1e3:.3f} mm, {dict(record.statuses)},"
+        f" {process_time() - start:.0f} s"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=20_000, help="of each humanoid")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of file names")
+    parser.add_argument("--pictures", type=Path, help="folder for pictures of what stands")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    logging.disable(logging.WARNING)  # the table says it
+    humanoids = []
+    for path in sorted(folder().rglob("*.urdf")):
+        if not any(part in str(path) for part in options.only):
+            continue
+        robot, name = loaded(path), path.stem
+        if isinstance(robot, str):
+            print(f"{name:28s} refused: {robot}")
+            continue
+        print(f"{name:28s} {robot.nv - 6:3d} joints {robot.mass:6.1f} kg  {verdict(robot)}")
+        if options.pictures and robot.feet:
+            draw(robot, options.pictures / f"{name}.png")
+        if is_humanoid(robot):
+            humanoids.append(robot)
+    for robot in humanoids if options.ticks else ():
+        print(
+            f"{robot.path.stem:28s} {random_ticks(robot, options.ticks, options.seed)}", flush=True
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,215 @@
+"""Which links of an unknown robot are its feet, which way it stands, and whether it is an arm.
+
+All guessed from names, places and shapes; what is not found has a reason in words.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.robot.formats.description import GeometrySource
+from wbc.robot.sole import body_points, found_sole
+from wbc.validate import Array
+
+# Foot -> the words of a link's name that mean it.
+SIDES = {"left": {"left", "l"}, "right": {"right", "r"}}
+CORNERS = {
+    "front_left": {"fl", "lf"},
+    "front_right": {"fr", "rf"},
+    "hind_left": {"hl", "lh", "rl", "bl"},
+    "hind_right": {"hr", "rh", "rr", "br"},
+}
+FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
+WHEEL_WORDS = {"wheel", "caster", "roller"}
+ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
+NOT_FEET = WHEEL_WORDS | ARM_WORDS
+_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: two soles on the same ground, one the other's image
+LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
+BELOW_BASE = 0.05  # m: legs reach at least so far below the base's origin
+ALONG = np.cos(np.deg2rad(30.0))  # a direction this near to an axis is meant to be along it
+
+
+def words_of(name: str) -> set[str]:
+    """Return the lower-case words of ``left_foot``, ``LAnkleRoll``, ``l_sole`` or ``LF_FOOT``."""
+    return {word.lower() for word in _WORDS.findall(name)}
+
+
+def foot_of(link: str) -> str | None:
+    """Return the foot (``left``, ``hind_right``, ...) that a link's name says it is, or None."""
+    words = words_of(link)
+    if not words & FOOT_WORDS or words & NOT_FEET:
+        return None
+    found = [foot for foot, marks in (SIDES | CORNERS).items() if words & marks]
+    return found[0] if len(found) == 1 else None
+
+
+def arm_reason(model: pin.Model, q: Array) -> str:
+    """Return why a robot without feet is an arm (or a hand) bolted down, in words; empty if not.
+
+    One joint carries all else and none is below the base as legs are; or the root link's name says
+    so. ``q`` (nq,) has the base upright.
+    """
+    root = next((str(frame.name) for frame in _bodies(model) if frame.parentJoint == 1), "")
+    if words_of(root) & ARM_WORDS:
+        return f"the root link is called {root!r}"
+    if list(model.parents).count(1) != 1:
+        return ""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    heights = [pose.translation[2] for pose in data.oMi][1:]
+    above = min(heights) > heights[0] - BELOW_BASE
+    return "the root link carries a single arm" if above else ""
+
+
+def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple[Array, str]:
+    """Return ``q`` with the feet below the base and the left ones to the left, and what was turned.
+
+    Files whose y axis points up, or whose x axis points backwards, are recognised by where their
+    feet are. A base that ``q`` turns already is left as it is.
+
+    Parameters
+    ----------
+    feet:
+        Foot to link; None stands for the links that are called feet.
+    """
+    if not np.array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0]):
+        return q, ""
+    bodies = {str(frame.name): frame.parentJoint for frame in _bodies(model)}
+    if feet is None:
+        named = [(foot, joint) for name, joint in bodies.items() if (foot := foot_of(name))]
+    else:
+        named = [(foot, bodies[link]) for foot, link in feet.items() if link in bodies]
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    places = {foot: data.oMi[1].actInv(data.oMi[joint]).translation for foot, joint in named}
+    if len(places) < 2:
+        return q, ""
+    lefts = [place for foot, place in places.items() if foot.endswith("left")]
+    rights = [place for foot, place in places.items() if foot.endswith("right")]
+    up, left = _axis_along(-_mean(places.values())), _axis_along(_mean(lefts) - _mean(rights))
+    if up is None:
+        up = np.array([0.0, 0.0, 1.0])
+    if left is None or not lefts or not rights or abs(float(left @ up)) > 0.5:
+        left = np.array([0.0, 1.0, 0.0]) if not up[1] else np.array([0.0, 0.0, -up[1]])
+    axes = np.stack([np.cross(left, up), left, up])  # the world's, in the base
+    if np.array_equal(axes, np.eye(3)):
+        return q, ""
+    turned = q.copy()
+    turned[3:7] = pin.Quaternion(axes).coeffs()
+    return turned, (
+        f"the base's {_name_of(up)} axis points up and its {_name_of(axes[0])} axis forwards, as"
+        " its feet say: 'standing' is turned"
+    )
+
+
+def _mean(places: Collection[Array]) -> Array:
+    return np.mean(list(places), axis=0) if places else np.zeros(3)
+
+
+def _axis_along(direction: Array) -> Array | None:
+    """Return the axis (3,) that a direction is about along, with its sign, or None."""
+    k = int(np.abs(direction).argmax())
+    if abs(direction[k]) <= ALONG * float(np.linalg.norm(direction)):
+        return None
+    axis = np.zeros(3)
+    axis[k] = np.sign(direction[k])
+    return axis
+
+
+def _name_of(axis: Array) -> str:
+    return ("-" if axis.sum() < 0.0 else "") + "xyz"[int(np.abs(axis).argmax())]
+
+
+def guess_links(
+    model: pin.Model, data: pin.Data, geometry: GeometrySource
+) -> tuple[dict[str, str], str]:
+    """Return the feet as name to link, and what was not found and why, in words.
+
+    A foot is a link whose name holds a side (left, l, right, r) or a corner (FL, hr, ...) and one
+    of :data:`FOOT_WORDS`, and whose rigid body has shapes; of several, the one that reaches lowest.
+    Without such names: the two bodies at the ends of limbs that reach lowest, with flat undersides,
+    one to the left and its image to the right. Wheels and hands are neither.
+
+    ``data`` holds the frame placements of a posture with the base upright.
+    """
+    bodies = [frame for frame in _bodies(model) if frame.parentJoint > 1]
+    rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
+    bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
+    named = [(foot, frame) for frame in bodies if (foot := foot_of(frame.name))]
+    lowest: dict[str, tuple[float, str]] = {}
+    for foot, frame in named:
+        height = _lowest_point(model, data, geometry, frame.parentJoint)
+        lowest[foot] = min(lowest.get(foot, (np.inf, "~")), (height, str(frame.name)))
+    ordered = {name: lowest[name] for name in SIDES | CORNERS if name in lowest}
+    found = {name: link for name, (height, link) in ordered.items() if height < np.inf}
+    shapeless = ", ".join(link for height, link in ordered.values() if height == np.inf)
+    if shapeless:
+        missing = f"no shapes to find soles from on {shapeless}"
+        return found, f"{missing}; give link, polygon and height"
+    if set(found) == {"front_left", "front_right"}:  # a biped whose legs are called so
+        return dict(zip(SIDES, found.values(), strict=True)), ""
+    if found:
+        return found, _one_sided(found)
+    if rolling:
+        return {}, "it has wheels, and wheels are no soles"
+    return _lowest_pair(model, data, geometry, bodies)
+
+
+def _bodies(model: pin.Model) -> list[pin.Frame]:
+    return [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+
+def _one_sided(found: dict[str, str]) -> str:
+    """Return which feet are lacking beside those found by their names; empty if none is."""
+    whole = SIDES if set(found) <= set(SIDES) else CORNERS
+    lacking = [name for name in whole if name not in found]
+    called = ", ".join(found.values())
+    return f"no link is called the {', '.join(lacking)} foot, as {called} is" if lacking else ""
+
+
+def _lowest_point(model: pin.Model, data: pin.Data, geometry: GeometrySource, joint: int) -> float:
+    """Return how high the lowest point of a joint's body is [m]; infinite if it has no shape."""
+    pose = data.oMi[joint]
+    points = body_points(model, geometry, joint, pose.rotation[2])
+    if not len(points):
+        return np.inf
+    return float((points @ pose.rotation[2]).min()) + float(pose.translation[2])
+
+
+def _lowest_pair(
+    model: pin.Model, data: pin.Data, geometry: GeometrySource, bodies: list[pin.Frame]
+) -> tuple[dict[str, str], str]:
+    """Return the two lowest flat bodies at the ends of limbs if they are left and right, or why."""
+    inner = {int(parent) for parent in model.parents}
+    ends = {f.parentJoint: f for f in reversed(bodies) if f.parentJoint not in inner}
+    height = {joint: float(data.oMi[joint].translation[2]) for joint in ends}
+    base = float(data.oMi[1].translation[2])
+    low = {joint: z for joint, z in height.items() if z < base - BELOW_BASE}
+    low = {joint: z for joint, z in low.items() if z < min(low.values()) + 2 * SAME_HEIGHT}
+    names = [str(ends[joint].name) for joint in low]
+    if not low:
+        return {}, "no link is called a foot, ankle or sole, and no limb ends below the base"
+    lowest = (
+        f"no link is called a foot, ankle or sole; the lowest ends of limbs, {', '.join(names)}"
+    )
+    if any(words_of(name) & NOT_FEET for name in names):
+        return {}, f"{lowest}, are called hands or wheels"
+    if len(low) != 2:
+        return {}, f"{lowest}, are not a pair"
+    soles = []
+    for joint in low:
+        R = data.oMi[joint].rotation @ ends[joint].placement.rotation
+        found = found_sole(model, geometry, ends[joint], R)
+        if found is None or np.prod(np.ptp(found[1], axis=0)) < LEAST_AREA:
+            return {}, f"{lowest}, have no flat undersides"
+        soles.append((data.oMi[joint] * found[0]).translation)
+    apart = np.abs(soles[0] * [1, -1, 1] - soles[1])
+    if apart.max() > MIRRORED or abs(soles[0][2] - soles[1][2]) > SAME_HEIGHT:
+        return {}, f"{lowest}, are not one the other's mirror image"
+    left = int(soles[1][1] > soles[0][1])
+    return {"left": names[left], "right": names[1 - left]}, ""
