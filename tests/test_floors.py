@@ -18,6 +18,8 @@ FLOORS = {
     "braking": 0,
     "native": 0,
     "processes": 0,
+    "journal": 0,
+    "workers": 0,
     "robot": 1,
     "rmp": 1,
     "qp": 1,
@@ -31,6 +33,7 @@ FLOORS = {
     "simulation": 5,
     "problem": 5,
     "view": 6,
+    "batch": 6,
     "cli": 6,
     "__main__": 6,
 }
@@ -52,6 +55,8 @@ ONLY_IN = {
     "typer": {"cli"},
     "rich": {"cli"},
     "mujoco": {"simulation"},
+    "distributed": {"batch"},
+    "pyarrow": {"batch"},
 }
 FILES = sorted(PACKAGE.rglob("*.py"))
 

@@ -2,8 +2,8 @@
 
 Fences: ``python`` is ours, run in the order of the page as one program; ``{.python}`` includes an
 example, which a test of its own runs. ``py`` with a title is code of others, which only must
-compile. ``yaml`` is a problem, or sections of one that are put into
-a small problem. ``sh`` holds command lines, of which ``wbc`` is parsed and ``make`` looked up.
+compile. ``yaml`` is a problem, or sections of one that are put into a small problem, or a campaign
+of small problems. ``sh`` holds command lines, of which ``wbc`` is parsed and ``make`` looked up.
 """
 
 import re
@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 
 from wbc.cli import app
 from wbc.problem import load_problem
+from wbc.problem.campaign import load_campaign
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -29,7 +30,7 @@ SMALL = """
 robot: hoap2_like
 support: double
 tasks:
-  com: {type: com, target: start}
+  com: {type: com, target: {offset: [0, 0, 0]}}
   posture: {type: posture, weight: 0.01}
 stop: {duration: 0.01}
 """
@@ -90,6 +91,12 @@ def test_problems_are_valid(path: Path, tmp_path: Path) -> None:
     for number, block in enumerate(blocks(path, "yaml")):
         given = yaml.load(block)
         file = tmp_path / f"{number}.yaml"
+        if "problems" in given:
+            file.write_text(block, encoding="utf-8")
+            for problem in given["problems"]:
+                (tmp_path / problem).write_text(SMALL, encoding="utf-8")
+            assert load_campaign(file).runs, block
+            continue
         if "robot" in given or "model" in given:
             file.write_text(block, encoding="utf-8")
         else:

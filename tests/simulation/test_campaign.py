@@ -14,10 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError
 from wbc.simulation import PushGrid, PushOutcome, run_campaign
 from wbc.simulation.campaign import Trial
 from wbc.simulation.campaign_log import CampaignLog
+from wbc.workers import WorkerDiedError
 
 RATIOS = (0.8, 1.0, 1.2, 1.4, 1.6)
 
@@ -105,7 +106,7 @@ def test_what_a_process_cannot_load_or_survive_is_told() -> None:
     with pytest.raises(InvalidInputError, match="this cannot be pushed"):
         run_campaign(PushGrid(2, RATIOS), refused, workers=2)
     recorded: list[PushOutcome] = []
-    with pytest.raises(WbcError, match="a process ended without an answer"):
+    with pytest.raises(WorkerDiedError, match="3 times it was tried"):
         run_campaign(PushGrid(2, RATIOS), Ellipse(dies_at=1.1), workers=2, record=recorded.append)
     assert {one.ratio for one in recorded} <= {0.8, 1.0} and recorded
 
@@ -149,8 +150,8 @@ MADE_OF = {"text": "robot: g1", "ratios": (1.0, 2.0)}
 def test_a_log_gives_back_what_it_was_given(tmp_path: Path) -> None:
     with CampaignLog(tmp_path / "log", MADE_OF) as log:
         assert not log.known
-        log.add("one", OUTCOME)
-        log.add("two", OUTCOME._replace(ratio=0.1 + 0.2))
+        log.record("one", OUTCOME)
+        log.record("two", OUTCOME._replace(ratio=0.1 + 0.2))
     with CampaignLog(tmp_path / "log", MADE_OF) as log:
         assert log.known == {"one": [OUTCOME], "two": [OUTCOME._replace(ratio=0.1 + 0.2)]}
         log.remove()
@@ -160,12 +161,12 @@ def test_a_log_gives_back_what_it_was_given(tmp_path: Path) -> None:
 def test_half_a_line_is_cut_off(tmp_path: Path) -> None:
     path = tmp_path / "log"
     with CampaignLog(path, MADE_OF) as log:
-        log.add("one", OUTCOME)
-        log.add("one", OUTCOME._replace(ratio=2.0))
+        log.record("one", OUTCOME)
+        log.record("one", OUTCOME._replace(ratio=2.0))
     path.write_bytes(path.read_bytes()[:-20])
     with CampaignLog(path, MADE_OF) as log:
         assert log.known == {"one": [OUTCOME]}
-        log.add("one", OUTCOME._replace(ratio=3.0))
+        log.record("one", OUTCOME._replace(ratio=3.0))
     with CampaignLog(path, MADE_OF) as log:
         assert [one.ratio for one in log.known["one"]] == [1.1, 3.0]
     path.write_bytes(path.read_bytes()[:10])  # killed within the head
@@ -206,7 +207,7 @@ def test_after_a_kill_it_goes_on_and_no_process_is_left(tmp_path: Path) -> None:
                 with CampaignLog(Path({str(log)!r}), {{}}) as kept:
                     run_campaign(
                         PushGrid(6, RATIOS), Ellipse(pause=0.3), workers=2,
-                        record=lambda one: kept.add("one", one),
+                        record=lambda one: kept.record("one", one),
                     )
             """
         )

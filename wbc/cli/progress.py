@@ -6,10 +6,13 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
+
+if TYPE_CHECKING:
+    from wbc.batch import BatchProgress
 
 SECONDS_BETWEEN_LINES = 5.0
 
@@ -50,7 +53,7 @@ def _lines(console: Console) -> ProgressCall:
             last = time.monotonic()
             _, unit, state = _told(info)
             console.print(
-                f"{unit} {done} of at most {total}: {state}"
+                f"{unit} {done} of {'' if 'batch' in (info or {}) else 'at most '}{total}: {state}"
                 if state
                 else f"{unit} {done} of {total}"
             )
@@ -64,6 +67,8 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
         return "analysing", "frame", ""
     if "drawing" in info:
         return "drawing", "frame", ""
+    if "batch" in info:
+        return "running", "run", batch_state(info["batch"], info["seconds"])
     if "push" in info:
         push = info["push"]
         ended = "survived" if push.survived else "not survived"
@@ -75,3 +80,21 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
     speed = f", speed {info['speed']:.1e}" if "speed" in info else ""
     failed = f", {info['failed']} failed" if info.get("failed") else ""
     return doing, "tick", f"t = {info['time']:.2f} s{speed}{failed}"
+
+
+def batch_state(at: BatchProgress, seconds: float) -> str:
+    """Return rate and remaining time of a campaign that has run for a while [s], in words."""
+    rate = at.new / max(seconds, 1e-9)
+    left = (at.total - at.done) / rate if rate else math.inf
+    speed = f"{rate:.3g} per s" if rate >= 1.0 else f"{1.0 / rate if rate else math.inf:.3g} s each"
+    return f"{speed}, {in_words(left)} left"
+
+
+def in_words(seconds: float) -> str:
+    """Return a duration in the unit it is read in."""
+    if not math.isfinite(seconds):
+        return "unknown time"
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} s"

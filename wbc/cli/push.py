@@ -245,7 +245,7 @@ def _push_all(
                 load if workers > 1 else partial(_itself, one),  # it is loaded here already
                 workers=workers,
                 known=() if log is None else log.known.get(name, ()),
-                record=None if log is None else partial(log.add, name),
+                record=None if log is None else partial(log.record, name),
                 progress=progress,
                 cancelled=interrupts,
             )

@@ -212,3 +212,21 @@ def load_problem(
         return load_pendulum(source, overrides)
     spec = read_section(ProblemSpec, source)
     return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
+
+
+def load_unchanged(
+    path: Path, overrides: Mapping[str, Any], text: str
+) -> Problem | PendulumProblem:
+    """Load a problem in another process than the one that read its ``text`` first.
+
+    Raises
+    ------
+    ProblemFileError
+        As :func:`load_problem` does.
+    InvalidInputError
+        The file is another by now.
+    """
+    problem = load_problem(path, overrides)
+    if problem.source.text != text:
+        raise InvalidInputError(f"{path}: was changed meanwhile; begin anew")
+    return problem

@@ -48,8 +48,8 @@ _HINTS = {
 _STAR = re.compile(r"(?:^|[\s{\[,])\*\w")
 
 
-def read_source(path: Path) -> Source:
-    """Read a problem file; ``-`` is stdin.
+def read_source(path: Path, keys: str = "'robot:' and 'tasks:'") -> Source:
+    """Read a problem file, or another that needs at least ``keys``; ``-`` is stdin.
 
     Raises
     ------
@@ -59,10 +59,10 @@ def read_source(path: Path) -> Source:
     name = STDIN if path == DASH else str(path)
     source = parse(_text_of(path, name), name)
     if source.data is None:
-        raise ProblemFileError(f"{name}: empty; a problem needs at least 'robot:' and 'tasks:'")
+        raise ProblemFileError(f"{name}: empty; it needs at least {keys}")
     if not isinstance(source.data, dict):
         raise ProblemFileError(
-            f"{name}:1: expected keys such as 'robot:' and 'tasks:', got "
+            f"{name}:1: expected keys such as {keys}, got "
             f"{'a list' if isinstance(source.data, list) else repr(source.data)}"
         )
     return source

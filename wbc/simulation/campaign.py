@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cached_property
-from multiprocessing import get_context
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, WbcError
-from wbc.processes import blocked_interrupt, end_with_parent, terminate
+from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number, finite_vector, read_only, set_fields
+from wbc.workers import Workers
 
 MOMENT = 0.1  # s to wait for an outcome, before looking whether the campaign is to end
 DIGITS = 9  # to which angles and ratios tell pushes apart
@@ -177,7 +174,8 @@ def run_campaign(
     Raises
     ------
     WbcError
-        A process died, or what a trial raises.
+        What a trial raises; :class:`~wbc.workers.WorkerDiedError` if processes die of a push each
+        time that it is tried.
     """
     size = int(finite_number("campaign, workers", workers, least=1.0))
     here = {key(a, r) for a in grid.angles.tolist() for r in np.asarray(grid.ratios).tolist()}
@@ -227,40 +225,18 @@ def _in_processes(
     ended: Callable[[], bool],
 ) -> Iterator[PushOutcome]:
     """Yield outcomes as they come; a direction is tried by one process at a time."""
-    pool = ProcessPoolExecutor(size, get_context("spawn"), _load, (make,))
-    pending: dict[Future[PushOutcome], float] = {}
-    try:
+    busy: set[tuple[float, float]] = set()
+    with Workers(make, size) as workers:
         while not ended():
-            while len(pending) < size and (push := _next(grid, found, pending.values())):
-                with blocked_interrupt():  # this may start processes
-                    pending[pool.submit(_try, *push)] = push[0]
-            if not pending:
+            angles = [angle for angle, _ in busy]
+            while workers.room and (push := _next(grid, found, angles)):
+                busy.add(push)
+                angles.append(push[0])
+                workers.submit(push, *push)
+            if not busy:
                 return
-            for future in wait(pending, MOMENT, FIRST_COMPLETED).done:
-                del pending[future]
-                yield future.result()
-    except BrokenProcessPool as error:
-        raise WbcError(
-            "campaign: a process ended without an answer, perhaps for want of memory; fewer"
-            " workers need less"
-        ) from error
-    finally:
-        terminate(pool)
-
-
-_trial: list[Trial | WbcError] = []  # of a process of the pool
-
-
-def _load(make: MakeTrial) -> None:
-    end_with_parent()
-    try:
-        _trial.append(make())
-    except WbcError as error:  # else the pool would only say that it is broken
-        _trial.append(error)
-
-
-def _try(angle: float, ratio: float) -> PushOutcome:
-    (trial,) = _trial
-    if isinstance(trial, WbcError):
-        raise trial
-    return trial(angle, ratio)
+            for answer in workers.results(MOMENT):
+                if answer.error is not None:
+                    raise answer.error
+                busy.discard(answer.key)
+                yield answer.value

@@ -1,0 +1,169 @@
+"""Campaigns that are killed, and what a run costs beside its own work.
+
+First a campaign of cheap runs in two processes, killed by SIGKILL again and again until it is
+through: it must end with every run exactly once. Then the same on a Dask cluster of two workers,
+one of which is killed, and the campaign itself once. Then the rate with one process, two, and so
+on up to ``--workers``, from which the time of a large campaign on many workers is extrapolated: on
+W workers N runs of t seconds take about N max((t + o) / W, s), where o is what a worker spends
+between runs, and s what this process spends on each row.
+
+    python benchmarks/campaign.py [--runs 1000] [--kills 3] [--workers 2]
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from wbc.batch import BatchProgress, load_campaign, read_rows, run_batch
+from wbc.batch.row import Row, run_row
+from wbc.journal import Journal
+
+STAND = """\
+robot: hoap2_like
+support: double
+tasks:
+  com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
+  posture: {type: posture, weight: 0.01}
+controller: {solver: daqp}
+stop: {duration: 0.02, speed: null}
+"""
+CAMPAIGN = """\
+problems: [stand.yaml]
+grid:
+  tasks.com.gain: [0.1, 0.2, 0.3, 0.4, 0.5]
+seeds: %d
+draw:
+  tasks.com.target.offset: [[-0.01, -0.01, -0.02], [0.01, 0.01, 0.0]]
+"""
+
+
+def lines(path: Path) -> int:
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def run_killed(file: Path, runs: int, kills: int, *options: str) -> Path:
+    """Run a campaign from the command line, killed evenly on the way; return its table."""
+    table = file.with_suffix(".parquet")
+    kept = table.with_name(table.name + ".partial")
+    command = [sys.executable, "-m", "wbc", "batch", str(file), *options]
+    for kill in range(kills):
+        until = (kill + 1) * runs // (kills + 1)
+        running = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        while lines(kept) < until and running.poll() is None:
+            time.sleep(0.05)
+        running.send_signal(signal.SIGKILL)
+        running.wait()
+        print(f"  killed with {lines(kept) - 1} rows", flush=True)
+    print(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    return table
+
+
+def check(table: Path, runs: int) -> None:
+    rows, _ = read_rows(table)
+    numbers = [row["run"] for row in rows]
+    solved = sum(row["status"] == "completed" for row in rows)
+    print(f"  {len(rows)} rows, {len(set(numbers))} different, {solved} completed\n", flush=True)
+    assert numbers == list(range(runs)) and solved == runs
+
+
+def on_cluster(folder: Path, file: Path, runs: int) -> Path:
+    """Run a campaign on two workers; kill one, and the campaign, on the way."""
+    from distributed import LocalCluster
+
+    table = file.with_suffix(".parquet")
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        kept = table.with_name(table.name + ".partial")
+        victim = next(iter(cluster.workers.values())).pid
+        command = [sys.executable, "-m", "wbc", "batch", str(file), "--cluster", address]
+        running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        while lines(kept) < runs // 4:
+            time.sleep(0.05)
+        os.kill(victim, signal.SIGKILL)
+        print(f"  killed a worker (process {victim}) with {lines(kept) - 1} rows", flush=True)
+        while lines(kept) < runs // 2:
+            time.sleep(0.05)
+        running.send_signal(signal.SIGKILL)
+        told = running.communicate()[1]
+        print("  told: " + "; ".join(one for one in told.splitlines() if "worker" in one))
+        print(f"  killed the campaign with {lines(kept) - 1} rows", flush=True)
+        print(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    return table
+
+
+def scaling(folder: Path, file: Path, most: int) -> None:
+    """Measure the rate by the number of processes, and what this process spends on a row."""
+    campaign = load_campaign(file)
+    text = campaign.texts["stand"]
+    cpu = []
+    for run in campaign.runs[:50]:
+        start = time.thread_time()
+        run_row(run, text)
+        cpu.append(time.thread_time() - start)
+    work = float(np.median(cpu))
+    print(f"  CPU time of a run alone: {1e3 * work:.1f} ms (loading and running)")
+    own = 0.0
+    for workers in range(1, most + 1):
+        stamps: list[float] = []
+        rows: list[Row] = []
+
+        def note(at: BatchProgress, stamps: list[float] = stamps, rows: list[Row] = rows) -> None:
+            stamps.append(time.monotonic())
+            rows.append(at.row)
+
+        with Journal(folder / f"scaling-{workers}", campaign.made_of()) as journal:
+            spent = time.process_time()
+            run_batch(
+                campaign,
+                workers=workers,
+                journal=journal,
+                progress=note,
+                cancelled=lambda stamps=stamps: len(stamps) >= 200,
+            )
+            own = (time.process_time() - spent) / len(stamps)
+        later = stamps[len(stamps) // 4 :]  # once all processes have loaded
+        each = (later[-1] - later[0]) / (len(later) - 1)
+        inside = float(np.median([row["wall_seconds"] for row in rows]))
+        between = workers * each - inside
+        print(
+            f"  {workers} workers: {1 / each:.1f} runs per s; of a worker's time per run"
+            f" {1e3 * inside:.1f} ms inside the run, {1e3 * between:.1f} ms between;"
+            f" this process {1e3 * own:.2f} ms of CPU per row"
+        )
+    for count, seconds, crowd in ((100_000, 5.0, 100), (100_000, 5.0, 1000)):
+        took = count * max(seconds / crowd, own)
+        print(
+            f"  extrapolated: {count:,} runs of {seconds:g} s on {crowd} workers:"
+            f" {took / 3600:.2g} h (this process alone would need {count * own / 3600:.2g} h)"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=1000, help="a multiple of 5")
+    parser.add_argument("--kills", type=int, default=3)
+    parser.add_argument("--workers", type=int, default=2, help="most of the measured scaling")
+    options = parser.parse_args()
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "stand.yaml").write_text(STAND)
+        for kind in ("processes", "cluster"):
+            (folder / f"{kind}.yaml").write_text(CAMPAIGN % (options.runs // 5))
+        print("two processes", flush=True)
+        file = folder / "processes.yaml"
+        check(run_killed(file, options.runs, options.kills, "--workers", "2"), options.runs)
+        print("a cluster of two workers", flush=True)
+        check(on_cluster(folder, folder / "cluster.yaml", options.runs), options.runs)
+        print("scaling", flush=True)
+        scaling(folder, file, options.workers)
+
+
+if __name__ == "__main__":
+    main()

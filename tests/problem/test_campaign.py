@@ -1,0 +1,166 @@
+"""Campaign files: which runs they are, and every mistake found before the first."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import ProblemFileError, WbcError
+from wbc.problem import load_problem
+from wbc.problem.campaign import Campaign, load_campaign
+
+STAND = """\
+robot: hoap2_like
+support: double
+tasks:
+  com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
+  posture: {type: posture, weight: 0.01}
+stop: {duration: 0.02}
+"""
+TORQUE = """\
+robot: hoap2_like
+support: double
+tasks: {posture: {type: posture, weight: 1.0}}
+controller: {level: torque}
+simulation: {duration: 0.1, sensors: {position_noise: 1.0e-4}}
+"""
+PENDULUM = "problems/rmp_static_lean.yaml"
+
+
+def load(folder: Path, text: str) -> Campaign:
+    (folder / "stand.yaml").write_text(STAND)
+    (folder / "push.yaml").write_text(TORQUE)
+    path = folder / "campaign.yaml"
+    path.write_text(text)
+    return load_campaign(path)
+
+
+def test_runs_are_the_product_of_everything(tmp_path: Path) -> None:
+    campaign = load(
+        tmp_path,
+        "problems: [stand.yaml, push.yaml]\n"
+        "set: {controller.solver: daqp}\n"
+        "cases: {soft: {tasks.posture.weight: 0.1}, hard: {tasks.posture.weight: 10}}\n"
+        "grid: {limits.margin: [0.0, 0.01, 0.02]}\n",
+    )
+    runs = campaign.runs
+    assert [run.number for run in runs] == list(range(2 * 2 * 3))
+    assert [(run.problem, run.case) for run in runs[::3]] == [
+        ("stand", "soft"), ("stand", "hard"), ("push", "soft"), ("push", "hard")
+    ]  # fmt: skip
+    assert runs[4].overrides == {
+        "controller.solver": "daqp", "tasks.posture.weight": 10, "limits.margin": 0.01
+    }  # fmt: skip
+    assert "run 4 (stand, case hard" in runs[4].describe()
+    assert set(campaign.texts) == {"stand", "push"} and campaign.texts["push"] == TORQUE
+    assert load_problem(runs[4].path, runs[4].overrides).parts
+
+
+def test_the_most_specific_value_counts(tmp_path: Path) -> None:
+    campaign = load(
+        tmp_path,
+        "problems: [stand.yaml]\nset: {tasks.com.gain: 0.1, tasks.com.weight: 1.0}\n"
+        "cases: {a: {tasks.com.gain: 0.2, tasks.com.weight: 2.0}}\n"
+        "grid: {tasks.com.gain: [0.3]}\n",
+    )
+    assert campaign.runs[0].overrides == {"tasks.com.gain": 0.3, "tasks.com.weight": 2.0}
+
+
+def test_seeds_go_where_a_problem_is_random_and_draws_follow_them(tmp_path: Path) -> None:
+    campaign = load(
+        tmp_path,
+        "problems: [push.yaml]\nseeds: [3, 5]\n"
+        "set: {simulation.model_error: {mass: 0.1}}\n"
+        "draw: {simulation.friction: [0.4, 0.8]}\n",
+    )
+    assert [run.seed for run in campaign.runs] == [3, 5]
+    for run in campaign.runs:
+        assert run.overrides["simulation.sensors.seed"] == run.seed
+        assert run.overrides["simulation.model_error.seed"] == run.seed
+    first, second = (run.overrides["simulation.friction"] for run in campaign.runs)
+    assert 0.4 <= first <= 0.8 and 0.4 <= second <= 0.8 and first != second
+    again = load(
+        tmp_path,
+        "problems: [stand.yaml, push.yaml]\nseeds: [5]\n"
+        "draw: {tasks.posture.weight: [0.1, 1.0], limits.margin: [0, 0.01]}\n",
+    )
+    # One problem's draws do not depend on another's, nor on what else is drawn.
+    one, other = (run.overrides["tasks.posture.weight"] for run in again.runs)
+    assert one == other
+    alone = load(tmp_path, "problems: [stand.yaml]\nseeds: 6\ndraw: {limits.margin: [0, 0.01]}\n")
+    assert alone.runs[5].overrides["limits.margin"] == again.runs[0].overrides["limits.margin"]
+
+
+def test_draws_are_even(tmp_path: Path) -> None:
+    campaign = load(
+        tmp_path,
+        "problems: [stand.yaml]\nseeds: 400\n"
+        "draw: {tasks.com.target.offset: [[-0.01, 0, -0.02], [0.01, 0, 0]]}\n",
+    )
+    drawn = np.array([run.overrides["tasks.com.target.offset"] for run in campaign.runs])
+    assert (drawn[:, 1] == 0.0).all()
+    # Mean and variance of 400 even draws: within four standard errors.
+    assert np.allclose(drawn.mean(axis=0), [0, 0, -0.01], atol=4 * 0.02 / np.sqrt(12 * 400))
+    assert np.isclose(drawn[:, 2].std(), 0.02 / np.sqrt(12), rtol=0.1)
+    assert abs(np.corrcoef(drawn[:, 0], drawn[:, 2])[0, 1]) < 4 / np.sqrt(400)
+
+
+def test_a_search_has_a_seed_and_leaves_the_processors_to_the_campaign(tmp_path: Path) -> None:
+    text = (Path(__file__).parent / "global_small.yaml").read_text()
+    (tmp_path / "search.yaml").write_text(text.replace("  workers: 1\n", ""))
+    campaign = load(tmp_path, "problems: [search.yaml]\nseeds: 2\n")
+    assert [run.overrides for run in campaign.runs] == [
+        {"controller.workers": 1, "controller.seed": seed} for seed in (0, 1)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("problems: [stand.yaml]\ngird: {}", "campaign.yaml:2: gird: unknown key; did you mean"),
+        ("problems: [stnad.yaml]", "stnad.yaml: no such file"),
+        ("problems: []", "problems"),
+        ("problems: [stand.yaml, stand.yaml]", "named twice"),
+        ("problems: [stand.yaml]\nset: {tasks.con.gain: 0.1}", "no task 'con'; did you mean 'com'"),
+        ("problems: [stand.yaml]\ngrid:\n  tasks.com.gian: [0.1]", "campaign.yaml:3"),
+        ("problems: [stand.yaml]\ngrid:\n  tasks.com.gian: [0.1]", "did you mean 'gain'"),
+        ("problems: [stand.yaml]\ngrid: {tasks.com.gain: [0.1, 7]}", "grid.\"tasks.com.gain\"[1]"),
+        ("problems: [stand.yaml]\ngrid: {tasks.com.gain: 0.1}", "list"),
+        ("problems: [stand.yaml]\ncases: {a: {}, b: {robot: nobody}}", "cases.b"),
+        ("problems: [stand.yaml]\nseeds: 3", "nothing is random in stand"),
+        ("problems: [stand.yaml]\ndraw: {limits.margin: [0, 0.1]}", "give seeds"),
+        ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0, x]}", "limits.margin"),
+        ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0]}", "draw"),
+        ("problems: [stand.yaml]\nseeds: 2000000\ndraw: {limits.margin: [0, 0.1]}", "at most"),
+        ("", "at least 'problems:'"),
+        # Each value is fine, the last two together are not.
+        (
+            "problems: [stand.yaml]\nset: {tasks.com.ramp: 0.1}\n"
+            "grid: {stop.duration: [0.5, 0.05]}",
+            "ramp",
+        ),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told_before_anything_runs(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(WbcError) as caught:
+        load(tmp_path, text)
+    assert told in str(caught.value)
+
+
+def test_every_mistake_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(ProblemFileError) as caught:
+        load(
+            tmp_path,
+            "problems: [stand.yaml]\n"
+            "grid: {tasks.com.gain: [0.5, 9], controller.solver: [daqp, nosuch]}\n",
+        )
+    assert "tasks.com.gain" in str(caught.value) and "nosuch" in str(caught.value)
+
+
+def test_a_pendulum_takes_part_but_has_no_seeds(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    (tmp_path / "lean.yaml").write_text((root / PENDULUM).read_text())
+    campaign = load(tmp_path, "problems: [lean.yaml]\n")
+    assert len(campaign.runs) == 1
+    with pytest.raises(ProblemFileError, match="nothing is random in lean"):
+        load(tmp_path, "problems: [lean.yaml]\nseeds: 2\n")

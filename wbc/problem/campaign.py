@@ -1,0 +1,249 @@
+"""A campaign file: problems times cases times a grid of values times seeds, all of them checked.
+
+Each run is a problem with values that replace those of its file. What a run could fail for by a
+wrong name or number is found before the first: every combination is checked as a file is, and every
+value once built, with the first of the others.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from wbc.errors import InvalidInputError
+from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
+from wbc.problem.mistakes import Mistakes, read_section
+from wbc.problem.overrides import apply_overrides
+from wbc.problem.problem import load_problem
+from wbc.problem.reading import read_source
+from wbc.problem.section import Distinct, Name, Names, Section
+from wbc.problem.source import KeyPath, Source
+from wbc.problem.spec import PlainName, ProblemSpec
+
+MOST_RUNS = 1_000_000
+Values = dict[Name, Any]
+Span = Annotated[list[Any], Field(min_length=2, max_length=2)]
+Whole = Annotated[int, Field(ge=0)]
+
+
+class CampaignSpec(Section):
+    """Problems times cases times grid times seeds."""
+
+    version: Literal[1] = 1
+    """Version of this format."""
+    problems: Annotated[Names, Distinct]
+    """Problem files, relative to this one."""
+    set: Values = Field(default_factory=dict)
+    """Values by key path that replace those of every problem, as `--set` of `wbc run` does."""
+    cases: Annotated[dict[PlainName, Values], Field(min_length=1)] | None = None
+    """The same by names of your choice: every problem is run in every case."""
+    grid: dict[Name, Annotated[list[Any], Field(min_length=1)]] = Field(default_factory=dict)
+    """Lists of values by key path: every combination is run."""
+    seeds: Annotated[int, Field(ge=1)] | Annotated[list[Whole], Field(min_length=1)] | None = None
+    """How many seeds, from 0 on, or a list of them: what is random in a problem, and what is drawn
+    below, is another with each."""
+    draw: dict[Name, Span] = Field(default_factory=dict)
+    """Values by key path that are drawn evenly between the two given, numbers or lists alike."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a campaign.
+
+    Attributes
+    ----------
+    number:
+        From 0 on.
+    problem, path:
+        Its name in this campaign, and its file.
+    case:
+        The name of its case, if there are cases.
+    seed:
+        If there are seeds.
+    overrides:
+        Everything that replaces the file's values, by key path.
+    """
+
+    number: int
+    problem: str
+    path: Path
+    case: str | None
+    seed: int | None
+    overrides: Mapping[str, Any]
+
+    def describe(self) -> str:
+        """Return what tells this run from others, in words."""
+        told = [f"{path}={_short(value)}" for path, value in self.overrides.items()]
+        case = [] if self.case is None else [f"case {self.case}"]
+        seed = [] if self.seed is None else [f"seed {self.seed}"]
+        return f"run {self.number} ({', '.join([self.problem, *case, *seed, *told])})"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign file, read and checked.
+
+    Attributes
+    ----------
+    path:
+        The file.
+    spec:
+        What it says.
+    texts:
+        The problems' texts by name.
+    runs:
+        In order: problem by problem, case by case, the last key of the grid and then seeds fastest.
+    """
+
+    path: Path
+    spec: CampaignSpec
+    texts: Mapping[str, str]
+    runs: tuple[Run, ...]
+
+    def made_of(self) -> dict[str, Any]:
+        """Return what the results depend on, as plain data."""
+        return {"campaign": self.spec.model_dump(mode="json"), "problems": dict(self.texts)}
+
+
+def load_campaign(path: str | Path) -> Campaign:
+    """Read a campaign file and its problems, and check every run.
+
+    Raises
+    ------
+    ProblemFileError
+        With every mistake that was found: file, line and key path.
+    """
+    if not isinstance(path, str | Path) or str(path) == "-":
+        raise InvalidInputError(f"load_campaign: expected the path of a file, got {str(path)!r}")
+    path = Path(path)
+    source = read_source(path, "'problems:'")
+    spec = read_section(CampaignSpec, source)
+    mistakes = Mistakes(source)
+    if spec.draw and spec.seeds is None:
+        mistakes.fail(("draw",), "is drawn by seed: give seeds: 10, or a list of them")
+    files = {name: path.parent / file for name, file in _names(spec.problems).items()}
+    sources = {}
+    for k, (name, file) in enumerate(files.items()):
+        with mistakes.at("problems", k):
+            sources[name] = read_source(file)
+            load_problem(file, spec.set)
+    mistakes.raise_any()
+    seeds = range(spec.seeds) if isinstance(spec.seeds, int) else spec.seeds or (None,)
+    count = len(files) * len(spec.cases or "1") * len(list(seeds))
+    for values in spec.grid.values():
+        count *= len(values)
+    if count > MOST_RUNS:
+        mistakes.fail((), f"{count:,} runs; at most {MOST_RUNS:,} are one campaign")
+    for file in files.values():
+        _check_values(spec, file, mistakes)
+    mistakes.raise_any()
+    runs = tuple(_runs(spec, files, sources, list(seeds), mistakes))
+    return Campaign(path, spec, {name: one.text for name, one in sources.items()}, runs)
+
+
+def _names(problems: tuple[str, ...]) -> dict[str, str]:
+    """Return files by a name for each: its stem, where that is not another's, too."""
+    stems = [Path(file).stem for file in problems]
+    return {
+        stem if stems.count(stem) == 1 else file: file
+        for stem, file in zip(stems, problems, strict=True)
+    }
+
+
+def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
+    """Build a problem with each value once, the others being the first of theirs."""
+    first_case = next(iter((spec.cases or {}).values()), {})
+    first = {**spec.set, **first_case, **{key: values[0] for key, values in spec.grid.items()}}
+    ends = [{key: span[k] for key, span in spec.draw.items()} for k in (0, 1)]
+    tried: list[tuple[KeyPath, dict[str, Any]]] = []
+    tried += [(("draw",), {**first, **end}) for end in (ends if spec.draw else [])]
+    tried += [(("cases", name), {**first, **case}) for name, case in (spec.cases or {}).items()]
+    for key, values in spec.grid.items():
+        tried += [(("grid", key, k), {**first, key: value}) for k, value in enumerate(values)]
+    done = set[str]()
+    for place, overrides in tried:
+        text = json.dumps(overrides, default=str)
+        if text not in done:
+            done.add(text)
+            with mistakes.at(*place):
+                load_problem(file, overrides)
+    for key, (low, high) in spec.draw.items():
+        with mistakes.at("draw", key):
+            _drawn(np.random.default_rng(0), low, high)
+
+
+def _runs(
+    spec: CampaignSpec,
+    files: Mapping[str, Path],
+    sources: Mapping[str, Source],
+    seeds: list[int | None],
+    mistakes: Mistakes,
+) -> Iterator[Run]:
+    """Yield the runs, every combination checked as a file is."""
+    numbers = itertools.count()
+    cases: Mapping[str | None, Values] = spec.cases or {None: {}}  # type: ignore[assignment]
+    for problem, case in itertools.product(files, cases):
+        for combination in itertools.product(*spec.grid.values()):
+            chosen = dict(zip(spec.grid, combination, strict=True))
+            overrides = {**spec.set, **cases[case], **chosen}
+            place = ("grid",) if chosen else ("cases", case) if case else ()
+            found = mistakes.require(place, partial(_checked, sources[problem], overrides))
+            seeded = _seed_paths(found)
+            if seeds != [None] and not (seeded or spec.draw):
+                mistakes.fail(("seeds",), f"nothing is random in {problem}; remove them, or draw")
+            if found is not None and isinstance(found.controller, GlobalSpec):
+                # The campaign's own processes are enough; the answer does not depend on it.
+                overrides = {"controller.workers": 1, **overrides}
+            for seed in seeds:
+                given = (
+                    {} if seed is None else {**dict.fromkeys(seeded, seed), **_draws(spec, seed)}
+                )
+                path = files[problem].resolve()
+                yield Run(next(numbers), problem, path, case, seed, {**overrides, **given})
+
+
+def _checked(source: Source, overrides: Mapping[str, Any]) -> ProblemSpec | None:
+    """Check a problem as a file is, and return what it says; None of a pendulum's."""
+    changed = apply_overrides(source, overrides)
+    return None if "model" in changed.data else read_section(ProblemSpec, changed)
+
+
+def _seed_paths(spec: ProblemSpec | None) -> tuple[str, ...]:
+    """Return the key paths of a problem's seeds."""
+    if spec is not None and isinstance(spec.controller, GlobalSpec):
+        return ("controller.seed",)
+    if spec is not None and isinstance(spec.controller, TorqueSpec):
+        used = {"sensors": spec.simulation.sensors, "model_error": spec.simulation.model_error}
+        return tuple(f"simulation.{name}.seed" for name, given in used.items() if given)
+    return ()
+
+
+def _draws(spec: CampaignSpec, seed: int) -> dict[str, Any]:
+    """Return what is drawn with a seed: the same for all problems, cases and places in the file."""
+    return {
+        key: _drawn(np.random.default_rng([seed, *key.encode()]), *span)
+        for key, span in spec.draw.items()
+    }
+
+
+def _drawn(random: np.random.Generator, low: Any, high: Any) -> Any:
+    """Return what lies evenly between two numbers, or two lists of them, entry by entry."""
+    if isinstance(low, list) and isinstance(high, list) and len(low) == len(high):
+        return [_drawn(random, a, b) for a, b in zip(low, high, strict=True)]
+    numbers = [one for one in (low, high) if type(one) in (int, float) and np.isfinite(one)]
+    if len(numbers) < 2:
+        raise InvalidInputError(f"expected two numbers, or two lists alike, got {[low, high]}")
+    return float(random.uniform(low, high))
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,212 @@
+"""Processes that call a function again and again: one that dies is replaced, its call repeated."""
+
+from __future__ import annotations
+
+import pickle
+import signal
+from collections import deque
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from multiprocessing import connection, get_context
+from multiprocessing.process import BaseProcess
+from typing import Any, NamedTuple
+
+from wbc.errors import WbcError
+from wbc.processes import blocked_interrupt, end_with_parent
+
+ATTEMPTS = 3  # calls of the same, before what they call is held to be what kills
+GRACE = 5.0  # s that a process has to end when asked to
+
+# Makes the function, once in every process: it is pickled, the function need not be.
+Make = Callable[[], Callable[..., Any]]
+
+
+class WorkerDiedError(WbcError):
+    """Processes died every time that they were given the same."""
+
+
+class Death(NamedTuple):
+    """A process that died amid its work."""
+
+    key: Hashable  # of the call
+    worker: str  # and how it died, in words
+    attempt: int  # at this call, from 1
+    final: bool  # whether the call is not tried again
+
+
+class Answer(NamedTuple):
+    """What a call returned, or the error it raised; ``worker`` names the process."""
+
+    key: Hashable
+    value: Any
+    error: Exception | None
+    worker: str
+
+
+@dataclass
+class _Job:
+    key: Hashable
+    arguments: tuple[Any, ...]
+    attempt: int = 1
+
+
+@dataclass
+class _Worker:
+    process: BaseProcess
+    channel: connection.Connection
+    job: _Job | None = None
+
+    @property
+    def name(self) -> str:
+        return f"process {self.process.pid}"
+
+
+class Workers:
+    """Up to ``size`` processes; a context, at whose end they are terminated amid their work.
+
+    They are started as they are needed, fresh (``spawn``), so a script needs the usual ``if
+    __name__ == "__main__"`` guard. Ctrl-C does not reach them, and they end with this process.
+
+    Parameters
+    ----------
+    make:
+        Makes the function that is called.
+    on_death:
+        Told of every process that died.
+    attempts:
+        How often the same call is tried, if processes die of it.
+    """
+
+    def __init__(
+        self,
+        make: Make,
+        size: int,
+        on_death: Callable[[Death], object] | None = None,
+        attempts: int = ATTEMPTS,
+    ) -> None:
+        self.size = size
+        self._make, self._on_death, self._attempts = make, on_death, attempts
+        self._context = get_context("spawn")
+        self._workers: list[_Worker] = []
+        self._failed: deque[Answer] = deque()
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for worker in self._workers:
+            worker.process.terminate()
+        for worker in self._workers:
+            worker.process.join(GRACE)
+            if worker.process.is_alive():
+                worker.process.kill()
+                worker.process.join()
+            worker.channel.close()
+
+    @property
+    def room(self) -> int:
+        """How many calls can be submitted now."""
+        return self.size - sum(worker.job is not None for worker in self._workers)
+
+    def submit(self, key: Hashable, *arguments: Any) -> None:
+        """Let a process call the function; there must be room."""
+        self._give(_Job(key, arguments))
+
+    def results(self, seconds: float) -> list[Answer]:
+        """Return what has come, after waiting for the first at most so long."""
+        busy = {worker.channel: worker for worker in self._workers if worker.job is not None}
+        ready = connection.wait(list(busy), 0.0 if self._failed else seconds)
+        for channel in ready:
+            self._receive(busy[channel])  # type: ignore[index]
+        found = list(self._failed)
+        self._failed.clear()
+        return found
+
+    def _receive(self, worker: _Worker) -> None:
+        job = worker.job
+        if job is None:
+            return
+        try:
+            value, error = worker.channel.recv()
+        except (EOFError, OSError):
+            self._bury(worker, job)
+            return
+        worker.job = None
+        self._failed.append(Answer(job.key, value, error, worker.name))
+
+    def _give(self, job: _Job) -> None:
+        idle = next((one for one in self._workers if one.job is None), None)
+        worker = idle or self._start()
+        worker.job = job
+        try:
+            worker.channel.send(job.arguments)
+        except OSError:  # it died since its last answer
+            self._bury(worker, job)
+
+    def _start(self) -> _Worker:
+        ours, theirs = self._context.Pipe()
+        process = self._context.Process(target=_serve, args=(theirs, self._make))
+        with blocked_interrupt():
+            process.start()
+        theirs.close()  # so that the end of the process is the end of the channel
+        worker = _Worker(process, ours)
+        self._workers.append(worker)
+        return worker
+
+    def _bury(self, worker: _Worker, job: _Job) -> None:
+        """Note a death, and give the call to another process, or give it up."""
+        self._workers.remove(worker)
+        worker.process.join()
+        worker.channel.close()
+        name = f"{worker.name} ({_how(worker.process.exitcode)})"
+        final = job.attempt >= self._attempts
+        if self._on_death is not None:
+            self._on_death(Death(job.key, name, job.attempt, final))
+        if final:
+            text = f"a process died each of {job.attempt} times it was tried, last {name}"
+            self._failed.append(Answer(job.key, None, WorkerDiedError(text), name))
+        else:
+            self._give(_Job(job.key, job.arguments, job.attempt + 1))
+
+
+def _how(exit_code: int | None) -> str:
+    """Return how a process ended, in words."""
+    if exit_code is None or exit_code >= 0:
+        return f"ended with exit code {exit_code}"
+    name = signal.Signals(-exit_code).name
+    hint = ", perhaps for want of memory" if -exit_code == signal.SIGKILL else ""
+    return f"ended by {name}{hint}"
+
+
+def _serve(channel: connection.Connection, make: Make) -> None:
+    """Answer calls until the channel is closed: what runs in a process."""
+    end_with_parent()
+    function, broken = None, None
+    try:
+        function = make()
+    except WbcError as error:  # told to whoever calls
+        broken = _portable(error)
+    while True:
+        try:
+            arguments = channel.recv()
+        except EOFError:
+            return
+        if function is None:
+            channel.send((None, broken))
+            continue
+        try:
+            channel.send((function(*arguments), None))
+        except Exception as error:
+            channel.send((None, _portable(error)))
+
+
+def _portable(error: Exception) -> Exception:
+    """Return an error that can be sent to another process: as it is, or its text."""
+    try:
+        copy = pickle.loads(pickle.dumps(error))
+        if str(copy) == str(error):
+            return error
+    except Exception:  # whatever its constructor says of being called again
+        pass
+    kind = WbcError if isinstance(error, WbcError) else RuntimeError
+    return kind(str(error) or type(error).__name__)
