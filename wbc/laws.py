@@ -227,6 +227,11 @@ class AccelerationLaw:
         omega = math.sqrt(gravity / height)
         return cls(kp=gain * omega**2, kd=(1.0 + gain) * omega)
 
+    @property
+    def velocity_gain(self) -> float:
+        """``kd``, or the critical one."""
+        return 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
+
     def rows(self, residual: Residual, drift: Array, v: Array, weight: Array, dt: float) -> Rows:
         """Return the rows on v+.
 
@@ -237,9 +242,8 @@ class AccelerationLaw:
         v:
             (nv,) measured velocity.
         """
-        kd = 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
-        moving = residual.jacobian @ v
+        moving = residual.jacobian.dot(v)
         wanted = -self.kp * residual.error
-        wanted -= kd * (moving + residual.bias)
+        wanted -= self.velocity_gain * (moving + residual.bias)
         wanted -= drift
         return Rows(residual.jacobian, moving + dt * wanted, weight)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import ROBOTS, load, random_state
+from tests.controllers.native_ticks import FIELDS, assert_same_qp, every_task
 from wbc.constraints import (
     Contact,
     Limits,
@@ -41,75 +42,11 @@ from wbc.tasks import (
 from wbc.tasks.frame import homogeneous
 
 pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
-FIELDS = ("P", "g", "A", "b", "lower", "upper")
-
-
-@pytest.fixture
-def native(monkeypatch):
-    """Return robots in the native core."""
-    monkeypatch.setenv(VARIABLE, "require")
-    return lambda name: Robot.load(name if name in ROBOTS[:-1] else load(name).path)
-
-
-def every_task(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list:
-    """One of each kind that the core knows, with targets anywhere and moving."""
-    there = robot.snapshot(*random_state(robot, rng))
-    frame, other = (robot.frame_names[k] for k in rng.integers(len(robot.frame_names), size=2))
-    turn = rng.normal(size=3)
-    R = here.rotation(frame) @ exp_rotation(2.5 * rng.random() * turn / np.linalg.norm(turn))
-    Q = here.rotation(other) @ exp_rotation(turn / np.linalg.norm(turn))
-    tasks = [
-        InertiaTask(robot, there.inertia, per_mass=True, weight=10.0, gain=0.2),
-        InertiaTask(
-            robot,
-            here.inertia_in("base"),
-            frame="base",
-            components=("xx", "yz"),
-            name="shape",
-            lm_damping=0.1,
-        ),
-        InertiaTask(robot, 1.0, components=("trace",), name="trace"),
-        ComTask(robot, there.com, weight=10.0, gain_per_second=20.0, lm_damping=0.01),
-        ComTask(robot, there.com, axes=("z", "x"), name="zx", curvature_damping=False),
-        OrientationTask(robot, frame, R, name="turn", gain=0.5, lm_damping=0.2),
-        PositionTask(robot, frame, here.com, axes=("y",), name="place", weight=3.0),
-        PoseTask(robot, other, here.com, Q, weight=(1, 2, 3, 4, 5, 6), name="pose"),
-        MomentumTask(robot, rng.normal(size=6), components=("kz", "lx"), weight=0.3),
-        PostureTask(robot, there.q, weight=0.1, gain=0.1),
-        PostureTask(robot, here.q, joints={robot.joint_names[1]: 0.0}, name="few", lm_damping=1.0),
-    ]
-    moving = rng.normal(size=(2, 6))
-    tasks[0].set_target(there.inertia, here.inertia)
-    tasks[3].set_target(there.com, moving[0, :3])
-    tasks[5].set_target(R, moving[0, 3:])
-    tasks[7].set_target(here.com, Q, moving[1])
-    tasks[9].set_target(there.q, rng.normal(size=robot.nv))
-    return tasks
 
 
 def controller_of(robot: Robot, tasks, contacts=(), **options) -> KinematicController:
     options = {"limits": Limits(robot), "solver": "daqp", **options}
     return KinematicController(robot, tasks, contacts=contacts, **options)
-
-
-def assert_same_qp(controller: KinematicController, snapshot) -> None:
-    """The core's QP and errors are the Python tick's, to 1e-10 of the largest entry."""
-    found = controller._native.problem(snapshot)
-    assert found is not None
-    tick = Controller._step(controller, snapshot)
-    for field in FIELDS:
-        ours, theirs = getattr(found.qp, field), getattr(tick.qp, field)
-        assert ours.shape == theirs.shape
-        finite = np.isfinite(theirs)
-        np.testing.assert_array_equal(ours[~finite], theirs[~finite], err_msg=field)
-        scale = max(1.0, np.abs(theirs[finite]).max(initial=0.0))
-        np.testing.assert_allclose(
-            ours[finite], theirs[finite], rtol=0.0, atol=1e-10 * scale, err_msg=field
-        )
-    assert found.qp.labels == tick.qp.labels
-    for task, residual in zip(controller.tasks, found.residuals, strict=True):
-        if not isinstance(task, MomentumTask):  # its deviation is not its error
-            np.testing.assert_allclose(residual.error, tick.errors[task.name], atol=1e-10)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -140,6 +77,19 @@ def test_gears_and_a_bolted_base(native, tmp_path, rng) -> None:
     controller = controller_of(robot, [PostureTask(robot, q)])
     assert_same_qp(controller, robot.snapshot(q, v))
     assert controller._native.problem(robot.snapshot(q, v)).qp.b.size == 7
+
+
+def test_joints_may_be_held(native) -> None:
+    """A posture met exactly: its matrix, which costs do without, is in the equality rows."""
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    knees = PostureTask(robot, here.q, joints={"*": 0.0, "*knee*": 1.0})
+    controller = controller_of(robot, [ComTask(robot, here.com + 0.01)], [knees])
+    assert_same_qp(controller, here)
+    tick = controller.step(here)
+    joints = [robot.joint_index(name) for name in knees.rows]
+    assert tick.qp.A.sum() == len(joints) == 2
+    np.testing.assert_allclose(tick.velocity[joints], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("solver", ["daqp", "proxqp"])
@@ -441,18 +391,18 @@ def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatc
     tasks = [ComTask(robot, here.com + 0.01), PostureTask(robot, q, weight=0.1)]
     controller = controller_of(robot, tasks, support(here, "double"))
     plan = controller._native
-    call = plan._call
+    call = plan._memory.call
     for entry, value in ((0, 1e-3), (1, np.nan), (2, np.inf)):
 
-        def spoilt(*arguments, place=entry, value=value):
-            said = call(*arguments)
-            plan._out[plan._cuts[11] + place] = value
-            return said
+        def spoilt(moving, place=entry, value=value):
+            said, out = call(moving)
+            out[place - 4] = value
+            return said, out
 
-        plan._call = spoilt
+        plan._memory.call = spoilt
         assert plan.problem(here).solution is None
         assert controller.step(here).ok  # solved by the backend
-    plan._call = call
+    plan._memory.call = call
     assert plan.problem(here).solution is not None
 
 

@@ -149,7 +149,8 @@ class Contact(Task):
     def native(self) -> tuple[NativeRows, ...]:
         """Return its rows, six or the first three."""
         index, numbers = tuple(range(len(self.rows))), (self.position, self.rotation.ravel())
-        return (NativeRows(Kind.CONTACT, self.frame, index, self._still, numbers),)
+        still = self._still
+        return (NativeRows(Kind.CONTACT, self.frame, index, still, still, numbers),)
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the drift from the anchor, [m] above [rad], as an expression of the posture."""

@@ -46,7 +46,7 @@ class Gear(Task):
     def native(self) -> tuple[NativeRows, ...]:
         """Return the one row, linear in the joints."""
         numbers = self._jacobian.ravel(), np.array((self._offset,))
-        return (NativeRows(Kind.LINEAR, None, (0,), self._still, numbers),)
+        return (NativeRows(Kind.LINEAR, None, (0,), self._still, self._still, numbers),)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero: the row is linear in the joints."""
@@ -70,7 +70,8 @@ class BoltedBase(Task):
     def native(self) -> tuple[NativeRows, ...]:
         """Return the six rows."""
         numbers = self._jacobian.ravel(), self._still
-        return (NativeRows(Kind.LINEAR, None, tuple(range(6)), self._still, numbers),)
+        still = self._still
+        return (NativeRows(Kind.LINEAR, None, tuple(range(6)), still, still, numbers),)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return zero."""

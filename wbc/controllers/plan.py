@@ -272,18 +272,21 @@ class Assembled(NamedTuple):
     heaviest: float
 
     def bounded(self, bounds: Bounds | None, box: tuple[Array, Array]) -> QP:
-        """Return the QP with inequality rows and a box, as :func:`assemble` would."""
-        qp = self.qp
+        """Return the QP with inequality rows and a box on v+, as :func:`assemble` would."""
+        qp, nv = self.qp, box[0].size
         lower, upper = box
+        if nv < qp.g.size:
+            lower = np.concatenate((lower, qp.lower[nv:]))
+            upper = np.concatenate((upper, qp.upper[nv:]))
         if bounds is None:
             return replace(qp, lower=lower, upper=upper)
         P, g = qp.P, qp.g
         if bounds.push is not None:
             push = outweighing(bounds.push, self.heaviest)
-            J = push.weight[:, None] * push.matrix
+            J = stacked([push.weight[:, None] * push.matrix], g.size)
             P, g = P + J.T @ J, g - (push.weight * push.target) @ J
         labels = Labels(qp.labels.equality, bounds.labels, qp.labels.variables)
-        rows = bounds.matrix, bounds.lower, bounds.upper
+        rows = stacked([bounds.matrix], g.size), bounds.lower, bounds.upper
         qp = QP(P, g, qp.A, qp.b, *rows, lower, upper, labels)
         return qp if bounds.slack is None else with_slack(qp, bounds.slack)
 

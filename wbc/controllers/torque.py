@@ -20,12 +20,14 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.contact_forces import ContactForces, Reaction
-from wbc.controllers.controller import Controller
 from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.force_ramps import ForceRamps, ticks_of
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
+from wbc.controllers.native_forces import TorqueRows
+from wbc.controllers.native_plan import NativePlan, NativeProblem
+from wbc.controllers.native_tick import NativeController
 from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
 from wbc.controllers.reachable import reachable_limits, reachable_rows
@@ -48,7 +50,7 @@ REST_TIME = 0.05
 _FIELDS = tuple(one.name for one in fields(Tick))
 
 
-class TorqueController(Controller):
+class TorqueController(NativeController):
     """Inverse dynamics by one QP per tick; commands torques.
 
     Tasks are driven by their :class:`~wbc.laws.AccelerationLaw` (``kp``, ``kd``).
@@ -210,6 +212,22 @@ class TorqueController(Controller):
         forces = [task.force_rows(dynamics) for task in self._force_tasks]
         return Physics([held], bounds, forces=forces, rest=rest, dynamics=dynamics)
 
+    def _native_plan(self, backend: Backend | None) -> NativePlan | None:
+        if self._force_tasks:
+            return None
+        limits = self._bounded, self._most, self._torque_labels
+        rows = TorqueRows(self.contact_forces, self._passive, *limits)
+        tasks = self.robot, self._motion, self.plan
+        return NativePlan.of(*tasks, self.limits, self.dt, backend, rows)
+
+    def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
+        return plan.problem(snapshot, self._ramps.most)
+
+    def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
+        forces = self.contact_forces
+        dynamics = TickDynamics(snapshot, forces, found.matrix, found.offset, None)
+        return Physics(bounds=found.bounds, dynamics=dynamics)
+
     def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
         """Return what forces and torques are by the unknowns."""
         last = None
@@ -220,20 +238,29 @@ class TorqueController(Controller):
     # ------------------------------------------------------------------ parts of the tick
 
     def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
-        rows: list[Bounds] = []
         if self.limits is not None:
             problem = reachable_limits(problem, self.limits.acceleration, self.dt)
+        outcome, rows = self._solve_with_margins(problem, margins)
+        if outcome.solved:
+            return outcome, 1.0
+        relaxed = self._solver.solve_relaxed(self._without_least(problem), rows)
+        return relaxed._replace(solve_time=outcome.solve_time + relaxed.solve_time), 1.0
+
+    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
+        return self._solve_with_margins(problem, margins)[0], 1.0
+
+    def _solve_with_margins(
+        self, problem: LevelProblem, margins: MarginRows | None
+    ) -> tuple[Outcome, list[Bounds]]:
+        """Return the optimum that keeps everything, and the rows of margins in its QP."""
+        rows: list[Bounds] = []
         if margins is None:
             outcome = self._solver.solve(problem)
         else:
             parts = [reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
             margins = margins._replace(parts=parts)
             outcome, rows, _ = solve_with_cuts(partial(self._solver.solve, problem), margins)
-        outcome = outcome.within_limits(self.plan.decision.names)
-        if outcome.solved:
-            return outcome, 1.0
-        relaxed = self._solver.solve_relaxed(self._without_least(problem), rows)
-        return relaxed._replace(solve_time=outcome.solve_time + relaxed.solve_time), 1.0
+        return outcome.within_limits(self.plan.decision.names), rows
 
     def _without_least(self, problem: LevelProblem) -> LevelProblem:
         """Return the problem without least normal forces."""

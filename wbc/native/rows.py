@@ -12,7 +12,7 @@ class Kind(IntEnum):
     """What the core can evaluate; ``row_kind`` of source/core.h. Each with the numbers it needs."""
 
     POINT = 0  # target (3,), the robot's mass; entries: axes; frame None: the CoM
-    ORIENTATION = 1  # target (3, 3), its angular velocity (3,)
+    ORIENTATION = 1  # target (3, 3), its angular velocity (3,) and acceleration (3,)
     INERTIA = 2  # selection (k, 6) of vech(I), what it should give (k,); frame None: world axes
     JOINTS = 3  # positions (k,); entries: joints
     MOMENTUM = 4  # none; entries
@@ -31,6 +31,8 @@ class NativeRows(NamedTuple):
         (k,) which entries of what the kind knows.
     bias:
         (k,) minus the rate of the target.
+    drift:
+        (k,) minus its acceleration.
     numbers:
         What the kind needs, in its order.
     curved:
@@ -41,5 +43,6 @@ class NativeRows(NamedTuple):
     frame: str | None
     entries: tuple[int, ...]
     bias: Array
+    drift: Array
     numbers: tuple[Array, ...]
     curved: bool = True

@@ -68,7 +68,8 @@ class OrientationTask(Task):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the three rows."""
-        return (native_orientation(self.frame, self._goal, self.target_rate),)
+        rate, acceleration = self.target_rate, self.target_acceleration
+        return (native_orientation(self.frame, self._goal, rate, acceleration),)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -148,9 +149,18 @@ class PoseTask(Task):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the rows of the position above those of the rotation."""
-        rate, numbers = self.target_rate, (self.position, np.array((self.robot.mass,)))
-        place = NativeRows(Kind.POINT, self.frame, (0, 1, 2), -rate[:3], numbers, curved=False)
-        return place, native_orientation(self.frame, self.rotation, rate[3:])
+        rate, acceleration = self.target_rate, self.target_acceleration
+        place = NativeRows(
+            Kind.POINT,
+            self.frame,
+            (0, 1, 2),
+            -rate[:3],
+            -acceleration[:3],
+            (self.position, np.array((self.robot.mass,))),
+            curved=False,
+        )
+        turn = native_orientation(self.frame, self.rotation, rate[3:], acceleration[3:])
+        return place, turn
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -247,10 +257,15 @@ class AxisTask(Task):
         return vector / length
 
 
-def native_orientation(frame: str, target: Array, target_rate: Array) -> NativeRows:
-    """Return what the native core needs of :func:`orientation_residual`; the bias is its own."""
-    numbers = target.ravel(), target_rate
-    return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), np.zeros(3), numbers)
+def native_orientation(
+    frame: str, target: Array, target_rate: Array, target_acceleration: Array
+) -> NativeRows:
+    """Return what the native core needs of a rotation's residual and drift: it adds both motions.
+
+    See :func:`orientation_residual` and :func:`orientation_drift`.
+    """
+    numbers = target.ravel(), target_rate, target_acceleration
+    return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), np.zeros(3), np.zeros(3), numbers)
 
 
 def homogeneous(position: Array, rotation: Array) -> Array:

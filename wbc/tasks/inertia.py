@@ -130,7 +130,8 @@ class InertiaTask(Task):
         frame = None if self.frame == WORLD else BASE
         index = tuple(range(len(self.rows)))
         numbers = self._selection.ravel(), self._wanted
-        return (NativeRows(Kind.INERTIA, frame, index, self._bias, numbers),)
+        drift = -self._selection @ self.target_acceleration
+        return (NativeRows(Kind.INERTIA, frame, index, self._bias, drift, numbers),)
 
     @property
     def reported_rows(self) -> tuple[str, ...]:

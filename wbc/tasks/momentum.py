@@ -80,7 +80,9 @@ class MomentumTask(Task):
     def native(self) -> tuple[NativeRows, ...]:
         """Return the selected entries."""
         rows = tuple(self._selected.tolist())
-        return (NativeRows(Kind.MOMENTUM, None, rows, -self.target[self._selected], ()),)
+        chosen = self._selected
+        bias, drift = -self.target[chosen], -self.target_rate[chosen]
+        return (NativeRows(Kind.MOMENTUM, None, rows, bias, drift, ()),)
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -91,8 +91,9 @@ class PointTask(Task):
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
         axes = tuple(np.arange(3)[self._selected].tolist())
-        mass = np.array((self.robot.mass,))
-        return (NativeRows(Kind.POINT, frame, axes, self._bias, (self._goal, mass)),)
+        numbers = self._goal, np.array((self.robot.mass,))
+        drift = -self.target_acceleration[self._selected]
+        return (NativeRows(Kind.POINT, frame, axes, self._bias, drift, numbers),)
 
     @abstractmethod
     def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:

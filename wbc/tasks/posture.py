@@ -88,7 +88,7 @@ class PostureTask(Task):
         """Return one row for each joint."""
         joints = tuple(np.arange(self._positions.size)[self._joints].tolist())
         numbers = (self._positions[self._joints],)
-        return (NativeRows(Kind.JOINTS, None, joints, self._bias, numbers),)
+        return (NativeRows(Kind.JOINTS, None, joints, self._bias, self._drift, numbers),)
 
     @property
     def units(self) -> tuple[str, ...]:

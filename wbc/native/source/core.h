@@ -76,11 +76,22 @@ enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOM
 typedef struct {
     int64_t kind, held, rows, first, frame, index, number;
 } wbc_block;
-/* Numbers of a block: rate [1/s], half the gain for curvature damping, Levenberg-Marquardt damping;
- * weights (rows); biases (rows); then those of its kind. */
-enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, WEIGHTS = 3 };
+/* Numbers of a block: those of its law; weights (rows); biases (rows); what the target's motion adds
+ * to the drifts (rows); then those of its kind. */
+enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, WEIGHTS = 3 };
 
-/* A plain tick: one level, contacts met exactly, a box; made once, its numbers follow the tasks. */
+/* What a contact bears, as unknowns: forces at corners, or (corners 0) one along each of its rows. */
+typedef struct {
+    int64_t block;   /* the contact's */
+    int64_t column;  /* the first force, among the forces */
+    int64_t corners; /* three forces each */
+    int64_t corner;  /* where they begin among the corners' coordinates (3 each), frame's axes */
+    int64_t count;   /* rows */
+    int64_t aligned; /* whether forces are in the world's axes, not the frame's */
+} wbc_force;
+
+/* A plain tick: one level, contacts met exactly, a box; made once, its numbers follow the tasks.
+ * The unknowns are v+ (nv) and, at the torque level, contact forces. */
 typedef struct {
     const wbc_tree *tree;
     const wbc_block *block;
@@ -89,25 +100,33 @@ typedef struct {
     const int64_t *frame_joint;    /* (frames); the first is the base */
     const double *frame_placement; /* (frames, 12) */
     const int64_t *start;          /* (nv - 6): where a joint's coordinate is in q */
-    const double *damping;         /* (nv) */
+    const double *damping;         /* (nv + forces) */
     const double *limit; /* (4, nv - 6): lower, upper, speed, acceleration; (2, 6): the base's */
+    const wbc_force *force;
+    const double *corner;
+    const int64_t *passive;      /* (passives): entries of v without a motor */
+    const int64_t *with_bound;   /* (bounded): entries of v with a torque bound */
+    const double *torque_bound;  /* (bounded), in units of the forces, as all that follows */
+    const double *cone;          /* (cones, forces), lower (cones), upper (cones) */
+    const double *force_bound;   /* (2, forces): lower, upper */
+    const double *joint_damping; /* (nv - 6) [N m s/rad] */
     double *out;
     double *scratch;
-    int64_t *order;       /* (2 nv), scratch too */
+    int64_t *order;       /* (2 n + cones + bounded), scratch too */
     const void *quadprog; /* DAQP's function, or 0 */
     void *settings;       /* and its settings */
     int64_t blocks, frames, costs, held, limited;
-    double dt;
+    int64_t torque, forces, bearing, passives, bounded, cones;
+    double dt, mass, unit; /* unit: newtons per unit of a force */
 } wbc_plan;
 
-/* The QP in out: P (nv, nv), A (held, nv), g, lower, upper (nv each), b (held), then the tasks'
- * errors (costs), the largest square of a weighted row, and what wbc_solve writes. UNSOLVED: the QP is there, but no answer. */
+/* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. */
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
 /* Write the QP of a plain tick, or say why it is not one. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
-/* Solve it by DAQP: x (nv), y (held), z of the box (nv), primal, dual and complementarity residuals,
- * iterations; Python judges by the residuals. */
+/* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations.
+ * Python judges by the residuals. */
 int wbc_solve(const wbc_plan *plan);
 /* Both. */
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,

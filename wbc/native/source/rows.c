@@ -1,19 +1,15 @@
-/* Rows of tasks and contacts, limits, and the QP of a plain tick: what the residuals of wbc/tasks
- * and wbc/constraints, VelocityLaw.rows, Limits.box and assemble in wbc/controllers/plan.py say.
+/* Errors, matrices and drifts of tasks and contacts: what the residuals and drifts of wbc/tasks and
+ * wbc/constraints say.
  */
-#include "core.h"
-#include "linear.h"
+#include "rows.h"
 
 #include <string.h>
 
-/* As in wbc/constraints/limits.py. */
-static const double AT_LIMIT = 1e-9, FAR = 1e12;
 /* Nearer to half a turn than this [rad] the logarithm is left to Pinocchio. */
 static const double TURN = 0.01;
 /* Below this angle [rad] series, which lose nothing. */
 static const double SMALL = 0.1;
 static const double PI = 3.14159265358979323846;
-static const double NO_LIMIT = 1e150; /* as LARGEST in wbc/qp/problem.py */
 
 /* Rotation vector of R; false too near to half a turn. */
 static int logarithm(const double *R, double *r) {
@@ -46,8 +42,31 @@ static void log_jacobian(const double *r, double *J) {
             J[3 * i + j] = skew[3 * i + j] + c * r[i] * r[j] + (i == j ? 1.0 - c * t2 : 0.0);
 }
 
-/* Position of a joint [rad or m]; start is negative, and one less, where q holds (cos, sin). */
-static double joint_position(const wbc_plan *plan, const double *q, int64_t joint) {
+/* J' x of the same J at a rotation vector that changes at rate: [rate]/2 x + c' [r]^2 x
+ * + c ([rate] [r] + [r] [rate]) x, as log_jacobian_rate in wbc/rotations.py. */
+static void log_jacobian_rate_times(const double *r, const double *rate, const double *x,
+                                    double *out) {
+    const double t2 = dot3(r, r), t = sqrt(t2);
+    double c, slope, rx[3], ratex[3], squared[3], one[3], other[3];
+    if (t < SMALL) {
+        c = 1.0 / 12 + t2 * (1.0 / 720 + t2 * (1.0 / 30240 + t2 / 1209600));
+        slope = t * (1.0 / 360 + t2 * (1.0 / 7560 + t2 / 201600));
+    } else {
+        const double half = 0.5 * t, cotangent = 1.0 / tan(half);
+        c = 1.0 / t2 - cotangent / (2.0 * t);
+        slope = -2.0 / (t2 * t) + cotangent / (2.0 * t2) + (1.0 + cotangent * cotangent) / (4.0 * t);
+    }
+    const double growth = t > 0.0 ? slope * dot3(r, rate) / t : 0.0;
+    cross3(r, x, rx);
+    cross3(rate, x, ratex);
+    cross3(r, rx, squared);
+    cross3(rate, rx, one);
+    cross3(r, ratex, other);
+    for (int i = 0; i < 3; i++)
+        out[i] = 0.5 * ratex[i] + growth * squared[i] + c * (one[i] + other[i]);
+}
+
+double joint_position(const wbc_plan *plan, const double *q, int64_t joint) {
     const int64_t start = plan->start[joint];
     return start >= 0 ? q[start] : atan2(q[-start], q[-start - 1]);
 }
@@ -56,13 +75,12 @@ static int is_continuous(const wbc_plan *plan, int64_t joint) { return plan->sta
 
 static void copy_row(double *to, const double *from, int64_t n) { memcpy(to, from, n * sizeof *to); }
 
-/* Errors e and matrix J of a block, with what curvature it leaves out; false: handed over. */
-static int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
-                    const double *frames, const double *q, double *J, double *e, double *bias,
-                    double *bound) {
+int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
+             const double *frames, const double *q, double *J, double *e, double *bias,
+             double *bound) {
     const int64_t nv = plan->tree->nv, k = block->rows, *chosen = plan->index + block->index;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
-    const double *own = weight + 2 * k;
+    const double *own = weight + 3 * k;
     const double *frame = frames + block->frame * FRAME_SIZE(nv);
     const double *jacobian = frame + FRAME_JACOBIAN, *R = frame + FRAME_ROTATION;
     const double trace = state[INERTIA] + state[INERTIA + 4] + state[INERTIA + 8];
@@ -83,7 +101,7 @@ static int evaluate(const wbc_plan *plan, const wbc_block *block, const double *
         *bound = sqrt(sum) * (sqrt(dot3(arm, arm)) + 1.5 * sqrt(trace / own[3]));
         return 1;
     }
-    case ORIENTATION: /* own: target (3, 3), its angular velocity (3) */
+    case ORIENTATION: /* own: target (3, 3), its angular velocity (3) and acceleration (3) */
         transposed_product3(own, R, relative);
         if (!logarithm(relative, e)) return 0;
         log_jacobian(e, matrix);
@@ -130,7 +148,11 @@ static int evaluate(const wbc_plan *plan, const wbc_block *block, const double *
         *bound = sqrt(dot3(pull, pull) + dot3(pull + 3, pull + 3)) * trace;
         return 1;
     }
-    case JOINTS: /* own: wanted positions (k); the matrix is known: 1 at 6 + chosen */
+    case JOINTS: /* own: wanted positions (k); costs need no matrix: 1 at 6 + chosen */
+        if (block->held) {
+            memset(J, 0, k * nv * sizeof *J);
+            for (int64_t i = 0; i < k; i++) J[i * nv + 6 + chosen[i]] = 1.0;
+        }
         for (int64_t i = 0; i < k; i++) {
             e[i] = joint_position(plan, q, chosen[i]) - own[i];
             if (is_continuous(plan, chosen[i])) e[i] = remainder(e[i], 2.0 * PI);
@@ -166,122 +188,80 @@ static int evaluate(const wbc_plan *plan, const wbc_block *block, const double *
     }
 }
 
-/* P += J' J on and above the diagonal, g -= J' wanted, rows weighted already */
-static void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
-                   double *restrict P, double *restrict g) {
-    for (int64_t r = 0; r < rows; r += 3) {
-        const double *a = J + r * nv, *b = r + 1 < rows ? a + nv : 0, *c = r + 2 < rows ? b + nv : 0;
-        if (c) {
-            for (int64_t i = 0; i < nv; i++) {
-                const double x = a[i], y = b[i], z = c[i];
-                if (x == 0.0 && y == 0.0 && z == 0.0) continue;
-                double *restrict to = P + i * nv;
-                for (int64_t j = i; j < nv; j++) to[j] += x * a[j] + y * b[j] + z * c[j];
-                g[i] -= wanted[r] * x + wanted[r + 1] * y + wanted[r + 2] * z;
-            }
-        } else {
-            for (int64_t s = r; s < rows; s++) {
-                const double *one = J + s * nv;
-                for (int64_t i = 0; i < nv; i++) {
-                    if (one[i] == 0.0) continue;
-                    for (int64_t j = i; j < nv; j++) P[i * nv + j] += one[i] * one[j];
-                    g[i] -= wanted[s] * one[i];
-                }
-            }
-        }
+/* Second derivative of log(target' R) at zero acceleration of v: log_drift in wbc/tasks/frame.py. */
+static void orientation_drift(const double *own, const double *R, const double *w,
+                              const double *alpha, const double *e, double *out) {
+    const double *rate = own + 9, *push = own + 12;
+    double turn[3], spin[3], relative[3], carried[3], local[3], J[9], moving[3];
+    cross3(w, rate, turn);
+    for (int i = 0; i < 3; i++) {
+        relative[i] = w[i] - rate[i];
+        carried[i] = alpha[i] - push[i] + turn[i];
     }
+    transposed_times3(R, relative, spin);
+    transposed_times3(R, carried, local);
+    log_jacobian(e, J);
+    times3(J, spin, moving);
+    times3(J, local, out);
+    log_jacobian_rate_times(e, moving, spin, turn);
+    for (int i = 0; i < 3; i++) out[i] += turn[i];
 }
 
-/* The box on v+ of wbc.constraints.Limits with free braking. */
-static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t moving,
-                 double *lower, double *upper) {
-    const int64_t n = plan->tree->nv - 6;
-    const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
-    const double dt = plan->dt, *base = slow + n;
-    for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
-    for (int64_t k = 0; k < n; k++) {
-        const double position = joint_position(plan, q, k), start = slow[k] * dt;
-        const double left[2] = {position - lo[k], up[k] - position};
-        double most[2];
-        for (int side = 0; side < 2; side++) {
-            if (left[side] < -AT_LIMIT) return OUTSIDE_LIMITS;
-            const double reach = left[side] < 0.0 ? 0.0 : left[side] > FAR ? FAR : left[side];
-            most[side] = 2.0 * reach / (sqrt(2.0 * reach / slow[k] + dt * dt) + dt);
-            if (left[side] > FAR) most[side] = INFINITY;
-            if (most[side] > speed[k]) most[side] = speed[k];
-            if (moving) { /* it may stop, and start the other way in the same tick */
-                const double change = (side ? v[6 + k] : -v[6 + k]) + start;
-                const double limit = change > start ? change : start;
-                if (most[side] > limit) most[side] = limit;
-            }
-        }
-        lower[6 + k] = -most[0], upper[6 + k] = most[1];
+/* Second derivative of vech(I) in axes R that turn at w and alpha: inertia_drift_in of a state. */
+static void inertia_drift(const double *state, const double *drifts, const double *R,
+                          const double *w, const double *alpha, double *out) {
+    const double *I = state + INERTIA;
+    const double entries[6] = {I[0], I[1], I[2], I[4], I[5], I[8]};
+    const double back[3] = {-alpha[0], -alpha[1], -alpha[2]};
+    double half[6], total[6], turn[9];
+    for (int i = 0; i < 6; i++) {
+        half[i] = 2.0 * drifts[INERTIA_RATE + i];
+        total[i] = drifts[INERTIA_CURVATURE + i];
     }
-    return DONE;
+    /* total - [w, 2 I' - [w, I]] - [alpha, I], in the commutator of skew matrices */
+    const double against[3] = {-w[0], -w[1], -w[2]};
+    add_commutator(half, entries, against);
+    add_commutator(total, half, against);
+    add_commutator(total, entries, back);
+    for (int i = 0; i < 9; i++) turn[i] = R[3 * (i % 3) + i / 3];
+    congruent(turn, total, out);
 }
 
-static int is_sound(const double *values, int64_t n) {
-    double sum = 0.0;
-    for (int64_t i = 0; i < n; i++) sum += values[i] * values[i];
-    return sum < NO_LIMIT * NO_LIMIT;
-}
-
-int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
-                int64_t moving) {
-    const int64_t nv = plan->tree->nv, held = plan->held;
-    double *P = plan->out, *A = P + nv * nv, *g = A + held * nv, *lower = g + nv;
-    double *upper = lower + nv, *b = upper + nv, *errors = b + held;
-    double *frames = plan->scratch, *J = frames + plan->frames * FRAME_SIZE(nv);
-    double *e = J + (plan->costs > 6 ? plan->costs : 6) * nv, damping = 0.0, heaviest = 0.0;
-    double curved;
-    memset(P, 0, nv * nv * sizeof *P);
-    memset(g, 0, nv * sizeof *g);
-    wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
-    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
-        const int64_t k = block->rows;
-        const double *number = plan->number + block->number, *weight = number + WEIGHTS;
-        double *error = block->held ? e : errors + block->first, *bias = e + k;
-        double *rows = block->held ? A + block->first * nv : J;
-        if (!evaluate(plan, block, state, frames, q, rows, error, bias, &curved))
-            return HALF_A_TURN;
-        if (block->held) {
-            for (int64_t i = 0; i < k; i++)
-                b[block->first + i] = -number[RATE] * error[i] - bias[i];
-            continue;
-        }
-        damping += number[HALF_GAIN] * curved;
-        if (number[LM_DAMPING] > 0.0) {
-            double sum = 0.0;
-            for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];
-            damping += number[LM_DAMPING] * sqrt(sum);
-        }
-        for (int64_t i = 0; i < k; i++) {
-            const double wanted = weight[i] * (-number[RATE] * error[i] - bias[i]);
-            double size = weight[i] * weight[i];
-            if (block->kind == JOINTS) {
-                const int64_t c = 6 + plan->index[block->index + i];
-                P[c * nv + c] += weight[i] * weight[i];
-                g[c] -= weight[i] * wanted;
-            } else {
-                size = 0.0;
-                for (int64_t c = 0; c < nv; c++) {
-                    J[i * nv + c] *= weight[i];
-                    size += J[i * nv + c] * J[i * nv + c];
-                }
-                bias[i] = wanted;
-            }
-            if (size > heaviest) heaviest = size;
-        }
-        if (block->kind != JOINTS) square(nv, k, J, bias, P, g);
+void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
+              const double *frames, const double *motion, const double *accelerations,
+              const double *e, double *drift) {
+    const int64_t nv = plan->tree->nv, k = block->rows, *chosen = plan->index + block->index;
+    const double *weight = plan->number + block->number + WEIGHTS, *own = weight + 3 * k;
+    const double *drifts = motion + DRIFTS(nv), *R = 0, *acceleration = 0, *w = 0;
+    double whole[6];
+    copy_row(drift, weight + 2 * k, k);
+    if (block->frame >= 0) {
+        R = frames + block->frame * FRAME_SIZE(nv) + FRAME_ROTATION;
+        acceleration = accelerations + 6 * block->frame;
+        w = motion + JOINT_MOTION(nv) + JOINT_MOTION_SIZE * plan->frame_joint[block->frame] + OMEGA;
     }
-    errors[plan->costs] = heaviest;
-    for (int64_t i = 0; i < nv; i++) {
-        P[i * nv + i] += plan->damping[i] + damping;
-        for (int64_t j = i + 1; j < nv; j++) P[j * nv + i] = P[i * nv + j];
-        lower[i] = -INFINITY, upper[i] = INFINITY;
+    switch (block->kind) {
+    case POINT:
+    case CONTACT:
+        if (block->frame < 0) acceleration = drifts + COM_DRIFT;
+        for (int64_t i = 0; i < k; i++) drift[i] += acceleration[chosen[i]];
+        return;
+    case ORIENTATION:
+        orientation_drift(own, R, w, acceleration + 3, e, whole);
+        for (int i = 0; i < 3; i++) drift[i] += whole[i];
+        return;
+    case INERTIA_ENTRIES:
+        if (block->frame < 0)
+            copy_row(whole, drifts + INERTIA_CURVATURE, 6);
+        else
+            inertia_drift(state, drifts, R, w, acceleration + 3, whole);
+        for (int64_t i = 0; i < k; i++)
+            for (int j = 0; j < 6; j++) drift[i] += own[6 * i + j] * whole[j];
+        return;
+    case MOMENTUM_ENTRIES:
+        for (int64_t i = 0; i < k; i++) drift[i] += drifts[MOMENTUM_DRIFT + chosen[i]];
+        return;
+    default: /* joints are coordinates of v */
+        return;
     }
-    if (plan->limited && bound(plan, q, v, moving, lower, upper) != DONE) return OUTSIDE_LIMITS;
-    for (int64_t i = 0; i < nv; i++)
-        if (!(lower[i] <= upper[i])) return NOT_FINITE;
-    return is_sound(P, nv * nv + held * nv + nv) && is_sound(b, held) ? DONE : NOT_FINITE;
 }

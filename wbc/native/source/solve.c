@@ -2,12 +2,13 @@
  *
  * Gauss-Jordan elimination with pivots by column turns A x = b into x_d = G x_i + h. What is left,
  *
- *     minimise 1/2 x_i' H x_i + g' x_i    subject to the bounds of x_i, and of x_d as rows of G,
+ *     minimise 1/2 x_i' H x_i + g' x_i    subject to the bounds of x_i, those of x_d as rows of G,
+ *                                         and C x = (C_i + C_d G) x_i + C_d h
  *
  * has no equalities and a third fewer unknowns. Multipliers of A follow from the gradient, and the
  * KKT residuals are those of the full QP: what wbc/qp/kkt.py computes.
  */
-#include "core.h"
+#include "problem.h"
 
 #include <string.h>
 
@@ -27,25 +28,67 @@ typedef void daqp_quadprog(daqp_result *, daqp_problem *, void *);
 
 static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
 static const double NO_BOUND = 1e30;  /* DAQP's infinity */
+/* Unknowns without bounds are preferred as dependent ones, by this factor: they add no row. */
+static const double PREFERENCE = 10.0;
 
 static double clamp(double value) {
     return value > NO_BOUND ? NO_BOUND : value < -NO_BOUND ? -NO_BOUND : value;
 }
 
+static int is_free(const wbc_qp *qp, int64_t i) {
+    return qp->upper[i] == INFINITY && qp->lower[i] == -INFINITY;
+}
+
+/* What is left of a QP without its equalities, in scratch memory. */
+typedef struct {
+    int64_t left;          /* unknowns x_i: order[k..n) */
+    int64_t *order;        /* x_d, then x_i */
+    double *W;             /* (k, n + 1 + k): reduced A, h, and the inverse of A_d */
+    double *G, *half;      /* (k, left) */
+    double *H, *f;         /* (left, left), (left) */
+    double *low, *up;      /* (left + m + k): bounds, C, then the bounded x_d */
+    double *rows;          /* (m + k, left) */
+    double *multipliers, *answer;
+    int *sense;
+} reduced;
+
+static void place(const wbc_plan *plan, const wbc_qp *qp, reduced *r) {
+    const int64_t n = qp->n, k = qp->k, left = n - k, most = left + qp->m + k;
+    r->left = left, r->order = plan->order, r->sense = (int *)(plan->order + n);
+    r->W = plan->scratch;
+    r->G = r->W + k * (n + 1 + k);
+    r->half = r->G + k * left;
+    r->H = r->half + k * left;
+    r->f = r->H + left * left;
+    r->low = r->f + left;
+    r->up = r->low + most;
+    r->rows = r->up + most;
+    r->multipliers = r->rows + (qp->m + k) * left;
+    r->answer = r->multipliers + most;
+}
+
 /* W = [A b 1] reduced until the columns order[0..k) are those of the identity; false if dependent
  * rows leave next to nothing of one. */
-static int eliminate(int64_t k, int64_t n, double *restrict W, int64_t *order) {
-    const int64_t width = n + 1 + k;
+static int eliminate(const wbc_qp *qp, const reduced *of) {
+    const int64_t n = qp->n, k = qp->k, width = n + 1 + k;
+    double *restrict W = of->W;
+    int64_t *order = of->order;
+    memset(W, 0, k * width * sizeof *W);
+    for (int64_t r = 0; r < k; r++) {
+        memcpy(W + r * width, qp->A + r * n, n * sizeof *W);
+        W[r * width + n] = qp->b[r];
+        W[r * width + n + 1 + r] = 1.0;
+    }
     for (int64_t c = 0; c < n; c++) order[c] = c;
     for (int64_t r = 0; r < k; r++) {
         double *restrict top = W + r * width, most = -1.0;
         int64_t column = r;
         for (int64_t c = r; c < n; c++) {
-            const double size = fabs(top[order[c]]);
+            const double size = fabs(top[order[c]]) * (is_free(qp, order[c]) ? PREFERENCE : 1.0);
             if (size > most) most = size, column = c;
         }
-        if (!(most > DEPENDENT)) return 0;
         const int64_t pivot = order[column];
+        if (!(fabs(top[pivot]) > DEPENDENT)) return 0;
         order[column] = order[r], order[r] = pivot;
         const double scale = 1.0 / top[pivot];
         for (int64_t c = 0; c < width; c++) top[c] *= scale;
@@ -61,124 +104,162 @@ static int eliminate(int64_t k, int64_t n, double *restrict W, int64_t *order) {
     return 1;
 }
 
+/* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
+static void reduce_cost(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1 + k;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    const double *P = qp->P, *W = r->W;
+    for (int64_t d = 0; d < k; d++)
+        for (int64_t j = 0; j < left; j++) r->G[d * left + j] = -W[d * width + free[j]];
+    for (int64_t d = 0; d < k; d++) {
+        const double *row = P + dependent[d] * n;
+        double *restrict to = r->half + d * left;
+        double pull = qp->g[dependent[d]];
+        for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
+        for (int64_t s = 0; s < k; s++) {
+            const double p = row[dependent[s]], *restrict from = r->G + s * left;
+            pull += p * W[s * width + n];
+            for (int64_t j = 0; j < left; j++) to[j] += 0.5 * p * from[j];
+        }
+        r->multipliers[d] = pull;
+    }
+    for (int64_t i = 0; i < left; i++) {
+        const double *row = P + free[i] * n;
+        double sum = qp->g[free[i]], *restrict to = r->H + i * left;
+        for (int64_t d = 0; d < k; d++)
+            sum += row[dependent[d]] * W[d * width + n] + r->G[d * left + i] * r->multipliers[d];
+        r->f[i] = sum;
+        for (int64_t j = 0; j < left; j++) to[j] = 0.0;
+        for (int64_t d = 0; d < k; d++) {
+            const double p = r->G[d * left + i], q = r->half[d * left + i];
+            const double *restrict one = r->half + d * left, *restrict two = r->G + d * left;
+            for (int64_t j = i; j < left; j++) to[j] += p * one[j] + q * two[j];
+        }
+        for (int64_t j = i; j < left; j++) to[j] += row[free[j]];
+    }
+    for (int64_t i = 0; i < left; i++)
+        for (int64_t j = 0; j < i; j++) r->H[i * left + j] = r->H[j * left + i];
+}
+
+/* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. */
+static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1 + k;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    const double *W = r->W;
+    int64_t bounded = left;
+    for (int64_t i = 0; i < left; i++)
+        r->up[i] = clamp(qp->upper[free[i]]), r->low[i] = clamp(qp->lower[free[i]]);
+    for (int64_t m = 0; m < qp->m; m++, bounded++) {
+        const double *row = qp->C + m * n;
+        double *restrict to = r->rows + m * left, known = 0.0;
+        for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
+        for (int64_t d = 0; d < k; d++) {
+            const double c = row[dependent[d]], *restrict from = r->G + d * left;
+            if (c == 0.0) continue;
+            known += c * W[d * width + n];
+            for (int64_t j = 0; j < left; j++) to[j] += c * from[j];
+        }
+        r->up[bounded] = clamp(qp->u[m] - known), r->low[bounded] = clamp(qp->l[m] - known);
+    }
+    for (int64_t s = 0; s < k; s++) {
+        const int64_t d = dependent[s];
+        if (is_free(qp, d)) continue;
+        r->up[bounded] = clamp(qp->upper[d] - W[s * width + n]);
+        r->low[bounded] = clamp(qp->lower[d] - W[s * width + n]);
+        memcpy(r->rows + (bounded++ - left) * left, r->G + s * left, left * sizeof *r->rows);
+    }
+    return bounded;
+}
+
+/* x, y, z, z_box of the full QP from the answer of the reduced one. */
+static void lift(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1 + k;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    double *x = qp->x, *y = qp->y, *z = qp->z_box;
+    int64_t bounded = left + qp->m;
+    for (int64_t i = 0; i < left; i++) x[free[i]] = r->answer[i], z[free[i]] = r->multipliers[i];
+    memcpy(qp->z, r->multipliers + left, qp->m * sizeof *qp->z);
+    for (int64_t s = 0; s < k; s++) {
+        const int64_t d = dependent[s];
+        double sum = r->W[s * width + n];
+        for (int64_t j = 0; j < left; j++) sum += r->G[s * left + j] * r->answer[j];
+        x[d] = sum;
+        z[d] = is_free(qp, d) ? 0.0 : r->multipliers[bounded++];
+        y[s] = 0.0;
+    }
+    /* A_d' y = -(P x + g + z + C'z)_d, and W holds the inverse of A_d */
+    for (int64_t s = 0; s < k; s++) {
+        const int64_t d = dependent[s];
+        double sum = qp->g[d] + z[d];
+        for (int64_t j = 0; j < n; j++) sum += qp->P[d * n + j] * x[j];
+        for (int64_t m = 0; m < qp->m; m++)
+            if (qp->z[m] != 0.0) sum += qp->C[m * n + d] * qp->z[m];
+        for (int64_t t = 0; t < k; t++) y[t] -= r->W[s * width + n + 1 + t] * sum;
+    }
+}
+
 /* The larger, or what is not a number. */
 static double worse(double one, double other) {
     return one != one || other <= one ? one : other;
 }
 
-/* Primal, dual and complementarity residuals of x, y, z. */
-static void residuals(int64_t n, int64_t k, const double *P, const double *A, const double *g,
-                      const double *lower, const double *upper, const double *b, const double *x,
-                      const double *y, const double *z, double *found) {
-    double primal = 0.0, dual = 0.0, clash = 0.0;
-    for (int64_t i = 0; i < n; i++) {
-        double sum = g[i] + z[i];
-        for (int64_t j = 0; j < n; j++) sum += P[i * n + j] * x[j];
-        for (int64_t r = 0; r < k; r++) sum += A[r * n + i] * y[r];
-        dual = worse(dual, fabs(sum));
-        const double above = upper[i] - x[i], below = x[i] - lower[i];
-        primal = worse(worse(primal, -above), -below);
-        const double slack = fabs(z[i] > 0.0 ? above : below), size = fabs(z[i]);
-        clash = worse(clash, slack < size ? slack : size);
-    }
-    for (int64_t r = 0; r < k; r++) {
-        double sum = -b[r];
-        for (int64_t j = 0; j < n; j++) sum += A[r * n + j] * x[j];
-        primal = worse(primal, fabs(sum));
-    }
-    found[0] = primal, found[1] = dual, found[2] = clash;
+/* A value between two bounds and its multiplier: primal and complementarity residual. */
+static void judge(double value, double lower, double upper, double z, double *found) {
+    const double above = upper - value, below = value - lower;
+    const double slack = fabs(z > 0.0 ? above : below), size = fabs(z);
+    found[0] = worse(worse(found[0], -above), -below);
+    found[2] = worse(found[2], slack < size ? slack : size);
 }
 
-/* Solve the QP in out, and write x (nv), y (held), z of the box (nv), the three residuals and the
- * number of iterations behind it. */
-int wbc_solve(const wbc_plan *plan) {
-    const int64_t n = plan->tree->nv, k = plan->held, left = n - k, width = n + 1 + k;
-    const double *P = plan->out, *A = P + n * n, *g = A + k * n, *lower = g + n;
-    const double *upper = lower + n, *b = upper + n;
-    double *x = plan->out + (n * n + k * n + 3 * n + k) + plan->costs + 1, *y = x + n, *z = y + k;
-    double *W = plan->scratch, *G = W + k * width, *half = G + k * left, *H = half + k * left;
-    double *f = H + left * left, *up = f + left, *low = up + n, *rows = low + n;
-    double *multipliers = rows + k * left, *answer = multipliers + n;
-    int64_t *order = plan->order, bounded = left;
-    int *sense = (int *)(plan->order + n);
-    daqp_quadprog *quadprog;
-    memcpy(&quadprog, &plan->quadprog, sizeof quadprog); /* ISO C has no cast to a function */
-    if (!quadprog || left < 1) return UNSOLVED;
+/* Primal, dual and complementarity residuals. */
+static void residuals(const wbc_qp *qp, double *gradient) {
+    const int64_t n = qp->n;
+    double *found = qp->found;
+    found[0] = found[1] = found[2] = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        double sum = qp->g[i] + qp->z_box[i];
+        for (int64_t j = 0; j < n; j++) sum += qp->P[i * n + j] * qp->x[j];
+        gradient[i] = sum;
+        judge(qp->x[i], qp->lower[i], qp->upper[i], qp->z_box[i], found);
+    }
+    for (int64_t r = 0; r < qp->k; r++) {
+        double sum = -qp->b[r];
+        for (int64_t j = 0; j < n; j++) sum += qp->A[r * n + j] * qp->x[j];
+        for (int64_t j = 0; j < n; j++) gradient[j] += qp->A[r * n + j] * qp->y[r];
+        found[0] = worse(found[0], fabs(sum));
+    }
+    for (int64_t r = 0; r < qp->m; r++) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < n; j++) sum += qp->C[r * n + j] * qp->x[j];
+        for (int64_t j = 0; j < n; j++) gradient[j] += qp->C[r * n + j] * qp->z[r];
+        judge(sum, qp->l[r], qp->u[r], qp->z[r], found);
+    }
+    for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
+}
 
-    memset(W, 0, k * width * sizeof *W);
-    for (int64_t r = 0; r < k; r++) {
-        memcpy(W + r * width, A + r * n, n * sizeof *W);
-        W[r * width + n] = b[r];
-        W[r * width + n + 1 + r] = 1.0;
-    }
-    if (!eliminate(k, n, W, order)) return UNSOLVED;
-    const int64_t *dependent = order, *free = order + k;
-    for (int64_t r = 0; r < k; r++)
-        for (int64_t j = 0; j < left; j++) G[r * left + j] = -W[r * width + free[j]];
-    /* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
-    for (int64_t r = 0; r < k; r++) {
-        const double *row = P + dependent[r] * n;
-        double *restrict to = half + r * left;
-        double pull = g[dependent[r]];
-        for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
-        for (int64_t s = 0; s < k; s++) {
-            const double p = row[dependent[s]], *restrict from = G + s * left;
-            pull += p * W[s * width + n];
-            for (int64_t j = 0; j < left; j++) to[j] += 0.5 * p * from[j];
-        }
-        multipliers[r] = pull;
-    }
-    for (int64_t i = 0; i < left; i++) {
-        const double *row = P + free[i] * n;
-        double sum = g[free[i]];
-        for (int64_t r = 0; r < k; r++)
-            sum += row[dependent[r]] * W[r * width + n] + G[r * left + i] * multipliers[r];
-        f[i] = sum;
-        double *restrict to = H + i * left;
-        for (int64_t j = 0; j < left; j++) to[j] = 0.0;
-        for (int64_t r = 0; r < k; r++) {
-            const double p = G[r * left + i], q = half[r * left + i];
-            const double *restrict one = half + r * left, *restrict two = G + r * left;
-            for (int64_t j = i; j < left; j++) to[j] += p * one[j] + q * two[j];
-        }
-        for (int64_t j = i; j < left; j++) to[j] += row[free[j]];
-        up[i] = clamp(upper[free[i]]), low[i] = clamp(lower[free[i]]);
-    }
-    for (int64_t i = 0; i < left; i++)
-        for (int64_t j = 0; j < i; j++) H[i * left + j] = H[j * left + i];
-    for (int64_t r = 0; r < k; r++) { /* rows without bounds are left out */
-        const int64_t d = dependent[r];
-        if (upper[d] == INFINITY && lower[d] == -INFINITY) continue;
-        up[bounded] = clamp(upper[d] - W[r * width + n]);
-        low[bounded] = clamp(lower[d] - W[r * width + n]);
-        memcpy(rows + (bounded++ - left) * left, G + r * left, left * sizeof *G);
-    }
-    memset(sense, 0, n * sizeof *sense);
-    daqp_problem problem = {(int)left, (int)bounded, (int)left, H, f, rows, up, low, sense, 0, 0, 0};
+/* Solve the QP in out, and write x, y, z, z of the box, the three residuals and the number of
+ * iterations behind it. */
+int wbc_solve(const wbc_plan *plan) {
+    daqp_quadprog *quadprog;
+    wbc_qp qp;
+    reduced r;
+    lay_out(plan, &qp);
+    place(plan, &qp, &r);
+    memcpy(&quadprog, &plan->quadprog, sizeof quadprog); /* ISO C has no cast to a function */
+    if (!quadprog || r.left < 1 || !eliminate(&qp, &r)) return UNSOLVED;
+    reduce_cost(&qp, &r);
+    const int64_t bounded = reduce_bounds(&qp, &r);
+    memset(r.sense, 0, bounded * sizeof *r.sense);
+    daqp_problem problem = {(int)r.left, (int)bounded, (int)r.left, r.H, r.f, r.rows,
+                            r.up,        r.low,        r.sense,     0,   0,   0};
     daqp_result result;
     memset(&result, 0, sizeof result);
-    result.x = answer, result.multipliers = multipliers;
+    result.x = r.answer, result.multipliers = r.multipliers;
     quadprog(&result, &problem, plan->settings);
     if (result.flag != 1) return UNSOLVED;
-
-    for (int64_t i = 0; i < left; i++) x[free[i]] = answer[i], z[free[i]] = multipliers[i];
-    bounded = left;
-    for (int64_t r = 0; r < k; r++) {
-        const int64_t d = dependent[r];
-        double sum = W[r * width + n];
-        for (int64_t j = 0; j < left; j++) sum += G[r * left + j] * answer[j];
-        x[d] = sum;
-        z[d] = upper[d] == INFINITY && lower[d] == -INFINITY ? 0.0 : multipliers[bounded++];
-        y[r] = 0.0;
-    }
-    for (int64_t r = 0; r < k; r++) { /* A_d' y = -(P x + g + z)_d, and W holds the inverse of A_d */
-        const int64_t d = dependent[r];
-        double sum = g[d] + z[d];
-        for (int64_t j = 0; j < n; j++) sum += P[d * n + j] * x[j];
-        for (int64_t s = 0; s < k; s++) y[s] -= W[r * width + n + 1 + s] * sum;
-    }
-    residuals(n, k, P, A, g, lower, upper, b, x, y, z, z + n);
-    z[n + 3] = result.iterations;
+    lift(&qp, &r);
+    residuals(&qp, r.W);
+    qp.found[3] = result.iterations;
     return DONE;
 }
 

@@ -1,0 +1,107 @@
+"""What the torque level adds for the native core: contact forces, their cones, torque bounds."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.constraints.contact import PointContact
+from wbc.constraints.rows import Bounds
+from wbc.controllers.contact_forces import ContactForces
+from wbc.tasks.task import Task
+from wbc.validate import Array
+
+
+class Force(ctypes.Structure):
+    """``wbc_force`` of wbc/native/source/core.h."""
+
+    _fields_ = [
+        (name, ctypes.c_int64)
+        for name in ("block", "column", "corners", "corner", "count", "aligned")
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueRows:
+    """The rows of a torque level that do not come from tasks.
+
+    Attributes
+    ----------
+    forces:
+        The unknowns behind v+.
+    passive:
+        Entries of v without a motor.
+    bounded, most:
+        Entries of v with a torque bound, and the bounds in units of the forces.
+    labels:
+        Of the torque bounds.
+    """
+
+    forces: ContactForces
+    passive: NDArray[np.int64]
+    bounded: NDArray[np.int64]
+    most: Array
+    labels: tuple[str, ...]
+
+
+class NativeForces:
+    """The arrays that the core reads of a torque level.
+
+    Parameters
+    ----------
+    blocks:
+        Of each contact that is met exactly: the number of its block.
+    """
+
+    def __init__(self, rows: TorqueRows, blocks: Mapping[Task, int], joint_damping: Array) -> None:
+        self.rows = rows
+        forces = rows.forces
+        corners: list[Array] = [np.zeros((0, 3))]
+        described, begin = [], 0
+        for part in forces.parts:
+            contact = part.contact
+            width = part.columns.stop - part.columns.start
+            points = 0 if part.grasp is None else width // 3
+            aligned = isinstance(contact, PointContact)
+            column = part.columns.start
+            described.append(Force(blocks[contact], column, points, 3 * begin, width, aligned))
+            if part.surface is not None and part.surface.corners is not None:
+                corners.append(part.surface.corners)
+                begin += points
+        self.count = len(described)
+        self.structs = (Force * max(self.count, 1))(*described)
+        self.corners = np.concatenate(corners).ravel()
+        self.passive = np.array(rows.passive, dtype=np.int64)
+        self.bounded = np.array(rows.bounded, dtype=np.int64)
+        self.most = np.array(rows.most, dtype=float)
+        self.limits = np.concatenate((forces.lower, forces.upper))
+        self.joint_damping = np.array(joint_damping, dtype=float)
+        cones = forces.bounds()
+        self.cones = len(cones.labels)
+        self.cone = np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper))
+        self.labels = rows.labels + cones.labels
+        self._ramps: Mapping[str, float] = {}
+
+    def write(self, ramps: Mapping[str, float], changed: bool) -> bool:
+        """Write the cones if contacts were changed or forces come and go; False: of other size."""
+        if not changed and not ramps and not self._ramps:
+            return True
+        cones = self.rows.forces.bounds(ramps)
+        if cones.matrix.size + 2 * len(cones.labels) != self.cone.size:
+            return False
+        np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper), out=self.cone)
+        self.labels, self._ramps = self.rows.labels + cones.labels, dict(ramps)
+        return True
+
+    def bounds(self, matrix: Array, lower: Array, upper: Array) -> Bounds:
+        """Return the inequality rows of a tick: torque bounds, then cones."""
+        return Bounds(self.labels, matrix, lower, upper)
+
+
+def unbearable(rows: TorqueRows, held: Sequence[Task]) -> bool:
+    """Whether forces belong to contacts that are not among those met exactly."""
+    return any(part.contact not in held for part in rows.forces.parts)

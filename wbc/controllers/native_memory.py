@@ -1,0 +1,227 @@
+"""The memory of a plan in the native core: what is planned once, and where a tick's QP lies."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.constraints.limits import Limits
+from wbc.controllers.native_forces import NativeForces, TorqueRows
+from wbc.controllers.native_parts import Block, Part
+from wbc.controllers.plan import Plan
+from wbc.qp.daqp import Daqp
+from wbc.qp.daqp_direct import direct_daqp
+from wbc.robot import Robot
+from wbc.robot.kernel import NativeTree, frame_places
+from wbc.robot.names import BASE
+from wbc.validate import Array
+
+
+class _Plan(ctypes.Structure):
+    """``wbc_plan`` of wbc/native/source/core.h."""
+
+    _fields_ = [
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
+            + ("start", "damping", "limit", "force", "corner", "passive", "with_bound")
+            + ("torque_bound", "cone", "force_bound", "joint_damping", "out", "scratch", "order")
+            + ("quadprog", "settings")
+        ),
+        *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
+        *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
+        *((name, ctypes.c_int64) for name in ("bounded", "cones")),
+        *((name, ctypes.c_double) for name in ("dt", "mass", "unit")),
+    ]
+
+
+class Answer(NamedTuple):
+    """What the core wrote: fresh memory, views on one block.
+
+    Attributes
+    ----------
+    D, offset:
+        (nv, n), (nv,): base forces and torques by the unknowns; empty at the velocity level.
+    errors:
+        Of all tasks, one behind the other.
+    heaviest:
+        (1,) the largest square of a weighted row.
+    x, y, z, z_box, found:
+        DAQP's answer, and its residuals and iterations (4,).
+    """
+
+    P: Array
+    A: Array
+    C: Array
+    D: Array
+    offset: Array
+    g: Array
+    lower: Array
+    upper: Array
+    b: Array
+    l: Array  # noqa: E741
+    u: Array
+    errors: Array
+    heaviest: Array
+    x: Array
+    y: Array
+    z: Array
+    z_box: Array
+    found: Array
+
+
+class NativeMemory:
+    """Arrays and structures that the core reads, and what it is called with.
+
+    Parameters
+    ----------
+    rows:
+        What the torque level adds; None at the velocity level.
+    solver:
+        DAQP's settings, if the core is to solve the QP too.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tree: NativeTree,
+        plan: Plan,
+        parts: Sequence[Part],
+        limits: Limits | None,
+        dt: float,
+        rows: TorqueRows | None,
+        solver: Daqp | None,
+    ) -> None:
+        self._tree = tree
+        frames, index, blocks = self._plan_blocks(parts)
+        joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
+        self.forces = None
+        if rows is not None:
+            contacts = (part.task for part in parts for _ in part.rows or ())
+            numbers = {task: number for number, task in enumerate(contacts)}
+            self.forces = NativeForces(rows, numbers, robot.damping)
+        starts = np.array(robot.limits.starts, dtype=np.int64)
+        starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
+        damping = np.array(plan.decision.damping, dtype=float)
+        limit = _limit_array(limits, robot.nv - 6)
+        indices = np.array(index or [0], dtype=np.int64)
+        self._size(plan, sum(block.rows for block in blocks if block.held))
+        costs = sum(block.rows for block in blocks if not block.held)
+        largest = max((block.rows for block in blocks), default=0)
+        scratch = np.zeros(self._scratch_size(len(frames), largest))
+        order = np.zeros(2 * self.n + self.k + self.m, dtype=np.int64)
+        self._cut(costs)
+        structs = (Block * len(blocks))(*blocks)
+        self._arrays: tuple[Any, ...]  # the struct points at them
+        self._arrays = (indices, self.number, joint, placement, starts, damping, limit)
+        first = (tree.address, ctypes.addressof(structs), *map(_address, self._arrays))
+        level, counts, unit = self._level()
+        settings = None
+        if solver is not None:
+            settings = direct_daqp().settings(solver.eps, solver.max_iterations)
+        call = (0, 0) if settings is None else (direct_daqp().address, ctypes.addressof(settings))
+        numbers_of = (len(blocks), len(frames), costs, self.held, limits is not None)
+        place = (0, _address(scratch), _address(order))
+        every = (*first, *level, *place, *call, *numbers_of, *counts, dt, robot.mass, unit)
+        self.struct = _Plan(*every)
+        self._kept = structs, scratch, order, settings
+        self.state = np.zeros(tree.frames)
+        self.q, self.v = np.zeros(robot.nq), np.zeros(robot.nv)
+        function = tree.core.wbc_tick if settings is not None else tree.core.wbc_problem
+        self._call: Any = function
+        self._addresses = (
+            ctypes.addressof(self.struct),
+            *map(_address, (self.state, self.q, self.v)),
+        )
+
+    def call(self, moving: bool) -> tuple[int, Array]:
+        """Run the core at ``state``, ``q``, ``v``; return what it said and what it wrote."""
+        out = np.empty(self._end)
+        self.struct.out = out.ctypes.data
+        return self._call(*self._addresses, moving), out
+
+    def read(self, out: Array) -> Answer:
+        """Return views on what the core wrote."""
+        return Answer(*(out[place].reshape(shape) for place, shape in self._places))
+
+    def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
+        """Return frames, entries and blocks; numbers get their places."""
+        frames, index, blocks = [BASE], list[int](), list[Block]()
+        begins: list[tuple[Part, int]] = []
+        size, counts = 0, [0, 0]  # rows of costs, of contacts
+        for part in parts:
+            for rows in part.rows or ():
+                kept = part.chosen(rows)
+                if rows.frame is not None and rows.frame not in frames:
+                    frames.append(rows.frame)
+                frame = -1 if rows.frame is None else frames.index(rows.frame)
+                first = counts[part.held]
+                blocks.append(
+                    Block(rows.kind, part.held, len(kept), first, frame, len(index), size)
+                )
+                index += [rows.entries[i] for i in kept]
+                begins.append((part, size))
+                size += part.size(rows)
+                counts[part.held] += len(kept)
+        self.number = np.zeros(size)
+        for part, begin in begins:
+            part.place(self.number[begin:])
+        return frames, index, blocks
+
+    def _size(self, plan: Plan, held: int) -> None:
+        """Set the sizes of the QP: n unknowns, k equalities, m inequality rows."""
+        forces = self.forces
+        self.held, self.n, self.k, self.m = held, plan.decision.size, held, 0
+        if forces is not None:
+            self.k += forces.passive.size
+            self.m = forces.bounded.size + forces.cones
+
+    def _cut(self, costs: int) -> None:
+        """Set where the fields of :class:`Answer` lie: as in lay_out of source/problem.c."""
+        n, k, m, nv = self.n, self.k, self.m, self._tree.nv
+        D = nv if self.forces is not None else 0
+        shapes: list[tuple[int, ...]] = [(n, n), (k, n), (m, n), (D, n), (D,)]
+        shapes += [(size,) for size in (n, n, n, k, m, m, costs, 1, n, k, m, n, 4)]
+        ends = np.cumsum([int(np.prod(shape)) for shape in shapes]).tolist()
+        begins = [0, *ends[:-1]]
+        places = [slice(begin, end) for begin, end in zip(begins, ends, strict=True)]
+        self._places = list(zip(places, shapes, strict=True))
+        self._end = ends[-1]
+
+    def _scratch_size(self, frames: int, rows: int) -> int:
+        """Return the larger of what setting up the QP and solving it need."""
+        tree, n, k, m = self._tree, self.n, self.k, self.m
+        work = max(rows * (tree.nv + 4), 9 * tree.joints + 6 * tree.nv)
+        motion = tree.motion_size if self.forces is not None else 0
+        left = n - k
+        solving = k * (n + 1 + k) + 2 * k * left + left * left + left + n
+        solving += (3 + left) * (n + m + k)
+        return max(frames * (tree.frame_size + 6) + motion + work, solving)
+
+    def _level(self) -> tuple[tuple[int, ...], tuple[int, ...], float]:
+        """Return addresses, counts and unit of the torque level, or zeros."""
+        forces = self.forces
+        if forces is None:
+            return (0,) * 8, (0,) * 6, 1.0
+        entries, motors = (forces.corners, forces.passive, forces.bounded), forces.most
+        arrays = (*entries, motors, forces.cone, forces.limits, forces.joint_damping)
+        addresses = (ctypes.addressof(forces.structs), *map(_address, arrays))
+        layout = forces.rows.forces
+        counts = (1, layout.size, forces.count, forces.passive.size, forces.bounded.size)
+        return addresses, (*counts, forces.cones), layout.unit
+
+
+def _address(array: NDArray[Any]) -> int:
+    return array.ctypes.data
+
+
+def _limit_array(limits: Limits | None, n: int) -> Array:
+    """Return bounds, speeds and accelerations (4 n) of the joints, then the base's (12)."""
+    if limits is None:
+        return np.zeros(4 * n + 12)
+    joints = (limits.lower, limits.upper, limits.speed, limits.acceleration)
+    return np.concatenate((*joints, -limits.base_twist, limits.base_twist))

@@ -1,0 +1,121 @@
+"""Tasks and contacts as the native core reads them: blocks of rows, and the numbers of each.
+
+What a task is about is planned once; its numbers (targets, weights, gains) are written again when
+an attribute of the task was set.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+
+import numpy as np
+
+from wbc.laws import AccelerationLaw, VelocityLaw
+from wbc.native.rows import NativeRows
+from wbc.tasks.task import Task
+from wbc.validate import Array
+
+_HEADER = 3  # numbers of a law
+
+
+class Block(ctypes.Structure):
+    """``wbc_block`` of wbc/native/source/core.h."""
+
+    _fields_ = [
+        (name, ctypes.c_int64)
+        for name in ("kind", "held", "rows", "first", "frame", "index", "number")
+    ]
+
+
+class Part:
+    """One task or contact: where its numbers go, and which of them are there already.
+
+    Parameters
+    ----------
+    kept:
+        The rows of a contact that the QP gets; None for all.
+    torque:
+        Whether the task follows its second-order law.
+    """
+
+    def __init__(self, task: Task, kept: Sequence[int] | None, held: bool, torque: bool) -> None:
+        self.task = task
+        self.held = held
+        self.kept = None if kept is None else list(kept)
+        self.torque = torque
+        self.rows = described(task, torque)
+        self.changes = -1  # of the task, when its numbers were written
+        self._places: list[tuple[Array, ...]] = []
+        self._law: VelocityLaw | AccelerationLaw | None = None
+
+    def chosen(self, rows: NativeRows) -> list[int]:
+        """Return the rows of a block that are kept."""
+        return list(range(len(rows.entries))) if self.kept is None else self.kept
+
+    def size(self, rows: NativeRows) -> int:
+        """Return how many numbers a block has."""
+        return _HEADER + 3 * len(self.chosen(rows)) + sum(map(np.size, rows.numbers))
+
+    def place(self, memory: Array) -> None:
+        """Remember where the numbers of the next block go."""
+        rows = (self.rows or ())[len(self._places)]
+        k = len(self.chosen(rows))
+        sizes = (_HEADER, k, k, k, *map(np.size, rows.numbers))
+        ends = np.cumsum(sizes).tolist()
+        self._places.append(
+            tuple(memory[end - size : end] for end, size in zip(ends, sizes, strict=True))
+        )
+
+    def write(self, dt: float) -> bool:
+        """Write the numbers of a task that was changed; False if it is another one now."""
+        task, planned = self.task, self.rows
+        changes, found = task._changes, described(task, self.torque)
+        if found is None or planned is None or len(found) != len(planned):
+            return False
+        law = task.acceleration_law if self.torque else task.law
+        offset = 0
+        for now, before, place in zip(found, planned, self._places, strict=True):
+            header, weight, bias, drift, *numbers = place
+            if (now[:3], len(now.numbers)) != (before[:3], len(numbers)):
+                return False
+            if law is not self._law:
+                header[:] = _header(law, now, dt)
+            k = len(now.entries)
+            rows = slice(None) if self.kept is None else self.kept
+            weight[:] = task.weight[offset : offset + k][rows]
+            bias[:], drift[:] = now.bias[rows], now.drift[rows]
+            for to, values in zip(numbers, now.numbers, strict=True):
+                if values.size != to.size:
+                    return False
+                to[:] = values
+            offset += k
+        self.changes, self._law = changes, law
+        return True
+
+
+def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:
+    """Return what a task says of its rows, if its law is one that the core knows."""
+    kind = task.__dict__, vars(type(task))
+    if "native" not in kind[1] or "residual" in kind[0] or "drift" in kind[0]:
+        return None
+    if torque:
+        return task.native() if type(task.acceleration_law) is AccelerationLaw else None
+    law = task.law
+    if type(law) is not VelocityLaw or law.singular_threshold > 0.0:
+        return None
+    rows = task.native()
+    if rows is not None and len(rows) > 1 and law.lm_damping > 0.0:
+        return None  # by the error of the whole task, which is in several blocks
+    return rows
+
+
+def _header(
+    law: VelocityLaw | AccelerationLaw, rows: NativeRows, dt: float
+) -> tuple[float, float, float]:
+    """Return the numbers of a law; see source/core.h."""
+    if isinstance(law, AccelerationLaw):
+        return law.kp, law.velocity_gain, 0.0
+    gain = law.fraction(dt)
+    half = 0.5 * gain if law.curvature_damping and rows.curved else 0.0
+    return gain / dt, half, law.lm_damping

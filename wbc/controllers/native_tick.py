@@ -1,0 +1,78 @@
+"""Plain ticks by the native core, all others in Python: the same for both levels."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from time import perf_counter
+
+from wbc.controllers.controller import Controller
+from wbc.controllers.levels import LevelProblem, Outcome
+from wbc.controllers.look_ahead import MarginRows
+from wbc.controllers.native_plan import NativePlan, NativeProblem
+from wbc.controllers.plan import Physics
+from wbc.controllers.tick import Tick
+from wbc.laws import Rows
+from wbc.qp.backend import Backend
+from wbc.robot import Snapshot
+from wbc.tasks.task import Task
+
+
+class NativeController(Controller):
+    """A controller whose plain ticks are set up, and maybe solved, by the native core."""
+
+    _native: NativePlan | None = None
+
+    def _step(self, snapshot: Snapshot) -> Tick:
+        """Return the command; what the core does not know goes through the Python tick."""
+        return self._native_step(snapshot) or super()._step(snapshot)
+
+    def _native_step(self, snapshot: Snapshot) -> Tick | None:
+        """Return the command of a plain tick; None: not plain, or without a solution."""
+        start = perf_counter()
+        if self._native is None or not self._native.serves(self.limits, self.dt):
+            return None
+        found = self._native_problem(self._native, snapshot)
+        if found is None:
+            return None
+        physics, qp, step_scale = self._native_physics(found, snapshot), found.qp, 1.0
+        if found.solution is not None:
+            ready = perf_counter() - found.solution.solve_time
+            # The core kept the box to the accuracy promised, far below what a command may exceed.
+            outcome = Outcome(qp, found.solution, qp, self.robot.nv, found.solution.solve_time, {})
+        else:
+            nv = self.robot.nv
+            held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
+            box = qp.lower[:nv], qp.upper[:nv]
+            problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
+            margins = None
+            if self.constraints:
+                margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+            ready = perf_counter()
+            outcome, step_scale = self._attempt(problem, margins)
+            if not outcome.solved:  # the Python tick finds out why, and what is best then
+                return None
+        return self._tick(snapshot, physics, found.residuals, outcome, step_scale, {}, start, ready)
+
+    def _plan(self, contacts: tuple[Task, ...]) -> None:
+        super()._plan(contacts)
+        # Without margins in between, DAQP runs in the core as well.
+        plain = self.formulation == "equality" and not self.constraints
+        self._native = self._native_plan(self.backend if plain else None)
+
+    # ------------------------------------------------------------------ what a level says
+
+    @abstractmethod
+    def _native_plan(self, backend: Backend | None) -> NativePlan | None:
+        """Return the plan for the core; None: its ticks are not plain."""
+
+    def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
+        """Return the QP of a tick."""
+        return plan.problem(snapshot)
+
+    @abstractmethod
+    def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
+        """Return what ties the unknowns behind v+ to it."""
+
+    @abstractmethod
+    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
+        """Return the optimum if there is one with all kept, and the part that is safe."""

@@ -1,0 +1,275 @@
+/* The QP of a plain tick: what the laws of wbc/laws.py, Limits.box and assemble in
+ * wbc/controllers/plan.py say, and at the torque level the dynamics, torque bounds and cones of
+ * wbc/controllers/torque.py.
+ */
+#include "problem.h"
+#include "rows.h"
+
+#include <string.h>
+
+/* As in wbc/constraints/limits.py. */
+static const double AT_LIMIT = 1e-9, FAR = 1e12;
+static const double BRAKING = 2.0;    /* as in wbc/controllers/reachable.py */
+static const double NO_LIMIT = 1e150; /* as LARGEST in wbc/qp/problem.py */
+
+void lay_out(const wbc_plan *plan, wbc_qp *qp) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
+    const int64_t m = plan->bounded + plan->cones, D = plan->torque ? nv : 0;
+    double *at = plan->out;
+    qp->n = n, qp->k = k, qp->m = m;
+    qp->P = at, at += n * n;
+    qp->A = at, at += k * n;
+    qp->C = at, at += m * n;
+    qp->D = at, at += D * n;
+    qp->offset = at, at += D;
+    qp->g = at, at += n;
+    qp->lower = at, at += n;
+    qp->upper = at, at += n;
+    qp->b = at, at += k;
+    qp->l = at, at += m;
+    qp->u = at, at += m;
+    qp->errors = at, at += plan->costs;
+    qp->heaviest = at, at += 1;
+    qp->x = at, at += n;
+    qp->y = at, at += k;
+    qp->z = at, at += m;
+    qp->z_box = at, at += n;
+    qp->found = at;
+}
+
+/* P += J' J on and above the diagonal, g -= J' wanted, rows (nv) weighted already */
+static void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
+                   double *restrict P, int64_t n, double *restrict g) {
+    for (int64_t r = 0; r < rows; r += 3) {
+        const double *a = J + r * nv, *b = r + 1 < rows ? a + nv : 0, *c = r + 2 < rows ? b + nv : 0;
+        if (c) {
+            for (int64_t i = 0; i < nv; i++) {
+                const double x = a[i], y = b[i], z = c[i];
+                if (x == 0.0 && y == 0.0 && z == 0.0) continue;
+                double *restrict to = P + i * n;
+                for (int64_t j = i; j < nv; j++) to[j] += x * a[j] + y * b[j] + z * c[j];
+                g[i] -= wanted[r] * x + wanted[r + 1] * y + wanted[r + 2] * z;
+            }
+        } else {
+            for (int64_t s = r; s < rows; s++) {
+                const double *one = J + s * nv;
+                for (int64_t i = 0; i < nv; i++) {
+                    if (one[i] == 0.0) continue;
+                    for (int64_t j = i; j < nv; j++) P[i * n + j] += one[i] * one[j];
+                    g[i] -= wanted[s] * one[i];
+                }
+            }
+        }
+    }
+}
+
+/* The box on v+ of wbc.constraints.Limits with free braking; at the torque level within reach. */
+static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t moving,
+                 double *lower, double *upper) {
+    const int64_t n = plan->tree->nv - 6;
+    const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
+    const double dt = plan->dt, *base = slow + n;
+    for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
+    for (int64_t k = 0; k < n; k++) {
+        const double position = joint_position(plan, q, k), start = slow[k] * dt;
+        const double left[2] = {position - lo[k], up[k] - position};
+        double most[2];
+        for (int side = 0; side < 2; side++) {
+            if (left[side] < -AT_LIMIT) return OUTSIDE_LIMITS;
+            const double reach = left[side] < 0.0 ? 0.0 : left[side] > FAR ? FAR : left[side];
+            most[side] = 2.0 * reach / (sqrt(2.0 * reach / slow[k] + dt * dt) + dt);
+            if (left[side] > FAR) most[side] = INFINITY;
+            if (most[side] > speed[k]) most[side] = speed[k];
+            if (moving) { /* it may stop, and start the other way in the same tick */
+                const double change = (side ? v[6 + k] : -v[6 + k]) + start;
+                const double limit = change > start ? change : start;
+                if (most[side] > limit) most[side] = limit;
+            }
+        }
+        lower[6 + k] = -most[0], upper[6 + k] = most[1];
+        if (plan->torque) {
+            const double least = v[6 + k] + BRAKING * start, largest = v[6 + k] - BRAKING * start;
+            if (lower[6 + k] > least) lower[6 + k] = least;
+            if (upper[6 + k] < largest) upper[6 + k] = largest;
+        }
+    }
+    return DONE;
+}
+
+/* What the forces of contacts do to v: the columns of D behind v+, negative. */
+static void add_forces(const wbc_plan *plan, const double *frames, double *D) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces;
+    for (const wbc_force *force = plan->force; force < plan->force + plan->bearing; force++) {
+        const wbc_block *block = plan->block + force->block;
+        const double *frame = frames + block->frame * FRAME_SIZE(nv), *R = frame + FRAME_ROTATION;
+        const double *J = frame + FRAME_JACOBIAN, *corner = plan->corner + force->corner;
+        static const double world[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+        const double *axes = force->aligned ? world : R;
+        double *to = D + nv + force->column;
+        if (force->corners == 0) { /* along the contact's own rows, all of them */
+            const double *own = plan->number + block->number + WEIGHTS + 3 * block->rows;
+            const double *rows = block->frame < 0 ? own : J;
+            for (int64_t r = 0; r < force->count; r++)
+                for (int64_t i = 0; i < nv; i++) to[i * n + r] = -rows[r * nv + i];
+            continue;
+        }
+        for (int64_t c = 0; c < force->corners; c++, corner += 3, to += 3) {
+            double arm[3];
+            times3(axes, corner, arm);
+            for (int64_t i = 0; i < nv; i++) {
+                const double w[3] = {J[3 * nv + i], J[4 * nv + i], J[5 * nv + i]};
+                double u[3];
+                cross3(w, arm, u);
+                for (int r = 0; r < 3; r++) u[r] += J[r * nv + i];
+                for (int r = 0; r < 3; r++)
+                    to[i * n + r] = -(u[0] * axes[r] + u[1] * axes[3 + r] + u[2] * axes[6 + r]);
+            }
+        }
+    }
+}
+
+/* Base forces and torques D x + offset by the unknowns, and the rows made of them. */
+static void add_dynamics(const wbc_plan *plan, const double *frames, const double *motion,
+                         const double *v, const wbc_qp *qp) {
+    const int64_t nv = plan->tree->nv, n = qp->n, f = plan->forces;
+    const double *cone = plan->cone, *least = cone + plan->cones * f, *most = least + plan->cones;
+    for (int64_t i = 0; i < nv; i++) {
+        double *row = qp->D + i * n, sum = motion[BIAS(nv) + i] / plan->unit;
+        for (int64_t c = 0; c < nv; c++) {
+            row[c] = motion[i * nv + c] / plan->mass;
+            sum -= row[c] * v[c];
+        }
+        for (int64_t c = nv; c < n; c++) row[c] = 0.0;
+        qp->offset[i] = sum;
+        if (i >= 6) row[i] += plan->joint_damping[i - 6] / plan->unit;
+    }
+    add_forces(plan, frames, qp->D);
+    for (int64_t r = 0; r < plan->passives; r++) {
+        memcpy(qp->A + r * n, qp->D + plan->passive[r] * n, n * sizeof *qp->A);
+        qp->b[r] = -qp->offset[plan->passive[r]];
+    }
+    for (int64_t r = 0; r < plan->bounded; r++) {
+        const double known = qp->offset[plan->with_bound[r]];
+        memcpy(qp->C + r * n, qp->D + plan->with_bound[r] * n, n * sizeof *qp->C);
+        qp->l[r] = -plan->torque_bound[r] - known, qp->u[r] = plan->torque_bound[r] - known;
+    }
+    for (int64_t r = 0; r < plan->cones; r++) {
+        double *row = qp->C + (plan->bounded + r) * n;
+        memset(row, 0, nv * sizeof *row);
+        memcpy(row + nv, cone + r * f, f * sizeof *row);
+        qp->l[plan->bounded + r] = least[r], qp->u[plan->bounded + r] = most[r];
+    }
+    memcpy(qp->lower + nv, plan->force_bound, f * sizeof *qp->lower);
+    memcpy(qp->upper + nv, plan->force_bound + f, f * sizeof *qp->upper);
+}
+
+/* What the rate of a row should be: the laws of both levels. */
+static double wanted_rate(const wbc_plan *plan, const double *number, double error, double bias,
+                          double drift, double moving) {
+    if (!plan->torque) return -number[RATE] * error - bias;
+    return moving + plan->dt * (-number[STIFFNESS] * error - number[DAMPING] * (moving + bias) - drift);
+}
+
+static double dot(int64_t n, const double *a, const double *b) {
+    double sum = 0.0;
+    for (int64_t i = 0; i < n; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* Add a block to the costs or to the equalities; false: handed over. The damping that it asks for
+ * is added to damping, and heaviest is the largest square of a weighted row. */
+static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
+                     double *J, const wbc_qp *qp, double *damping) {
+    const int64_t nv = plan->tree->nv, n = qp->n, k = block->rows;
+    const double *number = plan->number + block->number, *weight = number + WEIGHTS;
+    double *e = J + k * nv, *bias = e + k, *drift = bias + k, *wanted = drift + k, curved;
+    double *error = block->held ? e : qp->errors + block->first;
+    const int is_diagonal = block->kind == JOINTS && !block->held;
+    if (!evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved)) return 0;
+    if (plan->torque)
+        drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, error, drift);
+    else {
+        memset(drift, 0, k * sizeof *drift);
+        if (!block->held) *damping += number[HALF_GAIN] * curved;
+        if (!block->held && number[LM_DAMPING] > 0.0) {
+            double sum = 0.0;
+            for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];
+            *damping += number[LM_DAMPING] * sqrt(sum);
+        }
+    }
+    for (int64_t i = 0; i < k; i++) {
+        const int64_t c = 6 + plan->index[block->index + i];
+        double *row = J + i * nv, moving = 0.0, size = weight[i] * weight[i];
+        if (plan->torque) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
+        const double rate = wanted_rate(plan, number, error[i], bias[i], drift[i], moving);
+        if (block->held) {
+            double *to = qp->A + (plan->passives + block->first + i) * n;
+            memcpy(to, row, nv * sizeof *to);
+            memset(to + nv, 0, (n - nv) * sizeof *to);
+            qp->b[plan->passives + block->first + i] = rate;
+            continue;
+        }
+        wanted[i] = weight[i] * rate;
+        if (is_diagonal) {
+            qp->P[c * n + c] += size;
+            qp->g[c] -= weight[i] * wanted[i];
+        } else {
+            for (int64_t c = 0; c < nv; c++) row[c] *= weight[i];
+            size = dot(nv, row, row);
+        }
+        if (size > *qp->heaviest) *qp->heaviest = size;
+    }
+    if (!block->held && !is_diagonal) square(nv, k, J, wanted, qp->P, n, qp->g);
+    return 1;
+}
+
+static int is_sound(const double *values, int64_t n) {
+    double sum = 0.0;
+    for (int64_t i = 0; i < n; i++) sum += values[i] * values[i];
+    return sum < NO_LIMIT * NO_LIMIT;
+}
+
+static int is_qp(const wbc_qp *qp) {
+    const int64_t n = qp->n;
+    for (int64_t i = 0; i < n; i++)
+        if (!(qp->lower[i] <= qp->upper[i])) return 0;
+    for (int64_t i = 0; i < qp->m; i++)
+        if (!(qp->l[i] <= qp->u[i])) return 0;
+    return is_sound(qp->P, n * n) && is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
+           is_sound(qp->g, n) && is_sound(qp->b, qp->k);
+}
+
+int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
+                int64_t moving) {
+    const int64_t nv = plan->tree->nv;
+    double *frames = plan->scratch, *accelerations = frames + plan->frames * FRAME_SIZE(nv);
+    double *motion = accelerations + 6 * plan->frames;
+    double *J = motion + (plan->torque ? MOTION_SIZE(nv, plan->tree->joints) : 0);
+    const wbc_state_at at = {state, q, v, frames, motion, accelerations};
+    double damping = 0.0;
+    wbc_qp qp;
+    lay_out(plan, &qp);
+    memset(qp.P, 0, qp.n * qp.n * sizeof *qp.P);
+    memset(qp.g, 0, qp.n * sizeof *qp.g);
+    *qp.heaviest = 0.0;
+    wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
+    if (plan->torque) {
+        wbc_motion(plan->tree, state, v, motion, J);
+        wbc_drifts(plan->tree, state, motion, plan->frames, plan->frame_joint,
+                   plan->frame_placement, accelerations);
+        add_dynamics(plan, frames, motion, v, &qp);
+    }
+    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
+        if (!add_block(plan, block, &at, J, &qp, &damping)) return HALF_A_TURN;
+    for (int64_t i = 0; i < qp.n; i++) {
+        qp.P[i * qp.n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
+        if (plan->torque && i < nv) qp.g[i] -= plan->damping[i] * v[i];
+    }
+    for (int64_t i = 0; i < nv; i++) {
+        for (int64_t j = i + 1; j < nv; j++) qp.P[j * qp.n + i] = qp.P[i * qp.n + j];
+        qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
+    }
+    if (plan->limited && bound(plan, q, v, moving, qp.lower, qp.upper) != DONE)
+        return OUTSIDE_LIMITS;
+    return is_qp(&qp) ? DONE : NOT_FINITE;
+}

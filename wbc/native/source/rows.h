@@ -1,0 +1,28 @@
+/* What tasks and contacts ask for, one block of rows at a time. */
+#ifndef WBC_ROWS_H
+#define WBC_ROWS_H
+
+#include "core.h"
+#include "linear.h"
+
+/* Not of the library's interface. */
+#pragma GCC visibility push(hidden)
+
+/* Position of a joint [rad or m]; start is negative, and one less, where q holds (cos, sin). */
+double joint_position(const wbc_plan *plan, const double *q, int64_t joint);
+
+/* Errors e and matrix J (rows, nv) of a block, its bias, and what curvature it leaves out; false:
+ * handed over. Joints among the costs get no matrix. */
+int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
+             const double *frames, const double *q, double *J, double *e, double *bias,
+             double *bound);
+
+/* Second derivatives of a block's errors e at zero acceleration of v; the accelerations (6) are
+ * those of the plan's frames. */
+void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
+              const double *frames, const double *motion, const double *accelerations,
+              const double *e, double *drift);
+
+#pragma GCC visibility pop
+
+#endif
