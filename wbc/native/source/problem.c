@@ -214,7 +214,7 @@ static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_sta
             qp->P[c * n + c] += size;
             qp->g[c] -= weight[i] * wanted[i];
         } else {
-            for (int64_t c = 0; c < nv; c++) row[c] *= weight[i];
+            for (int64_t j = 0; j < nv; j++) row[j] *= weight[i];
             size = dot(nv, row, row);
         }
         if (size > *qp->heaviest) *qp->heaviest = size;
