@@ -28,6 +28,7 @@ FLOORS = {
     "laws": 2,
     "reduction": 2,
     "controllers": 3,
+    "gait": 4,
     "motion": 4,
     "run": 4,
     "simulation": 5,

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wbc import simulation, view
+    from wbc import gait, simulation, view
     from wbc.constraints import *
     from wbc.controllers import *
     from wbc.errors import WbcError
@@ -21,7 +21,7 @@ __version__ = "0.1.0"
 # Rooms of which every public name is wbc's too: a task is exported by its room, and nowhere else.
 # Loaded when first used, so that the command line can print its help without loading Pinocchio.
 _ROOMS = ("wbc.tasks", "wbc.constraints", "wbc.controllers")
-_PACKAGES = ("simulation", "view")  # by their own names, as in wbc.view.Viewer
+_PACKAGES = ("gait", "simulation", "view")  # by their own names, as in wbc.view.Viewer
 _NAMES = {
     "AccelerationLaw": "wbc.laws",
     "Motion": "wbc.motion",

@@ -1,0 +1,103 @@
+"""Commands: brought to what legs can do, followed no faster than asked, answered in words."""
+
+import logging
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity, Walker
+from wbc.robot import Robot
+
+Load = Callable[[str], Robot]
+
+
+@pytest.fixture(params=["g1_27", "hoap2_like", "talos", "icub", "romeo"])
+def legs(request: pytest.FixtureRequest, robot_named: Load) -> Legs:
+    return Legs.of(robot_named(request.param))
+
+
+def test_what_is_asked_beyond_the_limits_keeps_its_direction(legs: Legs) -> None:
+    limits = CommandLimits.of(legs, GaitSettings.of(legs))
+    for angle in np.linspace(0.0, 2.0 * math.pi, 13):
+        vx, vy = 5.0 * math.cos(angle), 5.0 * math.sin(angle)
+        admitted, reason = limits.admit(vx, vy, 0.0)
+        assert "beyond" in reason and f"{limits.forwards:.3g}" in reason
+        assert math.hypot(admitted.vx / limits.forwards, admitted.vy / limits.sideways) <= 1 + 1e-9
+        assert vx * admitted.vy == pytest.approx(vy * admitted.vx, abs=1e-9)
+    inside = limits.admit(0.3 * limits.forwards, 0.3 * limits.sideways, 0.5 * limits.turning)
+    assert not inside.reason and inside.velocity.vx == 0.3 * limits.forwards
+
+
+def test_turns_are_limited_too(legs: Legs) -> None:
+    limits = CommandLimits.of(legs, GaitSettings.of(legs))
+    admitted = limits.admit(0.0, 0.0, -99.0)
+    assert admitted.velocity.yaw_rate == -limits.turning and "rad/s" in admitted.reason
+
+
+def test_the_reach_of_a_leg_is_that_of_its_links(robot_named: Load) -> None:
+    """hoap2_like is drawn with thigh and shank of 0.1 m each (docs: published dimensions)."""
+    legs = Legs.of(robot_named("hoap2_like"))
+    assert legs.length == pytest.approx(0.2, abs=1e-3)
+    assert legs.width == pytest.approx(0.078)
+
+
+def test_a_walker_says_what_it_cannot_do(
+    robot_named: Load, caplog: pytest.LogCaptureFixture
+) -> None:
+    walker = Walker(robot_named("hoap2_like"))
+    with caplog.at_level(logging.WARNING):
+        admitted = walker.command(3.0)
+    assert walker.wanted == admitted.velocity and walker.wanted.vx < 1.0
+    assert admitted.reason in caplog.text
+
+
+def test_velocities_follow_in_small_steps() -> None:
+    now, goal = Velocity(), Velocity(0.3, -0.4, 1.0)
+    for _ in range(7):
+        before, now = now, now.towards(goal, 0.1, 0.2)
+        assert math.hypot(now.vx - before.vx, now.vy - before.vy) <= 0.1 + 1e-12
+        assert abs(now.yaw_rate - before.yaw_rate) <= 0.2 + 1e-12
+    assert now == goal
+    assert now.towards(Velocity(), 9.0, 9.0).at_rest
+
+
+@pytest.mark.parametrize("bad", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, "fast")])
+def test_commands_are_numbers(robot_named: Load, bad: tuple[float, float, float]) -> None:
+    walker = Walker(robot_named("hoap2_like"))
+    with pytest.raises(InvalidInputError, match="walking command, "):
+        walker.command(*bad)
+
+
+BAD = {
+    "no period": ({"single": 0.0}, "gait, single: must be greater than 0, got 0"),
+    "no double support": ({"double": 0.0}, "gait, double: must be greater than 0"),
+    "too tall": ({"height": 0.5}, r"height: with the CoM at 0.5 m .* less than 0.28\d m"),
+    "too low": ({"height": 0.05}, r"give more than 0.09\d"),
+    "hasty": ({"ramp": 0.2}, "ramp: 0.2 s is longer than the double support"),
+    "crossing": ({"least_width": 0.2}, "least_width: 0.2 m is above the width, 0.078 m"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_settings_out_of_range(robot_named: Load, case: str) -> None:
+    gait, message = BAD[case]
+    with pytest.raises(InvalidInputError, match=message):
+        Walker(robot_named("hoap2_like"), gait)
+
+
+def test_a_misspelt_setting(robot_named: Load) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'clearance'"):
+        Walker(robot_named("hoap2_like"), {"clearence": 0.03})
+
+
+def test_walking_takes_two_feet(robot_named: Load) -> None:
+    with pytest.raises(InvalidInputError, match=r"two feet, left and right; .* has: none"):
+        Walker(robot_named("mixed_joints"))
+    with pytest.raises(InvalidInputError, match="expected a robot"):
+        Walker("g1")  # type: ignore[arg-type]
+    one = Robot.load("hoap2_like", feet={"left": {"link": "left_foot"}})
+    with pytest.raises(InvalidInputError, match="has: left"):
+        Walker(one)

@@ -1,0 +1,78 @@
+"""Where feet go: at the velocity commanded, and never across each other."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
+from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
+from wbc.gait.phases import Measured, SingleSupport
+from wbc.gait.reference import StepPlanner
+from wbc.gait.swing import Motion, SwingFoot, turned
+from wbc.robot import Robot
+
+Load = Callable[[str], Robot]
+
+
+@pytest.fixture
+def legs(robot_named: Load) -> Legs:
+    return Legs.of(robot_named("g1_27"))
+
+
+@pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.2, -0.1, 0.0)])
+def test_the_middle_moves_at_the_velocity(legs: Legs, velocity: tuple[float, ...]) -> None:
+    gait = GaitSettings.of(legs)
+    way, foot = np.zeros(2), "left"
+    for _ in range(10):  # pairs of steps: sideways the leading foot does it all
+        way = way + Footsteps(gait).step(foot, 0.0, Velocity(*velocity))
+        foot = other(foot)
+    np.testing.assert_allclose(way, 10 * gait.times.total * np.array(velocity[:2]), atol=1e-12)
+
+
+def test_turning_on_the_spot_keeps_the_middle(legs: Legs) -> None:
+    gait, heading, foot = GaitSettings.of(legs), 0.0, "left"
+    place = np.array((0.0, 0.5 * gait.width))
+    for _ in range(20):
+        place = place + Footsteps(gait).step(foot, heading, Velocity(0.0, 0.0, 0.7))
+        heading, foot = heading + 0.7 * gait.times.total, other(foot)
+        beside = turned(heading)[:2, :2] @ (0.0, 0.5 * SIGN[foot] * gait.width)
+        np.testing.assert_allclose(place, beside, atol=1e-12)
+
+
+def test_the_leading_foot_begins() -> None:
+    assert first_swing(Velocity(0.0, 0.2, 0.0)) == "left"
+    assert first_swing(Velocity(0.3, -0.1, 1.0)) == "right"
+    assert first_swing(Velocity(0.0, 0.0, 0.5)) == "left"
+    assert first_swing(Velocity(0.3)) == "right"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    gait = GaitSettings.of(legs)
+    limits = CommandLimits.of(legs, gait)
+    planner = StepPlanner(gait, limits, dict.fromkeys(SIGN, np.array((0.08, 0.03))))
+    up, still = np.array((0.0, 0.0, 1.0)), Motion.rest(np.zeros(3))
+    for _ in range(60):
+        support = str(rng.choice(["left", "right"]))
+        velocity = limits.admit(*rng.normal(scale=(1.0, 1.0, 2.0))).velocity
+        heading = float(rng.uniform(-3.0, 3.0))
+        places = {foot: np.array((*rng.normal(size=2), 0.0)) for foot in SIGN}
+        dcm = places[support][:2] + rng.normal(scale=0.3, size=2)
+        now = Measured(np.zeros(3), np.zeros(3), dcm, places, dict.fromkeys(SIGN, np.eye(3)))
+        elapsed = float(rng.uniform(0.0, 0.9 * gait.single))
+        swing = SwingFoot(still, 0.0, up, 0.05, 0.1)
+        phase = SingleSupport(
+            support, swing, elapsed, gait.single - elapsed, np.zeros(2), np.zeros(2)
+        )
+        after = planner.adapted(phase, now, heading, velocity)
+        if after is phase:  # too late to change it
+            assert phase.left <= 0.15 / gait.omega
+            continue
+        step = turned(-heading)[:2, :2] @ (after.goal - places[support][:2])
+        beside = SIGN[other(support)] * step[1]
+        assert gait.least_width - 1e-7 <= beside <= limits.apart + 1e-7
+        assert abs(step[0]) <= limits.step + 1e-7
+        assert after == replace(phase, left=after.left, goal=after.goal, offset=after.offset)

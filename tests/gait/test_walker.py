@@ -1,0 +1,78 @@
+"""A real walk in MuJoCo: a few steps, a stop, a landing that comes early; and from the schedule."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.errors import InvalidInputError
+from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
+from wbc.robot import Robot
+from wbc.simulation import FallLimits, FallWatch, Plant, Step, Terrain, simulate
+
+Load = Callable[[str], Robot]
+
+
+def walked(walker: wbc.gait.Walker, plant: Plant, duration: float) -> tuple[float, int]:
+    """Walk on; return the share of relaxed ticks and how many steps were early or late."""
+    watch, relaxed, ticks = FallWatch(plant, FallLimits()), 0, 0
+    end = plant.time + duration
+    while plant.time < end - 1e-9:
+        tick = walker.step(plant.snapshot(), plant.contact_forces)
+        plant.step(tick.torque)
+        relaxed, ticks = relaxed + bool(tick.policy), ticks + 1
+        verdict = watch.verdict()
+        assert verdict.stood, verdict
+    return relaxed / ticks, ticks
+
+
+def test_g1_walks_and_stops(robot_named: Load) -> None:
+    robot = robot_named("g1_27")
+    walker, plant = wbc.gait.Walker(robot), Plant(robot, friction=0.7)
+    assert not walker.command(0.4).reason
+    relaxed, _ = walked(walker, plant, 1.8)
+    began = plant.com.copy()
+    share, _ = walked(walker, plant, 0.9)
+    assert max(relaxed, share) < 0.01
+    # at 0.35 m/s or more: within one step the CoM is now faster, now slower
+    assert plant.com[0] - began[0] > 0.3 and abs(plant.com[1]) < 0.05
+    assert walker.steps >= 4
+    walker.command(0.0)
+    walked(walker, plant, 2.0)
+    assert isinstance(walker.phase, Standing)
+    place = plant.com.copy()
+    walked(walker, plant, 0.2)
+    np.testing.assert_allclose(plant.com, place, atol=5e-3)
+
+
+def test_without_forces_feet_land_when_they_should(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    walker, plant = wbc.gait.Walker(robot), Plant(robot)
+    walker.command(0.1, 0.0, 0.2)
+    for one in simulate(
+        walker.controller, plant, 1.5, update=lambda _, snapshot: walker.prepare(snapshot)
+    ):
+        assert one.verdict.stood
+    assert walker.steps >= 3 and plant.com[0] > 0.05
+    assert isinstance(walker.phase, DoubleSupport | SingleSupport)
+
+
+def test_a_step_that_is_not_known_is_felt(robot_named: Load) -> None:
+    """The foot lands early on 4 mm, and the CoM goes on above it."""
+    robot = robot_named("hoap2_like")
+    walker = wbc.gait.Walker(robot)
+    board = Step(centre=(0.55, 0.0, 0.004), size=(0.9, 1.0, 0.004))
+    plant = Plant(robot, terrain=Terrain(steps=(board,)))
+    walker.command(0.15)
+    walked(walker, plant, 2.2)
+    feet = [plant.snapshot().position(foot.frame)[2] for foot in robot.feet.values()]
+    assert min(feet) > 0.003
+    assert plant.com[2] == pytest.approx(walker.gait.height + 0.004, abs=5e-3)
+
+
+def test_a_tick_of_another_robot_is_refused(robot_named: Load) -> None:
+    walker = wbc.gait.Walker(robot_named("hoap2_like"))
+    other = robot_named("g1_27")
+    with pytest.raises(InvalidInputError, match="expected a snapshot"):
+        walker.step(other.snapshot(other.posture("standing")))

@@ -1,0 +1,17 @@
+"""Walking: footsteps from a velocity, adapted to the capture point that is measured."""
+
+from wbc.gait.command import Admitted, CommandLimits, Velocity
+from wbc.gait.settings import GaitSettings
+from wbc.gait.walker import Walker
+from wbc.gait.whole_body import WalkingWeights
+from wbc.robot.legs import Legs
+
+__all__ = [
+    "Admitted",
+    "CommandLimits",
+    "GaitSettings",
+    "Legs",
+    "Velocity",
+    "Walker",
+    "WalkingWeights",
+]

@@ -1,0 +1,83 @@
+"""The divergent component of motion (capture point) under a piecewise linear VRP, in closed form.
+
+With omega^2 = g / h the DCM xi = c + c'/omega of a body whose virtual repellent point is at r obeys
+xi' = omega (xi - r) (Englsberger, Ott & Albu-Schaeffer, IEEE Trans. Robotics 31(2), 2015). Under a
+VRP that moves at a constant rate s,
+
+    xi(t) = r(t) + s/omega + exp(omega (t - T)) (xi(T) - r(T) - s/omega),
+
+which is stable backwards in time: a walk is planned from its last footstep to the present one.
+Points are (2,) [m] in the horizontal plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.validate import Array
+
+
+class VrpSegment(NamedTuple):
+    """A VRP that moves at a constant rate: from ``start`` to ``end`` (2,) [m], ``duration`` [s]."""
+
+    start: Array
+    end: Array
+    duration: float
+
+    def at(self, time: float) -> Array:
+        """Return where the VRP is (2,) ``time`` after the beginning."""
+        return self.start + (time / self.duration) * (self.end - self.start)
+
+    def dcm_before(self, last: Array, left: float, omega: float) -> Array:
+        """Return the DCM (2,) ``left`` seconds before the end, if it ends at ``last``."""
+        lead = (self.end - self.start) / (self.duration * omega)
+        here = self.at(self.duration - left)
+        return here + lead + math.exp(-omega * left) * (last - self.end - lead)
+
+
+class StepTimes(NamedTuple):
+    """How long a step takes on one foot, and then on both [s]."""
+
+    single: float
+    double: float
+
+    @property
+    def total(self) -> float:
+        """From one touch-down to the next [s]."""
+        return self.single + self.double
+
+
+def shift_gain(omega: float, double: float) -> float:
+    """Return 1 + alpha: how far a footstep pushes back the DCM that leaves it.
+
+    The VRP stays at p for the single support and then moves by d to the next foot in ``double``
+    seconds. A DCM that is at p + a when it begins to move ends at
+
+        p + d + b  with  (1 + alpha) d + b = exp(omega double) a,
+        1 + alpha = (exp(omega double) - 1) / (omega double).
+    """
+    x = omega * double
+    return math.expm1(x) / x if x > 1e-9 else 1.0
+
+
+def dcm_offsets(
+    steps: Sequence[Array], times: StepTimes, omega: float, last: Array | None = None
+) -> Array:
+    """Return b (k + 1, 2): the DCM relative to each foot when it alone begins to bear.
+
+    Parameters
+    ----------
+    steps:
+        k displacements (2,) from each foot to the next [m].
+    last:
+        The offset (2,) after the last step; None: the DCM is over that foot.
+    """
+    gain, decay = shift_gain(omega, times.double), math.exp(-omega * times.total)
+    found = [np.zeros(2) if last is None else np.asarray(last, dtype=float)]
+    for step in reversed(steps):
+        found.append(decay * (gain * step + found[-1]))
+    return np.array(found[::-1])

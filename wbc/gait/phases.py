@@ -1,0 +1,109 @@
+"""What a walking robot is doing: standing, on both feet between steps, or on one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from wbc.gait.swing import SwingFoot
+from wbc.robot import Snapshot
+from wbc.validate import Array
+
+
+class Measured(NamedTuple):
+    """What a gait knows of the robot.
+
+    Attributes
+    ----------
+    com, velocity:
+        (3,) of the CoM [m], [m/s].
+    dcm:
+        (2,) [m].
+    places, rotations:
+        Of the soles, by foot: (3,) [m] and (3, 3).
+    """
+
+    com: Array
+    velocity: Array
+    dcm: Array
+    places: dict[str, Array]
+    rotations: dict[str, Array]
+
+    @classmethod
+    def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float) -> Self:
+        """Return it of a snapshot; ``frames`` are those of the soles by foot."""
+        velocity = snapshot.com_jacobian @ snapshot.v
+        return cls(
+            snapshot.com,
+            velocity,
+            (snapshot.com + velocity / omega)[:2],
+            {foot: snapshot.position(frame) for foot, frame in frames.items()},
+            {foot: snapshot.rotation(frame) for foot, frame in frames.items()},
+        )
+
+    @property
+    def middle(self) -> Array:
+        """Between the feet (3,) [m]."""
+        return np.asarray(0.5 * (self.places["left"] + self.places["right"]))
+
+
+@dataclass(frozen=True)
+class Standing:
+    """On both feet, at rest."""
+
+
+@dataclass(frozen=True)
+class DoubleSupport:
+    """On both feet, the pressure on its way.
+
+    Attributes
+    ----------
+    support:
+        The foot that will bear.
+    start:
+        Where the VRP began (2,) [m].
+    duration, left:
+        [s].
+    halts:
+        Whether it comes to rest between the feet.
+    unloading:
+        Whether the other foot is being relieved.
+    """
+
+    support: str
+    start: Array
+    duration: float
+    left: float
+    halts: bool = False
+    unloading: bool = False
+
+
+@dataclass(frozen=True)
+class SingleSupport:
+    """On one foot.
+
+    Attributes
+    ----------
+    support:
+        The foot that bears.
+    swing:
+        The other one.
+    elapsed, left:
+        Since it began, and until the other foot lands; below zero if that is late [s].
+    goal:
+        Where it lands (2,) [m].
+    offset:
+        Of the DCM from there, when that foot alone begins to bear (2,) [m].
+    """
+
+    support: str
+    swing: SwingFoot
+    elapsed: float
+    left: float
+    goal: Array
+    offset: Array
+
+
+Phase = Standing | DoubleSupport | SingleSupport

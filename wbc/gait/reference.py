@@ -1,0 +1,121 @@
+"""What the CoM and the next footstep should be, by the phase of the walk and the DCM measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.gait.adaptation import StepBounds, StepPlan, adapt_step
+from wbc.gait.command import CommandLimits, Velocity
+from wbc.gait.dcm import VrpSegment, shift_gain
+from wbc.gait.footsteps import SIGN, Footsteps, other
+from wbc.gait.phases import DoubleSupport, Measured, SingleSupport
+from wbc.gait.settings import GaitSettings
+from wbc.gait.swing import turned
+from wbc.validate import Array
+
+# The time in the air may shrink and grow to these parts of it.
+SHORTEST, LONGEST = 0.6, 1.3
+# How far in the sole the pressure may be counted on, in parts of its half size.
+SOLE_SHARE = 0.6
+# Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
+DECIDED = 0.15
+
+
+class Reference(NamedTuple):
+    """Where the pressure and the DCM should be (2,) [m], and how high the ground is [m]."""
+
+    vrp: Array
+    dcm: Array
+    ground: float
+
+
+@dataclass(frozen=True)
+class StepPlanner:
+    """Plans from the phase of a walk; keeps nothing.
+
+    Attributes
+    ----------
+    soles:
+        Half sizes (2,) of the soles by foot [m].
+    """
+
+    gait: GaitSettings
+    limits: CommandLimits
+    soles: dict[str, Array]
+
+    @property
+    def footsteps(self) -> Footsteps:
+        """Where feet go."""
+        return Footsteps(self.gait)
+
+    def standing(self, now: Measured) -> Reference:
+        """Return the reference of a robot that stands: between its feet."""
+        middle = now.middle
+        return Reference(middle[:2], middle[:2], float(middle[2]))
+
+    def double(
+        self, phase: DoubleSupport, now: Measured, heading: float, velocity: Velocity
+    ) -> Reference:
+        """Return the reference on both feet."""
+        omega, left = self.gait.omega, max(phase.left, 0.0)
+        new, old = now.places[phase.support], now.places[other(phase.support)]
+        if phase.halts:
+            end = last = now.middle[:2]
+            ground = float(now.middle[2])
+        else:
+            end, ground = new[:2], float(new[2])
+            ahead = heading + velocity.yaw_rate * left
+            last = end + self.footsteps.offset(phase.support, ahead, velocity)
+        segment = VrpSegment(phase.start, end, phase.duration)
+        done = 1.0 - left / phase.duration
+        return Reference(
+            segment.at(phase.duration - left),
+            segment.dcm_before(last, left, omega),
+            (1.0 - done) * float(old[2]) + done * ground,
+        )
+
+    def single(self, phase: SingleSupport, now: Measured) -> Reference:
+        """Return the reference on one foot: back from the footstep that is planned."""
+        omega, double = self.gait.omega, self.gait.double
+        foot = now.places[phase.support]
+        base, step = foot[:2], phase.goal - foot[:2]
+        shift = shift_gain(omega, double) * step + phase.offset
+        leaving = math.exp(-omega * double) * shift  # the DCM when the VRP begins to move
+        return Reference(
+            base, base + math.exp(-omega * max(phase.left, 0.0)) * leaving, float(foot[2])
+        )
+
+    def adapted(
+        self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity
+    ) -> SingleSupport:
+        """Return the phase with the footstep for the DCM that is measured.
+
+        Shortly before the landing a footstep stays as it is.
+        """
+        gait, omega, support = self.gait, self.gait.omega, phase.support
+        soon = DECIDED / omega
+        if phase.left <= soon:
+            return phase
+        base, R = now.places[support][:2], turned(heading)[:2, :2]
+        began = heading - velocity.yaw_rate * phase.elapsed  # the heading of the standing foot
+        landing = heading + velocity.yaw_rate * phase.left
+        step = self.footsteps.step(support, began, velocity)
+        offset = self.footsteps.offset(other(support), landing, velocity)
+        nominal = StepPlan(
+            R.T @ step, max(gait.single - phase.elapsed, soon), R.T @ offset, np.zeros(2)
+        )
+        sign, far = SIGN[other(support)], self.limits.step
+        beside = sorted((sign * gait.least_width, sign * self.limits.apart))
+        bounds = StepBounds(
+            np.array((-far, beside[0])),
+            np.array((far, beside[1])),
+            max(soon, SHORTEST * gait.single - phase.elapsed),
+            max(soon, LONGEST * gait.single - phase.elapsed),
+            SOLE_SHARE * self.soles[support],
+        )
+        plan = adapt_step(R.T @ (now.dcm - base), nominal, bounds, omega, gait.double)
+        return replace(phase, left=plan.left, goal=base + R @ plan.place, offset=R @ plan.offset)

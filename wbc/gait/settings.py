@@ -1,0 +1,115 @@
+"""The numbers of a gait, by default those that fit the robot's size."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait.dcm import StepTimes
+from wbc.robot.legs import Legs
+from wbc.validate import check_fields
+
+GRAVITY = 9.81
+# The hip's height over the ankle, in parts of the leg's length: knees stay bent in a long step.
+BENT = 0.905
+# Times in units of the pendulum's time constant 1/omega, lengths in units of the CoM's height.
+# A foot's peak acceleration goes with the inverse square of its time in the air, and moves the
+# pressure by that moment: so double support is short.
+SINGLE, DOUBLE, RAMP, CLEARANCE = 1.56, 0.16, 0.08, 0.09
+# Between the soles, at least.
+GAP = 0.04
+# Of the commanded velocity, in units of gravity.
+SPEED_UP = 0.08
+
+
+@dataclass(frozen=True)
+class GaitSettings:
+    """How a robot walks; :meth:`of` fits all that is not given to the robot.
+
+    Attributes
+    ----------
+    single, double:
+        How long it stands on one foot, and then on both [s].
+    height:
+        Of the CoM over the soles [m].
+    width:
+        Distance of the feet from each other [m].
+    least_width:
+        Least that a recovery step may leave of it [m].
+    clearance:
+        How high feet are lifted [m].
+    gain:
+        How far beyond the capture point the pressure goes, by its error; see
+        :meth:`wbc.laws.AccelerationLaw.capture_point`.
+    ramp:
+        How long a foot takes to bear its load and to give it up [s].
+    acceleration:
+        At which the commanded velocity is followed [m/s^2].
+    """
+
+    single: float
+    double: float
+    height: float
+    width: float
+    least_width: float
+    clearance: float
+    ramp: float
+    acceleration: float
+    gain: float = 2.0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "gait, ", *(one.name for one in fields(self)), above=0.0)
+        if self.double < self.ramp:
+            raise InvalidInputError(
+                f"gait, ramp: {self.ramp:g} s is longer than the double support, {self.double:g} s"
+            )
+        if self.least_width > self.width:
+            raise InvalidInputError(
+                f"gait, least_width: {self.least_width:g} m is above the width, {self.width:g} m"
+            )
+
+    @classmethod
+    def of(cls, legs: Legs, **given: float | None) -> Self:
+        """Return the settings for legs; what is None or left out gets the default.
+
+        Raises
+        ------
+        UnknownNameError
+            No such setting.
+        InvalidInputError
+            A value out of range, such as a time of 0 s; or legs do not reach the ground.
+        """
+        names = [one.name for one in fields(cls)]
+        for name in given:
+            if name not in names:
+                raise UnknownNameError("setting of a gait", name, names)
+        chosen: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+        height = chosen.setdefault("height", default_height(legs))
+        legs.reach(float(height))  # raises where there is none
+        omega = math.sqrt(GRAVITY / float(height))
+        chosen.setdefault("single", SINGLE / omega)
+        chosen.setdefault("double", DOUBLE / omega)
+        chosen.setdefault("ramp", min(RAMP / omega, float(chosen["double"])))
+        chosen.setdefault("width", legs.width)
+        narrow = legs.sole_width + GAP * float(height)
+        chosen.setdefault("least_width", min(narrow, float(chosen["width"])))
+        chosen.setdefault("clearance", CLEARANCE * float(height))
+        chosen.setdefault("acceleration", SPEED_UP * GRAVITY * math.sqrt(float(height)))
+        return cls(**chosen)
+
+    @property
+    def times(self) -> StepTimes:
+        """Of a step."""
+        return StepTimes(self.single, self.double)
+
+    @property
+    def omega(self) -> float:
+        """Of the pendulum [1/s]."""
+        return math.sqrt(GRAVITY / self.height)
+
+
+def default_height(legs: Legs) -> float:
+    """Return a height of the CoM at which knees are bent [m], no higher than when standing."""
+    return legs.com_height + min(0.0, BENT * legs.length - legs.hip_height)

@@ -1,0 +1,182 @@
+"""What a robot's two legs can do: how far they reach, how fast and how strongly they swing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import InvalidInputError
+from wbc.robot.limits import BASE_NV
+from wbc.robot.model import Robot, check_robot
+from wbc.robot.postures import STANDING
+from wbc.validate import Array
+
+SIDES = ("left", "right")
+# Part of a leg's full length that it may be stretched to: a straight knee has no way out.
+STRETCH = 0.98
+# Part of speeds and torques that a swing may count on; the rest is for all else that legs do.
+SHARE = 0.8
+# Knee angles at which a leg's length is looked at, over the knee's range.
+SAMPLES = 33
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Sizes and abilities, of the weaker leg, in the standing posture.
+
+    Attributes
+    ----------
+    length:
+        Largest distance of the ankle from the hip [m].
+    hip_height:
+        Of the hip over the ankle [m].
+    com_height:
+        Of the CoM over the soles [m].
+    width:
+        Distance of the soles' middles from each other [m].
+    sole_width:
+        Of the wider sole, from side to side [m].
+    swing_speed:
+        At which a foot can be swung forwards by its hip, relative to the hip [m/s].
+    swing_acceleration:
+        Likewise, by the hip's torque against the leg's inertia [m/s^2].
+    turn:
+        How far a foot can be turned about the vertical, either way [rad].
+    """
+
+    length: float
+    hip_height: float
+    com_height: float
+    width: float
+    sole_width: float
+    swing_speed: float
+    swing_acceleration: float
+    turn: float
+
+    @classmethod
+    def of(cls, robot: Robot) -> Legs:
+        """Return the legs of a robot with the feet ``left`` and ``right``.
+
+        Raises
+        ------
+        InvalidInputError
+            Another number of feet, a base that is fixed, or a leg without a knee.
+        """
+        check_walker(robot)
+        snapshot = robot.snapshot(robot.postures[STANDING])
+        found = [_leg(robot, side) for side in SIDES]
+        places = [snapshot.position(robot.feet[side].frame) for side in SIDES]
+        soles = [np.ptp(robot.feet[side].polygon[:, 1]) for side in SIDES]
+        least = np.min(found, axis=0).tolist()
+        return cls(
+            length=least[0],
+            hip_height=least[1],
+            com_height=float(snapshot.com[2] - np.mean([place[2] for place in places])),
+            width=float(np.linalg.norm(places[0][:2] - places[1][:2])),
+            sole_width=float(max(soles)),
+            swing_speed=least[2],
+            swing_acceleration=least[3],
+            turn=least[4],
+        )
+
+    def reach(self, com_height: float) -> float:
+        """Return how far the ankle can be from below the hip [m], with the CoM at this height.
+
+        Raises
+        ------
+        InvalidInputError
+            The legs do not reach the ground.
+        """
+        hip = self.hip_height + com_height - self.com_height
+        longest = STRETCH * self.length
+        if not 0.0 < hip < longest:
+            most = self.com_height + longest - self.hip_height
+            raise InvalidInputError(
+                f"gait, height: with the CoM at {com_height:g} m the legs do not reach the ground"
+                f" with bent knees; give more than {most - longest:.3f} and less than {most:.3f} m"
+            )
+        return math.sqrt(longest**2 - hip**2)
+
+
+def check_walker(robot: Robot) -> None:
+    """Refuse what cannot walk on two feet.
+
+    Raises
+    ------
+    InvalidInputError
+        No robot, one on a fixed base, or one whose feet are not ``left`` and ``right``.
+    """
+    check_robot("walker, robot", robot)
+    if set(robot.feet) != set(SIDES):
+        feet = ", ".join(robot.feet) or "none"
+        raise InvalidInputError(
+            f"walker: walking takes two feet, left and right; {robot.name} has: {feet}. Name them"
+            " in Robot.load(..., feet={'left': ..., 'right': ...})"
+        )
+    if robot.fixed_base:
+        raise InvalidInputError(f"walker: the base of {robot.name} is fixed; load it floating")
+
+
+def leg_joints(robot: Robot, side: str) -> list[int]:
+    """Return Pinocchio's indices of the joints that move this foot and not the other one."""
+    chains = {foot: _chain(robot, foot) for foot in SIDES}
+    other = chains[SIDES[side == SIDES[0]]]
+    return [joint for joint in chains[side] if joint not in other]
+
+
+def _chain(robot: Robot, side: str) -> list[int]:
+    """Return the joints from the base to a foot, without the base's."""
+    model, joints = robot.model, list[int]()
+    joint = int(model.frames[robot.frame_id(robot.feet[side].frame)].parentJoint)
+    while joint > 1:
+        joints.insert(0, joint)
+        joint = int(model.parents[joint])
+    return joints
+
+
+def _leg(robot: Robot, side: str) -> tuple[float, float, float, float, float]:
+    """Return length, hip height, swing speed, swing acceleration and turn of one leg."""
+    joints = leg_joints(robot, side)
+    if len(joints) < 3:
+        raise InvalidInputError(
+            f"walker: the {side} leg of {robot.name} has {len(joints)} joints of its own; walking"
+            " takes a hip, a knee and an ankle"
+        )
+    snapshot = robot.snapshot(robot.postures[STANDING])
+    lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}
+    knee = max(lengths, key=lambda joint: float(np.ptp(lengths[joint])))
+    hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
+    J = snapshot.jacobian(robot.feet[side].frame)
+    forwards = max(hips, key=lambda k: abs(float(J[0, k])))
+    turning = max(hips, key=lambda k: abs(float(J[5, k]))) - BASE_NV
+    lever, hip = abs(float(J[0, forwards])), forwards - BASE_NV
+    inertia = float(snapshot.mass_matrix[forwards, forwards])
+    limits, at = robot.limits, float(snapshot.joint_positions[turning])
+    return (
+        float(lengths[knee].max()),
+        float(_leg_vector(robot, joints, snapshot.q)[2]),
+        SHARE * float(limits.velocity[hip]) * lever,
+        SHARE * float(limits.effort[hip]) / inertia * lever,
+        SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
+    )
+
+
+def _leg_vector(robot: Robot, joints: Sequence[int], q: Array) -> Array:
+    """Return the hip's place from the ankle (3,) [m]; ``joints`` begin and end with them."""
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, q)
+    return np.array(data.oMi[joints[0]].translation - data.oMi[joints[-1]].translation)
+
+
+def _lengths(robot: Robot, joints: Sequence[int], joint: int) -> Array:
+    """Return the leg's lengths over the range of one of its joints."""
+    limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
+    q, found = robot.postures[STANDING].copy(), []
+    for angle in np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), SAMPLES):
+        limits.set_joint(q, limits.names[k], float(angle))
+        found.append(float(np.linalg.norm(_leg_vector(robot, joints, q))))
+    return np.array(found)
