@@ -169,6 +169,7 @@ def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
     from wbc.view.analysis import plot_analysis
 
     title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"
+    title += "; forces as measured" if series.measured else ""
     plot_analysis(series, path, title=title, snapshots=snapshots)
 
 
@@ -224,6 +225,9 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
     if series.cop_margin is not None:
         yield "CoP inside the support by [mm]", 1e3, series.cop_margin
     yield "push of the ground [N]", 1.0, series.ground_force[:, 2]
+    if series.measured:
+        residual = np.linalg.norm(series.force_residual, axis=1)
+        yield "measured force to M (c'' - g) [N]", 1.0, residual
     yield "leg length [mm]", 1e3, series.leg_length
     for k in range(3):
         yield f"radius r{k + 1} [mm]", 1e3, series.radii[:, k]

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from wbc.motion.forces import ground_wrench
 from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
 from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
-from wbc.motion.smoothing import smooth_trajectory
+from wbc.motion.smoothing import smooth_trajectory, smooth_wrenches
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
 from wbc.spatial import COLUMNS, ROWS
@@ -34,7 +35,8 @@ def analyse(
 
     The motion is sampled evenly, filtered without delay and differentiated (see
     :mod:`wbc.motion.smoothing`); each frame is then what :func:`wbc.reduce` makes of its state and
-    acceleration. Memory: linear in the frames, at its peak some 3 kB for each with 25 joints.
+    acceleration; the ground's force is what the soles measured if the recording has that. Memory:
+    linear in the frames, at its peak some 3 kB for each with 25 joints.
 
     Parameters
     ----------
@@ -71,7 +73,10 @@ def analyse(
     frames = smooth_trajectory(motion, rate, cutoff, planted, height, progress)
     whole = centroidal_series(robot, frames.q, frames.v, frames.acceleration, progress)
     axes = track(whole.inertia, gap=gap)
-    reaction = ground_reaction(robot, whole, height)
+    measured = None
+    if motion.forces is not None:
+        measured = ground_wrench(smooth_wrenches(motion.forces, frames.time, cutoff), whole)
+    reaction = ground_reaction(robot, whole, height, measured)
     standing, margin = standing_feet(
         robot, whole.soles, names, feet != AUTO, frames.planted, reaction, height
     )
@@ -81,6 +86,7 @@ def analyse(
         source=motion.source,
         dropouts=motion.dropouts,
         ground_height=height,
+        measured=measured is not None,
         time=frames.time,
         q=frames.q,
         v=frames.v,

@@ -43,17 +43,31 @@ class GroundReaction:
     leg_angles: Array
 
 
-def ground_reaction(robot: Robot, whole: CentroidalSeries, height: float) -> GroundReaction:
+def ground_reaction(
+    robot: Robot,
+    whole: CentroidalSeries,
+    height: float,
+    measured: tuple[Array, Array] | None = None,
+) -> GroundReaction:
     """Return the ground's force and the leg in n frames; NaN in flight.
+
+    Parameters
+    ----------
+    measured:
+        Force [N] and moment about the CoM [N m] of the ground (n, 3); None: those that the motion
+        needs.
 
     Raises
     ------
     InvalidInputError
         The CoM is at the CoP in some frame.
     """
-    force = whole.momentum_rate[:, :3] - robot.mass * robot.model.gravity.linear
+    if measured is None:
+        weight = robot.mass * robot.model.gravity.linear
+        measured = whole.momentum_rate[:, :3] - weight, whole.momentum_rate[:, 3:]
+    force, moment = measured
     on = in_contact(force, robot.mass).astype(bool)
-    com, f, k = whole.com[on], force[on], whole.momentum_rate[on, 3:]
+    com, f, k = whole.com[on], force[on], moment[on]
     p = centre_of_pressure(com, f, k, height)
     length, direction, angles = leg_of(com, p)
     return GroundReaction(

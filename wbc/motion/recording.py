@@ -21,6 +21,7 @@ from wbc.motion.columns import (
     with_angles,
 )
 from wbc.motion.dropouts import Dropout, fill_gaps
+from wbc.motion.forces import MeasuredForces, read_forces
 from wbc.motion.table import RecordingError, Table, read_csv, read_npz
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
@@ -50,6 +51,8 @@ class Motion:
         What the recording lacked, and whether that was filled.
     source:
         Where it comes from, for messages.
+    forces:
+        What the soles measured; None if nothing did.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class Motion:
     base: Array | None = None
     dropouts: tuple[Dropout, ...] = ()
     source: str = "motion"
+    forces: MeasuredForces | None = None
 
     def __repr__(self) -> str:
         span = f"{len(self.time)} frames, {self.time[-1] - self.time[0]:.4g} s"
@@ -115,7 +119,8 @@ def read_motion(
     ``left_knee_deg``, ``time [ms]``, ``base_x [mm]``.
 
     NPZ: arrays named like those columns; or ``time``, ``names`` and ``positions`` (n, k); or
-    ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes.
+    ``time`` and ``q`` (n, nq), as ``wbc run -o`` writes; with them the forces on the soles that
+    ``wbc sim -o`` adds.
 
     Rows lost in time are interpolated, and reported as dropouts, up to ``longest_gap``. Rows that
     repeat while the robot moves (a frozen sensor) are reported, and kept unless ``fill`` is given.
@@ -151,6 +156,7 @@ def read_motion(
     table = with_angles(_table(Path(path), robot), robot)
     where, values = read_columns(table, robot, ignore, degrees)
     time = _times(table, values, where.get("time"), rate)
+    forces = read_forces(Path(path), robot, time) if Path(path).suffix.lower() == ".npz" else None
     check_finite(table, values, list(where.values()), fill)
     joints = _joints(table, values, where, missing, robot)
     check_limits(table, joints, [where.get(name) for name in robot.joint_names], robot, beyond)
@@ -163,7 +169,8 @@ def read_motion(
     if len(time) < LEAST_ROWS:
         raise RecordingError(f"{len(time)} rows; at least {LEAST_ROWS} are needed", table.source)
     joints, rest = np.split(content, [robot.nv - 6], axis=1)
-    return Motion(robot, time, joints, None if base is None else rest, dropouts, table.source)
+    place = None if base is None else rest
+    return Motion(robot, time, joints, place, dropouts, table.source, forces)
 
 
 def _table(path: Path, robot: Robot) -> Table:

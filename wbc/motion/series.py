@@ -79,6 +79,9 @@ class RmpSeries:
         Of the recorded motion.
     ground_height:
         Height of the ground [m].
+    measured:
+        Whether the ground's force, and with it CoP, CMP and leg, is what the soles measured; else
+        it is what the motion needs.
     time:
         (n,) [s], even.
     q, v, acceleration:
@@ -122,6 +125,7 @@ class RmpSeries:
     source: str
     dropouts: tuple[Dropout, ...]
     ground_height: float
+    measured: bool
     time: Array
     q: Array
     v: Array
@@ -177,6 +181,12 @@ class RmpSeries:
         return np.full(len(self), np.nan) if self.cop_margin is None else self.cop_margin
 
     @property
+    def force_residual(self) -> Array:
+        """Ground's force less the one that the motion needs, M (c'' - g) (n, 3) [N]."""
+        needed = self.momentum_rate[:, :3] - self.robot.mass * self.robot.model.gravity.linear
+        return np.asarray(self.ground_force - needed)
+
+    @property
     def past_limits(self) -> dict[str, float]:
         """How far joints are past their limits at worst [rad or m]; only those that are."""
         limits = self.robot.limits
@@ -216,6 +226,7 @@ class RmpSeries:
             "mass": self.robot.mass,
             "source": self.source,
             "ground_height": self.ground_height,
+            "measured_forces": self.measured,
             "dropouts": [str(one) for one in self.dropouts],
             "past_limits": self.past_limits,
         }

@@ -18,6 +18,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from wbc.errors import InvalidInputError
 from wbc.motion.dropouts import check_count, unwrap
+from wbc.motion.forces import MeasuredForces
 from wbc.motion.planted import planted_base
 from wbc.motion.recording import Motion
 from wbc.robot import Robot
@@ -89,6 +90,24 @@ def smooth_trajectory(
     nearest = np.minimum(np.rint((time - grid[0]) * own_rate).astype(int), len(grid) - 1)
     q, v, acceleration = _read_off(motion.robot, grid, smooth, time)
     return Trajectory(time, q, v, acceleration, None if foot is None else foot[nearest])
+
+
+def smooth_wrenches(forces: MeasuredForces, time: Array, cutoff: float | None) -> dict[str, Array]:
+    """Return measured wrenches (m, 6) by foot at some times [s], filtered as the motion is.
+
+    Between rows they are interpolated linearly: forces jump where feet land.
+    """
+    grid, found = even_grid(forces.time), {}
+    rate = (len(grid) - 1) / float(grid[-1] - grid[0])
+    for foot, wrench in forces.wrenches.items():
+        even = low_passed(_linearly(forces.time, wrench, grid), rate, cutoff)
+        found[foot] = _linearly(grid, even, time)
+    return found
+
+
+def _linearly(time: Array, values: Array, at: Array) -> Array:
+    """Return values (n, k) at other times (m,), interpolated: (m, k)."""
+    return np.column_stack([np.interp(at, time, column) for column in values.T])
 
 
 def _configurations(robot: Robot, rows: Array) -> Array:

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 from pydantic import ValidationError
 
 from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.problem.levels import REMEDY, TORQUE
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
 from wbc.problem.section import KnownKeys
 from wbc.problem.source import Source
@@ -24,7 +26,7 @@ from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.phases import Change, Phase
 from wbc.run.ramps import TargetedTask
-from wbc.run.standing import Standing, carrier, held_joints, off_the_ground
+from wbc.run.standing import Standing, carrier, held_joints, off_the_ground, touchdowns
 
 
 def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
@@ -34,7 +36,8 @@ def single_phase(spec: ProblemSpec, built: Mapping[str, TargetedTask]) -> Phase:
         for name, one in built.items()
     }
     hold = partial(contacts_of, spec.support, friction=spec.controller.friction_cone)
-    return Phase("", 0.0, spec.whole_stop.duration, hold, changes)
+    duration = spec.whole_stop.duration
+    return Phase("", 0.0, duration, hold, changes, duration)
 
 
 def plan(
@@ -49,7 +52,9 @@ def plan(
         _check_free(spec, start, mistakes)
         return (single_phase(spec, built),)
     planner = _Planner(spec, built, start, source, mistakes)
-    return tuple(planner.phase(name, phase) for name, phase in spec.phases.items())
+    phases = tuple(planner.phase(name, phase) for name, phase in spec.phases.items())
+    _check_touchdowns(spec, phases, start, mistakes)
+    return phases
 
 
 class _Planner:
@@ -81,6 +86,9 @@ class _Planner:
                 raise InvalidInputError(
                     f"{spec.duration:g} s is shorter than the time step ({self._dt:g} s)"
                 )
+        with self._mistakes.at("phases", name, "ramp"):
+            if spec.ramp is not None and spec.ramp > spec.duration:
+                raise InvalidInputError(f"{spec.ramp:g} s is longer than the phase")
         before, contacts = self._contacts, self._hold(name, spec)
         was_active = dict(self._active)
         given: dict[str, TargetedTask] = {}
@@ -93,7 +101,9 @@ class _Planner:
             for task in self._built
         }
         hold = partial(contacts_of, self._support, friction=self._friction)
-        phase = Phase(name, self._time, spec.duration, hold, changes)
+        touchdown = spec.until == "touchdown"
+        ramp = spec.duration if spec.ramp is None else spec.ramp
+        phase = Phase(name, self._time, spec.duration, hold, changes, ramp, touchdown)
         self._contacts, self._time = contacts, phase.ends
         return phase
 
@@ -215,6 +225,21 @@ def _check_free(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
                     f"task {name!r} moves what the support holds ({task.moved_frame}); give "
                     "active: false, or let go of it"
                 )
+
+
+def _check_touchdowns(
+    spec: ProblemSpec, phases: tuple[Phase, ...], start: Snapshot, mistakes: Mistakes
+) -> None:
+    """Refuse phases that wait for a touchdown that nobody feels, or of no foot."""
+    for phase, following in zip_longest(phases, phases[1:]):
+        if not phase.until_touchdown:
+            continue
+        with mistakes.at("phases", phase.name, "until"):
+            if spec.controller.level != TORQUE:
+                raise InvalidInputError(f"belongs to the torque level; {REMEDY[TORQUE]}")
+            with suppress(UnknownNameError):  # of a support: noted before
+                if following is None or not touchdowns(phase.hold(start), following.hold(start)):
+                    raise InvalidInputError("the next phase puts no foot down: give its support")
 
 
 def _check_feet_below(spec: TaskSpec, start: Snapshot, contacts: Iterable[Contact]) -> None:

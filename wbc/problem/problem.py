@@ -22,7 +22,7 @@ from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
-from wbc.run.phases import PhaseExecutor
+from wbc.run.phases import Loads, PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.simulate import simulate
 from wbc.run.standing import FLAT, held_feet
@@ -150,7 +150,7 @@ class Problem:
         made_with = {"problem": self.provenance(), "versions": found}
         made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
         return run_trial(
-            self.executor(),
+            self.executor(lambda: {foot: plant.contacts.load(foot) for foot in plant.robot.feet}),
             plant,
             Stop(**spec.whole_stop.model_dump()),
             falls=FallLimits(**spec.simulation.falls),
@@ -160,8 +160,11 @@ class Problem:
             show=show,
         )
 
-    def executor(self) -> PhaseExecutor:
-        """Return what leads a run through the phases, from the start; it serves one run."""
+    def executor(self, loads: Loads | None = None) -> PhaseExecutor:
+        """Return what leads a run through the phases, from the start; it serves one run.
+
+        ``loads`` tells what feet feel: see :class:`~wbc.run.phases.PhaseExecutor`.
+        """
         spec, parts = self.spec, self.parts
         return PhaseExecutor(
             parts.phases,
@@ -172,6 +175,7 @@ class Problem:
             parts.surroundings.move_to,
             spec.ground_height,
             TOUCHED if spec.controller.level == "torque" else FLAT,
+            loads,
         )
 
     def provenance(self) -> dict[str, Any]:

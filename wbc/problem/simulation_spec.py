@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, Strict
 
+from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
     LIST,
@@ -176,11 +177,36 @@ def turned_with(q: Array, normal: Array) -> Array:
     return turned
 
 
+class MovingStart(Section):
+    """Where the simulated robot begins, other than at rest on the ground."""
+
+    height: NonNegative = 0.0
+    """How far above its place by the problem's start [m]."""
+    velocity: Point = (0.0, 0.0, 0.0)
+    """Of its CoM [m/s], world axes."""
+    angular_velocity: Point = (0.0, 0.0, 0.0)
+    """At which it turns about its CoM as one body [rad/s], world axes."""
+
+    def state(self, start: Snapshot) -> tuple[Array, Array]:
+        """Return configuration (nq,) and velocity (nv,) of the simulated robot."""
+        q, v, R = start.q.copy(), np.zeros(start.robot.nv), start.rotation("base")
+        w, arm = np.array(self.angular_velocity), start.position("base") - start.com
+        v[:3], v[3:6] = R.T @ (self.velocity + np.cross(w, arm)), R.T @ w
+        q[2] += self.height
+        return q, v
+
+
 class SimulationSpec(Section):
     """The physics, and what happens in it; of the torque level."""
 
     duration: Positive = 4.0
     """How long to simulate [s]; with phases it ends after the last, and this is left out."""
+    start: MovingStart = MovingStart()
+    """Where the simulated robot begins, if not at rest at the problem's start; targets that are
+    relative to the start mean the latter."""
+    gravity: Number | None = None
+    """Downwards [m/s^2]; left out: that of the robot's model, which the controller counts on in any
+    case. A robot that nothing holds gets the same torques whatever it is."""
     physics_dt: Positive = default_of(Plant, "physics_dt")
     """Time step of the physics [s], of which the controller's dt is a multiple."""
     friction: NonNegative = default_of(Terrain, "friction")
@@ -222,6 +248,9 @@ class SimulationSpec(Section):
                     raise Misplaced(
                         f"{time:g} s is no multiple of simulation.physics_dt ({self.physics_dt:g})"
                     )
+        with mistakes.at("simulation", "start"):
+            if start.robot.fixed_base and self.start.model_fields_set:
+                raise InvalidInputError("the robot is bolted to the world; leave this out")
         for key, make in (("sensors", Sensors), ("model_error", ModelMismatch)):
             with mistakes.at("simulation", key):
                 make(**getattr(self, key))
@@ -252,7 +281,8 @@ class SimulationSpec(Section):
             shapes=self.shapes,
             sensors=Sensors(**self.sensors),
             mismatch=ModelMismatch(**self.model_error),
+            gravity=None if self.gravity is None else (0.0, 0.0, -self.gravity),
         )
-        plant.reset(start.q)
+        plant.reset(*self.start.state(start))
         plant.pushes += [push.push(start, feet) for push in self.pushes]
         return plant

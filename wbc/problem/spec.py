@@ -56,9 +56,10 @@ class PhaseTaskSpec(Section):
     """What a phase changes about a task."""
 
     target: Annotated[Any, AnyTarget()] | None = None
-    """Where the task's target should be at the end of the phase, in any form that the task itself
-    takes; what is relative is relative to the start of the run. It moves smoothly from where it is,
-    or from where the robot is if the task was off; of forces from the task's own target."""
+    """Where the task's target should be at the end of the phase, or of its ramp, in any form that
+    the task itself takes; what is relative is relative to the start of the run. It moves smoothly
+    from where it is, or from where the robot is if the task was off; of forces from the task's own
+    target."""
     weight: Weight | None = None
     """Weight at the end of the phase; it changes smoothly."""
     active: bool | None = None
@@ -71,6 +72,12 @@ class PhaseSpec(Section):
 
     duration: Positive
     """How long it takes [s]."""
+    ramp: Positive | None = None
+    """In which targets and weights get to where they should be [s]; left out: its duration."""
+    until: Literal["touchdown"] | None = None
+    """touchdown: it ends as soon as the feet that the next phase puts down bear load and lie flat,
+    after duration at the latest; what is left of that, the last phase lasts longer. Of the torque
+    level: feet feel forces in a simulation."""
     support: Support | None = None
     """What is held in this phase, as in the problem's own support. A foot that was in the air must
     have come to the ground, and is held where it is."""

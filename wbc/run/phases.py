@@ -8,7 +8,7 @@ and is held where it has come to rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,11 @@ from wbc.validate import Array
 # Part of its full weight that a task in use has at least. Never zero: a row without weight is left
 # out of strict levels, and a level must not gain or lose rows within a phase.
 LEAST_WEIGHT = 1e-6
+
+# A foot has come to the ground when it bears this part of the robot's weight.
+TOUCHDOWN_LOAD = 0.02
+# Returns the normal force on each foot [N], by its name.
+Loads = Callable[[], Mapping[str, float]]
 
 # Makes a controller of the tasks in use and of what is held, at a state.
 MakeController = Callable[[Sequence[Task], Sequence[Contact], Snapshot], Controller]
@@ -59,6 +64,11 @@ class Phase:
         Returns what is held from a state on.
     changes:
         What happens to each task, by name.
+    until_touchdown:
+        It ends as soon as every foot that the next phase puts down bears load and lies flat, after
+        ``duration`` at the latest.
+    ramp:
+        In which targets and weights move, from its beginning [s].
     """
 
     name: str
@@ -66,6 +76,8 @@ class Phase:
     duration: float
     hold: Callable[[Snapshot], Sequence[Contact]]
     changes: Mapping[str, Change]
+    ramp: float
+    until_touchdown: bool = False
 
     @property
     def ends(self) -> float:
@@ -96,6 +108,9 @@ class PhaseExecutor:
         Called before each tick with the time [s], for instance to move obstacles.
     ground, flat:
         What a foot is put down on, and how flat: see :func:`wbc.run.standing.off_the_ground`.
+    loads:
+        What feet feel, for phases that end at touchdown; without it they last their duration. What
+        they end early, the last phase lasts longer.
 
     Attributes
     ----------
@@ -117,8 +132,10 @@ class PhaseExecutor:
         move_world: Callable[[float], None] | None = None,
         ground: Ground | None = None,
         flat: float = FLAT,
+        loads: Loads | None = None,
     ) -> None:
-        self._ground, self._flat = ground, flat
+        self._ground, self._flat, self._loads = ground, flat, loads
+        self._early = 0.0  # s, by which phases have ended before their time
         self.tasks = tuple(one.task for one in tasks)
         self.complaint: str | None = None
         self._make_controller, self._move_world = make_controller, move_world
@@ -147,7 +164,7 @@ class PhaseExecutor:
     def single(cls, controller: Controller, start: Snapshot) -> PhaseExecutor:
         """Return a run of one phase with one controller, whose targets stay where they are."""
         held = tuple(one for one in controller.contacts if isinstance(one, Contact))
-        phase = Phase("", 0.0, np.inf, lambda _: held, {})
+        phase = Phase("", 0.0, np.inf, lambda _: held, {}, np.inf)
         executor = cls([phase], [], (), lambda *_: controller, start)
         executor.tasks = controller.tasks
         return executor
@@ -161,8 +178,15 @@ class PhaseExecutor:
         dt = self.controller.dt
         if self._move_world is not None:
             self._move_world(tick * dt)
-        while self._coming and tick >= self._coming[0].first_tick(dt):
-            phase = self._coming.pop(0)
+        while self._coming:
+            phase = self._coming[0]
+            phase = replace(phase, begins=phase.begins - self._early)
+            if tick < phase.first_tick(dt):
+                if not self._landed(phase, snapshot):
+                    break
+                self._early += phase.begins - tick * dt
+                phase = replace(phase, begins=tick * dt)
+            self._coming.pop(0)
             held = self.standing.contacts
             contacts = keep_anchors(held, phase.hold(snapshot))
             for foot in touchdowns(held, contacts):
@@ -182,6 +206,17 @@ class PhaseExecutor:
             self._move_world(time)
         self._move_targets(time)
 
+    def _landed(self, following: Phase, snapshot: Snapshot) -> bool:
+        """Return whether the present phase ends now since the feet of the next have come down."""
+        if self._loads is None or not self._present.until_touchdown:
+            return False
+        feet = touchdowns(self.standing.contacts, following.hold(snapshot))
+        loads, least = self._loads(), TOUCHDOWN_LOAD * snapshot.robot.weight
+        return all(
+            loads[foot] > least and off_the_ground(snapshot, foot, self._ground, self._flat) is None
+            for foot in feet
+        )
+
     def _move_targets(self, time: float) -> None:
         for moving in self._moving:
             moving.move_to(time)
@@ -193,6 +228,7 @@ class PhaseExecutor:
             if self._change(name, change, phase, snapshot)
         ]
         made = self._make_controller(tasks, contacts, snapshot)
+        self._present = phase
         self.standing = Standing.on(
             phase.name, contacts, made.constraints, made.limits, made.slacks.is_hard
         )
@@ -204,7 +240,7 @@ class PhaseExecutor:
         if change.goal is not None and change.weight is not None:
             here = self._targets[name] if before is not None else task.current(snapshot)
             goal = change.goal(snapshot, here)
-            ramp = MinimumJerk(here, goal, phase.duration, task.space)
+            ramp = MinimumJerk(here, goal, phase.ramp, task.space)
             self._moving.append(MovingTarget(ramp, task.set_target, phase.begins))
             self._targets[name] = goal
         self._weights[name] = change.weight
@@ -224,7 +260,7 @@ class PhaseExecutor:
         task.weight = begin
         if (begin != end).any():
             set_weight = _set_weight(task, LEAST_WEIGHT * np.maximum(begin, end))
-            ramp = MinimumJerk(begin, end, phase.duration)
+            ramp = MinimumJerk(begin, end, phase.ramp)
             self._moving.append(MovingTarget(ramp, set_weight, phase.begins))
             set_weight(begin, begin, begin)
         return True

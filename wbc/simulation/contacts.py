@@ -50,6 +50,10 @@ class Contacts:
         total = float(weights.sum())
         return weights @ self.points / total if total > 0.0 else None
 
+    def load(self, foot: str) -> float:
+        """Return the normal force on a foot's sole [N]."""
+        return float(self.normal_forces[[name == foot for name in self.feet]].sum())
+
     def wrench(self, foot: str, origin: Array) -> Array:
         """Return force and moment about ``origin`` (6,) on a foot's sole, world axes [N, N m]."""
         mine = [k for k, name in enumerate(self.feet) if name == foot]

@@ -56,6 +56,8 @@ class Plant:
         Noise, delay and loss of what :meth:`measure` returns, and latency of torques.
     mismatch:
         How the simulated robot differs from ``robot``, which controllers know.
+    gravity:
+        (3,) [m/s^2]; None: that of the robot's model, which controllers count on.
 
     Attributes
     ----------
@@ -95,6 +97,7 @@ class Plant:
         saturate: bool = True,
         sensors: Sensors = PERFECT,
         mismatch: ModelMismatch = EXACT,
+        gravity: ArrayLike | None = None,
     ) -> None:
         check_robot("plant, robot", robot)
         if friction is not None and terrain is not None:
@@ -114,6 +117,8 @@ class Plant:
         self._built = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
         self.notes = self._built.notes
         self.model = self._built.model
+        if gravity is not None:
+            self.model.opt.gravity = finite_array("plant, gravity", gravity, (3,))
         self.data = self._mujoco.MjData(self.model)
         self.states = StateMap(robot, self.model)
         limits = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)

@@ -1,0 +1,77 @@
+"""Recordings with measured forces: the ground is what the soles measured."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.motion import Motion, RecordingError, analyse, read_motion
+from wbc.motion.forces import MeasuredForces
+
+ROWS, RATE = 60, 100.0
+
+
+@pytest.fixture(scope="module")
+def robot() -> wbc.Robot:
+    return wbc.Robot.load("hoap2_like")
+
+
+def standing(robot: wbc.Robot) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Times, configurations, and wrenches at the soles' frames: a third on the left foot."""
+    q = np.tile(robot.posture("standing"), (ROWS, 1))
+    wrenches = {}
+    for frame, share in (("left_sole", 1 / 3), ("right_sole", 2 / 3)):
+        force = share * robot.weight
+        # At a point 1 cm before the frame's origin: moment (r x f) about that origin.
+        wrenches[frame] = np.tile([0.0, 0.0, force, 0.0, -0.01 * force, 0.0], (ROWS, 1))
+    return np.arange(ROWS) / RATE, q, wrenches
+
+
+def write(file: Path, robot: wbc.Robot, **changed: np.ndarray) -> Path:
+    time, q, wrenches = standing(robot)
+    arrays = {"time": time, "q": q, **{f"forces/{k}": w for k, w in wrenches.items()}}
+    np.savez(file, **{name: changed.get(name, array) for name, array in arrays.items()})
+    return file
+
+
+def test_the_cop_is_where_the_soles_say(robot: wbc.Robot, tmp_path: Path) -> None:
+    series = analyse(read_motion(write(tmp_path / "m.npz", robot), robot))
+    assert series.measured
+    here = robot.snapshot(robot.posture("standing"))
+    left, right = here.position("left_sole"), here.position("right_sole")
+    wanted = left / 3 + 2 * right / 3 + [0.01, 0.0, 0.0]
+    np.testing.assert_allclose(series.cop[:, :2], np.tile(wanted[:2], (ROWS, 1)), atol=1e-9)
+    np.testing.assert_allclose(series.ground_force[:, 2], robot.weight, rtol=1e-9)
+    # A robot at rest needs its weight, which is what was measured.
+    np.testing.assert_allclose(series.force_residual, 0.0, atol=1e-6)
+
+
+def test_without_forces_the_ground_is_what_the_motion_needs(robot: wbc.Robot) -> None:
+    time, q, _ = standing(robot)
+    series = analyse(Motion(robot, time, q[:, 7:], q[:, :7]))
+    assert not series.measured
+    com = robot.snapshot(robot.posture("standing")).com
+    np.testing.assert_allclose(series.cop[:, :2], np.tile(com[:2], (ROWS, 1)), atol=1e-6)
+
+
+def test_a_foot_in_the_air_bears_nothing(robot: wbc.Robot, tmp_path: Path) -> None:
+    file = write(tmp_path / "m.npz", robot, **{"forces/left_sole": np.zeros((ROWS, 6))})
+    series = analyse(read_motion(file, robot), cutoff=None)
+    right = robot.snapshot(robot.posture("standing")).position("right_sole")
+    np.testing.assert_allclose(series.cop[:, :2], np.tile(right[:2] + [0.01, 0.0], (ROWS, 1)))
+    np.testing.assert_allclose(series.force_residual[:, 2], -robot.weight / 3, rtol=1e-9)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((ROWS, 3)), np.full((ROWS, 6), np.nan)])
+def test_forces_that_cannot_be_are_refused(
+    robot: wbc.Robot, tmp_path: Path, wrong: np.ndarray
+) -> None:
+    file = write(tmp_path / "m.npz", robot, **{"forces/left_sole": wrong})
+    with pytest.raises(RecordingError, match=r"m\.npz: measured forces, left"):
+        read_motion(file, robot)
+
+
+def test_force_times_and_rows_must_agree() -> None:
+    with pytest.raises(wbc.WbcError, match="left"):
+        MeasuredForces(np.arange(3.0), {"left": np.zeros((4, 6))})

@@ -1,0 +1,140 @@
+"""Simulations that begin above the ground or moving, phases that end at touchdown, a somersault."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.problem import Problem, load_problem
+from wbc.robot import Robot
+from wbc.simulation import Plant, SimulationResult
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+DROP = """\
+robot: {model: hoap2_like, armature: 0.003}
+tasks:
+  com: {type: com, axes: [x, y], target: start, kp: 60, weight: 30}
+  height: {type: com, axes: [z], target: start, kp: 80, kd: 12, weight: 30}
+  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  posture: {type: posture, weight: 0.3, kp: 100}
+phases:
+  fall: {duration: 0.3, until: touchdown, support: floating}
+  land: {duration: 0.15, support: double, tasks: {height: {target: {offset: [0, 0, -0.02]}}}}
+controller: {level: torque, solver: daqp}
+simulation: {start: {height: 0.03}, falls: {com_height: 0.3}}
+"""
+
+
+def problem(folder: Path, overrides: dict[str, Any] | None = None, text: str = DROP) -> Problem:
+    file = folder / "p.yaml"
+    file.write_text(text)
+    loaded = load_problem(file, overrides)
+    assert isinstance(loaded, Problem)
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def drop(tmp_path_factory: pytest.TempPathFactory) -> SimulationResult:
+    return problem(tmp_path_factory.mktemp("drop"), {"phases.land.ramp": 0.1}).simulate()
+
+
+def test_a_phase_ends_when_the_feet_bear_load(drop: SimulationResult) -> None:
+    assert drop.status.good, drop.reason
+    history = drop.run.history
+    landed = history.time[history.phase == "land"][0]
+    # Free fall of 3 cm: sqrt(2 h / g); the physics steps by 1 ms, the controller by 2.
+    assert landed == pytest.approx(np.sqrt(2 * 0.03 / 9.81), abs=0.004)
+    force = drop.arrays["forces/left_sole"][:, 2] + drop.arrays["forces/right_sole"][:, 2]
+    before = drop.arrays["time"] < landed - 0.0021
+    assert (force[before] == 0.0).all()
+    # What the fall was shorter than 0.3 s, the last phase is longer.
+    assert drop.duration == pytest.approx(0.45)
+    assert history.support[-1] == "left,right"
+    assert (history.support[history.phase == "fall"] == "").all()
+
+
+def test_targets_get_there_within_the_ramp(drop: SimulationResult) -> None:
+    history, first = drop.run.history, drop.arrays["q"][0]
+    target = drop.robot.snapshot(first).com[2] - 0.03 - 0.02
+    k = int(np.searchsorted(history.time, history.time[history.phase == "land"][0] + 0.1)) + 1
+    heights = [drop.robot.snapshot(q).com[2] for q in history.q[k:]]
+    np.testing.assert_allclose(history.errors["height"][k:, 0], np.array(heights) - target)
+
+
+def test_without_a_touchdown_a_phase_lasts_its_duration(tmp_path: Path) -> None:
+    one = problem(tmp_path, {"simulation.start.height": 0.5, "phases.fall.duration": 0.1})
+    result = one.simulate()
+    assert result.status == "not_standing"
+    assert "phase 'land' cannot begin" in result.reason
+    assert len(result.run.history) == 50
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        ({"phases.land.until": "touchdown"}, "phases.land.until: the next phase puts no foot down"),
+        ({"phases.land.support": "floating"}, "phases.fall.until: the next phase puts no foot"),
+        ({"phases.land.ramp": 0.4}, "phases.land.ramp: 0.4 s is longer than the phase"),
+        ({"phases.land.ramp": 0.0}, "phases.land.ramp"),
+        ({"phases.fall.until": "landing"}, "phases.fall.until"),
+        ({"simulation.start.height": -0.1}, "simulation.start.height"),
+        ({"simulation.gravity": "none"}, "simulation.gravity"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, overrides: dict[str, Any], words: str) -> None:
+    with pytest.raises(ProblemFileError, match=words.replace("[", r"\[")):
+        problem(tmp_path, overrides)
+
+
+def test_nobody_feels_a_touchdown_at_the_velocity_level(tmp_path: Path) -> None:
+    text = DROP.split("controller:")[0].replace(", kp: 60", "").replace(", kp: 80, kd: 12", "")
+    text = text.replace(", kp: 50", "").replace(", kp: 100", "")
+    with pytest.raises(ProblemFileError, match=r"phases\.fall\.until: belongs to the torque level"):
+        problem(tmp_path, text=text)
+
+
+def test_gravity_is_three_numbers() -> None:
+    with pytest.raises(InvalidInputError, match="gravity"):
+        Plant(Robot.load("hoap2_like"), gravity=(0.0, 9.81))
+
+
+def test_the_start_moves_as_one_body(tmp_path: Path) -> None:
+    velocity, turning = [0.3, -0.2, 0.5], [0.5, 2.0, -1.0]
+    start = {"height": 1.0, "velocity": velocity, "angular_velocity": turning}
+    one = problem(tmp_path, {"simulation.start": start, "phases.fall.duration": 0.002})
+    spec = one.spec.simulation
+    q, v = spec.start.state(one.parts.robot.snapshot(one.parts.start))
+    model = one.parts.robot.model
+    data = model.createData()
+    pin.ccrba(model, data, q, v)
+    np.testing.assert_allclose(data.hg.linear / one.parts.robot.mass, velocity, atol=1e-12)
+    np.testing.assert_allclose(data.hg.angular, data.Ig.inertia @ turning, atol=1e-12)
+    assert q[2] == one.parts.start[2] + 1.0
+
+
+def test_a_tuck_speeds_a_somersault_up_as_momentum_says() -> None:
+    """The ratio of the base's rates is that of the moments of inertia, by Pinocchio, within 1 %."""
+    short = {"spread": 0.05, "draw out": 0.002, "spread again": 0.002}
+    overrides = {f"phases.{name}.duration": time for name, time in short.items()}
+    one = load_problem(PROBLEMS / "somersault_hoap2.yaml", overrides)
+    assert isinstance(one, Problem)
+    result = one.simulate()
+    assert result.status.good, result.reason
+    model, history = one.parts.robot.model, result.run.history
+    data = model.createData()
+    rates, moments, momenta = [], [], []
+    for phase in ("spread", "tucked"):
+        k = int(np.flatnonzero(history.phase == phase)[-1])
+        q, v = result.arrays["q"][k], result.arrays["v"][k]
+        pin.ccrba(model, data, q, v)
+        R = pin.Quaternion(q[3:7]).toRotationMatrix()
+        rates.append(v[4])
+        moments.append((R.T @ data.Ig.inertia @ R)[1, 1])
+        momenta.append(data.hg.angular.copy())
+    assert rates[1] / rates[0] > 1.7  # it is a tuck
+    assert rates[1] / rates[0] == pytest.approx(moments[0] / moments[1], rel=0.01)
+    # The physics conserves angular momentum to the order of its step, 1 ms.
+    np.testing.assert_allclose(momenta[1], momenta[0], rtol=2e-3, atol=1e-6)

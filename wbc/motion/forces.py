@@ -1,0 +1,84 @@
+"""Forces that the soles measured in a recording, and the ground's wrench made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.files import ArrayFileError, read_arrays
+from wbc.motion.table import LARGEST, NUMBERS, RecordingError
+from wbc.robot import Robot
+from wbc.robot.series import CentroidalSeries
+from wbc.validate import Array, finite_array, read_only, set_fields
+
+PREFIX = "forces/"
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredForces:
+    """Wrenches of the ground on the feet.
+
+    Attributes
+    ----------
+    time:
+        (n,) [s], increasing.
+    wrenches:
+        By foot: (n, 6) force [N] and moment [N m] at the origin of its sole's frame, world axes.
+
+    Raises
+    ------
+    InvalidInputError
+        Arrays of other shapes, or not finite.
+    """
+
+    time: Array
+    wrenches: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        count = np.size(self.time)
+        found = {
+            foot: read_only(finite_array(f"measured forces, {foot}", wrench, (count, 6)))
+            for foot, wrench in self.wrenches.items()
+        }
+        time = read_only(finite_array("measured forces, time", self.time, (count,)))
+        set_fields(self, time=time, wrenches=found)
+
+
+def read_forces(path: Path, robot: Robot, time: Array) -> MeasuredForces | None:
+    """Return what ``wbc sim -o FILE.npz`` says that the soles measured, or None if nothing does.
+
+    Parameters
+    ----------
+    time:
+        (n,) of the file's rows [s].
+
+    Raises
+    ------
+    RecordingError
+        Arrays of other shapes, or not finite.
+    """
+    feet = {f"{PREFIX}{foot.frame}": name for name, foot in robot.feet.items()}
+    try:
+        arrays = read_arrays(path, lambda _: feet.keys(), lambda _: NUMBERS, LARGEST)
+    except ArrayFileError as error:
+        raise RecordingError(error.what, str(path), error.name) from error
+    if not arrays:
+        return None
+    try:
+        return MeasuredForces(time, {feet[name]: array for name, array in arrays.items()})
+    except InvalidInputError as error:
+        raise RecordingError(str(error), str(path)) from error
+
+
+def ground_wrench(wrenches: Mapping[str, Array], whole: CentroidalSeries) -> tuple[Array, Array]:
+    """Return force [N] and moment about the CoM [N m], both (m, 3), of wrenches on the feet."""
+    force, moment = np.zeros_like(whole.com), np.zeros_like(whole.com)
+    for foot, wrench in wrenches.items():
+        force += wrench[:, :3]
+        arm = whole.soles[foot][:, :3, 3] - whole.com
+        moment += wrench[:, 3:] + np.cross(arm, wrench[:, :3])
+    return force, moment
