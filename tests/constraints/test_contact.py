@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.constraints import Contact, Limits, PointContact, support
-from wbc.constraints.contact import ContactRows
+from wbc.constraints.independent_rows import independent_rows
 from wbc.controllers import KinematicController
 from wbc.laws import Residual, Rows
 from wbc.robot import Robot, Snapshot
@@ -53,7 +53,7 @@ def law(contact: Contact, residual: Residual, here: Snapshot) -> Rows:
 @pytest.mark.parametrize("case", CASES)
 def test_rows_that_remain_are_independent_and_span_all(here, case) -> None:
     contacts = contacts_of(here, case)
-    held = ContactRows(contacts)
+    held = independent_rows(contacts)
     none = np.zeros((0, here.robot.nv))
     left = np.concatenate([none, *(rows.matrix for rows in held.rows(here, law))])
     everything = np.concatenate([none, *(c.residual(here).jacobian for c in contacts)])
@@ -105,7 +105,7 @@ def test_one_link_in_two_places_is_still_a_contradiction(here, case) -> None:
     along = contacts[1].position - contacts[0].position
     moved = contacts[1].position + 0.02 * along / np.linalg.norm(along)
     contacts[1] = type(contacts[1])(here.robot, contacts[1].frame, moved, contacts[1].rotation)
-    held = ContactRows(contacts)
+    held = independent_rows(contacts)
     assert len(held.labels) == sum(len(contact.rows) for contact in contacts)
     tick = KinematicController(here.robot, [ComTask(here.robot, here.com)], contacts=contacts).step(
         here

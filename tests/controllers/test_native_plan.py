@@ -39,7 +39,7 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
 )
-from wbc.tasks.frame import homogeneous
+from wbc.tasks.placement import homogeneous
 
 pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
 

@@ -2,22 +2,15 @@
 
 A contact is a task whose rows become equality rows ``J v = -gain/dt * error`` of the QP instead of
 a cost. The anchor is given once, by the caller. Any other task may be held the same way.
-
-Four corners of a sole make twelve rows, of which six are independent. Rows that follow from others
-agree with them to first order only; taken together they contradict each other by what a tick's
-second order leaves, and the QP has no solution: they are left out. Contacts that ask one link to be
-in two places do contradict each other; they keep their rows, so that the tick can name them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import combinations
-from typing import TYPE_CHECKING, Any, Self, Unpack
+from typing import TYPE_CHECKING, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import qr
 
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
@@ -27,7 +20,6 @@ from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
-from wbc.spatial import skew
 from wbc.tasks.frame import TURNS
 from wbc.tasks.point import AXES
 from wbc.tasks.task import LawKeywords, Task
@@ -36,11 +28,6 @@ from wbc.validate import Array, finite_array, read_only
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
-# Rows count as dependent below this part of the largest, positions measured in the link's size.
-DEPENDENT = 1e-6
-# Anchors of one link may disagree by what held feet drift [m, rad]. A larger disagreement is a real
-# contradiction.
-DRIFT, TURN = 5e-3, 5e-2
 SUPPORTS = ("floating", "left", "right", "double")
 DEFAULT_FRICTION = FrictionCone()
 
@@ -202,28 +189,27 @@ class PointContact(Contact):
 
 
 class ContactRows:
-    """Which rows of the contacts the QP gets.
+    """The rows of contacts that the QP gets, see :mod:`wbc.constraints.independent_rows`.
 
-    Contacts on one link keep a largest set of independent rows, chosen where they are anchored,
-    which is where the link is held. All other tasks that are held keep all their rows.
-
-    Attributes
+    Parameters
     ----------
     contacts:
         Contacts, or other tasks to be met exactly.
     kept:
         Which rows of each, increasing; None for all.
+
+    Attributes
+    ----------
     labels:
         Of the rows, such as ``"left_sole x"``.
     """
 
-    def __init__(self, contacts: Sequence[Task]) -> None:
-        self.contacts = tuple(contacts)
-        self.kept = _independent_rows(self.contacts)
+    def __init__(self, contacts: Sequence[Task], kept: Sequence[Index | None]) -> None:
+        self.contacts, self.kept = tuple(contacts), tuple(kept)
         self.labels = tuple(
             f"{contact.name} {contact.rows[k]}"
-            for contact, kept in zip(self.contacts, self.kept, strict=True)
-            for k in (range(len(contact.rows)) if kept is None else kept)
+            for contact, own in zip(self.contacts, self.kept, strict=True)
+            for k in (range(len(contact.rows)) if own is None else own)
         )
 
     def rows(
@@ -237,78 +223,6 @@ class ContactRows:
                 row = Rows(row.matrix[kept], row.target[kept], row.weight[kept])
             every.append(row)
         return every
-
-
-def _independent_rows(contacts: Sequence[Task]) -> tuple[Index | None, ...]:
-    """Return for each contact the rows to keep, increasing; None for all of them."""
-    kept: list[Index | None] = [None] * len(contacts)
-    for members in _links(contacts):
-        together = [contact for k in members if isinstance(contact := contacts[k], Contact)]
-        if len(members) < 2 or not all(_agree(a, b) for a, b in combinations(together, 2)):
-            continue
-        chosen = _independent(together)
-        start = 0
-        for k in members:
-            size = len(contacts[k].rows)
-            own = chosen[(chosen >= start) & (chosen < start + size)] - start
-            kept[k] = None if own.size == size else own
-            start += size
-    return tuple(kept)
-
-
-def _agree(a: Contact, b: Contact) -> bool:
-    """Whether one link can be where both contacts want it, but for drift."""
-    if len(a.rows) < len(b.rows):
-        a, b = b, a
-    here, there = _frame(a).placement, _frame(b).placement
-    arm, separation = there.translation - here.translation, b.position - a.position
-    if isinstance(a, PointContact):
-        return abs(float(np.linalg.norm(arm) - np.linalg.norm(separation))) <= DRIFT
-    link = a.rotation @ here.rotation.T
-    if np.linalg.norm(link @ arm - separation) > DRIFT:
-        return False
-    turn = link.T @ b.rotation @ there.rotation.T
-    return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= TURN
-
-
-def _frame(contact: Contact) -> Any:
-    """Return Pinocchio's frame that is held."""
-    robot = contact.robot
-    return robot.model.frames[robot.frame_id(contact.frame)]
-
-
-def _links(contacts: Sequence[Task]) -> list[list[int]]:
-    """Return the numbers of the contacts on each link that moves on its own."""
-    found: dict[int, list[int]] = {}
-    for k, contact in enumerate(contacts):
-        if isinstance(contact, Contact):
-            found.setdefault(int(_frame(contact).parentJoint), []).append(k)
-    return list(found.values())
-
-
-def _independent(contacts: Sequence[Contact]) -> Index:
-    """Return a largest set of independent rows of contacts on one link, well conditioned.
-
-    In the twist of the link at the first anchor a point at p moves by v + w x p.
-    """
-    origin = contacts[0].position
-    levers = [contact.position - origin for contact in contacts]
-    size = max(float(np.linalg.norm(lever)) for lever in levers)
-    rows = np.concatenate(
-        [
-            _twist_rows(lever / size if size > 0.0 else lever)[: len(contact.rows)]
-            for contact, lever in zip(contacts, levers, strict=True)
-        ]
-    )
-    _, triangle, order = qr(rows.T, mode="economic", pivoting=True)
-    sizes = np.abs(np.diagonal(triangle))
-    rank = int(np.count_nonzero(sizes > DEPENDENT * sizes[0]))
-    return np.sort(order[:rank]).astype(np.int64)
-
-
-def _twist_rows(lever: Array) -> Array:
-    """Return velocity and angular velocity (6, 6) of a point by the twist of its link."""
-    return np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])
 
 
 def support(

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.constraints.contact import ContactRows
+from wbc.constraints.independent_rows import independent_rows
 from wbc.constraints.limits import BASE_ROWS
 from wbc.constraints.rows import Bounds
 from wbc.controllers.dynamics import TickDynamics
@@ -159,7 +160,7 @@ class Plan:
         then the rows of the tasks above that have weight.
         """
         hard, soft = slacks.split(contacts)
-        held = ContactRows(hard)
+        held = independent_rows(hard)
         levels = _levels(tasks, soft, forces)
         equality = physics + held.labels
         labels = [Labels(equality, (), decision.names)]

@@ -11,18 +11,19 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.rotations import check_rotation, log_jacobian, log_rotation
+from wbc.rotations import log_jacobian, log_rotation
 from wbc.spatial import skew
-from wbc.tasks.frame import TURNS, homogeneous, log_drift, placement_of
+from wbc.tasks.frame import TURNS, log_drift
+from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Gains, Task
-from wbc.validate import Array, names_of, read_only
+from wbc.tasks.task import Gains
+from wbc.validate import Array, names_of
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
-class RelativePoseTask(Task):
+class RelativePoseTask(PlacementTask):
     """Bring ``frame`` to a position and a rotation as seen from the frame ``relative_to``.
 
     With R, p the placements in the world the error is R_a' (p_b - p_a) minus the wanted position
@@ -34,7 +35,8 @@ class RelativePoseTask(Task):
     frame, relative_to:
         Two frames of the robot.
     position, rotation:
-        (3,) [m] and (3, 3), in axes of ``relative_to``.
+        (3,) [m] and (3, 3), in axes of ``relative_to``; so are the rates of a target that moves,
+        as seen from there.
     components:
         Which of ``x y z rx ry rz`` are controlled.
 
@@ -68,37 +70,6 @@ class RelativePoseTask(Task):
         self.frame, self.relative_to = frame, relative_to
         self._selected = np.array([(AXES + TURNS).index(one) for one in components])
         self.set_target(position, rotation)
-
-    def set_target(
-        self,
-        position: ArrayLike,
-        rotation: ArrayLike,
-        rate: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
-    ) -> None:
-        """Set the wanted position (3,) [m] and rotation (3, 3), in axes of ``relative_to``.
-
-        Parameters
-        ----------
-        rate, acceleration:
-            If they move, as seen from ``relative_to`` and in its axes: velocity [m/s] and angular
-            velocity [rad/s] (6,), and the derivatives of both.
-        """
-        wanted = self._target(position, (3,), "position")
-        turn = self._target(rotation, (3, 3), "rotation")
-        check_rotation(f"{self}, rotation", turn)
-        self._set_rates((6,), rate, acceleration)
-        self.position, self.rotation = wanted, turn
-        self._goal = read_only(homogeneous(wanted, turn))
-
-    @property
-    def target(self) -> Array:
-        """Position and rotation as one homogeneous matrix (4, 4); may be assigned."""
-        return self._goal
-
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        self.set_target(*placement_of(f"{self}, target", value))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return relative position minus target [m] above log(R_t' R_a' R_b) [rad]."""

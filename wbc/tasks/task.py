@@ -16,7 +16,7 @@ gives the value alone, at rest.
 
 from __future__ import annotations
 
-from abc import ABCMeta, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
@@ -24,11 +24,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError, suggest
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
+from wbc.tasks.sealed import Sealed, check_attribute
 from wbc.validate import Array, finite_array, finite_number, finite_vector, names_of, read_only
 
 if TYPE_CHECKING:
@@ -67,21 +68,7 @@ _SECOND_ORDER = frozenset(field.name for field in fields(AccelerationLaw))
 OF_ERRORS = frozenset(("gain", "gain_per_second", "lm_damping", "curvature_damping", "kp"))
 
 
-class _Sealed(ABCMeta):
-    """Attributes of a task are those it has when it is made: a misspelt one is an error."""
-
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
-        try:
-            made = super().__call__(*args, **kwargs)
-        except AttributeError:  # of what should have been a robot, before Task.__init__ saw it
-            if "robot" in kwargs or args:
-                check_robot(cls.__name__, kwargs.get("robot", args[0] if args else None))
-            raise
-        object.__setattr__(made, "_sealed", True)
-        return made
-
-
-class Task(metaclass=_Sealed):
+class Task(metaclass=Sealed):
     """A quantity to be driven to its target.
 
     Subclasses define :meth:`residual`; for the torque level :meth:`drift` too.
@@ -132,7 +119,6 @@ class Task(metaclass=_Sealed):
     target_rate: Array
     target_acceleration: Array
     _goal: Array
-    _sealed = False
     _changes = 0  # how often an attribute was set: what was read of the task before may be old
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
@@ -178,11 +164,7 @@ class Task(metaclass=_Sealed):
         return f"{self._kind} {self.name!r}"
 
     def __setattr__(self, name: str, value: object) -> None:
-        if self._sealed and not hasattr(self, name):
-            names = [key for key in dir(self) if not key.startswith("_")]
-            raise InvalidInputError(
-                f"{self} has no attribute {name!r}{suggest(name, names, listed=0)}"
-            )
+        check_attribute(self, name)
         if name == "weight":
             value = self._checked_weight(value)
         object.__setattr__(self, name, value)

@@ -1,0 +1,110 @@
+"""Which rows of contacts are independent: those that do not follow from others.
+
+Four corners of a sole make twelve rows, of which six are independent. Rows that follow from others
+agree with them to first order only; taken together they contradict each other by what a tick's
+second order leaves, and the QP has no solution: they are left out. Contacts that ask one link to be
+in two places do contradict each other; they keep their rows, so that the tick can name them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from scipy.linalg import qr
+
+from wbc.constraints.contact import Contact, ContactRows, PointContact
+from wbc.constraints.rows import Index
+from wbc.rotations import log_rotation
+from wbc.spatial import skew
+from wbc.tasks.task import Task
+from wbc.validate import Array
+
+# Rows count as dependent below this part of the largest, positions measured in the link's size.
+DEPENDENT = 1e-6
+# Anchors of one link may disagree by what held feet drift [m, rad]. A larger disagreement is a real
+# contradiction.
+DRIFT, TURN = 5e-3, 5e-2
+
+
+def independent_rows(contacts: Sequence[Task]) -> ContactRows:
+    """Return the rows of contacts, or other tasks to be met exactly, that the QP gets.
+
+    Contacts on one link keep a largest set of independent rows, chosen where they are anchored,
+    which is where the link is held. All other tasks that are held keep all their rows.
+    """
+    return ContactRows(contacts, _kept_rows(contacts))
+
+
+def _kept_rows(contacts: Sequence[Task]) -> tuple[Index | None, ...]:
+    """Return for each contact the rows to keep, increasing; None for all of them."""
+    kept: list[Index | None] = [None] * len(contacts)
+    for members in _links(contacts):
+        together = [contact for k in members if isinstance(contact := contacts[k], Contact)]
+        if len(members) < 2 or not all(_agree(a, b) for a, b in combinations(together, 2)):
+            continue
+        chosen = _independent(together)
+        start = 0
+        for k in members:
+            size = len(contacts[k].rows)
+            own = chosen[(chosen >= start) & (chosen < start + size)] - start
+            kept[k] = None if own.size == size else own
+            start += size
+    return tuple(kept)
+
+
+def _agree(a: Contact, b: Contact) -> bool:
+    """Whether one link can be where both contacts want it, but for drift."""
+    if len(a.rows) < len(b.rows):
+        a, b = b, a
+    here, there = _frame(a).placement, _frame(b).placement
+    arm, separation = there.translation - here.translation, b.position - a.position
+    if isinstance(a, PointContact):
+        return abs(float(np.linalg.norm(arm) - np.linalg.norm(separation))) <= DRIFT
+    link = a.rotation @ here.rotation.T
+    if np.linalg.norm(link @ arm - separation) > DRIFT:
+        return False
+    turn = link.T @ b.rotation @ there.rotation.T
+    return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= TURN
+
+
+def _frame(contact: Contact) -> Any:
+    """Return Pinocchio's frame that is held."""
+    robot = contact.robot
+    return robot.model.frames[robot.frame_id(contact.frame)]
+
+
+def _links(contacts: Sequence[Task]) -> list[list[int]]:
+    """Return the numbers of the contacts on each link that moves on its own."""
+    found: dict[int, list[int]] = {}
+    for k, contact in enumerate(contacts):
+        if isinstance(contact, Contact):
+            found.setdefault(int(_frame(contact).parentJoint), []).append(k)
+    return list(found.values())
+
+
+def _independent(contacts: Sequence[Contact]) -> Index:
+    """Return a largest set of independent rows of contacts on one link, well conditioned.
+
+    In the twist of the link at the first anchor a point at p moves by v + w x p.
+    """
+    origin = contacts[0].position
+    levers = [contact.position - origin for contact in contacts]
+    size = max(float(np.linalg.norm(lever)) for lever in levers)
+    rows = np.concatenate(
+        [
+            _twist_rows(lever / size if size > 0.0 else lever)[: len(contact.rows)]
+            for contact, lever in zip(contacts, levers, strict=True)
+        ]
+    )
+    _, triangle, order = qr(rows.T, mode="economic", pivoting=True)
+    sizes = np.abs(np.diagonal(triangle))
+    rank = int(np.count_nonzero(sizes > DEPENDENT * sizes[0]))
+    return np.sort(order[:rank]).astype(np.int64)
+
+
+def _twist_rows(lever: Array) -> Array:
+    """Return velocity and angular velocity (6, 6) of a point by the twist of its link."""
+    return np.block([[np.eye(3), -skew(lever)], [np.zeros((3, 3)), np.eye(3)]])

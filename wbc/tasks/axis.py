@@ -1,0 +1,98 @@
+"""Axis of a frame of the robot: a direction that it points in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.laws import Residual
+from wbc.robot import Robot, Snapshot
+from wbc.spatial import skew
+from wbc.tasks.point import AXES
+from wbc.tasks.task import Gains, Task
+from wbc.validate import Array, read_only
+
+if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
+    from wbc.robot.symbolic import Expression, SymbolicPosture
+
+
+class AxisTask(Task):
+    """Point a body-fixed ``axis`` of ``frame`` along the world direction ``target``.
+
+    The error is the difference of the two unit vectors (3 rows of rank 2): smooth everywhere, and
+    the opposite direction is a saddle rather than a second rest point.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        frame: str,
+        target: ArrayLike,
+        *,
+        axis: ArrayLike = (0, 0, 1),
+        name: str | None = None,
+        **law: Unpack[Gains],
+    ) -> None:
+        super().__init__(robot, name or f"{frame} axis", AXES, **law)
+        robot.frame_id(frame)
+        self.frame = frame
+        self.axis = self._unit(axis, "axis")
+        self.set_target(target)
+
+    def set_target(
+        self,
+        target: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted direction (3,), of any length but zero.
+
+        Parameters
+        ----------
+        rate, acceleration:
+            If it moves: its derivatives (3,), of ``target`` as given; changes of length do not
+            count. Afterwards ``target_rate`` is that of the unit vector.
+        """
+        goal = self._unit(target, "target")
+        self._set_rates((3,), rate, acceleration)
+        n = float(np.linalg.norm(np.asarray(target, dtype=float)))
+        # With d = n u: d' = n u' + n' u and d'' = n u'' + 2 n' u' + n'' u, where u'.u = 0.
+        d1, d2 = self.target_rate, self.target_acceleration
+        stretch = float(goal @ d1)
+        u1 = (d1 - stretch * goal) / n
+        u2 = (d2 - 2.0 * stretch * u1 - (float(u1 @ d1) + float(goal @ d2)) * goal) / n
+        self._goal, self.target_rate, self.target_acceleration = goal, read_only(u1), read_only(u2)
+        self._bias = read_only(-u1)
+
+    def residual(self, snapshot: Snapshot) -> Residual:
+        """Return the axis minus the target, both unit vectors in world axes."""
+        pointing = snapshot.rotation(self.frame) @ self.axis
+        jacobian = -skew(pointing) @ snapshot.jacobian(self.frame)[3:]
+        return Residual(pointing - self._goal, jacobian, self._bias)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """None: entries of a unit vector."""
+        return ("1",) * 3
+
+    def drift(self, snapshot: Snapshot) -> Array:
+        """Return w x (w x a) + alpha x a at v' = 0, less the target's second derivative."""
+        pointing = snapshot.rotation(self.frame) @ self.axis
+        w = snapshot.jacobian(self.frame)[3:] @ snapshot.v
+        alpha = snapshot.drift(self.frame)[3:]
+        own = np.cross(w, np.cross(w, pointing)) + np.cross(alpha, pointing)
+        return np.asarray(own - self.target_acceleration)
+
+    def symbolic_error(self, posture: SymbolicPosture) -> Expression:
+        """Return the axis minus the target, both unit vectors in world axes."""
+        return posture.rotation(self.frame) @ self.axis - self.target
+
+    def _unit(self, value: ArrayLike, what: str) -> Array:
+        vector = self._target(value, (3,), what)
+        length = float(np.linalg.norm(vector))
+        if length < 1e-9:
+            raise InvalidInputError(f"task {self.name!r}, {what}: a direction needs some length")
+        return vector / length

@@ -1,0 +1,70 @@
+"""A wanted position and rotation at once, as one target."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.rotations import check_rotation
+from wbc.tasks.task import Task
+from wbc.validate import Array, finite_array, read_only
+
+
+class PlacementTask(Task):
+    """A task whose target is a position and a rotation.
+
+    Attributes
+    ----------
+    position, rotation:
+        What is wanted: (3,) [m] and (3, 3), read-only.
+    """
+
+    position: Array
+    rotation: Array
+
+    def set_target(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Set the wanted position (3,) [m] and rotation (3, 3), in the task's axes.
+
+        Parameters
+        ----------
+        rate, acceleration:
+            If they move: velocity [m/s] and angular velocity [rad/s] (6,), and the derivatives of
+            both, in the same axes.
+        """
+        place = self._target(position, (3,), "position")
+        turn = self._target(rotation, (3, 3), "rotation")
+        check_rotation(f"{self}, rotation", turn)
+        self._set_rates((6,), rate, acceleration)
+        self.position, self.rotation = place, turn
+        self._goal = read_only(homogeneous(place, turn))
+
+    @property
+    def target(self) -> Array:
+        """Position and rotation as one homogeneous matrix (4, 4); may be assigned."""
+        return self._goal
+
+    @target.setter
+    def target(self, value: ArrayLike) -> None:
+        self.set_target(*placement_of(f"{self}, target", value))
+
+
+def homogeneous(position: Array, rotation: Array) -> Array:
+    """Return the (4, 4) matrix of a position and a rotation."""
+    matrix = np.eye(4)
+    matrix[:3, 3], matrix[:3, :3] = position, rotation
+    return matrix
+
+
+def placement_of(what: str, matrix: ArrayLike) -> tuple[Array, Array]:
+    """Return position (3,) and rotation (3, 3) of a homogeneous matrix (4, 4)."""
+    values = finite_array(what, matrix, (4, 4))
+    if np.abs(values[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-9:
+        raise InvalidInputError(f"{what}: the last row of a homogeneous matrix is 0 0 0 1")
+    return values[:3, 3], values[:3, :3]
