@@ -7,27 +7,18 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.texts import STAND
 from wbc.cli import app
 from wbc.cli.push import ratios_of
 from wbc.errors import InvalidInputError
 from wbc.problem.pushing import PushedProblem
 from wbc.simulation import PushOutcome
 
-STAND = """\
-robot: {model: hoap2_like, armature: 0.003}
-support: double
-tasks:
-  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
-  height: {type: com, axes: [z], target: start, kp: 50, weight: 5}
-  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
-  posture: {type: posture, target: start, weight: 0.3, kp: 30}
-controller: {level: torque, solver: daqp}
-simulation: {duration: 1.0}
-"""
+PUSHED = STAND + "simulation: {duration: 1.0}\n"
 GRID = ("--directions", 2, "--ratios", "0.4,3.0", "--workers", 1)
 
 
-def run(folder: Path, *options: object, text: str = STAND) -> Result:
+def run(folder: Path, *options: object, text: str = PUSHED) -> Result:
     path = folder / "stand.yaml"
     path.write_text(text)
     return CliRunner().invoke(app, ["push", str(path), *map(str, options)])
@@ -101,7 +92,7 @@ def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
 
 def test_compared_with_another_problem(tmp_path: Path) -> None:
     stiff = tmp_path / "stiff.yaml"
-    stiff.write_text(STAND.replace("duration: 1.0", "duration: 0.8"))
+    stiff.write_text(PUSHED.replace("duration: 1.0", "duration: 0.8"))
     result = run(
         tmp_path, "--directions", 1, "--ratios", "0.3", "--compare", stiff, "--workers", 1,
         "--plot", tmp_path / "r.svg", "-o", tmp_path / "r.json",

@@ -7,29 +7,25 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.texts import STAND
 from wbc.cli import app
 from wbc.controllers.closed_loop import LoopTick
 from wbc.problem import History
 
-STAND = """\
-robot: {model: hoap2_like, armature: 0.003}
-support: double
-tasks:
-  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
-  height: {type: com, axes: [z], target: start, kp: 50}
-  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
-  posture: {type: posture, weight: 0.3, kp: 30}
-controller: {level: torque, solver: daqp}
+PUSHED = (
+    STAND
+    + """\
 simulation:
   duration: 0.3
   pushes: [{impulse_ratio: 0.5, angle: 1.5, at: 0.1}]
 """
+)
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "push.yaml"
-    path.write_text(STAND)
+    path.write_text(PUSHED)
     return path
 
 

@@ -70,6 +70,7 @@ def test_python_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     names: dict[str, object] = {"__name__": "__main__"}
     for number, block in enumerate(blocks(path, "python")):
         exec(compile(block, f"{named(path)}, block {number}", "exec"), names)
+    assert len(names) > 2, "a page's program gives names to something"
 
 
 @pytest.mark.parametrize("path", pages_with("{.python}"), ids=named)
@@ -82,7 +83,7 @@ def test_included_examples_exist(path: Path) -> None:
 @pytest.mark.parametrize("path", pages_with("py"), ids=named)
 def test_code_of_others_compiles(path: Path) -> None:
     for block in blocks(path, "py"):
-        compile(block, named(path), "exec")
+        assert compile(block, named(path), "exec").co_names, block
 
 
 @pytest.mark.parametrize("path", pages_with("yaml"), ids=named)

@@ -7,25 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.texts import STAND
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
 from wbc.simulation import capture_impulse
 
-STAND = """\
-robot: {model: hoap2_like, armature: 0.003}
-support: double
-tasks:
-  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
-  height: {type: com, axes: [z], target: start, kp: 50, weight: 5}
-  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
-  posture: {type: posture, target: start, weight: 0.3, kp: 30}
-controller: {level: torque, solver: daqp}
-simulation: {duration: 1.0, pushes: [{impulse_ratio: 5.0, angle: 0.0, at: 0.0}]}
-"""
-STILL, _, _ = STAND.partition("simulation")
+PUSHED = (
+    STAND + "simulation: {duration: 1.0, pushes: [{impulse_ratio: 5.0, angle: 0.0, at: 0.0}]}\n"
+)
 
 
-def loader(folder: Path, text: str = STAND, **settings: object) -> LoadPushed:
+def loader(folder: Path, text: str = PUSHED, **settings: object) -> LoadPushed:
     path = folder / "stand.yaml"
     path.write_text(text)
     return LoadPushed.of(path, {}, PushSettings(**settings))  # type: ignore[arg-type]
@@ -64,7 +56,7 @@ def test_what_cannot_be_pushed_says_why(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="level: torque"):
         loader(tmp_path, "robot: hoap2_like\nsupport: double\ntasks: {p: {type: posture}}\n")()
     with pytest.raises(InvalidInputError, match="no feet"):
-        loader(tmp_path, STILL.replace("support: double", "support: floating"))()
+        loader(tmp_path, STAND.replace("support: double", "support: floating"))()
     with pytest.raises(InvalidInputError, match="before the push is over"):
         loader(tmp_path, at=0.95)()
     with pytest.raises(UnknownNameError, match="chest"):
@@ -78,6 +70,6 @@ def test_what_cannot_be_pushed_says_why(tmp_path: Path) -> None:
 def test_a_file_that_changes_meanwhile_is_noticed(tmp_path: Path) -> None:
     load = loader(tmp_path)
     assert isinstance(load(), PushedProblem)
-    loader(tmp_path, STAND + "# mine\n")
+    loader(tmp_path, PUSHED + "# mine\n")
     with pytest.raises(InvalidInputError, match="was changed meanwhile"):
         load()

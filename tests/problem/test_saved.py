@@ -6,23 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.texts import REACH
 from wbc.errors import InvalidInputError, ModelError
 from wbc.problem import load_problem
 from wbc.problem.saved import load_result
 from wbc.robot import Robot
 from wbc.run import Result
-
-REACH = """\
-robot: hoap2_like
-support: double
-tasks:
-  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.2, 0, 0.1]},
-         gain: 0.1}
-constraints:
-  room: {type: obstacles, links: [left_hand_link], things: {wall: {half_space: [-1, 0, 0],
-         position: [0.1, 0, 0]}, ball: {sphere: 0.05, position: [0.3, 0.2, 0.2]}}}
-stop: {duration: 0.3}
-"""
 
 
 @pytest.fixture(scope="module")

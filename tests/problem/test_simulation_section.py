@@ -6,38 +6,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.errors import InvalidInputError, ProblemFileError
+from tests.problem.loading import complaint_of, problem_of
+from tests.texts import STAND
+from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
 from wbc.problem.simulation_spec import turned_with
 from wbc.run.standing import off_the_ground
 from wbc.simulation import SimulationStatus, capture_impulse
 
-STAND = """\
-robot: {model: hoap2_like, armature: 0.003}
-support: double
-tasks:
-  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
-  height: {type: com, axes: [z], target: start, kp: 50}
-  torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
-  posture: {type: posture, weight: 0.3, kp: 30}
-controller: {level: torque, solver: daqp}
+PUSHED = (
+    STAND
+    + """\
 simulation:
   duration: 0.3
   pushes: [{impulse_ratio: 0.5, angle: 1.5, at: 0.1, duration: 0.1}]
 """
-LAST = STAND.splitlines()[-1]
+)
+LAST = PUSHED.splitlines()[-1]
 
 
-def problem(folder: Path, text: str = STAND, overrides: dict[str, Any] | None = None) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    return load_problem(file, overrides)
-
-
-def complaint(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
-    with pytest.raises(ProblemFileError) as caught:
-        problem(folder, text, overrides)
-    return str(caught.value).replace(str(folder / "p.yaml"), "p.yaml")
+def problem(folder: Path, text: str = PUSHED, overrides: dict[str, Any] | None = None) -> Problem:
+    return problem_of(folder, text, overrides)
 
 
 def test_it_stands_and_tells_of_it(tmp_path: Path) -> None:
@@ -96,13 +85,13 @@ def test_cancelling_keeps_what_was_computed(tmp_path: Path) -> None:
 
 
 def test_tolerances_at_the_end_are_judged(tmp_path: Path) -> None:
-    result = problem(tmp_path, STAND + "stop: {accept: {com: 1.0e-7}}\n").simulate()
+    result = problem(tmp_path, PUSHED + "stop: {accept: {com: 1.0e-7}}\n").simulate()
     assert result.status is SimulationStatus.NOT_REACHED
     assert "not within tolerance: com" in result.reason
 
 
 def test_phases_lift_a_foot_in_physics(tmp_path: Path) -> None:
-    text = STAND.split("simulation:")[0] + (
+    text = STAND + (
         "phases:\n"
         "  shift: {duration: 1.0, tasks: {com: {target: {over: left}}}}\n"
         "  stand: {duration: 0.3, support: left}\n"
@@ -168,7 +157,7 @@ def test_a_velocity_problem_is_not_simulated(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=r"level is velocity.*wbc run .*level: torque"):
         problem(tmp_path, text).simulate()
     words = "p.yaml:4: simulation: belongs to the torque level; give controller: {level: torque}"
-    assert words in complaint(tmp_path, text + "simulation: {duration: 1}\n")
+    assert words in complaint_of(tmp_path, text + "simulation: {duration: 1}\n")
 
 
 PUSH = "impulse_ratio: 0.5, angle: 1.5"
@@ -198,16 +187,16 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("old", "new", "words"), MISTAKES)
 def test_mistakes_are_told_with_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
-    assert old in STAND
-    assert words in complaint(tmp_path, STAND.replace(old, new, 1))
+    assert old in PUSHED
+    assert words in complaint_of(tmp_path, PUSHED.replace(old, new, 1))
 
 
 def test_how_long_it_is_is_said_once(tmp_path: Path) -> None:
     words = "p.yaml:12: stop.duration: belongs to the velocity level; a simulation lasts for"
-    assert words in complaint(tmp_path, STAND + "stop: {duration: 1}\n")
+    assert words in complaint_of(tmp_path, PUSHED + "stop: {duration: 1}\n")
     phases = "phases: {only: {duration: 0.2}}\n"
     words = "p.yaml:10: simulation.duration: a run with phases ends after the last"
-    assert words in complaint(tmp_path, STAND + phases)
+    assert words in complaint_of(tmp_path, PUSHED + phases)
 
 
 def test_noise_delay_and_a_wrong_model_are_what_the_file_says() -> None:

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.problem.loading import complaint_of, problem_of
 from wbc.constraints import FrictionCone
 from wbc.controllers import TorqueController
-from wbc.errors import InvalidInputError, ProblemFileError
+from wbc.errors import InvalidInputError
 from wbc.laws import AccelerationLaw
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 
 STAND = """\
 robot: {model: hoap2_like, armature: 0.003}
@@ -27,15 +28,7 @@ controller: {level: torque, solver: daqp, friction: 0.5, torque_limits: 0.9, for
 
 
 def problem(folder: Path, text: str = STAND, overrides: dict[str, Any] | None = None) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    return load_problem(file, overrides)
-
-
-def complaint(folder: Path, text: str, overrides: dict[str, Any] | None = None) -> str:
-    with pytest.raises(ProblemFileError) as caught:
-        problem(folder, text, overrides)
-    return str(caught.value).replace(str(folder / "p.yaml"), "p.yaml")
+    return problem_of(folder, text, overrides)
 
 
 def test_a_file_makes_the_controller_that_python_makes(tmp_path: Path) -> None:
@@ -132,7 +125,7 @@ MISTAKES = [
 def test_mistakes_are_told_with_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
     assert old in STAND
     text = STAND.replace(old, new, 1)
-    assert words in complaint(tmp_path, text)
+    assert words in complaint_of(tmp_path, text)
 
 
 def test_contacts_of_the_velocity_level_bear_nothing(tmp_path: Path) -> None:
@@ -141,7 +134,7 @@ def test_contacts_of_the_velocity_level_bear_nothing(tmp_path: Path) -> None:
         "tasks:\n  com: {type: com, target: start}\n"
     )
     words = "p.yaml:2: support[0].friction: belongs to the torque level; give controller"
-    assert words in complaint(tmp_path, text)
+    assert words in complaint_of(tmp_path, text)
 
 
 def test_a_run_says_that_torques_are_simulated(tmp_path: Path) -> None:

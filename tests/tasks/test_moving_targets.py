@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from tests.tasks.frames import some_frame
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation
 from wbc.tasks import (
@@ -32,13 +33,6 @@ from wbc.tasks import (
 )
 
 H = 1e-4
-FRAMES = {
-    "hoap2_like": "left_palm",
-    "g1_27": "left_sole",
-    "talos": "right_sole",
-    "icub": "left_sole",
-    "romeo": "right_sole",
-}
 
 
 class Moving(NamedTuple):
@@ -170,7 +164,7 @@ def test_rate_and_drift_of_a_moving_target(
     for _ in range(2):
         here = random_snapshot(robot, rng)
         a = rng.normal(size=robot.nv)
-        moving = maker(robot, here, FRAMES.get(robot.name, "toe"), rng)
+        moving = maker(robot, here, some_frame(robot), rng)
         task = moving.task
 
         def error(t: float, moving: Moving = moving, here: Snapshot = here, a=a) -> np.ndarray:
@@ -221,7 +215,7 @@ def test_a_target_that_is_assigned_is_at_rest(
 ) -> None:
     robot = robot_named("hoap2_like")
     here = random_snapshot(robot, rng)
-    moving = maker(robot, here, FRAMES["hoap2_like"], rng)
+    moving = maker(robot, here, some_frame(robot), rng)
     task = moving.task
     task.set_target(*moving.target(0.0))
     still, drift = task.residual(here), task.drift(here)

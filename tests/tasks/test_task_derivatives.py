@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.tasks.frames import some_frame
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation
 from wbc.tasks import (
@@ -29,17 +30,6 @@ from wbc.tasks import (
 
 H = 1e-5
 RELATIVE = 1e-6
-FRAMES = {
-    "hoap2_like": "left_palm",
-    "g1_27": "left_sole",
-    "talos": "right_sole",
-    "icub": "left_sole",
-    "romeo": "right_sole",
-}
-
-
-def some_frame(robot: Robot) -> str:
-    return FRAMES.get(robot.name, "toe")
 
 
 def near(R: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from tests.texts import REACH
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.problem import load_problem
 from wbc.robot import Robot
@@ -17,18 +18,6 @@ from wbc.view.options import LAYERS, View
 from wbc.view.portrait import Pose, captions, portraits_of
 from wbc.view.reasons import spans
 from wbc.view.solids import solid_surface
-
-REACH = """\
-robot: hoap2_like
-support: double
-tasks:
-  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.2, 0, 0.1]},
-         gain: 0.1}
-constraints:
-  room: {type: obstacles, links: [left_hand_link], things: {wall: {half_space: [-1, 0, 0],
-         position: [0.1, 0, 0]}, ball: {sphere: 0.05, position: [0.3, 0.2, 0.2]}}}
-stop: {duration: 0.3}
-"""
 
 
 @pytest.fixture(autouse=True, scope="module")

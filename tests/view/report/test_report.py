@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+from tests.texts import REACH
 from wbc.cli import app
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
@@ -25,24 +26,13 @@ from wbc.view.report.replay import MOST, replay_data, replay_rows
 from wbc.view.report.report import report_text
 from wbc.view.simplify import within
 
-REACH = """\
-# </script><b>@DATA@ & "quotes"
-robot: hoap2_like
-support: double
-tasks:
-  hand: {type: frame, frame: left_hand, control: position, target: {offset: [0.2, 0, 0.1]},
-         gain: 0.1}
-constraints:
-  room: {type: obstacles, links: [left_hand_link], things: {wall: {half_space: [-1, 0, 0],
-         position: [0.1, 0, 0]}, ball: {sphere: 0.05, position: [0.3, 0.2, 0.2]}}}
-stop: {duration: 0.3}
-"""
+ODD = """# </script><b>@DATA@ & "quotes"\n""" + REACH
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
     path = tmp_path_factory.mktemp("reach") / "p.yaml"
-    path.write_text(REACH)
+    path.write_text(ODD)
     return load_problem(path).run()
 
 
