@@ -9,7 +9,7 @@ import typer
 
 from wbc.cli.completion import robots_beginning
 from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
-from wbc.cli.run import overrides_of
+from wbc.cli.options import Assign, overrides_of
 
 if TYPE_CHECKING:
     from wbc.problem import Problem
@@ -63,10 +63,7 @@ def check(
         list[Path],
         typer.Argument(help="Problem files; - reads one from stdin.", metavar="PROBLEM.yaml..."),
     ],
-    assign: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Replace a value, as wbc run does."),
-    ] = None,
+    assign: Assign = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print mistakes only.")] = False,
 ) -> None:
     """Check problem files without running them: every mistake with its line."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.completion import solvers_beginning
 from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
-from wbc.cli.run import overrides_of
+from wbc.cli.options import Assign, Quiet, Solver, overrides_of
+from wbc.cli.running import check_outputs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,22 +74,9 @@ def push(
     plot: Annotated[
         Path | None, typer.Option(help="Draw what is survived by direction, beside theory.")
     ] = None,
-    solver: Annotated[
-        str | None,
-        typer.Option(
-            help="QP solver; short for --set controller.solver=NAME.",
-            autocompletion=solvers_beginning,
-        ),
-    ] = None,
-    assign: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Replace a value of the file, or of both, as wbc run does; repeatable.",
-        ),
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    solver: Solver = None,
+    assign: Assign = None,
+    quiet: Quiet = False,
 ) -> None:
     """Push a robot from all sides, ever harder, and say what it survives without a step.
 
@@ -103,12 +90,12 @@ def push(
 
         grid = PushGrid(directions, ratios_of(ratios), failures)
         settings = PushSettings(body=body, duration=duration, at=at)
-        places = _checked(output or [], plot)
+        check_outputs(output or [], plot)
         overrides = overrides_of(assign, solver)
         paths = [problem] if compare is None else [problem, compare]
         loads = [LoadPushed.of(path, overrides, settings) for path in paths]
         count = workers or len(os.sched_getaffinity(0))
-        code = _campaign(paths, loads, settings, grid, count, places, plot, quiet)
+        code = _campaign(paths, loads, settings, grid, count, output or [], plot, quiet)
     raise typer.Exit(code)
 
 
@@ -135,19 +122,6 @@ def ratios_of(text: str) -> list[float]:
     if not steps < MOST_RATIOS:
         raise InvalidInputError(f"--ratios {text}: more than {MOST_RATIOS} impulses")
     return [round(first + k * step, 9) for k in range(int(steps + 1e-6) + 1)]
-
-
-def _checked(output: list[Path], plot: Path | None) -> list[Path]:
-    """Return the outputs; raise for those that cannot be written, before any work is done."""
-    from wbc.cli.outputs import check_picture, check_place
-    from wbc.run.saving import result_format
-
-    for each in output:
-        result_format(each)
-        check_place("--output", each)
-    if plot is not None:
-        check_picture("--plot", plot)
-    return output
 
 
 def _campaign(

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.completion import robots_beginning
 from wbc.cli.errors import errors_in_one_line
-from wbc.cli.run import Show, ViewFrom, check_view
+from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, check_view
 
 if TYPE_CHECKING:
     from wbc.cli.progress import ProgressCall
@@ -20,13 +19,7 @@ FPS, SIZE = 20, "480x560"
 
 
 def render(
-    run: Annotated[
-        Path,
-        typer.Argument(
-            help="The result of wbc run, or a problem, which is run first.",
-            metavar="RESULT.npz|PROBLEM.yaml",
-        ),
-    ],
+    run: SavedOrProblem,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The film: .gif, or .mp4 if there is ffmpeg.")
     ],
@@ -37,13 +30,8 @@ def render(
     size: Annotated[str, typer.Option(help="Width x height in pixels.")] = SIZE,
     view_from: ViewFrom = "front-left",
     show: Show = "all",
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            help="The robot, if its file is not where it was.", autocompletion=robots_beginning
-        ),
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    robot: RobotOfResult = None,
+    quiet: Quiet = False,
 ) -> None:
     """Draw a run as a film, without a screen; the same run gives the same file."""
     with errors_in_one_line():

@@ -7,26 +7,15 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.completion import robots_beginning
 from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
+from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem
 
 
 def report(
-    run: Annotated[
-        Path,
-        typer.Argument(
-            help="The result of wbc run, or a problem, which is run first.",
-            metavar="RESULT.npz|PROBLEM.yaml",
-        ),
-    ],
+    run: SavedOrProblem,
     output: Annotated[Path, typer.Option("--output", "-o", help="The report: .html.")],
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            help="The robot, if its file is not where it was.", autocompletion=robots_beginning
-        ),
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    robot: RobotOfResult = None,
+    quiet: Quiet = False,
 ) -> None:
     """Write a run as one HTML file: replay in 3-D, plots, tables, the problem and versions."""
     with errors_in_one_line():

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
-from wbc.cli.run import overrides_of
+from wbc.cli.options import Assign, overrides_of
 
 
 def view(
@@ -20,14 +20,7 @@ def view(
         int | None, typer.Option(help="By default the first free port from 8080 on.")
     ] = None,
     speed: Annotated[float, typer.Option(help="Times real time; 0: as fast as can be.")] = 1.0,
-    assign: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Replace a value of the file, as in --set tasks.com.gain=0.3; repeatable.",
-        ),
-    ] = None,
+    assign: Assign = None,
 ) -> None:
     """Run a problem and look at it in a web browser: pause it, drag targets, change weights."""
     with errors_in_one_line():

@@ -1,0 +1,86 @@
+"""Options that several commands have, and what their words stand for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from wbc.cli.completion import (
+    directions_beginning,
+    layers_beginning,
+    robots_beginning,
+    solvers_beginning,
+)
+
+Output = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Write the result: .json, .npz with histories, .csv a table; repeatable.",
+    ),
+]
+Solver = Annotated[
+    str | None,
+    typer.Option(
+        help="QP solver; short for --set controller.solver=NAME.",
+        autocompletion=solvers_beginning,
+    ),
+]
+Assign = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Replace a value of the file, as in --set tasks.com.gain=0.3; repeatable.",
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Watched = Annotated[
+    bool,
+    typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C."),
+]
+SavedOrProblem = Annotated[
+    Path,
+    typer.Argument(
+        help="The result of wbc run or wbc sim, or a problem, which is run first.",
+        metavar="RESULT.npz|PROBLEM.yaml",
+    ),
+]
+RobotOfResult = Annotated[
+    str | None,
+    typer.Option(
+        help="The robot, if its file is not where it was.", autocompletion=robots_beginning
+    ),
+]
+ViewFrom = Annotated[
+    str,
+    typer.Option(
+        help="In the picture: front, left, top, back-right ...; or azimuth,elevation in degrees.",
+        autocompletion=directions_beginning,
+    ),
+]
+Show = Annotated[
+    str,
+    typer.Option(
+        help="Layers of the picture, as in robot,com,targets; or without some: no-ellipsoid.",
+        autocompletion=layers_beginning,
+    ),
+]
+
+
+def overrides_of(assignments: list[str] | None, solver: str | None = None) -> dict[str, Any]:
+    """Return what ``--set`` and ``--solver`` replace, by key path."""
+    from wbc.problem import parse_override
+
+    overrides = dict(parse_override(assignment) for assignment in assignments or [])
+    return overrides if solver is None else {**overrides, "controller.solver": solver}
+
+
+def check_view(view_from: str, show: str) -> None:
+    """Raise for words that no picture can be drawn by, before any work is done."""
+    from wbc.view.options import View
+
+    View.of(view_from, show)
