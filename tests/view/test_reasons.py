@@ -13,9 +13,10 @@ from wbc.robot import Robot
 from wbc.robot.collision import Capsule, HalfSpace, Hull
 from wbc.run import Result
 from wbc.view import run_figure, style
+from wbc.view.captions import captions
 from wbc.view.history import read_history
 from wbc.view.options import LAYERS, View
-from wbc.view.portrait import Pose, captions, portraits_of
+from wbc.view.portrait import Pose, portraits_of
 from wbc.view.reasons import spans
 from wbc.view.solids import solid_surface
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from wbc.view.history import History
     from wbc.view.live.viewer import Viewer
     from wbc.view.pendulum import pendulum_figure, plot_pendulum
-    from wbc.view.portrait import plot_robot, robot_figure
+    from wbc.view.robots import plot_robot, robot_figure
     from wbc.view.run import plot_run, run_figure
 
 __all__ = [
@@ -31,9 +31,9 @@ _PICTURES = {
     "History": "wbc.view.history",
     "pendulum_figure": "wbc.view.pendulum",
     "plot_pendulum": "wbc.view.pendulum",
-    "plot_robot": "wbc.view.portrait",
+    "plot_robot": "wbc.view.robots",
     "plot_run": "wbc.view.run",
-    "robot_figure": "wbc.view.portrait",
+    "robot_figure": "wbc.view.robots",
     "run_figure": "wbc.view.run",
 }
 _LIVE = {"Viewer": "wbc.view.live.viewer"}

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
@@ -21,7 +18,7 @@ from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.camera import Camera, viewing_axes
-from wbc.view.options import LAYERS, View
+from wbc.view.options import View
 from wbc.view.panel import Panel
 from wbc.view.render import render
 from wbc.view.scene import Scene, principal_sections, silhouette, sole_outline
@@ -35,10 +32,6 @@ SUNK = 0.02  # m: a robot reaching lower than this below z = 0 is not meant to s
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
 NARROW = 1.0 / 3.3  # distance between two of them where there is less room, part of the width
-PANEL_WIDTH = 3.6  # inches, of a picture in a figure of robots
-PANEL_SHAPE = (0.8, 1.5)  # its height to width, at least and at most
-ABOVE, BELOW = 0.3, 0.35  # inches of text above and below a picture
-LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch
 
 
 class Aimed(NamedTuple):
@@ -247,30 +240,6 @@ def draw_pendulum(
             panel.target(aim.point, aim.wanted, style.YELLOW, 4.0 * size)
 
 
-def captions(portraits: Sequence[Portrait], width: float) -> list[str]:
-    """Return in lines what the marks in the pictures are, for a figure so wide [inches]."""
-    there = {
-        "leg": any(one.foot is not None for one in portraits),
-        "soles": any(one.outlines for one in portraits),
-        "obstacles": any(one.scene.solids for one in portraits),
-        "targets": any(aim.distant for one in portraits for aim in one.aims),
-    }
-    view = portraits[0].view
-    told = [
-        text for name, text in LAYERS.items() if text and view.shows(name) and there.get(name, True)
-    ]
-    return textwrap.wrap("; ".join(told), round(CHARACTERS * width))
-
-
-def write_caption(figure: Figure, lines: Sequence[str], top: float) -> None:
-    """Write lines at a height above a figure's lower edge [inches]."""
-    total = figure.get_size_inches()[1]
-    figure.text(
-        0.5, top / total, "\n".join(lines), ha="center", va="top", fontsize=7.0,
-        color=style.GREY, linespacing=1.25,
-    )  # fmt: skip
-
-
 def _extent(portraits: Sequence[Portrait]) -> Array:
     """Return the points (k, 3) that each picture must contain, relative to the ground's point."""
     return np.concatenate([extent_of(portrait) for portrait in portraits])
@@ -288,68 +257,3 @@ def extent_of(portrait: Portrait) -> Array:
 def _inches(axes: Axes) -> tuple[float, float]:
     dpi = axes.figure.dpi
     return float(axes.bbox.width / dpi), float(axes.bbox.height / dpi)
-
-
-# ---------------------------------------------------------------------- figures
-
-
-def robot_figure(
-    robot: Robot,
-    configurations: Mapping[str, ArrayLike | Pose],
-    *,
-    title: str | None = None,
-    view: View = DEFAULT,
-) -> Figure:
-    """Return a figure of the robot in one or more configurations, side by side at one scale.
-
-    Each shows the robot, its equimomental ellipsoid with the lengths of the semi-axes, the CoM, the
-    six reaction masses M/6, the leg from the ground under the CoM, and the soles.
-
-    Parameters
-    ----------
-    configurations:
-        What to write above each picture, and its configuration q (nq,), or a :class:`Pose`: one
-        that floats, or with obstacles and targets.
-    title:
-        Written above all.
-    view:
-        What is drawn, and from where.
-
-    Raises
-    ------
-    InvalidInputError
-        No configuration, or an unusable one.
-    ModelError
-        The robot's meshes cannot be read.
-    """
-    portraits = portraits_of(robot, configurations, view)
-    count, heading = len(portraits), 0.0 if title is None else ABOVE
-    width, height = PANEL_WIDTH, PANEL_WIDTH * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    caption = captions(portraits, width * count)
-    below = BELOW + LINE * len(caption)
-    total = below + height + ABOVE + heading
-    figure = style.sheet(width * count, total, title)
-    panels = [style.place(figure, width * k, below, width, height) for k in range(count)]
-    draw_portraits(panels, portraits)
-    write_caption(figure, caption, LINE * len(caption))
-    return figure
-
-
-def plot_robot(
-    robot: Robot,
-    configurations: Mapping[str, ArrayLike | Pose],
-    path: str | Path,
-    *,
-    title: str | None = None,
-    view: View = DEFAULT,
-) -> Path:
-    """Write :func:`robot_figure` to a file, png, svg or pdf by its suffix, and return its path.
-
-    Raises
-    ------
-    InvalidInputError
-        Also for another suffix, or a folder that does not exist.
-    """
-    path = style.picture_file(path)
-    style.save(robot_figure(robot, configurations, title=title, view=view), path)
-    return path

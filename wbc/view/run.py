@@ -17,17 +17,10 @@ from matplotlib.figure import Figure
 from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view import style
+from wbc.view.captions import LINE, captions, write_caption
 from wbc.view.history import History, Phase, Run, read_history
 from wbc.view.options import View
-from wbc.view.portrait import (
-    DEFAULT,
-    LINE,
-    captions,
-    draw_portraits,
-    portraits_of,
-    shape_of,
-    write_caption,
-)
+from wbc.view.portrait import DEFAULT, draw_portraits, portraits_of, shape_of
 from wbc.view.reasons import plot_clearance, plot_held_back
 from wbc.view.series import plot_errors, plot_moments, shortened
 

@@ -133,9 +133,15 @@ def silhouette(ellipsoid: Ellipsoid, centre: Array, eye: Array) -> Array:
 
 def sole_outline(snapshot: Snapshot, foot: Foot) -> Array:
     """Return the closed outline (k, 3) of a foot's sole."""
-    corners = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
-    corners = corners @ snapshot.rotation(foot.frame).T + snapshot.position(foot.frame)
+    corners = sole_corners(snapshot, foot)
     return densified(np.concatenate([corners, corners[:1]]))
+
+
+def sole_corners(snapshot: Snapshot, foot: Foot) -> Array:
+    """Return the corners (k, 3) of a foot's sole."""
+    flat = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
+    rotation, origin = snapshot.rotation(foot.frame), snapshot.position(foot.frame)
+    return np.asarray(flat @ rotation.T + origin)
 
 
 def densified(corners: Array) -> Array:

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
 from wbc.validate import Array
+from wbc.view import palette
 
-# Okabe and Ito's colours, which the colour-blind tell apart as well.
-BLACK, ORANGE, SKY, GREEN = "#222222", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#8A8F98"
-YELLOW, OBSTACLE = "#F0E442", (0.72, 0.55, 0.38)
+BLACK, ORANGE, SKY, GREEN = palette.BLACK, palette.ORANGE, palette.SKY, palette.GREEN
+BLUE, VERMILION, PURPLE, GREY = palette.BLUE, palette.VERMILION, palette.PURPLE, palette.GREY
+YELLOW, PRINCIPAL, OBSTACLE = palette.YELLOW, palette.PRINCIPAL, (0.72, 0.55, 0.38)
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
-PRINCIPAL = (VERMILION, GREEN, PURPLE)  # the ellipsoid's axes, the longest first
 INDEX = "₁₂₃"
 TINT: Array = np.array([0.10, 0.50, 0.78])  # of the ellipsoid
 

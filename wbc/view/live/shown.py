@@ -12,6 +12,7 @@ from wbc.reduction import RmpState, reduce
 from wbc.robot import Foot, Robot, Snapshot
 from wbc.validate import Array
 from wbc.view.live.messages import Cast, Frame
+from wbc.view.scene import sole_corners
 
 FLAT = 2e-3  # m: a sole whose corners are this near to the ground stands on it
 
@@ -75,6 +76,4 @@ class Shown:
 
     def sole(self, foot: Foot) -> Array:
         """Return the corners (k, 3) of a foot's sole."""
-        flat = np.column_stack([foot.polygon, np.zeros(len(foot.polygon))])
-        rotation, origin = self.snapshot.rotation(foot.frame), self.snapshot.position(foot.frame)
-        return np.asarray(flat @ rotation.T + origin)
+        return sole_corners(self.snapshot, foot)

@@ -8,8 +8,10 @@ import numpy as np
 
 from wbc.constraints import Contact, Obstacles, SelfCollision
 from wbc.controllers import Controller, Tick
+from wbc.controllers.tick import NEGLIGIBLE
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.collision import CollisionModel
+from wbc.run.holding import held_joints
 from wbc.tasks import (
     AxisTask,
     ComTask,
@@ -32,8 +34,6 @@ KINDS: Mapping[type[Task], str] = {
     InertiaTask: "inertia",
     PrincipalInertiaTask: "principal",
 }
-# A multiplier of a bound below this part of the largest is what solvers leave.
-ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
 
 
 def cast_of(controller: Controller) -> Cast:
@@ -109,14 +109,5 @@ def told_of(tick: Tick, seconds: float | None = None) -> Told:
 
 def _at_limit(tick: Tick) -> tuple[str, ...]:
     """Return the joints whose velocity a bound holds back, the strongest first."""
-    if not tick.ok:
-        return ()
-    pull = tick.solution.z_box[: tick.velocity.size]
-    least = max(NEGLIGIBLE, ACTIVE * float(np.abs(tick.solution.z_box).max(initial=0.0)))
-    names = tick.qp.labels.variables
-    strongest = np.argsort(-np.abs(pull))
-    return tuple(
-        f"{names[k]} {'upper' if pull[k] > 0.0 else 'lower'}"
-        for k in strongest.tolist()
-        if abs(pull[k]) > least
-    )
+    strongest = sorted(held_joints(tick), key=lambda one: -one.pull)
+    return tuple(f"{one.name} {one.side}" for one in strongest)

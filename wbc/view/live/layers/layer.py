@@ -9,14 +9,18 @@ from viser import SceneApi
 from viser.transforms import SO3
 
 from wbc.validate import Array
+from wbc.view import palette
 from wbc.view.live.messages import Cast
 from wbc.view.live.shown import Shown
 
 Colour = tuple[int, int, int]
-# Okabe and Ito's colours, as in the pictures.
-BLACK, ORANGE, SKY, GREEN = (34, 34, 34), (230, 159, 0), (86, 180, 233), (0, 158, 115)
-BLUE, VERMILION, PURPLE, GREY = (0, 114, 178), (213, 94, 0), (204, 121, 167), (138, 143, 152)
-PRINCIPAL = (VERMILION, GREEN, PURPLE)  # the ellipsoid's axes, the longest first
+BLACK, ORANGE, SKY, GREEN = (
+    palette.rgb(one) for one in (palette.BLACK, palette.ORANGE, palette.SKY, palette.GREEN)
+)
+BLUE, VERMILION, PURPLE, GREY = (
+    palette.rgb(one) for one in (palette.BLUE, palette.VERMILION, palette.PURPLE, palette.GREY)
+)
+PRINCIPAL = tuple(palette.rgb(one) for one in palette.PRINCIPAL)
 AROUND = 64  # points of a circle
 
 

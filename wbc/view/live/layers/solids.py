@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
-from wbc.robot.collision import Capsule, HalfSpace, Hull, Shape
-from wbc.robot.geometry import Surface, box, rounded_cylinder
+from wbc.robot.collision import Capsule, Shape
+from wbc.robot.geometry import Surface, rounded_cylinder
 from wbc.rotations import rotation_from
 from wbc.validate import Array
 from wbc.view.live.layers.layer import along
+from wbc.view.solids import solid_surface
 
 PLANE = 2.0  # m: side of what is drawn of a half-space
+Z = np.array([0.0, 0.0, 1.0])
 
 
 def surface_of(shape: Shape) -> Surface:
-    """Return the surface of a collision shape; of a half-space a thin square.
-
-    The rounding of a hull is left out.
-    """
+    """Return the surface of a collision shape; of a half-space a square about its own origin."""
     if isinstance(shape, Capsule):
-        start, end = shape.ends
-        length = float(np.linalg.norm(end - start))
-        surface = rounded_cylinder(shape.radius, 0.5 * length)
-        direction = (end - start) / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-        return _moved(surface, direction, 0.5 * (start + end))
-    if isinstance(shape, Hull):
-        hull = ConvexHull(shape.vertices)
-        return Surface(shape.vertices, hull.simplices.astype(np.int64))
-    assert isinstance(shape, HalfSpace)
-    slab = box(np.array([0.5 * PLANE, 0.5 * PLANE, 0.002]))
-    return _moved(slab, shape.normal, shape.offset * shape.normal)
+        return _capsule(shape)
+    return solid_surface(shape, np.zeros(3), 0.5 * PLANE, -0.5 * PLANE)
 
 
-def _moved(surface: Surface, direction: Array, origin: Array) -> Surface:
-    """Turn z into ``direction`` and shift by ``origin``."""
+def _capsule(shape: Capsule) -> Surface:
+    """Return a capsule's surface, smooth around its own axis."""
+    start, end = shape.ends
+    length = float(np.linalg.norm(end - start))
+    around_z = rounded_cylinder(shape.radius, 0.5 * length)
+    R = _turn_z_to((end - start) / length if length > 0.0 else Z)
+    return Surface(around_z.vertices @ R.T + 0.5 * (start + end), around_z.faces)
+
+
+def _turn_z_to(direction: Array) -> Array:
+    """Return a rotation that turns z into a unit vector."""
     w, x, y, z = along(direction)
-    rotation = rotation_from(np.array([x, y, z, w]))
-    return Surface(surface.vertices @ rotation.T + origin, surface.faces)
+    return rotation_from(np.array([x, y, z, w]))
