@@ -1,8 +1,7 @@
 """A page without a process of its own, and a client without a browser."""
 
 import multiprocessing
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -17,14 +16,6 @@ from wbc.view.live.messages import Frame, Setup
 from wbc.view.live.page import Page, Server
 from wbc.view.live.process import HOST, free_place
 from wbc.view.live.telling import obstacles_of, targets_of, told_of
-
-
-def soon(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-    """Wait until something is so, or for too long."""
-    until = time.monotonic() + seconds
-    while not condition() and time.monotonic() < until:
-        time.sleep(0.02)
-    return condition()
 
 
 def client_of(url: str) -> ClientConnection:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.view.live.conftest import soon
 from wbc.problem import load_problem
 from wbc.robot import Snapshot
 from wbc.view.live.session import Session, checked
@@ -54,16 +53,24 @@ class Live:
         self.viewer = Viewer(problem.parts.robot, title="browser", clock=True, quiet=True)
         self.start = problem.parts.robot.snapshot(problem.parts.start)
         self.now: Snapshot = self.start
+        self.changed = threading.Condition()
         update = self.viewer.update
 
         def remember(snapshot: Snapshot, *rest: Any, **more: Any) -> None:
-            self.now = snapshot
             update(snapshot, *rest, **more)
+            with self.changed:
+                self.now = snapshot
+                self.changed.notify()
 
         self.viewer.update = remember  # type: ignore[method-assign]
         self.session = Session(problem, self.viewer)
         self.thread = threading.Thread(target=self.session.run, daemon=True)
         self.thread.start()
+
+    def becomes(self, condition: Callable[[], bool]) -> bool:
+        """Wait until something is so; looked at whenever the session has shown something."""
+        with self.changed:
+            return self.changed.wait_for(condition, PATIENCE)
 
     def task(self, name: str) -> Any:
         assert self.viewer.controller is not None
@@ -125,10 +132,6 @@ def picture(page: Any, name: str) -> None:
         page.screenshot(path=f"{PICTURES}/{name}.png")
 
 
-def eventually(condition: Callable[[], bool]) -> bool:
-    return soon(condition, PATIENCE)
-
-
 def test_the_page_loads_and_time_goes_on(page: Any, live: Live) -> None:
     first = time_on(page)
     page.wait_for_timeout(3000.0)
@@ -140,8 +143,8 @@ def test_a_slider_changes_the_ellipsoid_and_the_joints_follow(page: Any, live: L
     page.get_by_role("tab", name="Steer").click()
     before = live.now.inertia[2, 2]
     enter(page, "zz times", 1.2)
-    assert eventually(lambda: live.task("shape").target[5] > 1.15 * live.start.inertia[2, 2])
-    assert eventually(lambda: live.now.inertia[2, 2] > 1.1 * before)
+    assert live.becomes(lambda: live.task("shape").target[5] > 1.15 * live.start.inertia[2, 2])
+    assert live.becomes(lambda: live.now.inertia[2, 2] > 1.1 * before)
     joints = np.abs(live.now.joint_positions - live.start.joint_positions).max()
     assert joints > 0.05
     picture(page, "slider")
@@ -159,32 +162,32 @@ def test_a_dragged_target_is_followed(page: Any, live: Live) -> None:
         page.wait_for_timeout(300.0)
     picture(page, "drag")
     page.mouse.up()
-    assert eventually(lambda: live.task("hand").target[2] > target[2] + 0.02)
+    assert live.becomes(lambda: live.task("hand").target[2] > target[2] + 0.02)
     wanted = live.task("hand").target
-    assert eventually(lambda: bool(np.abs(live.now.position("left_hand") - wanted).max() < 0.01))
+    assert live.becomes(lambda: bool(np.abs(live.now.position("left_hand") - wanted).max() < 0.01))
 
 
 def test_going_back_and_to_now(page: Any, live: Live) -> None:
     ticks = live.session.ticks
     enter(page, "Time [s]", 0.5)
     page.get_by_text("Back to now").wait_for()
-    assert eventually(lambda: time_on(page) < 1.0)
-    assert eventually(lambda: live.session.ticks > ticks + 100)  # the loop goes on
+    assert live.becomes(lambda: time_on(page) < 1.0)
+    assert live.becomes(lambda: live.session.ticks > ticks + 100)  # the loop goes on
     picture(page, "back")
     page.get_by_text("Back to now").click()
-    assert eventually(lambda: time_on(page) > 1.0)
+    assert live.becomes(lambda: time_on(page) > 1.0)
 
 
 def test_pause_step_and_play(page: Any, live: Live) -> None:
     page.get_by_text("Pause", exact=True).click()
-    assert eventually(lambda: not live.session.clock.playing)
+    assert live.becomes(lambda: not live.session.clock.playing)
     page.wait_for_timeout(500.0)
     ticks = live.session.ticks
     page.get_by_text("Step", exact=True).click()
-    assert eventually(lambda: live.session.ticks == ticks + 1)
+    assert live.becomes(lambda: live.session.ticks == ticks + 1)
     page.get_by_text("(paused)").wait_for()
     page.get_by_text("Play", exact=True).click()
-    assert eventually(lambda: live.session.ticks > ticks + 20)
+    assert live.becomes(lambda: live.session.ticks > ticks + 20)
 
 
 def test_reload_and_two_browsers(page: Any, live: Live, browser: Any) -> None:
@@ -194,9 +197,9 @@ def test_reload_and_two_browsers(page: Any, live: Live, browser: Any) -> None:
     other = opened(browser, live)
     assert abs(time_on(other) - time_on(page)) < 30.0
     other.close()
-    assert eventually(lambda: live.session.ticks > ticks + 100)
+    assert live.becomes(lambda: live.session.ticks > ticks + 100)
     before = time_on(page)
-    assert eventually(lambda: time_on(page) > before)
+    assert live.becomes(lambda: time_on(page) > before)
     assert not live.viewer.error
 
 

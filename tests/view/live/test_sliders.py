@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import Stage, client_of, frame_at, soon
+from tests.view.live.conftest import Stage, client_of, frame_at
 from wbc.spatial import vech
 from wbc.view.live.messages import Release, SetTarget, SetWeight
 from wbc.view.live.telling import cast_of
@@ -73,7 +73,7 @@ def test_giving_back(stage: Stage, controller: wbc.KinematicController) -> None:
         assert stage.pipe.recv() == SetWeight("shape", 10.0)
         stage.move_slider(client, "Give targets and weights back", True)
         assert stage.pipe.recv() == Release()
-    assert soon(lambda: stage.gui("shape").value == 0.0)
+    assert stage.gui("shape").value == 0.0
 
 
 def test_another_controller_has_other_sliders(

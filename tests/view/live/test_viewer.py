@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.view.live.conftest import soon
 from wbc.errors import InvalidInputError, WbcError
 from wbc.view.live import process
 from wbc.view.live.process import HOST, free_place
@@ -45,7 +44,7 @@ def test_the_loop_outlives_the_page(viewer: Viewer, robot: wbc.Robot) -> None:
     snapshot = robot.snapshot(robot.posture("standing"))
     viewer.update(snapshot)
     os.kill(viewer._page._process.pid, signal.SIGKILL)
-    assert soon(lambda: bool(viewer.error))
+    assert viewer._closed.wait(20.0)
     for _ in range(3):
         viewer.update(snapshot)
     assert "the page has ended" in viewer.error

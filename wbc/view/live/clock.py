@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from wbc.errors import InvalidInputError
 from wbc.validate import finite_number
 from wbc.view.live.messages import Play, Request, Restart, Speed, Step
 
-LOOK = 0.02  # s between looks at what the user wants, while the loop waits
 BEHIND = 0.1  # s: a loop later than this does not try to catch up
 
 
@@ -62,13 +62,14 @@ class Clock:
     def remaining(self, dt: float) -> float:
         """Return how long to wait [s] before the tick that follows one of ``dt`` [s]; 0: go on.
 
-        A step or a restart that the user asked for is due at once; it counts as done.
+        Infinite while it is paused: until the user wants something. A step or a restart that was
+        asked for is due at once; it counts as done.
         """
         if self.restart:
             return 0.0
         if not self.playing:
             if not self._steps:
-                return LOOK
+                return math.inf
             self._steps -= 1
             return 0.0
         if not self.speed:
@@ -80,4 +81,4 @@ class Clock:
         if left <= 0.0:
             self._due += dt / self.speed
             return 0.0
-        return min(left, LOOK)
+        return left

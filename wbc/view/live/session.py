@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick, closed_loop
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
-from wbc.view.live.clock import LOOK, Clock
+from wbc.view.live.clock import Clock
 from wbc.view.live.viewer import Viewer
 
 if TYPE_CHECKING:
@@ -93,15 +92,17 @@ class Session:
                 return not clock.restart
             if changed:  # so that the page shows targets and buttons as they are now
                 self._show(now)
-            time.sleep(left)
+            viewer.wait_for_user(left)
         return False
 
     def _wait_for_restart(self, now: LoopTick | None, remark: str) -> None:
-        while not self._viewer.closed and not self.clock.restart:
+        while not self._viewer.closed:
             self._take_requests()
+            if self.clock.restart:
+                return
             if now is not None:
                 self._show(now, remark)
-            time.sleep(LOOK)
+            self._viewer.wait_for_user()
 
     def _take_requests(self) -> bool:
         """Do what the user wants; True if there was anything."""

@@ -184,7 +184,7 @@ class Sliders:
         slider.on_update(changed)
 
     def _release(self) -> None:
-        self._send(Release())
         self._touched.clear()
         for slider in self._weights.values():
             slider.value = 0.0
+        self._send(Release())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import math
 import pickle
 import threading
 import time
@@ -117,7 +118,7 @@ class Viewer:
         self._wishes = deque[SetTarget | SetWeight | Release]()
         self._requests = deque[Request]()
         self._recorded: Replay | None = None
-        self._closed = threading.Event()
+        self._closed, self._asked = threading.Event(), threading.Event()
         self._began: float | None = None
         self._page = PageProcess(place, Setup(robot, title or robot.name, clock, steer))
         self.url = f"http://{'localhost' if host == HOST else host}:{self._page.port}"
@@ -209,6 +210,13 @@ class Viewer:
         """Whether the user wants something of the tasks that is not yet done."""
         return bool(self._wishes)
 
+    def wait_for_user(self, seconds: float = math.inf) -> None:
+        """Wait until the user wants something, the page has ended, or so long."""
+        self._asked.wait(seconds if math.isfinite(seconds) else None)
+        self._asked.clear()  # before what is wanted is looked at, so that nothing is missed
+        if self.closed:
+            self._asked.set()
+
     def replay(self, frames: Sequence[Frame]) -> None:
         """Show frames of a whole run, instead of those that were sent while it ran."""
         self._recorded = Replay(tuple(frames))
@@ -224,6 +232,7 @@ class Viewer:
     def close(self) -> None:
         """Close the page."""
         self._closed.set()
+        self._asked.set()
         self._page.hang_up()
         for thread in self._threads:
             thread.join(CLOSING)
@@ -300,8 +309,10 @@ class Viewer:
                     self._wishes.append(message)
             else:
                 self._requests.append(message)
+            self._asked.set()
 
     def _ended(self, reason: str) -> None:
         if not self._closed.is_set():
             self.error = self.error or reason
             self._closed.set()
+            self._asked.set()
