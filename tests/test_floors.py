@@ -27,6 +27,7 @@ FLOORS = {
     "constraints": 2,
     "laws": 2,
     "reduction": 2,
+    "tracking": 2,
     "controllers": 3,
     "gait": 4,
     "motion": 4,

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from wbc.robot import Robot, Snapshot, robot_names
     from wbc.robot.collision import Obstacle
     from wbc.tasks import *
+    from wbc.tracking.fit import PlanMismatchError
+    from wbc.tracking.pendulum import pendulum_of
+    from wbc.tracking.reference import PlanReference
 
 __version__ = "0.1.0"
 
@@ -26,6 +29,8 @@ _NAMES = {
     "AccelerationLaw": "wbc.laws",
     "Motion": "wbc.motion",
     "Obstacle": "wbc.robot.collision",
+    "PlanMismatchError": "wbc.tracking.fit",
+    "PlanReference": "wbc.tracking.reference",
     "RmpSeries": "wbc.motion",
     "RmpState": "wbc.reduction",
     "Robot": "wbc.robot",
@@ -34,6 +39,7 @@ _NAMES = {
     "WbcError": "wbc.errors",
     "analyse": "wbc.motion",
     "load_problem": "wbc.problem",
+    "pendulum_of": "wbc.tracking.pendulum",
     "read_motion": "wbc.motion",
     "reduce": "wbc.reduction",
     "robot_names": "wbc.robot",

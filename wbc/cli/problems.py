@@ -94,7 +94,7 @@ def _told(problem: Problem | PendulumProblem) -> str:
     if not isinstance(problem, Problem):
         law = problem.spec.law
         what = f"law {law.type}" if law is not None else "a plan"
-        return f"valid: {problem.spec.model}, {problem.spec.mass:g} kg, {what}"
+        return f"valid: {problem.spec.model}, {problem.mass:g} kg, {what}"
     spec, parts = problem.spec, problem.parts
     counts = {
         "task": len(spec.tasks),

@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.printing import SHOWN, head, print_written, tasks_table
+from wbc.cli.printing import SHOWN, head, heads, print_written, tasks_table
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
+from wbc.tracking.deviation import PlanTracking
 
 
 def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
@@ -21,6 +22,8 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     ticks = len(result.run.history)
     console.print(head(result.status, f"{result.reason} ({ticks} ticks)"))
     console.print(tasks_table(result.run))
+    if result.tracking is not None:
+        console.print(_tracking(result.tracking))
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -51,6 +54,24 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     )
     console.print(table)
     print_written(console, written)
+
+
+def _tracking(found: PlanTracking) -> Table:
+    """Return a table of how far the robot was from its plan."""
+    table = heads("followed the plan", "rms", "worst", "at [s]", "rms of its peak")
+    for name, one, factor, unit in (
+        ("CoM", found.com, 1e3, "mm"),
+        ("CoP", found.cop, 1e3, "mm"),
+        ("angular momentum", found.momentum, 1.0, "kg m^2/s"),
+        ("inertia", found.inertia, 1.0, "kg m^2"),
+    ):
+        sizes = (f"{factor * size:.3g} {unit}" for size in (one.rms, one.worst))
+        part = _percent(one.rms / one.peak) if one.peak > 0.0 else "it has none"
+        table.add_row(Text(name), *sizes, f"{one.at:.3f}", part)
+    if not found.whole:
+        text = f"to {found.until:g} s only; it ends at {found.ends:g} s"
+        table.add_row(Text("judged", style="red"), Text(text, style="red"), "", "", "")
+    return table
 
 
 def _push(push: Push, result: SimulationResult) -> str:

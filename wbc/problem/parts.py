@@ -13,6 +13,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.run.phases import Phase
 from wbc.run.ramps import TargetedTask
 from wbc.tasks import Task
+from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
 
 
@@ -32,6 +33,8 @@ class Parts:
         What happens, in order; a run without phases is one.
     contact_slack:
         Weights of the contacts that may give way, by frame.
+    plan:
+        What tasks follow, or None.
     """
 
     robot: Robot
@@ -42,6 +45,7 @@ class Parts:
     limits: Limits | None
     surroundings: Surroundings
     contact_slack: Mapping[str, float]
+    plan: PlanReference | None
 
     @property
     def tasks(self) -> tuple[Task, ...]:

@@ -18,6 +18,7 @@ from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.problem.levels import REMEDY, TORQUE
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
+from wbc.problem.plan_targets import refuse_plan
 from wbc.problem.section import KnownKeys
 from wbc.problem.source import Source
 from wbc.problem.spec import PhaseSpec, PhaseTaskSpec, ProblemSpec
@@ -145,6 +146,7 @@ class _Planner:
         spec = self._merged(("phases", phase, "tasks", name), self._specs[name], given)
         if spec is None:
             return {}
+        refuse_plan(spec.target if "target" in given else None)
         if "target" in given:
             _check_feet_below(spec, self._start, contacts)
         spec.check_change(self._specs[name])

@@ -154,6 +154,7 @@ class Problem:
             plant,
             Stop(**spec.whole_stop.model_dump()),
             falls=FallLimits(**spec.simulation.falls),
+            plan=parts.plan,
             progress=progress,
             provenance=made_with,
             cancelled=cancelled,
@@ -213,7 +214,7 @@ def load_problem(
         # Only now: a robot's problem need not wait for CasADi to load.
         from wbc.problem.pendulum.problem import load_pendulum
 
-        return load_pendulum(source, overrides)
+        return load_pendulum(source, overrides, Path(path).parent)
     spec = read_section(ProblemSpec, source)
     return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
 

@@ -207,7 +207,7 @@ Range = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_leng
 Names = Annotated[tuple[Name, ...], Strict(False), Field(min_length=1)]
 Distinct = AfterValidator(_distinct)
 # Components of a vector; null is free.
-_Components = Annotated[tuple[Number | None, ...], Strict(False), Field(min_length=3, max_length=3)]
+Components = Annotated[tuple[Number | None, ...], Strict(False), Field(min_length=3, max_length=3)]
 
 Weight = Annotated[
     Annotated[NonNegative, NUMBER]
@@ -257,7 +257,7 @@ def _entry(of: DataclassField[Any], form: Any, description: str | None) -> Any:
     number = isinstance(of.default, float) and math.isfinite(of.default)
     if form is None:
         sizes = {float: PositiveOrInfinite, tuple: Range}
-        form = NonNegative if number else sizes.get(type(of.default), _Components)
+        form = NonNegative if number else sizes.get(type(of.default), Components)
     return form | None, Field(of.default if number else None, description=description)
 
 

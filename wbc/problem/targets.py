@@ -5,11 +5,12 @@ Each is a form of the file and a function from it to numbers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import BaseModel, Discriminator, Field, Strict, Tag
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
@@ -17,10 +18,13 @@ from wbc.problem.section import (
     MAPPING,
     START,
     Distinct,
+    Name,
+    NonNegative,
     Point,
     Quaternion,
     Section,
     Words,
+    form_of,
     forms,
 )
 from wbc.rotations import rotation_from
@@ -44,6 +48,31 @@ PointTarget = Annotated[
     Annotated[Point, LIST] | Annotated[Offset, MAPPING] | Annotated[Start, START],
     forms("[x, y, z] in metres, {offset: [x, y, z]}, or start"),
 ]
+
+
+PLAN = Tag("(plan)")
+
+
+class FromPlan(Section):
+    """A target that goes as a pendulum's plan says; all tasks of a problem follow the same one."""
+
+    plan: Name
+    """The plan: a .npz file that `wbc run` wrote, or the .yaml file that describes what to plan,
+    relative to this file. It must have been made for this robot, where it stands."""
+    begins: NonNegative = 0.0
+    """When the plan begins [s]; until then the target rests at its first place, and after the
+    plan's end at its last."""
+
+
+def form_with_plan(value: object) -> str | None:
+    """Return the tag of the form of a target that may come from a plan."""
+    if isinstance(value, FromPlan):
+        return PLAN.tag
+    if isinstance(value, Mapping) and not isinstance(value, BaseModel):
+        near = [get_close_matches(str(key), ("plan", "begins"), n=1) for key in value]
+        if any(near):
+            return PLAN.tag
+    return form_of(value)
 
 
 def point(target: Sequence[float] | Offset | str, start: Array) -> Array:

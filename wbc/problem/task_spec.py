@@ -26,6 +26,8 @@ class TaskSpec(Section):
 
     no_posture: ClassVar[str] = ""
     """Why a search over postures has no use for such a task; empty if it has."""
+    of_plan: ClassVar[tuple[str, ...]] = ()
+    """What of a plan's targets it follows: names of value, rate and acceleration."""
     level: ClassVar[str] = ""
     """The only control level that has such tasks; empty if both have."""
 

@@ -154,7 +154,7 @@ class PhaseExecutor:
             one.set_target(*MinimumJerk(target, target, 1.0, one.space).at(0.0))
         moving = (one.moving(start) for one in tasks)
         self._moving = [one for one in moving if one is not None]
-        self.ramps_over = max((one.ramp or 0.0 for one in tasks), default=0.0)
+        self.ramps_over = max((one.course.duration for one in self._moving), default=0.0)
         if move_world is not None:
             move_world(0.0)
         first, *self._coming = phases

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -127,17 +127,28 @@ class MinimumJerk:
         return value, rate * self.displacement, acceleration * self.displacement
 
 
+class Course(Protocol):
+    """Where a target goes over time, such as a ramp."""
+
+    @property
+    def duration(self) -> float:
+        """When it is at rest at its end [s]."""
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Return value, rate and acceleration at ``t`` [s]."""
+
+
 @dataclass(frozen=True, eq=False)
 class MovingTarget:
-    """A ramp that starts at ``begins`` [s], and what takes its value, rate and acceleration."""
+    """A course that starts at ``begins`` [s], and what takes its value, rate and acceleration."""
 
-    ramp: MinimumJerk
+    course: Course
     set_target: SetTarget
     begins: float = 0.0
 
     def move_to(self, t: float) -> None:
         """Set what is moved to its value at time ``t`` [s]."""
-        self.set_target(*self.ramp.at(t - self.begins))
+        self.set_target(*self.course.at(t - self.begins))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +167,8 @@ class TargetedTask:
         Sets the task's target.
     ramp:
         Time [s] in which the target moves from the start to the goal, or None.
+    course:
+        Where the target goes instead, from the start of the run on, or None.
     weight:
         (k,) of the task as it was made; that of the task itself may change in a run.
     """
@@ -166,13 +179,16 @@ class TargetedTask:
     space: Space
     set_target: SetTarget
     ramp: float | None = None
+    course: Course | None = None
     weight: Array = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weight", self.task.weight)
 
     def moving(self, start: Snapshot) -> MovingTarget | None:
-        """Return what moves the target from the start to the goal, if it has a ramp."""
+        """Return what moves the target from the start on, if anything does."""
+        if self.course is not None:
+            return MovingTarget(self.course, self.set_target)
         if self.ramp is None:
             return None
         here = self.current(start)

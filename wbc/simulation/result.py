@@ -23,6 +23,8 @@ from wbc.simulation.plant import Plant
 from wbc.simulation.push import Push
 from wbc.simulation.recorder import Recorder
 from wbc.simulation.trial_record import TrialRecord
+from wbc.tracking.deviation import PlanTracking, judge
+from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
 
 # A foot that bears less than this part of the robot's weight does not widen the support.
@@ -80,6 +82,8 @@ class SimulationResult:
         never were are left out.
     torque_use:
         Largest part of its torque bound that each joint used, by joint; those without are left out.
+    tracking:
+        How well the robot followed a plan, if it had one.
     """
 
     run: Result
@@ -93,15 +97,24 @@ class SimulationResult:
     torque_use: Mapping[str, float]
     recorder: Recorder
     notes: Sequence[str]
+    tracking: PlanTracking | None = None
 
     @classmethod
-    def of(cls, run: Result, plant: Plant, record: TrialRecord, bounds: Array) -> SimulationResult:
+    def of(
+        cls,
+        run: Result,
+        plant: Plant,
+        record: TrialRecord,
+        bounds: Array,
+        plan: PlanReference | None = None,
+    ) -> SimulationResult:
         """Return the result of a trial; ``bounds`` (nv - 6,) are those on the torques."""
         robot, truth, ticks = plant.robot, record.truth.arrays(), record.ticks
         used = np.abs(truth["torque"][1:]) / bounds
         parts = dict(zip(robot.joint_names, used.max(axis=0, initial=0.0).tolist(), strict=True))
         at_bound = (used >= AT_BOUND).mean(axis=0) if len(used) else np.zeros(len(bounds))
         shares = zip(robot.joint_names, at_bound.tolist(), strict=True)
+        tracking = None if plan is None else judge(plan, robot, truth)
         return cls(
             run=run,
             verdict=record.verdict,
@@ -110,6 +123,7 @@ class SimulationResult:
                 **truth,
                 "tilt": np.array(record.tilt),
                 "cop_margin": cop_margin(robot, truth),
+                **({} if tracking is None else tracking.arrays),
             },
             pushes=record.pushes,
             relaxed=record.relaxed / ticks,
@@ -122,6 +136,7 @@ class SimulationResult:
             ),
             recorder=record.truth,
             notes=tuple(plant.notes),
+            tracking=tracking,
         )  # fmt: skip
 
     @property
@@ -190,6 +205,7 @@ class SimulationResult:
                 "torque_use": dict(self.torque_use),
                 "notes": list(self.notes),
             },
+            **({} if self.tracking is None else {"plan": self.tracking.summary()}),
         }
 
     def save(self, path: str | Path) -> None:

@@ -21,6 +21,7 @@ from wbc.simulation.loop import STANDING_LIMITS, simulate
 from wbc.simulation.plant import Plant
 from wbc.simulation.result import SimulationResult
 from wbc.simulation.trial_record import TrialRecord
+from wbc.tracking.reference import PlanReference
 from wbc.validate import Array
 
 
@@ -30,6 +31,7 @@ def run_trial(
     stop: Stop,
     *,
     falls: FallLimits = STANDING_LIMITS,
+    plan: PlanReference | None = None,
     progress: Progress | None = None,
     provenance: Mapping[str, Any] | None = None,
     cancelled: Cancelled | None = None,
@@ -47,6 +49,8 @@ def run_trial(
         Its ``duration``, and what must hold at the end; it does not end at rest.
     falls:
         What counts as a fall, which ends it.
+    plan:
+        What the tasks follow, by which the result is judged too.
     progress, cancelled, show:
         As of :func:`wbc.run.simulate`; ``failed`` counts the ticks in which something gave way.
     provenance:
@@ -94,7 +98,7 @@ def run_trial(
         provenance,
         interrupted,
     )
-    return SimulationResult.of(result, plant, record, _bounds(first))
+    return SimulationResult.of(result, plant, record, _bounds(first), plan)
 
 
 def _bounds(controller: Controller) -> Array:

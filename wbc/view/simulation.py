@@ -25,6 +25,7 @@ SHOWN = 5  # portraits
 AFTER_PUSH = (0.0, 0.1, 0.3, 1.0)  # parts of the time after a push at which the robot is drawn
 JOINTS = 4  # whose torque is drawn: those that use most of it
 PUSHED = "#FBE9DF"  # behind plots while something pushes
+PLANNED = ("plan_com", "plan_cop", "plan_momentum", "angular_momentum")  # if it follows a plan
 NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
 
 
@@ -63,7 +64,8 @@ def simulation_figure(
     Above the robot at a few instants. Below, with pushes shaded: CoM and CoP, measured and
     commanded, along x and y; normal force of each foot, measured and commanded; torques by their
     bounds, with the ticks in which something gave way marked; tilt of the trunk and how far the CoP
-    is inside the soles.
+    is inside the soles. If the robot follows a plan, the plan's CoM beside the robot's, how far CoM
+    and CoP are from it, and the angular momentum of both.
 
     Parameters
     ----------
@@ -76,7 +78,8 @@ def simulation_figure(
     portraits = portraits_of(robot, names, view)
     width = WIDTH / SHOWN
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    below = ROWS * PLOT
+    rows = ROWS + ("plan_com" in run)
+    below = rows * PLOT
     figure = style.sheet(WIDTH, TOP + high + BELOW_PANEL + below, title, below)
     margin = 0.5 * (WIDTH - len(portraits) * width)
     bottom = below + BELOW_PANEL
@@ -84,14 +87,17 @@ def simulation_figure(
         style.place(figure, margin + k * width, bottom, width, high) for k in range(len(portraits))
     ]
     draw_portraits(places, portraits)
-    grid = figure.add_gridspec(ROWS, 2)
-    axes = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(2 * ROWS)]
+    grid = figure.add_gridspec(rows, 2)
+    axes = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(2 * rows)]
     _plot_com(axes[0], run, 0, "x: forwards")
     _plot_com(axes[1], run, 1, "y: to the left")
     _plot_forces(axes[2], robot, run)
     _plot_torques(axes[3], robot, run)
     _plot_tilt(axes[4], run)
     _plot_margin(axes[5], run)
+    if "plan_com" in run:
+        _plot_from_plan(axes[6], run)
+        _plot_momentum(axes[7], run)
     for one in axes:
         _mark_pushes(one, run)
     return figure
@@ -110,6 +116,7 @@ def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
     soles = [foot.frame for foot in robot.feet.values()]
     names = [*NEEDED[2:], "cop_margin", *(f"forces/{sole}" for sole in soles)]
     names += [f"planned_forces/{sole}" for sole in soles]
+    names += [name for name in PLANNED if name in arrays]
     for name in names:
         found = np.asarray(arrays[name] if name in arrays else np.full(count, np.nan), float)
         if len(found) != count:
@@ -148,12 +155,34 @@ def _plot_com(axes: Axes, run: Mapping[str, Array], axis: int, name: str) -> Non
         Series("CoP", style.BLUE, "-", run["cop"]),
         Series("CoP commanded", style.ORANGE, ":", run["planned_cop"]),
         Series("CoM", style.BLACK, "-", run["com"]),
+        *([Series("CoM planned", style.GREEN, "--", run["plan_com"])] if "plan_com" in run else []),
     )
     curves = [
         Series(one.label, one.colour, one.dashes, 1e3 * (one.values[:, axis] - start))
         for one in parts
     ]
     plot_curves(axes, run["time"], curves)
+
+
+def _plot_from_plan(axes: Axes, run: Mapping[str, Array]) -> None:
+    style.plain(axes, "How far CoM and CoP are from the plan", "time [s]", "mm")
+    curves = []
+    for label, colour, name in (("CoP", style.BLUE, "cop"), ("CoM", style.BLACK, "com")):
+        apart = run[name] - run[f"plan_{name}"]
+        columns = slice(0, 2 if name == "cop" else 3)
+        curves.append(Series(label, colour, "-", 1e3 * np.linalg.norm(apart[:, columns], axis=1)))
+    plot_curves(axes, run["time"], curves)
+    axes.set_ylim(bottom=0.0)
+
+
+def _plot_momentum(axes: Axes, run: Mapping[str, Array]) -> None:
+    style.plain(axes, "Angular momentum (dashed: planned)", "time [s]", "kg m$^2$/s")
+    curves = []
+    for k, axis in enumerate("xyz"):
+        colour = style.SERIES[k]
+        curves.append(Series("", colour, "--", run["plan_momentum"][:, k]))
+        curves.append(Series(axis, colour, "-", run["angular_momentum"][:, k]))
+    _plot(axes, run["time"], curves)
 
 
 def _plot_forces(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from difflib import get_close_matches
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, Discriminator, Tag
@@ -24,10 +24,9 @@ from wbc.problem.section import (
     Section,
     Weight,
     default_of,
-    form_of,
     forms,
 )
-from wbc.problem.targets import Axes, Offset, Start, point
+from wbc.problem.targets import PLAN, Axes, FromPlan, Offset, Start, form_with_plan, point
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.robot.feet import NO_FEET
@@ -50,11 +49,12 @@ class Over(Section):
 
 
 def _form(value: object) -> str | None:
-    """Tell the two mappings apart by the key that their first key is nearest to."""
+    """Tell the mappings apart by the key that their first key is nearest to."""
+    form = form_with_plan(value)
     if isinstance(value, BaseModel):
-        return OVER.tag if isinstance(value, Over) else MAPPING.tag
-    if not isinstance(value, Mapping):
-        return form_of(value)
+        return OVER.tag if isinstance(value, Over) else form
+    if form != MAPPING.tag or not isinstance(value, Mapping):
+        return form
     near = [get_close_matches(str(key), ("offset", "over", "height"), n=1) for key in value]
     return MAPPING.tag if ["offset"] in near or not any(near) else OVER.tag
 
@@ -63,12 +63,13 @@ ComTarget = Annotated[
     Annotated[Point, LIST]
     | Annotated[Offset, MAPPING]
     | Annotated[Over, OVER]
+    | Annotated[FromPlan, PLAN]
     | Annotated[Start, START],
     Discriminator(
         _form,
         custom_error_type="form",
-        custom_error_message="expected [x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, or "
-        "start",
+        custom_error_message="expected [x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, "
+        "{plan: file}, or start",
     ),
 ]
 
@@ -85,11 +86,14 @@ class CapturePointLaw(Section):
 class ComSpec(ErrorTaskSpec):
     """The centre of mass."""
 
+    of_plan: ClassVar[tuple[str, ...]] = ("com", "com_velocity", "com_acceleration")
+
     type: Literal["com"]
     axes: Axes = default_of(ComTask, "axes")
     """Which world axes are controlled."""
     target: ComTarget
-    """Wanted place [m], world axes; {over: left} puts it above a foot."""
+    """Wanted place [m], world axes; {over: left} puts it above a foot, {plan: ...} lets it go as a
+    plan says."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per axis [1/(m/s)]."""
     ramp: Positive | None = None
@@ -108,6 +112,8 @@ class ComSpec(ErrorTaskSpec):
         """Return the task."""
 
         def goal(now: Snapshot, before: Array) -> Array:
+            if isinstance(self.target, FromPlan):
+                return before
             if not isinstance(self.target, Over):
                 return point(self.target, start.com)
             place = sole_middle(now, self.feet_below(now.robot))

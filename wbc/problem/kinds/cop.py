@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, Strict
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import Name, Number, Weight, default_of
+from wbc.problem.section import LIST, MAPPING, Name, Number, Weight, default_of, forms
+from wbc.problem.targets import FromPlan
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
 from wbc.tasks import CopTask
+from wbc.validate import Array
+
+CopTarget = Annotated[
+    Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3), LIST]
+    | Annotated[FromPlan, MAPPING],
+    forms("[x, y] or [x, y, z] in metres, or {plan: file}"),
+]
 
 
 class CopSpec(ForceTaskSpec):
@@ -21,12 +29,14 @@ class CopSpec(ForceTaskSpec):
     In a phase in which the frame is no contact, the task rests.
     """
 
+    of_plan: ClassVar[tuple[str, ...]] = ("cop",)
+
     type: Literal["cop"]
     frame: Name | None = default_of(CopTask, "frame")
     """Frame of a contact; left out: the CoP of all contacts."""
-    target: Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
-    """Wanted point [m]. Of all contacts [x, y] or [x, y, z] in the world; of one contact [x, y] in
-    the axes of its frame, from its origin."""
+    target: CopTarget
+    """Wanted point [m]. Of all contacts [x, y] or [x, y, z] in the world, or {plan: ...}, as a plan
+    says; of one contact [x, y] in the axes of its frame, from its origin."""
     weight: Weight = default_of(CopTask, "weight")
     """Weight of the task, one number or one per row (mx, my), on the moment about the wanted point
     times dt over the robot's mass [1/(m^2/s)]."""
@@ -38,6 +48,8 @@ class CopSpec(ForceTaskSpec):
 
     def check_change(self, before: Self) -> None:
         """Refuse a point with a height after one without, and the other way round."""
+        if isinstance(self.target, FromPlan) or isinstance(before.target, FromPlan):
+            return
         if len(self.target) != len(before.target):
             raise Misplaced(
                 f"needs {len(before.target)} entries as in the task itself, got {len(self.target)}",
@@ -46,11 +58,7 @@ class CopSpec(ForceTaskSpec):
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
-        if self.frame is not None and len(self.target) != 2:
-            raise Misplaced(
-                f"needs 2 entries, in the plane of {self.frame}, got {len(self.target)}", "target"
-            )
-        goal, settings = np.array(self.target, dtype=float), self.settings(("mx", "my"))
+        goal, settings = self._goal(start), self.settings(("mx", "my"))
         task = CopTask(start.robot, goal, frame=self.frame, name=name, **settings)
         return TargetedTask(
             task,
@@ -59,3 +67,15 @@ class CopSpec(ForceTaskSpec):
             VECTORS,
             lambda value, *_: task.set_target(value),
         )
+
+    def _goal(self, start: Snapshot) -> Array:
+        """Return the wanted point, (2,) or (3,) [m]; below the CoM until a plan begins."""
+        if isinstance(self.target, FromPlan):
+            if self.frame is not None:
+                raise Misplaced("a plan has the CoP of all contacts; leave this out", "frame")
+            return np.append(start.com[:2], 0.0)
+        if self.frame is not None and len(self.target) != 2:
+            raise Misplaced(
+                f"needs 2 entries, in the plane of {self.frame}, got {len(self.target)}", "target"
+            )
+        return np.array(self.target, dtype=float)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Discriminator, Field, Strict
 
 from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced
@@ -28,7 +28,7 @@ from wbc.problem.section import (
     default_of,
     forms,
 )
-from wbc.problem.targets import Start
+from wbc.problem.targets import PLAN, FromPlan, Start, form_with_plan
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
@@ -67,16 +67,22 @@ InertiaTarget = Annotated[
     | Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=6), LIST]
     | Annotated[tuple[Point, ...], Strict(False), Field(min_length=3, max_length=3), MATRIX]
     | Annotated[Scale, MAPPING]
+    | Annotated[FromPlan, PLAN]
     | Annotated[Start, START],
-    forms(
-        "numbers in kg m^2 (three diagonal entries or principal moments, six entries xx xy xz yy "
-        "yz zz, a 3x3 matrix, or one number for the trace), {scale: factor}, or start"
+    Discriminator(
+        form_with_plan,
+        custom_error_type="form",
+        custom_error_message="expected numbers in kg m^2 (three diagonal entries or principal "
+        "moments, six entries xx xy xz yy yz zz, a 3x3 matrix, or one number for the trace), "
+        "{scale: factor}, {plan: file}, or start",
     ),
 ]
 
 
 class InertiaSpec(ErrorTaskSpec):
     """The robot's centroidal (composite-rigid-body) inertia: size and shape of the whole robot."""
+
+    of_plan: ClassVar[tuple[str, ...]] = ("inertia", "inertia_rate", "inertia_acceleration")
 
     type: Literal["inertia"]
     components: Components = "all"
@@ -85,7 +91,8 @@ class InertiaSpec(ErrorTaskSpec):
     frame: Name = default_of(InertiaTask, "frame")
     """Whose axes: world, base (the joints alone then decide) or any frame of the robot."""
     target: InertiaTarget
-    """Wanted inertia [kg m^2], or {scale: ...} of the one at the start."""
+    """Wanted inertia [kg m^2], or {scale: ...} of the one at the start, or {plan: ...}, as a plan
+    says."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(kg m^2/s)]."""
     per_mass: bool = default_of(InertiaTask, "per_mass")
@@ -124,7 +131,9 @@ class InertiaSpec(ErrorTaskSpec):
 
     def _goal(self, rows: tuple[str, ...], start: Array) -> Array:
         """Return the wanted inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
-        if isinstance(self.target, str):
+        if isinstance(self.target, FromPlan) and self.frame != "world":
+            raise Misplaced("a plan has the inertia in world axes; leave this out", "frame")
+        if isinstance(self.target, str | FromPlan):
             return start
         if isinstance(self.target, Scale):
             if isinstance(self.target.scale, float | int):
@@ -166,6 +175,8 @@ class InertiaSpec(ErrorTaskSpec):
 
     def _principal_goal(self, start: Array) -> Array:
         """Return the wanted principal moments (3,) [kg m^2], smallest first."""
+        if isinstance(self.target, FromPlan):
+            raise Misplaced("of a plan give entries of the matrix, such as diagonal", "components")
         if isinstance(self.target, str):
             return start
         if isinstance(self.target, Scale):

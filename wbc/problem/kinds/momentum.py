@@ -10,6 +10,7 @@ from pydantic import Field, Strict
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
     LIST,
+    MAPPING,
     WORD,
     Distinct,
     NonNegative,
@@ -19,6 +20,7 @@ from wbc.problem.section import (
     default_of,
     forms,
 )
+from wbc.problem.targets import FromPlan
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
@@ -38,9 +40,17 @@ Components = Annotated[
 ]
 
 
+MomentumTarget = Annotated[
+    Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=6), LIST]
+    | Annotated[FromPlan, MAPPING],
+    forms("a list of numbers, or {plan: file}"),
+]
+
+
 class MomentumSpec(MotionTaskSpec):
     """Centroidal momentum; a rate already, so there is no error to remove by a gain."""
 
+    of_plan: ClassVar[tuple[str, ...]] = ("momentum", "momentum_rate")
     no_posture: ClassVar[str] = "momentum is about velocities, a posture has none"
 
     type: Literal["momentum"]
@@ -48,11 +58,9 @@ class MomentumSpec(MotionTaskSpec):
     """linear (lx ly lz), angular about the centre of mass (kx ky kz), all, or a list of these."""
     kd: NonNegative | None = None
     """At the torque level: the error decays as exp(-kd t) [1/s]; left out: 20."""
-    target: Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=6)] = (
-        default_of(MomentumTask, "target")
-    )
+    target: MomentumTarget = default_of(MomentumTask, "target")
     """Wanted momentum, linear [kg m/s] then angular [kg m^2/s], world axes: six numbers, or one for
-    each component."""
+    each component; or {plan: ...}, as a plan says."""
     weight: Weight = 1.0
     """Weight of the task, one number or one per row [1/(kg m/s)] or [1/(kg m^2/s)]."""
 
@@ -70,6 +78,8 @@ class MomentumSpec(MotionTaskSpec):
         return TargetedTask(task, fixed_goal(goal), lambda now: now.momentum, VECTORS, set_target)
 
     def _goal(self, rows: tuple[str, ...]) -> Array:
+        if isinstance(self.target, FromPlan):
+            return np.zeros(len(ROWS))
         if len(self.target) == len(ROWS):
             return np.array(self.target, dtype=float)
         if len(self.target) != len(rows):

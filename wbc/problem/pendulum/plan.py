@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Strict, Tag
 
-from wbc.problem.mistakes import Mistakes
+from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
 from wbc.problem.section import (
     LIST,
@@ -18,8 +18,10 @@ from wbc.problem.section import (
     MATRIX,
     NUMBER,
     WORD,
+    Components,
     KeysOf,
     Name,
+    NonNegative,
     Pair,
     Quaternion,
     Section,
@@ -27,6 +29,7 @@ from wbc.problem.section import (
     form_of,
     forms,
 )
+from wbc.problem.targets import Offset
 from wbc.rmp.ground import centroidal_moment_pivot
 from wbc.rmp.plan import (
     Corners,
@@ -47,6 +50,8 @@ from wbc.rmp.plan.schedule import MOST_INTERVALS
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.rotations import rotations_from
+from wbc.tracking.pendulum import RobotPendulum
+from wbc.tracking.reference import DOUBLE
 
 # Moments between two knots, so that curves look like curves.
 FINER = 4
@@ -56,7 +61,11 @@ _Durations = Annotated[
     Annotated[Size, NUMBER] | Annotated[_Sizes, LIST],
     forms("seconds, or [least, greatest]"),
 ]
-_State = Annotated[dict[str, Any], KeysOf(State)]
+_Com = Annotated[
+    Annotated[Components, LIST] | Annotated[Offset, MAPPING],
+    forms("[x, y, z] in metres, null where free, or {offset: [x, y, z]} from the robot's"),
+]
+_State = Annotated[dict[str, Any], KeysOf(State, com=_Com)]
 _Limits = Annotated[dict[str, Any], KeysOf(Limits)]
 
 
@@ -84,21 +93,33 @@ class HullSpec(Section):
         return hull(*(sole.corners() for sole in self.hull))
 
 
+class SolesSpec(Section):
+    """The robot's own soles, where they stand in its posture."""
+
+    soles: Name
+    """A foot, or double for left and right together."""
+    margin: NonNegative = 0.0
+    """How far inside their edge the CoP stays [m]: what is left to correct errors with."""
+
+
 def _support_form(value: Any) -> str | None:
     form = form_of(value)
-    return "(hull)" if form == MAPPING.tag and "hull" in dict(value) else form
+    if form != MAPPING.tag:
+        return form
+    return next((f"({key})" for key in ("hull", "soles") if key in dict(value)), form)
 
 
 _Support = Annotated[
     Annotated[Literal["flight"], WORD]
     | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=1), MATRIX]
     | Annotated[RectangleSpec, MAPPING]
-    | Annotated[HullSpec, Tag("(hull)")],
+    | Annotated[HullSpec, Tag("(hull)")]
+    | Annotated[SolesSpec, Tag("(soles)")],
     Discriminator(
         _support_form,
         custom_error_type="form",
         custom_error_message="expected flight, corners [[x, y], ...] anticlockwise, "
-        "{at: [x, y], size: [length, width]}, or {hull: [...]} of several",
+        "{at: [x, y], size: [length, width]}, {hull: [...]} of several, or {soles: double}",
     ),
 ]
 
@@ -117,16 +138,21 @@ class PlanPhaseSpec(Section):
     end: _State = Field(default_factory=dict)
     """Components of the state that are given where the phase ends."""
 
-    def build(self, name: str, limits: Limits) -> Phase:
+    def build(self, name: str, limits: Limits, robot: RobotPendulum | None) -> Phase:
         """Return the phase; ``limits`` are those of the plan.
 
         Raises
         ------
-        InvalidInputError
-            Numbers that contradict each other.
+        WbcError
+            Numbers that contradict each other, or a foot that the robot does not have.
         """
         support: Any = self.support
-        if isinstance(support, RectangleSpec | HullSpec):
+        if isinstance(support, SolesSpec):
+            if robot is None:
+                raise Misplaced("soles are a robot's; give robot, or corners", "support", "soles")
+            feet = DOUBLE if support.soles == "double" else (support.soles,)
+            support = robot.soles(feet, support.margin)
+        elif isinstance(support, RectangleSpec | HullSpec):
             support = support.corners()
         return Phase(
             name=name,
@@ -134,8 +160,24 @@ class PlanPhaseSpec(Section):
             support=None if support == "flight" else support,
             intervals=self.intervals,
             limits=replace(limits, **self.limits) if self.limits else None,
-            end=State(**self.end),
+            end=_state(self.end, robot),
         )
+
+
+def _state(given: Mapping[str, Any], robot: RobotPendulum | None, whole: bool = False) -> State:
+    """Return a state; of a robot's plan, if ``whole``, what is not given is as in its posture."""
+    values = dict(given)
+    com = values.get("com")
+    if isinstance(com, Offset):
+        if robot is None:
+            raise Misplaced("an offset is from a robot's CoM; give robot, or a place", "com")
+        values["com"] = tuple((robot.start.com + np.array(com.offset)).tolist())
+    if robot is not None and whole:
+        rest = {each.name: getattr(robot.rest, each.name) for each in fields(State)}
+        if "inertia" in values:
+            del rest["radii"]
+        values = {**rest, **values}
+    return State(**values)
 
 
 class PlanSpec(Section):
@@ -143,8 +185,9 @@ class PlanSpec(Section):
 
     schedule: Annotated[dict[Name, PlanPhaseSpec], Field(min_length=1)]
     """Phases by name, in order of time."""
-    start: _State
-    """What is given of the first state."""
+    start: _State = Field(default_factory=dict)
+    """What is given of the first state. With robot, here and in goal and nominal, what is not given
+    is as in its posture, at rest; [null, null, null] is free."""
     goal: _State = Field(default_factory=dict)
     """What is given of the last state."""
     nominal: _State = Field(default_factory=dict)
@@ -155,15 +198,21 @@ class PlanSpec(Section):
     """Of the cost; each on the square of a quantity, integrated over time."""
     periodic: Pair | None = None
     """Stride [x, y] [m]: the last state is the first one moved by it."""
-    reference: Quaternion = PlanProblem.reference
-    """Orientation that rotations are counted from, a unit quaternion (x, y, z, w)."""
+    reference: Quaternion | None = None
+    """Orientation that rotations are counted from, a unit quaternion (x, y, z, w). Left out: the
+    world's, or that of the robot's ellipsoid in its posture."""
     degree: Annotated[int, Field(ge=DEGREES[0], le=DEGREES[1])] = PlanProblem.degree
     """Degree of the orientation's polynomial in each interval."""
     iterations: Annotated[int, Field(ge=1, le=100_000)] = 100
     """The most that IPOPT may take."""
 
-    def build(self, pendulum: PlanarRmp | SolidRmp, mistakes: Mistakes) -> Planning:
-        """Return what to plan.
+    def build(
+        self,
+        pendulum: PlanarRmp | SolidRmp,
+        mistakes: Mistakes,
+        robot: RobotPendulum | None = None,
+    ) -> Planning:
+        """Return what to plan, for a pendulum that may be a robot's.
 
         Raises
         ------
@@ -175,13 +224,15 @@ class PlanSpec(Section):
             given["limits"] = Limits(**self.limits)
         for name in ("start", "goal", "nominal"):
             with mistakes.at("plan", name):
-                given[name] = State(**getattr(self, name))
+                given[name] = _state(getattr(self, name), robot, whole=True)
         for name, phase in self.schedule.items():
             with mistakes.at("plan", "schedule", name):
-                given["schedule"] += (phase.build(name, given["limits"]),)
+                given["schedule"] += (phase.build(name, given["limits"], robot),)
         with mistakes.at("plan", "weights"):
             given["weights"] = Weights(**self.weights)
-        given |= {name: getattr(self, name) for name in ("periodic", "reference", "degree")}
+        given |= {name: getattr(self, name) for name in ("periodic", "degree")}
+        own = PlanProblem.reference if robot is None else robot.reference
+        given["reference"] = own if self.reference is None else self.reference
         mistakes.raise_any()
         problem = mistakes.require(("plan",), lambda: PlanProblem(pendulum, **given))
         return Planning(problem, self.iterations)
@@ -194,6 +245,16 @@ class Planning:
     problem: PlanProblem
     iterations: int
 
+    def solve(self) -> Plan:
+        """Return the plan.
+
+        Raises
+        ------
+        PlanError
+            There is none; the error names what is in the way.
+        """
+        return solve(self.problem, iterations=self.iterations)
+
     def run(self, provenance: Mapping[str, Any]) -> PendulumResult:
         """Solve for a plan and return it, checked at twice the knots.
 
@@ -202,7 +263,7 @@ class Planning:
         PlanError
             There is none; the error names what is in the way.
         """
-        plan = solve(self.problem, iterations=self.iterations)
+        plan = self.solve()
         checked = check(plan)
         stats = plan.stats
         measures = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from wbc.problem.mistakes import Misplaced, Mistakes, read_section
@@ -12,10 +13,12 @@ from wbc.problem.pendulum.result import PendulumResult
 from wbc.problem.pendulum.simulation import Balance, build_balance
 from wbc.problem.pendulum.spec import PendulumSpec
 from wbc.problem.provenance import provenance, versions
+from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.source import Source
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.run.callbacks import Cancelled, Progress
+from wbc.tracking.pendulum import RobotPendulum, pendulum_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,14 @@ class PendulumProblem:
     parts: Balance | Planning
 
     def __repr__(self) -> str:
-        return f"PendulumProblem({self.source.name!r}, {self.spec.model!r}, {self.spec.mass:g} kg)"
+        return f"PendulumProblem({self.source.name!r}, {self.spec.model!r}, {self.mass:g} kg)"
+
+    @property
+    def mass(self) -> float:
+        """Of the pendulum [kg]."""
+        if isinstance(self.parts, Planning):
+            return self.parts.problem.mass
+        return float(self.parts.setting.pendulum.mass)
 
     def run(
         self, progress: Progress | None = None, *, cancelled: Cancelled | None = None
@@ -70,8 +80,8 @@ class PendulumProblem:
         return provenance(self.source, self.overrides)
 
 
-def load_pendulum(source: Source, overrides: Mapping[str, Any]) -> PendulumProblem:
-    """Return the checked problem of a source.
+def load_pendulum(source: Source, overrides: Mapping[str, Any], folder: Path) -> PendulumProblem:
+    """Return the checked problem of a source; relative paths start from ``folder``.
 
     Raises
     ------
@@ -79,12 +89,12 @@ def load_pendulum(source: Source, overrides: Mapping[str, Any]) -> PendulumProbl
         With every mistake found: file, line, key path, what is wrong and what is valid.
     """
     spec = read_section(PendulumSpec, source)
-    return PendulumProblem(source, overrides, spec, _build(spec, Mistakes(source)))
+    return PendulumProblem(source, overrides, spec, _build(spec, folder, Mistakes(source)))
 
 
-def _build(spec: PendulumSpec, mistakes: Mistakes) -> Balance | Planning:
-    kind = PlanarRmp if spec.model == "rmp_planar" else SolidRmp
-    pendulum = mistakes.require((), lambda: kind(spec.mass, spec.gravity))
+def _build(spec: PendulumSpec, folder: Path, mistakes: Mistakes) -> Balance | Planning:
+    robot = None if spec.robot is None else _robot(spec, spec.robot, folder, mistakes)
+    pendulum = _pendulum(spec, mistakes) if robot is None else robot.pendulum
     if spec.law is not None and spec.plan is None:
         return build_balance(spec, spec.law, pendulum, mistakes)
     if spec.plan is None or spec.law is not None:
@@ -93,4 +103,27 @@ def _build(spec: PendulumSpec, mistakes: Mistakes) -> Balance | Planning:
         if key in spec.model_fields_set:
             mistakes.note((key,), Misplaced("belongs to a law; a plan has its own, under plan:"))
     mistakes.raise_any()
-    return spec.plan.build(pendulum, mistakes)
+    return spec.plan.build(pendulum, mistakes, robot)
+
+
+def _pendulum(spec: PendulumSpec, mistakes: Mistakes) -> PlanarRmp | SolidRmp:
+    kind = PlanarRmp if spec.model == "rmp_planar" else SolidRmp
+    if spec.mass is None:
+        mistakes.fail((), "'mass' is missing")
+    mass = spec.mass
+    return mistakes.require((), lambda: kind(mass, spec.gravity))
+
+
+def _robot(
+    spec: PendulumSpec, choice: str | RobotSpec, folder: Path, mistakes: Mistakes
+) -> RobotPendulum:
+    """Return the pendulum of the humanoid that a plan is for."""
+    if spec.model != "rmp_solid" or spec.plan is None:
+        mistakes.fail(("robot",), "belongs to a plan of model rmp_solid; leave this out")
+    for key in ("mass", "gravity"):
+        if key in spec.model_fields_set:
+            mistakes.note((key,), Misplaced("is that of the robot; leave this out"))
+    given = RobotSpec(model=choice) if isinstance(choice, str) else choice
+    robot = mistakes.require(("robot",), lambda: given.load(folder))
+    q = mistakes.require(("posture",), lambda: robot.posture(spec.posture))
+    return pendulum_of(robot.snapshot(q))

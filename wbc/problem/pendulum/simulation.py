@@ -132,7 +132,7 @@ def build_balance(
             pushes.append(Push(push.time, push.impulse))
             impulses_by_step(pushes[-1:], pendulum, stop.dt, steps)
     mistakes.raise_any()
-    plant = type(pendulum)(spec.mass * spec.plant.mass, spec.gravity)
+    plant = type(pendulum)(pendulum.mass * spec.plant.mass, spec.gravity)
     return Balance(law_spec, law, setting, plant, tuple(pushes), stop)
 
 

@@ -9,10 +9,12 @@ from pydantic import Field, Strict
 from wbc.problem.pendulum.laws import LawChoice
 from wbc.problem.pendulum.plan import PlanSpec
 from wbc.problem.pendulum.start import PendulumStartSpec
+from wbc.problem.robot_spec import RobotChoice
 from wbc.problem.section import (
     LIST,
     MATRIX,
     KeysOf,
+    Name,
     NonNegative,
     Number,
     Pair,
@@ -82,8 +84,13 @@ class PendulumSpec(Section):
     """Version of this format."""
     model: Literal["rmp_planar", "rmp_solid"]
     """Which pendulum."""
-    mass: Size
-    """All of its mass [kg]."""
+    mass: Size | None = None
+    """All of its mass [kg]; that of the robot if there is one."""
+    robot: RobotChoice | None = None
+    """The humanoid that the plan is for: its mass, its start at rest, its soles. A name that
+    `wbc robots` lists, a .urdf or .xml file relative to this file, or a mapping."""
+    posture: Name = "standing"
+    """The robot's posture in which the plan begins."""
     gravity: NonNegative = 9.81
     """[m/s^2], downward."""
     start: PendulumStartSpec | None = None

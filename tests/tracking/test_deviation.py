@@ -1,0 +1,47 @@
+"""How well a plan was followed: motions whose distance from the plan is known."""
+
+import numpy as np
+import pytest
+
+from wbc.rmp.plan import Plan
+from wbc.robot import Snapshot
+from wbc.tracking.deviation import Deviation, judge
+from wbc.tracking.reference import PlanReference
+
+
+def test_rms_worst_and_when() -> None:
+    time = np.array((0.0, 1.0, 2.0, 3.0))
+    actual = np.array(((0.0, 0.0), (3.0, 4.0), (np.nan, 0.0), (0.0, 1.0)))
+    found = Deviation.of(time, actual, np.zeros((4, 2)), 10.0)
+    assert found == Deviation(pytest.approx(np.sqrt(26.0 / 3.0)), 5.0, 1.0, 10.0)
+    nothing = Deviation.of(time, np.full((4, 2), np.nan), np.zeros((4, 2)), 10.0)
+    assert np.isnan([nothing.rms, nothing.worst, nothing.at]).all()
+
+
+def test_a_robot_that_stands_still_is_as_far_from_the_plan_as_the_plan_goes(
+    plan: Plan, start: Snapshot
+) -> None:
+    reference = PlanReference(plan, start, begins=0.1)
+    time = np.arange(0.0, 1.2, 0.01)
+    n = len(time)
+    shift = np.array((0.003, 0.004, 0.0))
+    truth = {
+        "time": time,
+        "q": np.tile(start.q, (n, 1)),
+        "v": np.zeros((n, start.robot.nv)),
+        "cop": reference.at(time).cop + shift,
+    }
+    found = judge(reference, start.robot, truth)
+    assert found.cop.rms == pytest.approx(0.005) == found.cop.worst
+    # The crouch goes down by 1 cm half way.
+    assert found.com.worst == pytest.approx(found.com.peak, rel=1e-3)
+    assert found.com.at == pytest.approx(0.5, abs=0.011) and 0.01 <= found.com.worst < 0.02
+    most = np.linalg.norm(plan.refined(8).momentum, axis=1).max()
+    assert found.momentum.peak == pytest.approx(most, rel=1e-2)
+    assert found.momentum.worst == pytest.approx(most, rel=1e-2)
+    assert found.inertia.worst == pytest.approx(found.inertia.peak, rel=1e-3)
+    assert found.whole and (found.begins, found.until) == (0.1, reference.ends)
+    np.testing.assert_array_equal(found.arrays["plan_com"], reference.at(time).com)
+    early = judge(reference, start.robot, {name: rows[:50] for name, rows in truth.items()})
+    assert not early.whole and early.until == pytest.approx(0.49)
+    assert early.summary()["ends"] == reference.ends

@@ -1,0 +1,56 @@
+"""Plans for another robot, place or soles are refused, with the numbers that do not fit."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.tracking.conftest import FEET, crouching
+from wbc import PlanMismatchError
+from wbc.rmp.plan import Phase, Plan, at_rest, rectangle, solve
+from wbc.rmp.solid import SolidRmp
+from wbc.robot import Snapshot
+from wbc.tracking.fit import check_fit
+from wbc.tracking.pendulum import RobotPendulum
+
+
+def test_its_own_plan_fits(plan: Plan, start: Snapshot) -> None:
+    check_fit(plan, start, FEET)
+
+
+def test_everything_that_differs_is_told(start: Snapshot, own: RobotPendulum) -> None:
+    x, y, z = own.rest.com
+    other = solve(
+        crouching(
+            own,
+            pendulum=SolidRmp(2.0 * own.pendulum.mass, 1.62),
+            start=at_rest((x, y, z + 0.1), (0.2, 0.2, 0.2)),
+            goal=own.rest,
+            schedule=(Phase("stand", 0.5, rectangle(0.0, 0.0, 0.4, 0.4), 4),),
+        )
+    )
+    with pytest.raises(PlanMismatchError) as caught:
+        check_fit(other, start, FEET)
+    told = str(caught.value)
+    mass = start.robot.mass
+    assert f"mass is {2 * mass:.4g} kg, the robot's {mass:.4g}" in told
+    assert "gravity is 1.62 m/s^2, the robot's 9.81" in told
+    assert "100 mm from the robot's" in told
+    assert "principal moments of inertia begin at" in told
+    assert "phase 'stand' has the CoP up to" in told and "mm outside the soles" in told
+    assert "wbc.pendulum_of" in told
+
+
+def test_flights_and_a_foot_that_does_not_stand_are_refused(
+    plan: Plan, start: Snapshot, own: RobotPendulum
+) -> None:
+    soles = own.soles(FEET)
+    schedule = (
+        Phase("off", 0.3, soles, 6),
+        Phase("fly", (0.02, 0.1), None, 3),
+        Phase("land", 0.3, soles, 6),
+    )
+    hop = solve(crouching(own, schedule=schedule, goal=replace(own.rest, momentum=None)))
+    with pytest.raises(PlanMismatchError, match="'fly' is a flight"):
+        check_fit(hop, start, FEET)
+    with pytest.raises(PlanMismatchError, match=r"'down' has the CoP up to .* outside the soles"):
+        check_fit(plan, start, ("left",))

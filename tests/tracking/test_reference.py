@@ -1,0 +1,88 @@
+"""A plan as targets over time, against differences, Newton and Euler, and the robot itself."""
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.rmp.ground import centre_of_pressure
+from wbc.rmp.plan import Plan
+from wbc.robot import Snapshot
+from wbc.spatial import vech
+from wbc.tracking.reference import STEP, PlanReference
+
+BEGINS = 0.25
+
+
+@pytest.fixture
+def reference(plan: Plan, start: Snapshot) -> PlanReference:
+    return PlanReference(plan, start, begins=BEGINS)
+
+
+def inner_times() -> np.ndarray:
+    """On samples, away from where phases meet and accelerations jump."""
+    local = np.concatenate((np.arange(0.02, 0.38, 0.03), np.arange(0.42, 0.78, 0.03)))
+    return BEGINS + np.round(local / STEP) * STEP
+
+
+@pytest.mark.parametrize(
+    ("value", "rate"),
+    [
+        ("com", "com_velocity"),
+        ("com_velocity", "com_acceleration"),
+        ("momentum", "momentum_rate"),
+        ("inertia", "inertia_rate"),
+        ("inertia_rate", "inertia_acceleration"),
+    ],
+)
+def test_rates_are_those_of_the_values(reference: PlanReference, value: str, rate: str) -> None:
+    t = inner_times()
+    ahead, behind = reference.at(t + STEP), reference.at(t - STEP)
+    slope = (getattr(ahead, value) - getattr(behind, value)) / (2.0 * STEP)
+    exact = getattr(reference.at(t), rate)
+    # Central differences: h^2/6 of the third derivative, some 1e3 times the rate's size here; and
+    # the orientation is a polynomial whose slope is exact at its nodes only.
+    np.testing.assert_allclose(slope, exact, atol=2e-3 * np.abs(exact).max())
+
+
+def test_the_cop_is_that_of_newton_and_euler(reference: PlanReference, plan: Plan) -> None:
+    target = reference.at(inner_times())
+    mass, g = plan.problem.mass, np.array((0.0, 0.0, plan.problem.gravity))
+    force = mass * (target.com_acceleration + g)
+    found = centre_of_pressure(target.com, force, target.momentum_rate[:, 3:])
+    np.testing.assert_allclose(found, target.cop, atol=1e-9)
+    np.testing.assert_allclose(target.momentum[:, :3], mass * target.com_velocity, rtol=1e-12)
+
+
+def test_it_begins_as_the_robot_stands(reference: PlanReference, start: Snapshot) -> None:
+    first = reference.at(BEGINS)
+    np.testing.assert_allclose(first.com, start.com, atol=1e-8)
+    np.testing.assert_allclose(first.inertia, vech(start.inertia), atol=1e-8)
+
+
+def test_it_rests_before_and_after(reference: PlanReference) -> None:
+    assert reference.ends == pytest.approx(BEGINS + 0.8)
+    inside = reference.at(BEGINS + 0.2)
+    assert np.linalg.norm(inside.com_velocity) > 1e-3
+    for outside, at in ((0.0, BEGINS), (5.0, reference.ends)):
+        target, end = reference.at(outside), reference.at(at)
+        for name in ("com", "cop", "inertia"):
+            np.testing.assert_array_equal(getattr(target, name), getattr(end, name))
+        for name in ("com_velocity", "com_acceleration", "momentum", "momentum_rate",
+                     "inertia_rate", "inertia_acceleration"):  # fmt: skip
+            assert not getattr(target, name).any()
+
+
+def test_times_together_are_those_one_by_one(reference: PlanReference) -> None:
+    times = np.array((0.1, BEGINS + 0.1234567, BEGINS + 0.8, 3.0))
+    together = reference.at(times)
+    for k, time in enumerate(times.tolist()):
+        one = reference.at(time)
+        np.testing.assert_array_equal(one.com, together.com[k])
+        np.testing.assert_array_equal(one.inertia_rate, together.inertia_rate[k])
+
+
+def test_bad_times_are_refused(reference: PlanReference, plan: Plan, start: Snapshot) -> None:
+    with pytest.raises(InvalidInputError, match="time: NaN or infinite"):
+        reference.at(float("nan"))
+    with pytest.raises(InvalidInputError, match="begins"):
+        PlanReference(plan, start, begins=-1.0)

@@ -1,0 +1,155 @@
+"""Tasks that follow a pendulum's plan: the plan read and checked, and their targets led by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.constraints import Contact
+from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.reading import read_source
+from wbc.problem.spec import ProblemSpec
+from wbc.problem.targets import FromPlan
+from wbc.robot import Snapshot
+from wbc.run.ramps import TargetedTask
+from wbc.run.standing import held_feet
+from wbc.tracking.reference import PlanReference
+from wbc.validate import Array
+
+if TYPE_CHECKING:  # plans load CasADi
+    from wbc.rmp.plan import Plan
+
+
+@dataclass(frozen=True, eq=False)
+class PlanCourse:
+    """What one task follows of a plan: its value, rate and acceleration, by their names."""
+
+    reference: PlanReference
+    names: tuple[str, ...]
+
+    @property
+    def duration(self) -> float:
+        """When the plan has ended [s]."""
+        return self.reference.ends
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Return value, rate and acceleration at ``t`` [s]."""
+        target = self.reference.at(t)
+        value, *moving = (getattr(target, name) for name in self.names)
+        rate, acceleration, *_ = (*moving, np.zeros_like(value), np.zeros_like(value))
+        return value, rate, acceleration
+
+
+def follow_plan(
+    spec: ProblemSpec,
+    built: Mapping[str, TargetedTask],
+    start: Snapshot,
+    contacts: Sequence[Contact],
+    folder: Path,
+    mistakes: Mistakes,
+) -> tuple[dict[str, TargetedTask], PlanReference | None]:
+    """Return the tasks, those of a plan led by it, and the plan; None if no task has one.
+
+    Parameters
+    ----------
+    built:
+        The tasks by name.
+    contacts:
+        What is held, all the time.
+    folder:
+        From which relative paths start.
+    """
+    targets = {name: task.target for name, task in spec.tasks.items() if name in built}
+    following = {name: one for name, one in targets.items() if isinstance(one, FromPlan)}
+    if not following:
+        return dict(built), None
+    first, wanted = next(iter(following.items()))
+    reference: PlanReference | None = None
+    with mistakes.at("tasks", first, "target"):
+        reference = _reference(spec, wanted, start, contacts, folder)
+    led = dict(built)
+    for name, target in following.items():
+        with mistakes.at("tasks", name):
+            if target != wanted:
+                raise Misplaced(
+                    f"all tasks of a problem follow the same plan, and {first!r} follows"
+                    f" {wanted.plan} from {wanted.begins:g} s on",
+                    "target",
+                )
+            if getattr(spec.tasks[name], "ramp", None) is not None:
+                raise Misplaced("a plan says itself how its target moves; leave this out", "ramp")
+            if reference is not None:
+                course = PlanCourse(reference, spec.tasks[name].of_plan)
+                led[name] = replace(built[name], course=course)
+    return led, reference
+
+
+def refuse_plan(target: object) -> None:
+    """Refuse a target of a phase that would follow a plan.
+
+    Raises
+    ------
+    Misplaced
+        It would.
+    """
+    if isinstance(target, FromPlan):
+        raise Misplaced("a plan is followed from the start on, in a run without phases", "target")
+
+
+def _reference(
+    spec: ProblemSpec,
+    wanted: FromPlan,
+    start: Snapshot,
+    contacts: Sequence[Contact],
+    folder: Path,
+) -> PlanReference:
+    """Return the plan that a problem's tasks follow.
+
+    Raises
+    ------
+    WbcError
+        No such plan, one that is not for this robot or longer than the run, or a run with phases.
+    """
+    if spec.phases is not None:
+        refuse_plan(wanted)
+    feet = held_feet(contacts)
+    if not feet:
+        raise Misplaced("a plan needs feet on the ground; give support: double, left or right")
+    plan = read_plan(folder / Path(wanted.plan).expanduser())
+    reference = PlanReference(plan, start, feet=feet, begins=wanted.begins)
+    duration = spec.whole_stop.duration
+    if reference.ends > duration + spec.controller.dt:
+        section = "simulation" if spec.controller.level == "torque" else "stop"
+        raise Misplaced(
+            f"the plan ends at {reference.ends:g} s, after the run ({section}.duration,"
+            f" {duration:g} s)"
+        )
+    return reference
+
+
+def read_plan(path: Path) -> Plan:
+    """Return the plan of a .npz file, or of a problem file that describes one, which is solved.
+
+    Raises
+    ------
+    WbcError
+        No such file, nothing about a plan, or a plan that does not exist.
+    """
+    if path.suffix not in (".yaml", ".yml"):
+        from wbc.rmp.plan import load_plan  # only now: it loads CasADi
+
+        return load_plan(path)
+    from wbc.problem.pendulum.plan import Planning
+    from wbc.problem.pendulum.problem import load_pendulum
+
+    source = read_source(path)
+    if "plan" not in source.data:
+        raise Misplaced(f"{path} plans nothing: it has no key plan", "plan")
+    parts = load_pendulum(source, {}, path.parent).parts
+    if not isinstance(parts, Planning):
+        raise Misplaced(f"{path} plans nothing: it simulates a law", "plan")
+    return parts.solve()

@@ -1,0 +1,140 @@
+"""How well a robot followed a plan: CoM, CoP, angular momentum and inertia over its time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.robot import Robot
+from wbc.spatial import FROBENIUS_WEIGHTS, vech
+from wbc.tracking.reference import PlanReference
+from wbc.validate import Array
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Of a quantity from its plan, while the plan lasted; NaN if nothing was measured then.
+
+    Attributes
+    ----------
+    rms:
+        Root mean square of the distance.
+    worst:
+        Largest distance.
+    at:
+        When it was largest [s].
+    peak:
+        Largest size of the quantity itself in the plan; of places and inertias, of its change.
+    """
+
+    rms: float
+    worst: float
+    at: float
+    peak: float
+
+    @classmethod
+    def of(cls, time: Array, actual: Array, planned: Array, peak: float) -> Deviation:
+        """Return that of rows (n, k); rows with NaN were not measured."""
+        apart = np.linalg.norm(actual - planned, axis=1)
+        known = np.isfinite(apart)
+        if not known.any():
+            return cls(np.nan, np.nan, np.nan, peak)
+        apart, time = apart[known], time[known]
+        worst = int(apart.argmax())
+        rms = float(np.sqrt(np.mean(apart**2)))
+        return cls(rms, float(apart[worst]), float(time[worst]), peak)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanTracking:
+    """How well a robot followed a plan.
+
+    Attributes
+    ----------
+    com, cop:
+        [m]; the CoP on the ground.
+    momentum:
+        Angular, about the CoM [kg m^2/s].
+    inertia:
+        Frobenius norm [kg m^2].
+    begins, ends:
+        Of the plan [s].
+    until:
+        What was judged ends here [s]: before the plan does, if the simulation ended first.
+    arrays:
+        ``plan_com`` (n, 3), ``plan_cop`` (n, 3), ``plan_momentum`` and ``angular_momentum`` (n, 3)
+        and ``plan_inertia`` (n, 6), row by row of what was recorded.
+    """
+
+    com: Deviation
+    cop: Deviation
+    momentum: Deviation
+    inertia: Deviation
+    begins: float
+    ends: float
+    until: float
+    arrays: Mapping[str, Array]
+
+    @property
+    def whole(self) -> bool:
+        """False if the simulation ended before the plan."""
+        return self.until >= self.ends - 1e-9
+
+    def summary(self) -> dict[str, Any]:
+        """Return everything but the arrays as plain data."""
+        names = ("com", "cop", "momentum", "inertia")
+        found = {name: asdict(getattr(self, name)) for name in names}
+        return {**found, "begins": self.begins, "ends": self.ends, "until": self.until}
+
+
+def judge(reference: PlanReference, robot: Robot, truth: Mapping[str, Array]) -> PlanTracking:
+    """Return how well what was recorded follows a plan.
+
+    Parameters
+    ----------
+    truth:
+        ``time`` (n,) [s], ``q`` (n, nq), ``v`` (n, nv) and ``cop`` (n, 3) [m], as of a
+        :class:`wbc.simulation.Recorder`.
+    """
+    time = truth["time"]
+    wanted = reference.at(time)
+    snapshots = [robot.snapshot(q, v) for q, v in zip(truth["q"], truth["v"], strict=True)]
+    com = np.array([one.com for one in snapshots])
+    momentum = np.array([one.momentum[3:] for one in snapshots])
+    inertia = np.array([vech(one.inertia) for one in snapshots])
+    here = (time >= reference.begins) & (time <= reference.ends + 1e-9)
+    planned = reference.at(np.linspace(reference.begins, reference.ends, 1000))
+    scale = np.sqrt(FROBENIUS_WEIGHTS)
+    pairs = {
+        "com": (com, wanted.com, _change(planned.com)),
+        "cop": (truth["cop"][:, :2], wanted.cop[:, :2], _change(planned.cop)),
+        "momentum": (momentum, wanted.momentum[:, 3:], _most(planned.momentum[:, 3:])),
+        "inertia": (scale * inertia, scale * wanted.inertia, _change(scale * planned.inertia)),
+    }
+    return PlanTracking(
+        **{
+            name: Deviation.of(time[here], actual[here], plan[here], peak)
+            for name, (actual, plan, peak) in pairs.items()
+        },
+        begins=reference.begins,
+        ends=reference.ends,
+        until=float(min(time[-1], reference.ends)),
+        arrays={
+            "plan_com": wanted.com,
+            "plan_cop": wanted.cop,
+            "plan_momentum": wanted.momentum[:, 3:],
+            "angular_momentum": momentum,
+            "plan_inertia": wanted.inertia,
+        },
+    )
+
+
+def _most(rows: Array) -> float:
+    return float(np.linalg.norm(rows, axis=1).max())
+
+
+def _change(rows: Array) -> float:
+    return _most(rows - rows[0])

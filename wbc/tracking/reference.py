@@ -1,0 +1,170 @@
+"""A plan as targets over time: what tasks of a robot should aim at, to move as it says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.errors import InvalidInputError
+from wbc.robot import Snapshot
+from wbc.rotations import rotations_from
+from wbc.spatial import COLUMNS, ROWS
+from wbc.tracking.fit import check_fit
+from wbc.validate import Array, finite_array, finite_number, read_only
+
+if TYPE_CHECKING:  # plans load CasADi
+    from wbc.rmp.plan.plan import Plan, Trajectory
+
+STEP = 1e-3  # s between samples of a plan
+DOUBLE = ("left", "right")
+
+
+@dataclass(frozen=True, eq=False)
+class PlanTarget:
+    """What a plan asks for at one time, or at n times; world axes.
+
+    Rates and accelerations are zero before the plan begins and after it ends.
+    """
+
+    com: Array  # c (..., 3) [m]
+    com_velocity: Array  # (..., 3) [m/s]
+    com_acceleration: Array  # (..., 3) [m/s^2]
+    momentum: Array  # (..., 6) linear [kg m/s], then angular about the CoM [kg m^2/s]
+    momentum_rate: Array  # (..., 6) [N, N m]
+    cop: Array  # (..., 3) [m], on the ground z = 0
+    inertia: Array  # vech (..., 6): xx xy xz yy yz zz [kg m^2]
+    inertia_rate: Array  # (..., 6) [kg m^2/s]
+    inertia_acceleration: Array  # (..., 6) [kg m^2/s^2]
+
+
+# Sizes of what is sampled. At rest, before and after the plan, only the places stay.
+_SIZES = {
+    "com": 3, "com_velocity": 3, "com_acceleration": 3, "momentum": 6, "momentum_rate": 6,
+    "cop": 3, "inertia": 6, "inertia_rate": 6, "inertia_acceleration": 6,
+}  # fmt: skip
+_PLACES = ("com", "cop", "inertia")
+
+
+class PlanReference:
+    """Follows a plan over time, from ``begins`` on; it is a plan for this robot, which is checked.
+
+    ``target = reference.at(time)`` in every tick is what the tasks of a controller take::
+
+        com.set_target(target.com, target.com_velocity, target.com_acceleration)
+        spin.set_target(target.momentum, target.momentum_rate)
+        shape.set_target(target.inertia, target.inertia_rate, target.inertia_acceleration)
+        cop.set_target(target.cop)
+
+    Before the plan begins the targets are its first places, at rest; after its end its last ones.
+    The plan is sampled every millisecond, and linear between.
+
+    Parameters
+    ----------
+    plan:
+        Without a flight.
+    start:
+        The robot at rest, where it stands; see :func:`wbc.tracking.fit.check_fit`.
+    feet:
+        That stand, all the time.
+    begins:
+        When the plan begins [s].
+
+    Raises
+    ------
+    PlanMismatchError
+        A plan for another robot, place or soles, or with a flight.
+    InvalidInputError
+        Soles that are not on the ground, or a time that is negative.
+    UnknownNameError
+        The robot has no such foot.
+    """
+
+    def __init__(
+        self, plan: Plan, start: Snapshot, *, feet: Iterable[str] = DOUBLE, begins: float = 0.0
+    ) -> None:
+        check_fit(plan, start, feet)
+        self.plan = plan
+        self.begins = finite_number("plan reference, begins", begins, least=0.0)
+        count = max(int(np.ceil(plan.duration / STEP)), 1)
+        self._times = read_only(np.linspace(0.0, plan.duration, count + 1))
+        self._table = read_only(_table(plan.at(self._times), plan.problem.mass))
+
+    @property
+    def ends(self) -> float:
+        """When the plan ends [s]."""
+        return self.begins + self.plan.duration
+
+    def at(self, time: float | ArrayLike) -> PlanTarget:
+        """Return the targets at a time [s], or at times (n,).
+
+        Raises
+        ------
+        InvalidInputError
+            A time that is not finite.
+        """
+        t = finite_array("plan reference, time", time, np.shape(time)) - self.begins
+        place = np.clip(t / self._times[1], 0.0, len(self._times) - 1.0)
+        k = np.minimum(place.astype(int), len(self._times) - 2)
+        part = (place - k)[..., None]
+        row = (1.0 - part) * self._table[k] + part * self._table[k + 1]
+        moves = ((t >= 0.0) & (t <= self.plan.duration))[..., None]
+        ends = np.cumsum(list(_SIZES.values()))[:-1]
+        parts = dict(zip(_SIZES, np.split(row, ends, axis=-1), strict=True))
+        return PlanTarget(
+            **{name: one if name in _PLACES else one * moves for name, one in parts.items()}
+        )
+
+
+def _table(motion: Trajectory, mass: float) -> Array:
+    """Return what is sampled, side by side (n, 42)."""
+    if np.isnan(motion.cop).any():
+        raise InvalidInputError("plan reference: a moment in flight has no CoP")
+    inertia, rate, acceleration = inertia_motion(motion, mass)
+    columns = {
+        "com": motion.com,
+        "com_velocity": motion.com_velocity,
+        "com_acceleration": motion.com_acceleration,
+        "momentum": np.hstack((mass * motion.com_velocity, motion.momentum)),
+        "momentum_rate": np.hstack((mass * motion.com_acceleration, motion.momentum_rate)),
+        "cop": np.column_stack((motion.cop, np.zeros(len(motion.time)))),
+        "inertia": inertia,
+        "inertia_rate": rate,
+        "inertia_acceleration": acceleration,
+    }
+    return np.hstack([columns[name] for name in _SIZES])
+
+
+def inertia_motion(motion: Trajectory, mass: float) -> tuple[Array, Array, Array]:
+    """Return vech (n, 6) of the masses' inertia R D R', world axes, and its two derivatives.
+
+    With w the body rate and X = D' + [w]x D - D [w]x they are R X R' and
+    R (X' + [w]x X - X [w]x) R'; w' is that of Euler's equation.
+    """
+    R = rotations_from(motion.orientation)
+    w = np.einsum("nji,nj->ni", R, motion.angular_velocity)
+    torque = np.einsum("nji,nj->ni", R, motion.momentum_rate)
+    r, rate, acceleration = motion.radii, motion.radii_rates, motion.radii_accelerations
+    # I_i = M/3 (r_j^2 + r_k^2)
+    D, D_rate, D_acceleration = (
+        mass / 3.0 * (squares.sum(axis=1)[:, None] - squares)
+        for squares in (r**2, 2.0 * r * rate, 2.0 * (rate**2 + r * acceleration))
+    )
+    w_rate = (torque - D_rate * w - np.cross(w, D * w)) / D
+    W, W_rate = _skews(w), _skews(w_rate)
+    D, D_rate, D_acceleration = (one[:, :, None] * np.eye(3) for one in (D, D_rate, D_acceleration))
+    X = D_rate + W @ D - D @ W
+    X_rate = D_acceleration + W_rate @ D + W @ D_rate - D_rate @ W - D @ W_rate
+    back = R.transpose(0, 2, 1)
+    inertia, first, second = (
+        (R @ one @ back)[:, ROWS, COLUMNS] for one in (D, X, X_rate + W @ X - X @ W)
+    )
+    return inertia, first, second
+
+
+def _skews(vectors: Array) -> Array:
+    """Return the cross-product matrices (n, 3, 3) of vectors (n, 3)."""
+    return np.cross(np.eye(3), vectors[:, None, :])
