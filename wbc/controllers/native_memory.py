@@ -52,6 +52,8 @@ class Answer(NamedTuple):
         (1,) the largest square of a weighted row.
     x, y, z, z_box, found:
         DAQP's answer, and its residuals and iterations (4,).
+    exact, torque:
+        Base velocity (6,) that meets its dynamics to rounding, and torques (nv - 6,) at that.
     """
 
     P: Array
@@ -72,6 +74,8 @@ class Answer(NamedTuple):
     z: Array
     z_box: Array
     found: Array
+    exact: Array
+    torque: Array
 
 
 class NativeMemory:
@@ -146,7 +150,10 @@ class NativeMemory:
 
     def read(self, out: Array) -> Answer:
         """Return views on what the core wrote."""
-        return Answer(*(out[place].reshape(shape) for place, shape in self._places))
+        n = self.n
+        P, A, C, D, *vectors = [out[place] for place in self._places]
+        matrices = P.reshape(n, n), A.reshape(-1, n), C.reshape(-1, n), D.reshape(-1, n)
+        return Answer(*matrices, *vectors)
 
     def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
         """Return frames, entries and blocks; numbers get their places."""
@@ -184,12 +191,10 @@ class NativeMemory:
         """Set where the fields of :class:`Answer` lie: as in lay_out of source/problem.c."""
         n, k, m, nv = self.n, self.k, self.m, self._tree.nv
         D = nv if self.forces is not None else 0
-        shapes: list[tuple[int, ...]] = [(n, n), (k, n), (m, n), (D, n), (D,)]
-        shapes += [(size,) for size in (n, n, n, k, m, m, costs, 1, n, k, m, n, 4)]
-        ends = np.cumsum([int(np.prod(shape)) for shape in shapes]).tolist()
-        begins = [0, *ends[:-1]]
-        places = [slice(begin, end) for begin, end in zip(begins, ends, strict=True)]
-        self._places = list(zip(places, shapes, strict=True))
+        sizes = [n * n, k * n, m * n, D * n, D, n, n, n, k, m, m, costs, 1, n, k, m, n, 4]
+        sizes += [6, nv - 6] if D else [0, 0]
+        ends = np.cumsum(sizes).tolist()
+        self._places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
         self._end = ends[-1]
 
     def _scratch_size(self, frames: int, rows: int) -> int:

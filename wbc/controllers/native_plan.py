@@ -49,6 +49,8 @@ class NativeProblem(NamedTuple):
         Its inequality rows at the torque level, else None.
     matrix, offset:
         Base forces and torques by the unknowns (nv, n), (nv,), at the torque level.
+    command:
+        Of the solution there: x (n,) that meets the base's dynamics to rounding, and torques.
     """
 
     assembled: Assembled
@@ -57,6 +59,7 @@ class NativeProblem(NamedTuple):
     matrix: Array
     offset: Array
     solution: Solution | None
+    command: tuple[Array, Array] | None
 
     @property
     def qp(self) -> QP:
@@ -193,8 +196,11 @@ class NativePlan:
             residuals.append(Residual(errors[begin:end], _NONE, _NONE))
             begin = end
         assembled = Assembled(qp, float(answer.heaviest[0]))
+        command = None
+        if solution is not None and rows is not None:
+            command = np.concatenate((answer.exact, solution.x[6:])), answer.torque.copy()
         matrix, offset = answer.D, answer.offset
-        return NativeProblem(assembled, residuals, rows, matrix, offset, solution)
+        return NativeProblem(assembled, residuals, rows, matrix, offset, solution, command)
 
     def _solution(self, answer: Answer, spent: float) -> Solution | None:
         """Return what DAQP answered if its residuals are small enough to need no second look."""
@@ -203,7 +209,7 @@ class NativePlan:
         *residuals, iterations = answer.found.tolist()
         if not max(residuals) <= self._solver.eps or math.isnan(sum(residuals)):
             return None
-        x, y, z, z_box = (part.copy() for part in answer[-5:-1])
+        x, y, z, z_box = (part.copy() for part in answer[-7:-3])
         found, name = KktResiduals(*residuals), self._solver.name
         return Solution(x, y, z, z_box, Status.SOLVED, found, int(iterations), spent, name)
 

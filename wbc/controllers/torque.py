@@ -225,7 +225,7 @@ class TorqueController(NativeController):
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         forces = self.contact_forces
-        dynamics = TickDynamics(snapshot, forces, found.matrix, found.offset, None)
+        dynamics = TickDynamics(snapshot, forces, found.matrix, found.offset, None, found.command)
         return Physics(bounds=found.bounds, dynamics=dynamics)
 
     def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
@@ -277,12 +277,12 @@ class TorqueController(NativeController):
         known = {name: getattr(tick, name) for name in _FIELDS}
         dynamics = physics.dynamics or self._dynamics(snapshot)
         if tick.status is Status.SOLVED:
-            x = dynamics.exact(tick.solution.x[: self.plan.decision.size])
+            x, torque = dynamics.command or dynamics.commanded(tick.solution.x[: dynamics.size])
         else:  # joints come to rest, on no ground that one could count on
             x = np.concatenate((tick.velocity, np.zeros(self.contact_forces.size)))
+            torque = dynamics.torques(x)
         velocity, f = x[: self.robot.nv], x[self.robot.nv :]
-        torque = dynamics.torques(x)
-        np.clip(torque, -self.torque_bounds, self.torque_bounds, out=torque)
+        torque = np.clip(torque, -self.torque_bounds, self.torque_bounds)
         errors = {  # of this decision: no state has a force
             task.name: self._unit * (row.matrix @ x - row.target)
             for task, row in zip(self._force_tasks, physics.forces, strict=True)

@@ -1,9 +1,21 @@
-/* Vectors of three and symmetric matrices as xx xy xz yy yz zz. */
+/* Small vectors, and symmetric (3, 3) matrices as xx xy xz yy yz zz. */
 #ifndef WBC_LINEAR_H
 #define WBC_LINEAR_H
 
+#include <stdint.h>
+
 static inline double dot3(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Of n entries; four sums, since one would wait for itself. */
+static inline double dot(int64_t n, const double *a, const double *b) {
+    double sum[4] = {0.0};
+    int64_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int j = 0; j < 4; j++) sum[j] += a[i + j] * b[i + j];
+    for (; i < n; i++) sum[0] += a[i] * b[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 static inline void cross3(const double *a, const double *b, double *out) {

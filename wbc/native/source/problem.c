@@ -34,7 +34,9 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     qp->y = at, at += k;
     qp->z = at, at += m;
     qp->z_box = at, at += n;
-    qp->found = at;
+    qp->found = at, at += 4;
+    qp->exact = at, at += plan->torque ? 6 : 0;
+    qp->torque = at;
 }
 
 /* P += J' J on and above the diagonal, g -= J' wanted, rows (nv) weighted already */
@@ -168,12 +170,6 @@ static double wanted_rate(const wbc_plan *plan, const double *number, double err
                           double drift, double moving) {
     if (!plan->torque) return -number[RATE] * error - bias;
     return moving + plan->dt * (-number[STIFFNESS] * error - number[DAMPING] * (moving + bias) - drift);
-}
-
-static double dot(int64_t n, const double *a, const double *b) {
-    double sum = 0.0;
-    for (int64_t i = 0; i < n; i++) sum += a[i] * b[i];
-    return sum;
 }
 
 /* Add a block to the costs or to the equalities; false: handed over. The damping that it asks for

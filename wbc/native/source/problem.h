@@ -14,6 +14,7 @@ typedef struct {
     double *P, *A, *C, *D, *offset, *g, *lower, *upper, *b, *l, *u;
     double *errors, *heaviest;         /* of the costs; the largest square of a weighted row */
     double *x, *y, *z, *z_box, *found; /* as wbc_solve writes them */
+    double *exact, *torque;            /* (6), (nv - 6): see command in source/solve.c */
 } wbc_qp;
 
 /* Behind each other in plan->out, in the order in which wbc/controllers/native_memory.py reads. */
