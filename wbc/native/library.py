@@ -23,6 +23,7 @@ _FUNCTIONS = {
     "wbc_drifts": 7,
     "wbc_problem": 5,
     "wbc_tick": 5,
+    "wbc_solve_qp": 5,
 }
 
 
@@ -52,6 +53,7 @@ class Core:
         self.wbc_drifts: Any = library.wbc_drifts
         self.wbc_problem: Any = library.wbc_problem
         self.wbc_tick: Any = library.wbc_tick
+        self.wbc_solve_qp: Any = library.wbc_solve_qp
 
 
 class Status(NamedTuple):

@@ -15,6 +15,7 @@ import daqp
 import numpy as np
 
 from wbc.qp.kkt import SolveCheck
+from wbc.qp.native_daqp import native_daqp
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.validate import finite_number
@@ -64,6 +65,11 @@ class Daqp:
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
+        native = native_daqp(self.eps, self.max_iterations)
+        if native is not None and type(self).answer is Daqp.answer:
+            found = native.solve(qp, self.name)
+            if found is not None:
+                return found
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         check_qp(qp)
         return check.judge(qp, self.answer(qp))

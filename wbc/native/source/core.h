@@ -120,6 +120,17 @@ typedef struct {
     double dt, mass, unit; /* unit: newtons per unit of a force */
 } wbc_plan;
 
+/* minimise 1/2 x'P x + g'x subject to A x = b, l <= C x <= u, lower <= x <= upper; n unknowns, k
+ * equalities, m rows. Of a plan besides: D, offset: base forces and torques by x, at the torque
+ * level; errors of the costs, and the largest square of a weighted row. */
+typedef struct {
+    int64_t n, k, m;
+    double *P, *A, *C, *g, *lower, *upper, *b, *l, *u;
+    double *x, *y, *z, *z_box, *found; /* the answer; residuals (3) and iterations */
+    double *D, *offset, *errors, *heaviest;
+    double *exact, *torque; /* (6), (nv - 6): see command in source/solve.c */
+} wbc_qp;
+
 /* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. */
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
 /* Write the QP of a plain tick, or say why it is not one. */
@@ -128,6 +139,10 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
 /* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations.
  * Python judges by the residuals. */
 int wbc_solve(const wbc_plan *plan);
+/* The same for any QP. scratch holds k (n + 1 + k) + 2 k (n - k) + (n - k)^2 + 2 n
+ * + (3 + n - k) (n + m) numbers, order 2 n + m + k. */
+int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
+                 void *settings);
 /* Both. */
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving);

@@ -225,12 +225,16 @@ static int is_sound(const double *values, int64_t n) {
     return sum < NO_LIMIT * NO_LIMIT;
 }
 
-static int is_qp(const wbc_qp *qp) {
+static int is_range(double lower, double upper) {
+    return lower <= upper && lower < INFINITY && upper > -INFINITY;
+}
+
+int is_qp(const wbc_qp *qp) {
     const int64_t n = qp->n;
     for (int64_t i = 0; i < n; i++)
-        if (!(qp->lower[i] <= qp->upper[i])) return 0;
+        if (!is_range(qp->lower[i], qp->upper[i])) return 0;
     for (int64_t i = 0; i < qp->m; i++)
-        if (!(qp->l[i] <= qp->u[i])) return 0;
+        if (!is_range(qp->l[i], qp->u[i])) return 0;
     return is_sound(qp->P, n * n) && is_sound(qp->A, qp->k * n) && is_sound(qp->C, qp->m * n) &&
            is_sound(qp->g, n) && is_sound(qp->b, qp->k);
 }

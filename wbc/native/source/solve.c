@@ -53,10 +53,10 @@ typedef struct {
     int *sense;
 } reduced;
 
-static void place(const wbc_plan *plan, const wbc_qp *qp, reduced *r) {
+static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     const int64_t n = qp->n, k = qp->k, left = n - k, most = left + qp->m + k;
-    r->left = left, r->order = plan->order, r->sense = (int *)(plan->order + n);
-    r->W = plan->scratch;
+    r->left = left, r->order = order, r->sense = (int *)(order + n);
+    r->W = scratch;
     r->G = r->W + k * (n + 1 + k);
     r->half = r->G + k * left;
     r->H = r->half + k * left;
@@ -263,31 +263,41 @@ static void command(const wbc_plan *plan, const wbc_qp *qp) {
     }
 }
 
-/* Solve the QP in out, and write x, y, z, z of the box, the three residuals and the number of
- * iterations behind it; at the torque level, the command too. */
-int wbc_solve(const wbc_plan *plan) {
+/* x, y, z, z of the box, the three residuals and the number of iterations of a QP. */
+static int solve(const wbc_qp *qp, double *scratch, int64_t *order, const void *address,
+                 void *settings) {
     daqp_quadprog *quadprog;
-    wbc_qp qp;
     reduced r;
-    lay_out(plan, &qp);
-    place(plan, &qp, &r);
-    memcpy(&quadprog, &plan->quadprog, sizeof quadprog); /* ISO C has no cast to a function */
-    if (!quadprog || r.left < 1 || !eliminate(&qp, &r)) return UNSOLVED;
-    reduce_cost(&qp, &r);
-    const int64_t bounded = reduce_bounds(&qp, &r);
+    place(qp, scratch, order, &r);
+    memcpy(&quadprog, &address, sizeof quadprog); /* ISO C has no cast to a function */
+    if (!quadprog || r.left < 1 || !eliminate(qp, &r)) return UNSOLVED;
+    reduce_cost(qp, &r);
+    const int64_t bounded = reduce_bounds(qp, &r);
     memset(r.sense, 0, bounded * sizeof *r.sense);
     daqp_problem problem = {(int)r.left, (int)bounded, (int)r.left, r.H, r.f, r.rows,
                             r.up,        r.low,        r.sense,     0,   0,   0};
     daqp_result result;
     memset(&result, 0, sizeof result);
     result.x = r.answer, result.multipliers = r.multipliers;
-    quadprog(&result, &problem, plan->settings);
+    quadprog(&result, &problem, settings);
     if (result.flag != 1) return UNSOLVED;
-    lift(&qp, &r);
-    residuals(&qp, r.W);
-    qp.found[3] = result.iterations;
-    if (plan->torque) command(plan, &qp);
+    lift(qp, &r);
+    residuals(qp, r.W);
+    qp->found[3] = result.iterations;
     return DONE;
+}
+
+int wbc_solve(const wbc_plan *plan) {
+    wbc_qp qp;
+    lay_out(plan, &qp);
+    const int said = solve(&qp, plan->scratch, plan->order, plan->quadprog, plan->settings);
+    if (said == DONE && plan->torque) command(plan, &qp);
+    return said;
+}
+
+int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
+                 void *settings) {
+    return is_qp(qp) ? solve(qp, scratch, order, quadprog, settings) : NOT_FINITE;
 }
 
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,

@@ -1,0 +1,126 @@
+"""How well the native core and Python agree: the QPs of random ticks, both levels, six robots.
+
+States around standing, from still to rushing, targets that move, limits and torque bounds in reach,
+contacts of all kinds. Each tick that the core takes is set up by Python too; printed is the largest
+difference of any entry of the two QPs, relative to the largest entry of its field where that is
+above 1, and how many ticks the core handed over.
+
+    python benchmarks/native_agreement.py [--ticks 2000] [--robots g1 ...] [--seed 1]
+
+The same with the core under sanitizers (GCC):
+
+    CC="gcc -fsanitize=address,undefined -fno-sanitize-recover" ASAN_OPTIONS=detect_leaks=0 \\
+    LD_PRELOAD="$(gcc -print-file-name=libasan.so) $(gcc -print-file-name=libubsan.so) \\
+    $(gcc -print-file-name=libstdc++.so)" \\
+    python benchmarks/native_agreement.py --ticks 500
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
+os.environ["WBC_NATIVE"] = "require"
+
+import argparse
+
+import numpy as np
+
+import wbc
+from wbc.controllers.controller import Controller
+from wbc.robot.names import BASE
+from wbc.rotations import exp_rotation
+
+ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
+FIELDS = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
+EPISODE = 50
+
+
+def tasks_of(here: wbc.Snapshot, rng: np.random.Generator) -> list[wbc.Task]:
+    """One of each kind that the core knows, targets moving."""
+    robot, frames = here.robot, here.robot.frame_names
+    frame = frames[rng.integers(len(frames))]
+    turned = here.rotation(frame) @ exp_rotation(rng.uniform(-1.0, 1.0, 3))
+    com, shape = wbc.ComTask(robot, here.com), wbc.InertiaTask(robot, here.inertia)
+    turn = wbc.OrientationTask(robot, frame, turned, name="turn")
+    posture = wbc.PostureTask(robot, here.q)
+    com.set_target(here.com + 0.1 * rng.normal(size=3), *rng.normal(size=(2, 3)))
+    shape.set_target(here.inertia * np.exp(0.3 * rng.normal()), 0.1 * here.inertia, here.inertia)
+    turn.set_target(turned, *rng.normal(size=(2, 3)))
+    posture.set_target(here.q, *rng.normal(size=(2, robot.nv)))
+    local = wbc.InertiaTask(robot, here.inertia_in(BASE), frame=BASE, name="local")
+    momentum = wbc.MomentumTask(robot, rng.normal(size=6))
+    momentum.set_target(momentum.target, rng.normal(size=6))
+    tasks = [com, shape, local, turn, posture, momentum]
+    for task in tasks:
+        task.weight = 10.0 ** rng.uniform(-2, 2)
+    return tasks
+
+
+def contacts_of(here: wbc.Snapshot, rng: np.random.Generator) -> list[wbc.Contact]:
+    """Feet, and now and then a grip or a point."""
+    frames = here.robot.frame_names
+    contacts = list(wbc.support(here, str(rng.choice(["floating", "left", "right", "double"]))))
+    held = {contact.frame for contact in contacts}
+    name = frames[rng.integers(len(frames))]
+    if rng.random() < 0.3 and name not in held:
+        kind = wbc.PointContact if rng.random() < 0.5 else wbc.Contact
+        contacts.append(kind.hold(here, name, friction=None))
+    return contacts
+
+
+def difference(controller: Controller, here: wbc.Snapshot) -> float | None:
+    """Return the largest difference of the two QPs; None if the core handed the tick over."""
+    native = controller._native
+    found = None if native is None else controller._native_problem(native, here)
+    if found is None:
+        return None
+    tick = Controller._step(controller, here)
+    if tick.policy is not None:  # another QP than the first
+        return 0.0
+    worst = 0.0
+    for field in FIELDS:
+        ours, theirs = getattr(found.qp, field), getattr(tick.qp, field)
+        finite = np.isfinite(theirs)
+        if ours.shape != theirs.shape or not np.array_equal(ours[~finite], theirs[~finite]):
+            return np.inf
+        scale = max(1.0, np.abs(theirs[finite]).max(initial=0.0))
+        worst = max(worst, np.abs(ours[finite] - theirs[finite]).max(initial=0.0) / scale)
+    return float(worst)
+
+
+def compare(name: str, level: type[Controller], ticks: int, seed: int) -> str:
+    """Return one line of the table."""
+    robot = wbc.Robot.load(name)
+    rng = np.random.default_rng([seed, sum(name.encode())])
+    standing = robot.snapshot(robot.posture("standing"))
+    worst, handed, compared = 0.0, 0, 0
+    for k in range(ticks):
+        if k % EPISODE == 0:
+            limits = wbc.Limits(robot) if rng.random() < 0.8 else None
+            contacts, tasks = contacts_of(standing, rng), tasks_of(standing, rng)
+            controller = level(robot, tasks, contacts=contacts, limits=limits, solver="daqp")
+        size = 10.0 ** rng.uniform(-4, -1)
+        q = robot.integrate(standing.q, size * rng.normal(size=robot.nv), 1.0)
+        here = robot.snapshot(q, 10.0 ** rng.uniform(-1, 1) * size * rng.normal(size=robot.nv))
+        found = difference(controller, here)
+        handed += found is None
+        compared += found is not None
+        worst = max(worst, found or 0.0)
+    return f"| {name} | {level.__name__} | {compared} | {handed} | {worst:.1e} |"
+
+
+def main() -> None:
+    """Compare each robot at each level, and print what was found."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=2000, help="per robot and level")
+    parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    print("| robot | level | ticks compared | handed over | largest difference |")
+    print("|---|---|---|---|---|")
+    for name in options.robots:
+        for level in (wbc.KinematicController, wbc.TorqueController):
+            print(compare(name, level, options.ticks, options.seed), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""QPs solved in the native core, equalities eliminated, against the same in Python."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.native import VARIABLE, status
+from wbc.qp.daqp import Daqp
+from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.kkt import kkt_residuals
+from wbc.qp.native_daqp import native_daqp
+from wbc.qp.problem import QP
+from wbc.qp.solution import Status
+
+pytestmark = [
+    pytest.mark.skipif(status().core is None, reason=status().reason),
+    pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason),
+]
+
+
+def random_qp(rng: np.random.Generator) -> QP:
+    """Rows and bounds that hold back, some of them one-sided or none."""
+    n = int(rng.integers(2, 40))
+    k, m = int(rng.integers(0, n)), int(rng.integers(0, 30))
+    J, A, C = rng.normal(size=(n, n)), rng.normal(size=(k, n)), rng.normal(size=(m, n))
+    x = rng.normal(size=n)
+    room = rng.exponential(size=(4, max(n, m)))
+    room[rng.random(room.shape) < 0.3] = np.inf
+    lower, upper = x - room[0, :n], x + room[1, :n]
+    low, high = C @ x - room[2, :m], C @ x + room[3, :m]
+    g = 10.0 * rng.normal(size=n)
+    rows = {"A": A, "b": A @ x, "C": C, "l": low, "u": high}
+    return QP.build(J.T @ J + 1e-3 * np.eye(n), g, **rows, lower=lower, upper=upper)
+
+
+def in_python(qp: QP, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setenv(VARIABLE, "off")
+        return Daqp().solve(qp)
+
+
+def test_the_same_answer_as_in_python(monkeypatch) -> None:
+    rng, active, native = np.random.default_rng(0), 0, native_daqp(1e-8, 1000)
+    for _ in range(150):
+        qp = random_qp(rng)
+        ours, theirs = native.solve(qp, "daqp"), in_python(qp, monkeypatch)
+        assert theirs.solved
+        assert ours is not None
+        # Curvature 1e-3 beside 1e2: an error of 1e-10 in the gradient moves x by 1e-7.
+        scale = max(1.0, np.abs(theirs.x).max())
+        np.testing.assert_allclose(ours.x, theirs.x, rtol=0.0, atol=1e-7 * scale)
+        again = kkt_residuals(qp, ours.x, ours.y, ours.z, ours.z_box)
+        for field in ("primal", "dual", "complementarity"):
+            found = getattr(ours.residuals, field)
+            assert found <= 1e-8
+            assert found == pytest.approx(getattr(again, field), abs=1e-11)
+        active += np.count_nonzero(ours.z) + np.count_nonzero(ours.z_box)
+    assert active > 500
+
+
+def test_what_has_no_small_residuals_is_left_to_python(monkeypatch) -> None:
+    qp = random_qp(np.random.default_rng(1))
+    n = qp.g.size
+    native = native_daqp(1e-8, 1000)
+    contradictory = replace(qp, lower=np.full(n, 1.0), upper=np.full(n, 1.0))
+    assert native.solve(contradictory, "daqp") is None
+    assert Daqp().solve(contradictory).status is Status.INFEASIBLE
+    twice = np.concatenate((qp.A, qp.A[:1]))
+    labels = replace(qp.labels, equality=(*qp.labels.equality, "again"))
+    dependent = replace(qp, A=twice, b=np.append(qp.b, qp.b[:1]), labels=labels)
+    assert native.solve(dependent, "daqp") is None
+    assert Daqp().solve(dependent).status is in_python(dependent, monkeypatch).status
+    whole = QP.build(np.eye(2), np.ones(2), A=np.eye(2), b=np.ones(2))
+    assert native.solve(whole, "daqp") is None  # nothing is left to decide
+    assert Daqp().solve(whole).solved
+
+
+@pytest.mark.parametrize("field", ["P", "g", "A", "b", "C", "l", "lower", "upper"])
+def test_what_is_no_qp_is_refused_as_ever(field: str) -> None:
+    qp = random_qp(np.random.default_rng(2))
+    assert qp.b.size and qp.u.size
+    bad = getattr(qp, field).copy()
+    bad.reshape(-1)[0] = np.nan
+    wrong = [replace(qp, **{field: bad})]
+    if field != "P":
+        wrong.append(replace(qp, **{field: getattr(qp, field)[:-1]}))
+    if field in ("l", "lower"):
+        bad = bad.copy()
+        bad[0] = np.inf
+        wrong.append(replace(qp, **{field: bad}))
+    for one in wrong:
+        with pytest.raises(InvalidInputError, match=field):
+            Daqp().solve(one)
+
+
+def test_arrays_of_any_layout_are_read_as_they_are() -> None:
+    qp = random_qp(np.random.default_rng(3))
+    expected = Daqp().solve(qp)
+    turned = replace(qp, P=np.asfortranarray(qp.P), C=np.asfortranarray(qp.C))
+    np.testing.assert_array_equal(Daqp().solve(turned).x, expected.x)
+
+
+def test_another_answer_is_asked_for() -> None:
+    class Other(Daqp):
+        """Answers what it likes."""
+
+        def answer(self, qp):
+            raise RuntimeError("asked")
+
+    with pytest.raises(RuntimeError, match="asked"):
+        Other().solve(random_qp(np.random.default_rng(4)))
+
+
+def test_without_the_core_there_is_none(monkeypatch) -> None:
+    monkeypatch.setenv(VARIABLE, "off")
+    assert native_daqp(1e-8, 1000) is None

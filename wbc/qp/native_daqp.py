@@ -1,0 +1,91 @@
+"""DAQP behind an elimination of the equalities, and the KKT residuals, in one call of the core.
+
+What :mod:`wbc.qp.elimination` and :mod:`wbc.qp.kkt` do in Python, around DAQP's own function. It
+answers with a solution whose residuals are small, or leaves the QP to the path in Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+from functools import lru_cache
+from time import perf_counter
+
+import numpy as np
+
+from wbc.native import VARIABLE, Core, core
+from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.problem import QP
+from wbc.qp.solution import KktResiduals, Solution, Status
+
+_FIELDS = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
+
+
+class _Qp(ctypes.Structure):
+    """``wbc_qp`` of wbc/native/source/core.h, as far as it is of use here, with a reserve."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("n", "k", "m")),
+        *((name, ctypes.c_void_p) for name in (*_FIELDS, "x", "y", "z", "z_box", "found")),
+        ("reserve", ctypes.c_void_p * 6),
+    ]
+
+
+class NativeDaqp:
+    """The core's solver with some settings.
+
+    Parameters
+    ----------
+    eps:
+        What the residuals of an answer must be below.
+    """
+
+    def __init__(self, native: Core, eps: float, max_iterations: int) -> None:
+        self._eps = eps
+        self._call = native.wbc_solve_qp
+        self._settings = direct_daqp().settings(eps, max_iterations)
+        self._last = direct_daqp().address, ctypes.addressof(self._settings)
+
+    def solve(self, qp: QP, name: str) -> Solution | None:
+        """Return the solution; None if this is no QP, or no answer of small residuals was found."""
+        start = perf_counter()
+        n, k, m = qp.g.size, qp.b.size, qp.u.size
+        arrays = (qp.P, qp.A, qp.C, qp.g, qp.lower, qp.upper, qp.b, qp.l, qp.u)
+        shapes = ((n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,))
+        labels = qp.labels
+        if tuple([array.shape for array in arrays]) != shapes or k >= n:
+            return None
+        if (len(labels.variables), len(labels.equality), len(labels.inequality)) != (n, k, m):
+            return None
+        given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
+        left = n - k
+        size = k * (n + 1 + k) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
+        memory = np.empty(size)
+        order = np.empty(2 * n + m + k, dtype=np.int64)
+        out = np.empty(2 * n + k + m + 4)
+        at = out.ctypes.data
+        places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
+        struct = _Qp(n, k, m, *[array.ctypes.data for array in given], *places)
+        work = memory.ctypes.data, order.ctypes.data
+        if self._call(ctypes.addressof(struct), *work, *self._last) != 0:
+            return None
+        *residuals, iterations = out[-4:].tolist()
+        if not max(residuals) <= self._eps or math.isnan(sum(residuals)):
+            return None
+        x, y, z, z_box = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
+        found, spent = KktResiduals(*residuals), perf_counter() - start
+        return Solution(x, y, z, z_box, Status.SOLVED, found, int(iterations), spent, name)
+
+
+def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
+    """Return the core's solver; None where there is no core, or DAQP cannot be called by it."""
+    return _native_daqp(eps, max_iterations, os.environ.get(VARIABLE))
+
+
+@lru_cache(maxsize=64)
+def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaqp | None:
+    native = core()
+    if native is None or not direct_daqp().address:
+        return None
+    return NativeDaqp(native, eps, max_iterations)
