@@ -24,6 +24,8 @@ _FUNCTIONS = {
     "wbc_problem": 5,
     "wbc_tick": 5,
     "wbc_solve_qp": 5,
+    "wbc_nearest": 6,
+    "wbc_pair_rows": 8,
 }
 
 
@@ -54,6 +56,8 @@ class Core:
         self.wbc_problem: Any = library.wbc_problem
         self.wbc_tick: Any = library.wbc_tick
         self.wbc_solve_qp: Any = library.wbc_solve_qp
+        self.wbc_nearest: Any = library.wbc_nearest
+        self.wbc_pair_rows: Any = library.wbc_pair_rows
 
 
 class Status(NamedTuple):

@@ -67,6 +67,26 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
 int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
                const int64_t *joint, const double *placement, double *out);
 
+/* Bodies on joints, in capsules, and the pairs of them that are to be kept apart. */
+typedef struct {
+    int64_t nv, joints, bodies, pairs;
+    const int64_t *joint; /* (bodies) */
+    const double *local;  /* (bodies, 3, 3) columns: start, unit direction, middle; joint's axes */
+    const double *size;   /* (bodies, 3): length, radius, radius of a ball about the middle */
+    const int64_t *pair;  /* (pairs, 2) */
+    const int64_t *solid; /* (pairs): whether a body of it is no capsule, but covered by one */
+} wbc_pairs;
+
+/* Write the numbers, increasing, of the count nearest pairs of capsules and of all solids that may
+ * be as near, and what is nearest (7, k): distance, normal to the first, point on the first; of
+ * solids, of their covers. Returns k; -1: to be done in Python. scratch holds 9 numbers a body and
+ * 9 a pair, chosen one and nearest seven a pair. */
+int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, double *scratch,
+                int64_t *chosen, double *nearest);
+/* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */
+int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k,
+                  const int64_t *chosen, const double *normal, const double *point, double *rows);
+
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
                 CONTACT = 5, LINEAR = 6 };

@@ -27,17 +27,25 @@ class Covers:
     ----------
     pairs:
         (N, 2) indices of bodies; a half-space is the second of its pair.
+
+    Attributes
+    ----------
+    local:
+        (bodies, 3, 3) start, unit direction and middle of each, in columns, in its joint's axes.
+    sizes:
+        (bodies, 3) length and radius of the capsule, radius of the ball [m].
     """
 
     def __init__(self, bodies: Sequence[Body], pairs: Index) -> None:
         covers = [_cover(body.shape) for body in bodies]
         self._own = [_columns(*both) for both in zip(bodies, covers, strict=True)]
-        self._local = np.stack(self._own)  # (bodies, 3, 3)
+        self.local = np.stack(self._own)
         self._joints = np.array([body.joint for body in bodies], dtype=np.int64)
         self._first, self._second = pairs[:, 0].copy(), pairs[:, 1].copy()
         radii = np.array([cover.radius for cover in covers])
         lengths = np.array([_length(cover) for cover in covers])
         reach = np.array([body.bounding_ball[1] for body in bodies])
+        self.sizes = np.column_stack((lengths, radii, reach))
         self._reaches = reach[self._first] + reach[self._second]
         self._thickness = radii[self._first] + radii[self._second]
         self._first_radius = radii[self._first]
@@ -47,9 +55,9 @@ class Covers:
 
     def place(self, body: int, rotation: Array, origin: Array) -> None:
         """Move a body of joint 0: its frame is put at ``rotation``, ``origin`` (world)."""
-        self._local[body] = rotation @ self._own[body]
-        self._local[body, :, 0] += origin
-        self._local[body, :, 2] += origin
+        self.local[body] = rotation @ self._own[body]
+        self.local[body, :, 0] += origin
+        self.local[body, :, 2] += origin
 
     def placed(self, snapshot: Snapshot) -> Array:
         """Return start, direction and middle of all bodies, (3, 3, bodies), world axes.
@@ -57,7 +65,7 @@ class Covers:
         Bodies come last: NumPy is quickest along the long side.
         """
         R, p = snapshot.joint_placements
-        turned = np.matmul(R.take(self._joints, axis=0), self._local)
+        turned = np.matmul(R.take(self._joints, axis=0), self.local)
         placed = np.ascontiguousarray(turned.T)
         placed[::2] += p.take(self._joints, axis=0).T
         return placed

@@ -12,6 +12,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot.collision.covers import Covers, chosen_of
 from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
+from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace
 from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, finite_array, read_only
@@ -96,6 +97,9 @@ class CollisionModel:
         most = 2 * np.count_nonzero(solid) > len(solid)
         self._candidates = CANDIDATES_OF_SOLIDS if most else CANDIDATES
         self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
+        self._native = None  # the core knows capsules: of no use where most shapes are others
+        if not most and not self._covers.flat.size:
+            self._native = NativePairs(self._covers, joints, self.pairs, solid)
 
     def __repr__(self) -> str:
         return (
@@ -123,6 +127,10 @@ class CollisionModel:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
+        if self._native is not None and snapshot.native_state is not None and count < total:
+            nearest = self._native.nearest(snapshot.native_state, count)
+            if nearest is not None:
+                return _pair_distances(snapshot, *self._completed(snapshot, *nearest, count))
         tried = self._candidates * count
         if tried >= total:
             return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))
@@ -148,6 +156,8 @@ class CollisionModel:
         body and not the other. No joint is looked at by itself.
         """
         n, p = found.normal.T, found.point.T
+        if self._native is not None and snapshot.native_state is not None:
+            return self._native.rows(snapshot.native_state, found.pairs, n, p)
         line = np.empty((6, len(found.pairs)))
         line[:3] = n
         n, p = np.concatenate((n, n)), np.concatenate((p, p))  # x y z x y z
@@ -178,6 +188,15 @@ class CollisionModel:
     def _or_all(self, pairs: Index) -> Index | None:
         """Return the numbers of some pairs, which increase; None if these are all."""
         return None if len(pairs) == len(self.pairs) else pairs
+
+    def _completed(
+        self, snapshot: Snapshot, pairs: Index, found: Array, count: int
+    ) -> tuple[Index, Array]:
+        """Return the ``count`` nearest among pairs, with solids measured exactly too."""
+        where, numbers = self._solids_among(pairs)
+        if self._solids is not None and where.size:
+            found[:, where] = self._solids.measure(snapshot, numbers)
+        return (pairs, found) if len(pairs) == count else _least(pairs, found, count)
 
     def _measured(
         self,

@@ -1,0 +1,135 @@
+"""The nearest pairs in the native core against those by arrays, on the same bodies and states."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from tests.conftest import ROBOTS, load, random_state
+from wbc.native import VARIABLE, status
+from wbc.robot import Robot
+from wbc.robot.collision import CollisionModel
+from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
+
+pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+
+
+def both(name: str, monkeypatch) -> tuple[Robot, Robot]:
+    """Return a robot in the native core, and the same in Python."""
+    robots = []
+    for mode in ("require", "off"):
+        monkeypatch.setenv(VARIABLE, mode)
+        robots.append(Robot.load(name if name in ROBOTS[:-1] else load(name).path))
+        assert (robots[-1].native is not None) == (mode == "require")
+    return robots[0], robots[1]
+
+
+def random_pairs(bodies, rng: np.random.Generator, most: int) -> list[tuple[int, int]]:
+    """Some pairs of bodies on different joints, in order."""
+    every = [
+        (a, b)
+        for a in range(len(bodies))
+        for b in range(a + 1, len(bodies))
+        if bodies[a].joint != bodies[b].joint
+    ]
+    chosen = rng.permutation(len(every))[:most]
+    return [every[k] for k in sorted(chosen.tolist())]
+
+
+def assert_same(fast: CollisionModel, plain: CollisionModel, states, count: int) -> int:
+    """Pairs, distances, normals, points and Jacobians; return how many pairs are inside another.
+
+    Sums in another order: 1e-12 m. Normals of axes that nearly touch lose what these are short of.
+    """
+    inside = 0
+    for q, v in states:
+        here, there = fast.robot.snapshot(q, v), plain.robot.snapshot(q, v)
+        ours, theirs = fast.nearest(here, count), plain.nearest(there, count)
+        np.testing.assert_array_equal(ours.pairs, theirs.pairs)
+        np.testing.assert_allclose(ours.distance, theirs.distance, rtol=0.0, atol=1e-12)
+        for field in ("normal", "point"):
+            a, b = getattr(ours, field), getattr(theirs, field)
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-8)
+        rows = fast.rows(here, ours), plain.rows(there, theirs)
+        scale = max(1.0, np.abs(rows[1]).max(initial=0.0))
+        np.testing.assert_allclose(*rows, rtol=0.0, atol=1e-8 * scale)
+        inside += np.count_nonzero(ours.distance < 0.0)
+    return inside
+
+
+@pytest.mark.parametrize("name", ["g1", "talos", "romeo", "hoap2_like"])
+def test_the_same_pairs_at_random_states(name: str, rng, monkeypatch) -> None:
+    """Capsules, with some hulls among them."""
+    fast, plain = both(name, monkeypatch)
+    bodies = []
+    for joint in range(1, fast.model.njoints):
+        ends, radius = rng.uniform(-0.1, 0.1, (2, 3)), rng.uniform(0.01, 0.08)
+        ends[1] = ends[0] if joint % 5 == 0 else ends[1]  # spheres among them
+        bodies.append(Body(f"capsule {joint}", "base", joint, Capsule(ends, radius)))
+    corners = 0.1 * rng.normal(size=(2, 8, 3))
+    bodies += [Body(f"hull {k}", "base", 2 + k, Hull(corners[k])) for k in range(2)]
+    pairs = random_pairs(bodies, rng, 400)
+    models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
+    assert models[0]._native is not None
+    states = [random_state(plain, rng) for _ in range(15)]
+    inside = sum(assert_same(*models, states, count) for count in (1, 7, 25, len(pairs)))
+    assert inside > 10
+
+
+def test_bodies_that_are_moved_from_outside(rng, monkeypatch) -> None:
+    fast, plain = both("hoap2_like", monkeypatch)
+    joints = range(1, fast.model.njoints)
+    balls = [Capsule.sphere(rng.uniform(-0.1, 0.1, 3), 0.05) for _ in joints]
+    bodies = [Body(f"ball {k}", "base", k, ball) for k, ball in zip(joints, balls, strict=True)]
+    own = len(bodies)
+    bodies += [Body("rod", "", 0, Capsule.of([0, 0, 0], [0.3, 0, 0], 0.02))]
+    bodies += [Body("ball", "", 0, Capsule.sphere([0, 0, 0], 0.05))]
+    pairs = [(a, b) for a in range(own) for b in (own, own + 1)]
+    models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
+    assert models[0]._native is not None
+    for _ in range(10):
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+        turn *= np.sign(np.linalg.det(turn))
+        for model in models:
+            model.place(own, turn, np.array([0.2, 0.1, 0.4]))
+            model.place(own + 1, turn, 0.3 * turn[0])
+        assert_same(*models, [random_state(plain, rng)], 5)
+
+
+def test_what_it_does_not_know_is_left_to_python(monkeypatch) -> None:
+    fast, _ = both("hoap2_like", monkeypatch)
+    here = fast.snapshot(fast.posture())
+    # Spheres on joints whose origins are one place, and one elsewhere.
+    places = here.joint_placements[1]
+    first, second = next(
+        (a, b)
+        for a in range(1, len(places))
+        for b in range(a + 1, len(places))
+        if np.allclose(places[a], places[b], atol=1e-12)
+    )
+    ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
+    joints = (first, second, 1)
+    bodies = [Body(str(k), "base", joint, ball) for k, joint in enumerate(joints)]
+    model = CollisionModel(fast, bodies, [(0, 1), (0, 2)])
+    state = here.native_state
+    assert model._native.nearest(state, 1) is None  # axes touch: no direction between them
+    assert model.nearest(here, 1).distance[0] == pytest.approx(-0.02)
+    apart = CollisionModel(fast, bodies, [(0, 2), (1, 2)])
+    assert apart._native.nearest(state, 2) is not None
+    assert apart._native.nearest(state, 3) is None  # there are not so many
+    wall = Body("wall", "", 0, HalfSpace.of([0, 0, 1], 0.0))
+    assert CollisionModel(fast, [*bodies, wall], [(0, 2), (0, 3)])._native is None
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_reads_its_own_bodies(how, monkeypatch) -> None:
+    fast, _ = both("hoap2_like", monkeypatch)
+    ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
+    bodies = [Body("own", "base", 1, ball), Body("other", "", 0, ball), Body("far", "", 0, ball)]
+    pairs = how(CollisionModel(fast, bodies, [(0, 1), (0, 2)])._native)
+    here = fast.snapshot(fast.posture())
+    pairs._kept[1][1, :, 0] = here.position("base") + [0.3, 0.0, 0.0]
+    pairs._kept[1][1, :, 2] = here.position("base") + [0.3, 0.0, 0.0]
+    _, found = pairs.nearest(here.native_state, 2)
+    assert found[0, 0] == pytest.approx(0.28)
