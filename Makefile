@@ -55,7 +55,7 @@ lowest:
 
 bench: $(VENV)/dev.stamp
 	$(BIN)/python benchmarks/tick.py
-	$(BIN)/python benchmarks/solvers.py
+	$(BIN)/wbc bench
 
 clean:
 	rm -rf $(VENV) build dist mutants *.egg-info result.json result.png

@@ -36,6 +36,7 @@ FLOORS = {
     "problem": 5,
     "view": 6,
     "batch": 6,
+    "bench": 6,
     "cli": 6,
     "__main__": 6,
 }

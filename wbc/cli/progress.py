@@ -52,10 +52,9 @@ def _lines(console: Console) -> ProgressCall:
         if time.monotonic() - last > SECONDS_BETWEEN_LINES:
             last = time.monotonic()
             _, unit, state = _told(info)
+            most = "" if unit in ("run", "pass") else "at most "
             console.print(
-                f"{unit} {done} of {'' if 'batch' in (info or {}) else 'at most '}{total}: {state}"
-                if state
-                else f"{unit} {done} of {total}"
+                f"{unit} {done} of {most}{total}: {state}" if state else f"{unit} {done} of {total}"
             )
 
     return call
@@ -67,6 +66,8 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
         return "analysing", "frame", ""
     if "drawing" in info:
         return "drawing", "frame", ""
+    if "solver" in info:
+        return "measuring", "pass", info["solver"]
     if "batch" in info:
         return "running", "run", batch_state(info["batch"], info["seconds"])
     if "push" in info:

@@ -110,8 +110,12 @@ def backend_of(solver: str | Backend) -> Backend:
 
 def installed_solvers() -> tuple[str, ...]:
     """Return the names that :func:`make_backend` accepts on this machine, sorted."""
-    through_qpsolvers = importlib.import_module("qpsolvers").available_solvers
-    return tuple(sorted({*_NATIVE, *through_qpsolvers}))
+    return tuple(sorted({*_NATIVE, *qpsolvers_names()}))
+
+
+def qpsolvers_names() -> tuple[str, ...]:
+    """Return the names of the solvers that qpsolvers finds on this machine, sorted."""
+    return tuple(sorted(importlib.import_module("qpsolvers").available_solvers))
 
 
 def _maker(name: str) -> Callable[..., Backend]:

@@ -8,17 +8,19 @@ worth a memory between ticks. Rows and bounds pass as they are, two-sided, in DA
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from time import perf_counter
+from typing import Any
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native_daqp import native_daqp
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
-from wbc.validate import finite_number
+from wbc.validate import Array, finite_number
 
 _EQUALITY = 5  # DAQP's code for a row that always holds
 # DAQP's exit flags; a dependent working set (-6) is how it sees contradictory equalities.
@@ -76,32 +78,71 @@ class Daqp:
 
     def answer(self, qp: QP) -> RawSolution:
         """Return DAQP's answer, unchecked."""
-        n, mi = qp.g.size, qp.u.size
-        equalities = n + mi
-        sense = np.zeros(equalities + qp.b.size, dtype=np.intc)
-        sense[equalities:] = _EQUALITY
-        x, _, exitflag, info = daqp.solve(  # it takes no read-only arrays
-            np.require(qp.P, requirements="W"),
-            np.require(qp.g, requirements="W"),
-            np.concatenate((qp.C, qp.A)),
-            np.concatenate((qp.upper, qp.u, qp.b)),
-            np.concatenate((qp.lower, qp.l, qp.b)),
-            sense,
-            primal_tol=0.1 * self.eps,
-            iter_limit=self.max_iterations,
+        x, _, exitflag, info = daqp.solve(
+            *_data(qp), primal_tol=0.1 * self.eps, iter_limit=self.max_iterations
         )
-        multipliers = info["lam"]
-        claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
-        if not (
-            np.isfinite(multipliers).all() and np.isfinite(x).all()
-        ):  # it grows them without end on infeasible QPs
-            return RawSolution.none(qp, claim, message)
-        return RawSolution(
-            x=x,
-            y=multipliers[equalities:],
-            z=multipliers[n:equalities],
-            z_box=multipliers[:n],
-            claim=claim,
-            iterations=info["iterations"],
-            message=message,
-        )
+        return _raw(qp, x, exitflag, info)
+
+
+class KeptDaqp:
+    """DAQP's model kept from QP to QP, with its memory and active set: what wbc bench compares.
+
+    See :class:`Daqp` for the parameters. Nothing is checked.
+    """
+
+    def __init__(self, eps: float, max_iterations: int = 1000) -> None:
+        self.eps, self.max_iterations = eps, max_iterations
+        self._sizes: tuple[int, ...] = ()
+        self._model: Any = None
+
+    def answer(self, qp: QP) -> RawSolution:
+        """Return DAQP's answer, unchecked."""
+        sizes = (qp.g.size, qp.b.size, qp.u.size)
+        if sizes == self._sizes:
+            flag = self._model.update(*_data(qp)[:-1])
+        else:
+            self._sizes, self._model = sizes, daqp.Model()
+            limits = {"primal_tol": 0.1 * self.eps, "iter_limit": self.max_iterations}
+            self._model.settings = {**self._model.settings, **limits}
+            flag, _ = self._model.setup(*_data(qp))
+        if flag < 0:
+            self._sizes = ()  # a model that was refused is of no more use
+            return RawSolution.none(qp, *_CLAIMS.get(flag, (Status.FAILED, f"exit flag {flag}")))
+        x, _, flag, info = self._model.solve()
+        return _raw(qp, x, flag, info)
+
+
+def _data(qp: QP) -> tuple[Array | NDArray[np.intc], ...]:
+    """Return a QP as DAQP takes it: bounds, inequality rows, equality rows."""
+    equalities = qp.g.size + qp.u.size
+    sense = np.zeros(equalities + qp.b.size, dtype=np.intc)
+    sense[equalities:] = _EQUALITY
+    return (  # it takes no read-only arrays
+        np.require(qp.P, requirements="W"),
+        np.require(qp.g, requirements="W"),
+        np.concatenate((qp.C, qp.A)),
+        np.concatenate((qp.upper, qp.u, qp.b)),
+        np.concatenate((qp.lower, qp.l, qp.b)),
+        sense,
+    )
+
+
+def _raw(qp: QP, x: Array, exitflag: int, info: Mapping[str, Any]) -> RawSolution:
+    """Return an answer of DAQP in our form."""
+    n = qp.g.size
+    equalities = n + qp.u.size
+    multipliers = info["lam"]
+    claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
+    if not (
+        np.isfinite(multipliers).all() and np.isfinite(x).all()
+    ):  # it grows them without end on infeasible QPs
+        return RawSolution.none(qp, claim, message)
+    return RawSolution(
+        x=x,
+        y=multipliers[equalities:],
+        z=multipliers[n:equalities],
+        z_box=multipliers[:n],
+        claim=claim,
+        iterations=info["iterations"],
+        message=message,
+    )

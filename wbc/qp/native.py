@@ -72,6 +72,12 @@ _INNER = 10
 # have called a QP infeasible whose right-hand side was 1e-14 of rounding.
 _INFEASIBILITY = 0.0
 
+# What ProxQP sets itself where this package sets something else: a choice of wbc bench.
+DEFAULTS = {
+    name: getattr(proxqp.dense.QP(1, 0, 0).settings, name)
+    for name in ("check_duality_gap", "default_rho", "max_iter_in")
+}
+
 _CLAIMS = {
     proxqp.QPSolverOutput.PROXQP_SOLVED: Status.SOLVED,
     proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED: Status.ITERATION_LIMIT,
@@ -89,8 +95,11 @@ class Workspace:
     scale: float  # of the cost, as the native solver sees it
 
     @classmethod
-    def create(cls, qp: QP, eps: float, max_iterations: int) -> Workspace:
-        """Return a workspace loaded with ``qp``, set for a cold solve to ``eps``."""
+    def create(cls, qp: QP, eps: float, max_iterations: int, **others: Any) -> Workspace:
+        """Return a workspace loaded with ``qp``, set for a cold solve to ``eps``.
+
+        ``others``: ProxQP's settings by name, over those set here: for benchmarks.
+        """
         mi = qp.u.size
         native = proxqp.dense.QP(qp.g.size, qp.b.size, mi, True)
         settings = native.settings
@@ -106,6 +115,8 @@ class Workspace:
         settings.max_iter = max_iterations
         settings.max_iter_in = _INNER
         settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
+        for name, value in others.items():
+            setattr(settings, name, value)
         P, g = scale * qp.P, scale * qp.g
         native.init(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
         return cls(native, mi, scale)
@@ -121,12 +132,15 @@ class Workspace:
         self.native.settings.initial_guess = warm
         return self._answer()
 
-    def solve_warm(self, qp: QP) -> RawSolution:
-        """Solve ``qp``, of the same sizes, starting from the last solution."""
+    def solve_warm(self, qp: QP, refresh: bool = False) -> RawSolution:
+        """Solve ``qp``, of the same sizes, starting from the last solution.
+
+        ``refresh``: compute the preconditioner anew.
+        """
         native = self.native
         P, g = (qp.P, qp.g) if self.scale == 1.0 else (self.scale * qp.P, self.scale * qp.g)
         # Never solve() twice without update(): ProxQP 0.8 then scales the box a second time.
-        native.update(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper, False)
+        native.update(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper, refresh)
         native.solve()
         return self._answer()
 

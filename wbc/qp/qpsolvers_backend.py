@@ -36,6 +36,13 @@ _ACCURACY: Mapping[str, Callable[[float], dict[str, Any]]] = {
         "eps_duality_gap_abs": _GAP,
         "eps_duality_gap_rel": 0.0,
     },
+    "proxqp": lambda eps: {
+        "eps_abs": eps,
+        "eps_rel": 0.0,
+        "check_duality_gap": True,
+        "eps_duality_gap_abs": eps,
+        "eps_duality_gap_rel": 0.0,
+    },
 }
 # These take infinite bounds in their own box; for all others the finite ones become rows.
 _BOX = frozenset({"daqp", "osqp", "piqp"})
@@ -77,9 +84,10 @@ class QpsolversBackend:
         """
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         check_qp(qp)
-        return check.judge(qp, self._answer(qp))
+        return check.judge(qp, self.answer(qp))
 
-    def _answer(self, qp: QP) -> RawSolution:
+    def answer(self, qp: QP) -> RawSolution:
+        """Return the solver's answer, unchecked."""
         keep_box = self.name in _BOX
         rows = OneSided.of(qp, keep_box)
         matrix = self._matrix

@@ -1,0 +1,44 @@
+"""The test set for qpbenchmark: its columns, and problems with the same optimum."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+import qpsolvers
+from pyarrow import parquet
+
+from tests.bench.test_measure import solvable
+from wbc.bench.export import NAME, export_qpbenchmark
+from wbc.errors import InvalidInputError
+from wbc.qp.daqp import Daqp
+
+# qpbenchmark.problem_list.ProblemList.KEYS, 2.7
+KEYS = ["P", "q", "G", "h", "A", "b", "lb", "ub", "name"]
+
+
+def test_problems_have_the_same_optimum_in_its_form(tmp_path: Path) -> None:
+    sequence = solvable()
+    table, *scripts = export_qpbenchmark(tmp_path / "set", [sequence])
+    rows = parquet.read_table(table).to_pylist()
+    assert list(rows[0]) == KEYS
+    assert [row["name"] for row in rows] == [f"drifting {k}" for k in range(8)]
+    assert rows[-1]["G"] is None  # no inequality rows
+    for row, qp in zip(rows, sequence.qps, strict=True):
+        # As qpbenchmark.parquet_test_set does.
+        data = {key: None if row[key] is None else np.array(row[key]) for key in KEYS[:-1]}
+        for key in ("P", "G", "A"):
+            data[key] = None if data[key] is None else data[key].reshape(-1, data["q"].size)
+        found = qpsolvers.solve_problem(qpsolvers.Problem(**data), "daqp")
+        assert np.allclose(found.x, Daqp().answer(qp).x, atol=1e-6)
+    # qpbenchmark takes the class that is named like the file.
+    tree = ast.parse(scripts[0].read_text())
+    classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
+    assert classes == [NAME.title().replace("_", "")]
+    compile(scripts[1].read_text(), "warm", "exec")
+
+
+def test_pyarrow_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.batch.table.find_spec", lambda name: None)
+    with pytest.raises(InvalidInputError, match=r"pip install 'wbc\[batch\]'"):
+        export_qpbenchmark(tmp_path, [solvable()])

@@ -1,0 +1,99 @@
+"""``wbc bench``: recorded, measured, written, compared and refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from wbc.bench import load_sequence
+from wbc.cli import app
+
+SMALL = ("--job", "arm", "--ticks", 5, "--repeats", 3, "--solver", "daqp", "--solver", "proxqp")
+
+
+def run(*options: object) -> Result:
+    return CliRunner(env={"OMP_NUM_THREADS": "1"}).invoke(app, ["bench", *map(str, options)])
+
+
+def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
+    places = [tmp_path / f"b.{ending}" for ending in ("json", "md", "html", "png")]
+    folder = tmp_path / "sequences"
+    result = run(
+        *SMALL, "--sequences", folder, *(word for one in places for word in ("-o", one)),
+        "--eps", 1e-3, "--eps", 1e-8,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "records arm velocity smooth" in result.output and "daqp" in result.stdout
+    (file,) = folder.iterdir()
+    assert len(load_sequence(file).qps) == 5
+    told = json.loads(places[0].read_text())
+    assert set(told["accuracies"]) == {"0.001", "1e-08"}
+    assert told["accuracies"]["1e-08"]["solvers"]["daqp"]["all"]["success"] == 1.0
+    page = places[1].read_text()
+    assert "### All sequences, accuracy 0.001" in page and "| proxqp |" in page
+    assert "| arm velocity smooth | 12 | 6 | 0 |" in page
+    assert "data:image/png;base64," in places[2].read_text()
+    assert places[3].stat().st_size > 20_000
+
+    slow = json.loads(places[0].read_text())
+    for solver in ("daqp", "proxqp"):
+        one = slow["accuracies"]["1e-08"]["solvers"][solver]["sequences"]["arm velocity smooth"]
+        # A thousand times faster or slower than now: no noise of this machine.
+        factor = 1e-3 if solver == "daqp" else 1e3
+        one["passes"] = [factor * time for time in (1e-4, 1e-4, 1e-4)]
+        one["reference"] = [1e-3, 1e-3, 1e-3]
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps(slow))
+    compared = run(*SMALL, "--sequences", folder, "--eps", 1e-8, "--compare", old)
+    assert compared.exit_code == 3, compared.output
+    lines = {line.split()[0]: line for line in compared.stdout.splitlines() if "1e-08 " in line}
+    assert lines["daqp"].endswith("slower") and lines["proxqp"].endswith("faster")
+
+
+def test_a_problem_file_is_recorded(tmp_path: Path) -> None:
+    problem = tmp_path / "stand.yaml"
+    problem.write_text(
+        "robot: hoap2_like\nsupport: double\n"
+        "tasks: {posture: {type: posture, weight: 1.0}, com: {type: com, target: start}}\n"
+        "controller: {level: torque, solver: daqp}\nsimulation: {duration: 0.05}\n"
+    )
+    output = tmp_path / "b.json"
+    result = run(
+        problem, "--ticks", 4, "--repeats", 1, "--solver", "daqp", "-o", output,
+        "--qpbenchmark", tmp_path / "set", "-q",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    (about,) = json.loads(output.read_text())["sequences"].values()
+    assert (about["level"], about["QPs"], about["equalities"]) == ("torque", 4, 18)
+    assert (tmp_path / "set" / "wbc_sequences.py").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--job", "nobody"), "no job has that"),
+        (("-o", "b.txt"), ".json, .md"),
+        ((*SMALL[:-1], "nosuch"), "unknown solver of wbc bench 'nosuch'"),
+        (("--compare", "nothing.json"), "cannot be read"),
+        (("--sequences", "."), "has no file"),
+        (("problems/rmp_static_lean.yaml",), "pendulum"),
+    ],
+)
+def test_bad_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[object, ...], told: str
+) -> None:
+    (tmp_path / "problems").symlink_to(Path(__file__).parents[2] / "problems")
+    monkeypatch.chdir(tmp_path)
+    result = run(*options)
+    assert result.exit_code == 1 and told in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("{", "is not what"), ('{"format": "wbc bench 9"}', "'wbc bench 9', and")]
+)
+def test_figures_that_are_none(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "old.json"
+    path.write_text(text)
+    result = run("--compare", path)
+    assert result.exit_code == 1 and told in " ".join(result.output.split())

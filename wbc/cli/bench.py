@@ -1,0 +1,220 @@
+"""``wbc bench``: QP solvers on recorded sequences, their figures, and how they changed."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wbc.cli.errors import NOT_REACHED, errors_in_one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wbc.bench import Change, QpSequence
+
+BENCH_EXIT_CODES = (
+    "Exit codes: 0 measured and, with --compare, nothing slower or worse; 1 bad input; 2 wrong"
+    " usage; 3 some solver is slower, or solves less, than in the earlier figures."
+)
+ENDINGS = (".json", ".md", ".html", ".png", ".svg", ".pdf")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def bench(
+    problems: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Problem files whose QPs are recorded, too.", metavar="PROBLEM.yaml"),
+    ] = None,
+    sequences: Annotated[
+        Path | None,
+        typer.Option(help="Folder of recorded sequences; recorded into it if it is not there."),
+    ] = None,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this one, as in daqp or qpsolvers:osqp; repeatable."),
+    ] = None,
+    eps: Annotated[
+        list[float] | None, typer.Option(help="Accuracy asked for; repeatable. 1e-6 by default.")
+    ] = None,
+    ticks: Annotated[int, typer.Option(help="QPs recorded of each job.", min=1)] = 200,
+    job: Annotated[
+        list[str] | None,
+        typer.Option(help="Only standard jobs whose name has this, as in 'g1 torque'; repeatable."),
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="Passes over every sequence.", min=1)] = 5,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", help="Write .json, .md, .html or a picture; repeatable."),
+    ] = None,
+    compare: Annotated[
+        Path | None, typer.Option(help="Figures of an earlier run (.json): what is slower now?")
+    ] = None,
+    qpbenchmark: Annotated[
+        Path | None, typer.Option(help="Write the sequences as a test set of qpbenchmark.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+) -> None:
+    """Measure QP solvers on the QPs of whole-body controllers, in warm-start order.
+
+    Without problem files: standard jobs, from an arm to 62 joints, velocities and torques, smooth
+    and hard, up to 200 pairs of bodies.
+    """
+    with errors_in_one_line():
+        places = _checked(output or [])
+        from wbc.bench import load_summary
+
+        old = None if compare is None else load_summary(compare)
+        _one_thread()
+        found = _sequences(problems or [], sequences, job or [], ticks, quiet)
+        if qpbenchmark is not None:
+            _export(qpbenchmark, found, quiet)
+        summary = _measure(found, solver, eps or [1e-6], repeats, quiet)
+        changes: Sequence[Change] = ()
+        if old is not None:
+            changes = _compared(old, summary)
+        for place in places:
+            _write(place, summary, changes)
+        if not quiet:
+            _print(summary, changes, places)
+    if any(one.verdict in ("slower", "fails more") for one in changes):
+        raise typer.Exit(NOT_REACHED)
+
+
+def _checked(output: list[Path]) -> list[Path]:
+    from wbc.cli.outputs import check_place, require_matplotlib
+    from wbc.errors import InvalidInputError
+
+    for each in output:
+        if each.suffix not in ENDINGS:
+            raise InvalidInputError(f"--output {each}: expected one of {', '.join(ENDINGS)}")
+        if each.suffix not in (".json", ".md"):
+            require_matplotlib(f"--output {each}")
+        check_place("--output", each)
+    return output
+
+
+def _one_thread() -> None:
+    """Say so if linear algebra may use several threads: their times would mean little."""
+    if not any(os.environ.get(name) == "1" for name in THREADS):
+        head = typer.style("note:", fg="yellow", bold=True)
+        typer.echo(f"{head} set OMP_NUM_THREADS=1 for steady times", err=True)
+
+
+def _sequences(
+    problems: list[Path], folder: Path | None, jobs: list[str], ticks: int, quiet: bool
+) -> list[QpSequence]:
+    """Return the sequences to solve: those of a folder if it is there, else recorded now."""
+    from wbc.bench import STANDARD, load_sequence, record, record_problem, save_sequence
+    from wbc.bench.sequence import ENDING
+    from wbc.errors import InvalidInputError
+
+    if folder is not None and folder.is_dir():
+        files = sorted(folder.glob(f"*{ENDING}"))
+        if not files:
+            raise InvalidInputError(f"--sequences {folder}: has no file *{ENDING}")
+        return [load_sequence(file) for file in files]
+    chosen = [one for one in STANDARD if not jobs or any(part in one.name for part in jobs)]
+    if jobs and not chosen:
+        names = ", ".join(one.name for one in STANDARD)
+        raise InvalidInputError(f"--job {jobs[0]}: no job has that in its name ({names})")
+    found = [record_problem(path, ticks) for path in problems]
+    for one in chosen if jobs or not problems else []:
+        if not quiet:
+            typer.echo(f"records {one.name}", err=True)
+        found.append(record(one, ticks))
+    if folder is not None:
+        folder.mkdir(parents=True)
+        for sequence in found:
+            save_sequence(folder / f"{sequence.name.replace(' ', '_')}{ENDING}", sequence)
+    return found
+
+
+def _export(folder: Path, sequences: list[QpSequence], quiet: bool) -> None:
+    from wbc.bench.export import export_qpbenchmark
+
+    files = export_qpbenchmark(folder, sequences)
+    if not quiet:
+        typer.echo(f"written  {', '.join(map(str, files))}")
+        typer.echo(
+            f"now try  cd {folder} && qpbenchmark --results-path results.csv {files[1].name} run"
+        )
+
+
+def _measure(
+    sequences: list[QpSequence],
+    solvers: list[str] | None,
+    accuracies: list[float],
+    repeats: int,
+    quiet: bool,
+) -> dict[str, Any]:
+    from wbc.bench import candidate_names, measure, summarise
+    from wbc.cli.progress import shown_progress
+
+    names = solvers or list(candidate_names())
+    with nullcontext() if quiet else shown_progress() as progress:
+
+        def tell(done: int, total: int, name: str) -> None:
+            if progress is not None:
+                progress(done, total, {"solver": name})
+
+        measured = measure(sequences, names, accuracies, repeats, tell)
+    return summarise(sequences, measured, shlex.join(["wbc", *sys.argv[1:]]))
+
+
+def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[Change]:
+    from wbc.bench import compare
+
+    changes, notes = compare(old, new)
+    head = typer.style("note:", fg="yellow", bold=True)
+    for note in notes:
+        typer.echo(f"{head} {note}", err=True)
+    return changes
+
+
+def _write(place: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
+    from wbc.bench.summary import save_json
+    from wbc.bench.tables import html_page, markdown
+
+    match place.suffix:
+        case ".json":
+            save_json(place, summary)
+        case ".md":
+            place.write_text(markdown(summary, changes), encoding="utf-8")
+        case ".html":
+            with TemporaryDirectory() as folder:
+                picture = Path(folder) / "bench.png"
+                _draw(summary, picture)
+                page = html_page(summary, changes, picture.read_bytes())
+            place.write_text(page, encoding="utf-8")
+        case _:
+            _draw(summary, place)
+
+
+def _draw(summary: dict[str, Any], path: Path) -> None:
+    from wbc.view.bench import plot_bench
+
+    plot_bench(summary, path)
+
+
+def _print(summary: dict[str, Any], changes: Sequence[Change], places: list[Path]) -> None:
+    from wbc.bench.tables import changes_table, tables
+
+    for table in [*tables(summary)[::2], *([changes_table(changes)] if changes else [])]:
+        typer.echo(f"\n{table.title}")
+        widths = [
+            max(len(row[k]) for row in (table.header, *table.rows))
+            for k in range(len(table.header))
+        ]
+        for row in (table.header, *table.rows):
+            cells = [row[0].ljust(widths[0])]
+            cells += [one.rjust(width) for one, width in zip(row[1:-1], widths[1:-1], strict=True)]
+            typer.echo("  ".join([*cells, row[-1]]).rstrip())
+    for place in places:
+        typer.echo(f"written  {place}")
