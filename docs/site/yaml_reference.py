@@ -5,7 +5,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 Schema = Mapping[str, Any]
-FIRST = {"ProblemSpec": "A problem of a robot", "PendulumSpec": "A problem of a pendulum"}
+FIRST = {
+    "ProblemSpec": "A problem of a robot",
+    "WalkSpec": "A walk",
+    "PendulumSpec": "A problem of a pendulum",
+}
 SECTIONS = {
     "tasks": "Tasks",
     "constraints": "Constraints",
@@ -16,8 +20,9 @@ CHOSEN = ("type", "control", "method")  # constants that tell kinds apart
 HEAD = """# Problem files
 
 Made from the schema that `wbc schema` prints, so it says what this version accepts. A file with
-the key `model` is about a pendulum, any other about a robot. SI units; angles in radians. Weights
-multiply a row before squaring. For completion in an editor: `wbc schema > wbc.schema.json`.
+the key `model` is about a pendulum, one with `gait` a walk, any other about a robot. SI units;
+angles in radians. Weights multiply a row before squaring. For completion in an editor:
+`wbc schema > wbc.schema.json`.
 """
 
 

@@ -15,12 +15,18 @@ from wbc.validate import Array
 class Measured(NamedTuple):
     """What a gait knows of the robot.
 
+    With the centre of pressure at p and the angular momentum k about the CoM, the horizontal motion
+    at height h is c'' = omega^2 (c - p) - d/dt (k_y, -k_x) / (M h). So the DCM of the velocity
+    c' + (k_y, -k_x) / (M h) obeys xi' = omega (xi - p) - (k_y, -k_x) / (M h): what disturbs it is
+    the momentum, small and of zero mean while walking, and not its rate, which would ask for more
+    than the length of a sole.
+
     Attributes
     ----------
     com, velocity:
         (3,) of the CoM [m], [m/s].
     dcm:
-        (2,) [m].
+        (2,) with the velocity that the angular momentum stands for [m].
     places, rotations:
         Of the soles, by foot: (3,) [m] and (3, 3).
     """
@@ -32,13 +38,15 @@ class Measured(NamedTuple):
     rotations: dict[str, Array]
 
     @classmethod
-    def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float) -> Self:
+    def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:
         """Return it of a snapshot; ``frames`` are those of the soles by foot."""
         velocity = snapshot.com_jacobian @ snapshot.v
+        kx, ky, _ = snapshot.momentum[3:] / (snapshot.robot.mass * height)
+        carried = velocity[:2] + (ky, -kx)
         return cls(
             snapshot.com,
             velocity,
-            (snapshot.com + velocity / omega)[:2],
+            snapshot.com[:2] + carried / omega,
             {foot: snapshot.position(frame) for foot, frame in frames.items()},
             {foot: snapshot.rotation(frame) for foot, frame in frames.items()},
         )

@@ -1,14 +1,17 @@
 """A robot that walks at a velocity which may change at any time.
 
     command -> footsteps -> DCM and VRP in closed form -> the next footstep, adapted (one small QP)
-            -> acceleration of the CoM, height, foot in the air -> one torque tick
+            -> centre of pressure, height, foot in the air -> one torque tick
 
 While one foot bears, its VRP is at the middle of the sole; in the double support it moves to the
 next one at a constant rate. Footsteps beyond the next follow the velocity, and give what the DCM
 should be relative to the next foot (:mod:`wbc.gait.dcm`); where and when that lands is chosen for
-the DCM that is measured (:mod:`wbc.gait.adaptation`). The CoM is led by
+the DCM that is measured (:mod:`wbc.gait.adaptation`). The centre of pressure is led to
 
-    c'' = omega^2 (c - vrp - (1 + k) (xi - xi_ref)).
+    vrp + (1 + k) (xi - xi_ref),
+
+within the sole: by a task about the forces, so that the angular momentum of the swinging leg, which
+comes and goes by itself, takes nothing from the sole (:class:`~wbc.gait.phases.Measured`).
 """
 
 from __future__ import annotations
@@ -128,7 +131,7 @@ class Walker:
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
         self._planner = StepPlanner(self.gait, self.limits, _half_sizes(robot))
-        now = Measured.of(start, self._frames, self.gait.omega)
+        now = Measured.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
         self._ground = Motion.rest(np.array((now.middle[2],)))
         self._whole_body = WholeBody(
@@ -155,6 +158,11 @@ class Walker:
             f"Walker({self.robot.name!r}, {type(self.phase).__name__}, {self.steps} steps,"
             f" v=({vx:.2f}, {vy:.2f}) m/s, {yaw:.2f} rad/s)"
         )
+
+    @property
+    def lasting_tasks(self) -> tuple[Task, ...]:
+        """The tasks whose errors mean something all the time: those of one phase left out."""
+        return self._whole_body.lasting
 
     def command(self, vx: float, vy: float = 0.0, yaw_rate: float = 0.0) -> Admitted:
         """Walk at this velocity from now on; zeros to stop.
@@ -196,7 +204,7 @@ class Walker:
             land when they should.
         """
         gait, planner, dt = self.gait, self._planner, self.dt
-        now = Measured.of(snapshot, self._frames, gait.omega)
+        now = Measured.of(snapshot, self._frames, gait.omega, gait.height)
         self.velocity = self.velocity.towards(self.wanted, gait.acceleration * dt, TURN_UP * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
@@ -210,14 +218,14 @@ class Walker:
         else:
             reference = planner.standing(now)
         self.phase = phase
-        self._lead(snapshot, now, reference)
+        self._lead(now, reference)
         return self.controller
 
     # ------------------------------------------------------------------ parts of a tick
 
-    def _lead(self, snapshot: Snapshot, now: Measured, reference: Reference) -> None:
+    def _lead(self, now: Measured, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""
-        omega, rate = self.gait.omega, FOLLOW * self.gait.omega
+        rate = FOLLOW * self.gait.omega
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
         z, z1, _ = self._ground
         z2 = rate**2 * (reference.ground - z) - 2.0 * rate * z1
@@ -225,8 +233,17 @@ class Walker:
         self._ground = Motion(z + z1 * self.dt, z1, z2)
         height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
-        acceleration = omega**2 * (now.com[:2] - vrp)
-        self._whole_body.lead(snapshot, acceleration, height, self.heading, turn)
+        pressure = np.append(self._within(vrp, now), z)
+        self._whole_body.lead(pressure, height, self.heading, turn)
+
+    def _within(self, vrp: Array, now: Measured) -> Array:
+        """Return the point (2,) nearest to ``vrp`` on the sole that bears alone."""
+        phase = self.phase
+        if not isinstance(phase, SingleSupport):
+            return vrp
+        R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
+        half = self._planner.soles[phase.support]
+        return place + R @ np.clip(R.T @ (vrp - place), -half, half)
 
     def _swung(self, phase: SingleSupport, now: Measured) -> SingleSupport:
         """Return the phase with the foot in the air led on by a tick."""

@@ -14,25 +14,25 @@ from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
 from wbc.gait.swing import FootPose, turned
-from wbc.robot import Snapshot
-from wbc.tasks import ComTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
+from wbc.robot import Robot, Snapshot
+from wbc.robot.names import BASE
+from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
-
-TRUNK = "base"
 
 
 @dataclass(frozen=True)
 class WalkingWeights:
     """Weights of the tasks, and how stiff they are.
 
-    The spin of a swinging leg is the trunk's and the arms' to bear, as far as it goes: held to
-    zero, it would take the pressure to the edge of the sole. About the vertical only friction holds
-    a foot, so that is regulated more.
+    The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
+    more than the length of a sole. About the vertical only friction holds a foot, so that is
+    regulated.
 
     Attributes
     ----------
     com, height, swing:
-        Of the CoM in the plane, of its height, of the foot in the air [1/(m/s)].
+        Of the CoM's horizontal motion (by the centre of pressure), of its height, of the foot in
+        the air [1/(m/s)].
     trunk, posture:
         [1/(rad/s)].
     spin, yaw:
@@ -59,12 +59,14 @@ class WalkingWeights:
 
 
 class WholeBody:
-    """Tasks for the CoM, the trunk, the feet and the posture, and the controller that has them.
+    """Tasks for pressure, height, trunk, feet and posture, and the controller that has them.
 
     Attributes
     ----------
     controller:
         The :class:`~wbc.controllers.torque.TorqueController`.
+    lasting:
+        Those of its tasks that have a target all the time.
     """
 
     def __init__(
@@ -85,16 +87,19 @@ class WholeBody:
         self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
         self._swing_weight = w.swing
-        self._upright = turned(-heading) @ start.rotation(TRUNK)
+        trunks = dict.fromkeys((BASE, heaviest_link(robot)))
+        self._upright = {one: turned(-heading) @ start.rotation(one) for one in trunks}
         inertia = robot.mass * height**2
-        # The law of the CoM is the walker's: its target is where it is, with an acceleration.
-        self._com = ComTask(robot, start.com, axes=["x", "y"], kp=0.0, kd=0.0, weight=w.com)
+        self._pressure = CopTask(robot, (*start.com[:2], 0.0), weight=w.com / height)
         self._height = ComTask(
             robot, start.com, axes=["z"], name="height", kp=w.stiff_height, weight=w.height
         )
-        self._trunk = OrientationTask(
-            robot, TRUNK, start.rotation(TRUNK), name="trunk", kp=w.stiff_trunk, weight=w.trunk
-        )
+        self._trunk = {
+            one: OrientationTask(
+                robot, one, start.rotation(one), name=one, kp=w.stiff_trunk, weight=w.trunk
+            )
+            for one in trunks
+        }
         self._swing = {
             foot: PoseTask(
                 robot,
@@ -108,9 +113,9 @@ class WholeBody:
             for foot, frame in self._frames.items()
         }
         own: list[Task] = [
-            self._com,
+            self._pressure,
             self._height,
-            self._trunk,
+            *self._trunk.values(),
             MomentumTask(robot, components=["kx", "ky"], name="spin", weight=w.spin / inertia),
             MomentumTask(robot, components=["kz"], name="yaw", weight=w.yaw / inertia),
             PostureTask(robot, start.q, kp=w.stiff_posture, weight=w.posture),
@@ -127,6 +132,7 @@ class WholeBody:
         )
         for task in self._swing.values():
             task.weight = 0.0
+        self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
         frames = [self._frames[foot] for foot in feet]
@@ -146,18 +152,27 @@ class WholeBody:
             task.weight = self._swing_weight
         task.set_target(*pose)
 
-    def lead(
-        self, snapshot: Snapshot, acceleration: Array, height: Array, heading: float, turn: float
-    ) -> None:
-        """Set the CoM's acceleration (2,) [m/s^2], its height with rates (3,), and the heading.
+    def lead(self, pressure: Array, height: Array, heading: float, turn: float) -> None:
+        """Set the centre of pressure (3,) [m], the CoM's height with rates (3,), and the heading.
 
         ``turn`` is the heading's rate [rad/s].
         """
-        now, rate = snapshot.com, snapshot.com_jacobian @ snapshot.v
-        self._com.set_target(now, rate, (*acceleration, 0.0))
+        self._pressure.set_target(pressure)
         z, z1, z2 = height.tolist()
         self._height.set_target((0.0, 0.0, z), (0.0, 0.0, z1), (0.0, 0.0, z2))
-        self._trunk.set_target(turned(heading) @ self._upright, (0.0, 0.0, turn))
+        for one, task in self._trunk.items():
+            task.set_target(turned(heading) @ self._upright[one], (0.0, 0.0, turn))
+
+
+def heaviest_link(robot: Robot) -> str:
+    """Return the link that carries most mass by itself: the trunk, or what is fixed to it."""
+    model = robot.model
+    masses = [inertia.mass for inertia in model.inertias]
+    joint = int(np.argmax(masses))
+    if joint <= 1:
+        return BASE
+    bodies = [f for f in model.frames if f.parentJoint == joint and "BODY" in str(f.type)]
+    return str(bodies[0].name)
 
 
 def heading_of(rotations: Iterable[Array]) -> float:

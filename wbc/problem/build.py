@@ -28,6 +28,8 @@ from wbc.problem.simulation_spec import turned_with
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import check_said, contacts_of, slack_by_frame
+from wbc.problem.walk import walker_of
+from wbc.problem.walk_spec import WalkSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask
 from wbc.run.standing import held_feet
@@ -100,6 +102,10 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         with mistakes.at("constraints", name):
             check_outside(one.during(start, parts.contacts), start)
     mistakes.raise_any()
+    if isinstance(spec, WalkSpec):
+        spec.gait.check(robot, spec.whole_stop.duration, mistakes)
+        mistakes.require(("gait",), partial(walker_of, spec, parts))
+        return parts
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     mistakes.require(("controller",), make)
     if isinstance(spec.controller, GlobalSpec):
@@ -149,7 +155,8 @@ def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
     else:
         _check_no_times(spec, mistakes)
     _check_simulation(spec, mistakes)
-    if spec.phases is None and not any(task.active for task in spec.tasks.values()):
+    walks = isinstance(spec, WalkSpec)
+    if spec.phases is None and not walks and not any(one.active for one in spec.tasks.values()):
         with mistakes.at("tasks"):
             raise InvalidInputError("no task is active; there is nothing to do")
 

@@ -144,10 +144,14 @@ class TorqueSpec(SolverSettings):
         """What contacts bear that say nothing else."""
         return cone(self.friction)
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Those of the controller, but for its solver."""
+        return self.model_dump(exclude={"method", "level", "solver", "eps", "friction"})
+
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> TorqueController:
         """Return a new controller."""
-        settings = self.model_dump(exclude={"method", "level", "solver", "eps", "friction"})
-        return TorqueController(robot, tasks, solver=self.backend(), **settings, **parts)
+        return TorqueController(robot, tasks, solver=self.backend(), **self.settings, **parts)
 
 
 class GlobalSpec(QpSettings):

@@ -7,23 +7,30 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from wbc.problem.spec import ProblemSpec
+from wbc.problem.walk_spec import WalkSpec
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of a problem file.
 
-    A file with the key ``model`` is about a pendulum, any other about a robot.
+    A file with the key ``model`` is about a pendulum, any other about a robot; with ``gait`` it
+    walks.
     """
     from wbc.problem.pendulum.spec import PendulumSpec  # only now: it loads CasADi
 
-    places, schema = models_json_schema([(ProblemSpec, "validation"), (PendulumSpec, "validation")])
+    specs = ProblemSpec, WalkSpec, PendulumSpec
+    places, schema = models_json_schema([(spec, "validation") for spec in specs])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": "urn:wbc:schema:problem:1",
         "title": "wbc problem",
         "if": {"type": "object", "required": ["model"]},
         "then": places[PendulumSpec, "validation"],
-        "else": places[ProblemSpec, "validation"],
+        "else": {
+            "if": {"type": "object", "required": ["gait"]},
+            "then": places[WalkSpec, "validation"],
+            "else": places[ProblemSpec, "validation"],
+        },
         "$defs": _unwrapped(schema["$defs"]),
     }
 

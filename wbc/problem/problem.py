@@ -21,13 +21,16 @@ from wbc.problem.provenance import provenance, version_of, versions
 from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
+from wbc.problem.walk import commanded_walk
+from wbc.problem.walk_spec import WalkSpec
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
+from wbc.run.leader import Leader
 from wbc.run.phases import Loads, PhaseExecutor
 from wbc.run.result import Result
 from wbc.run.simulate import simulate
 from wbc.run.standing import FLAT, held_feet
 from wbc.run.stopping import Stop
-from wbc.simulation import FallLimits, SimulationResult, run_trial
+from wbc.simulation import FallLimits, Plant, SimulationResult, run_trial
 from wbc.validate import by_name
 
 if TYPE_CHECKING:
@@ -150,7 +153,7 @@ class Problem:
         made_with = {"problem": self.provenance(), "versions": found}
         made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
         return run_trial(
-            self.executor(lambda: {foot: plant.contacts.load(foot) for foot in plant.robot.feet}),
+            self.leader(plant),
             plant,
             Stop(**spec.whole_stop.model_dump()),
             falls=FallLimits(**spec.simulation.falls),
@@ -160,6 +163,15 @@ class Problem:
             cancelled=cancelled,
             show=show,
         )
+
+    def leader(self, plant: Plant) -> Leader:
+        """Return what leads a simulation of ``plant`` from the start; it serves one run.
+
+        Feet feel the plant's ground.
+        """
+        if isinstance(self.spec, WalkSpec):
+            return commanded_walk(self.spec, self.parts, plant)
+        return self.executor(lambda: {foot: plant.contacts.load(foot) for foot in plant.robot.feet})
 
     def executor(self, loads: Loads | None = None) -> PhaseExecutor:
         """Return what leads a run through the phases, from the start; it serves one run.
@@ -189,7 +201,8 @@ def load_problem(
 ) -> Problem | PendulumProblem:
     """Read and check a problem file; nothing is left to fail later for a wrong name or number.
 
-    A file with the key ``model`` (``rmp_planar`` or ``rmp_solid``) is a pendulum's problem.
+    A file with the key ``model`` (``rmp_planar`` or ``rmp_solid``) is a pendulum's problem, one
+    with ``gait`` a walk.
 
     Parameters
     ----------
@@ -215,7 +228,8 @@ def load_problem(
         from wbc.problem.pendulum.problem import load_pendulum
 
         return load_pendulum(source, overrides, Path(path).parent)
-    spec = read_section(ProblemSpec, source)
+    walks = isinstance(source.data, dict) and "gait" in source.data
+    spec = read_section(WalkSpec if walks else ProblemSpec, source)
     return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
 
 

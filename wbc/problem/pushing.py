@@ -104,7 +104,7 @@ class PushedProblem:
         if impulse > 0.0:
             plant.push(settings.body, force, "com", start=settings.at, duration=settings.duration)
         up = plant.body_rotation(falls.trunk)[2].copy()
-        phases = self.problem.executor()
+        phases = self.problem.leader(plant)
         loop = simulate(phases.controller, plant, self.duration, update=phases.update, falls=falls)
         ticks = relaxed = 0
         least_upright, ending = 1.0, ""

@@ -120,6 +120,8 @@ class PhaseExecutor:
         What is held and kept in it.
     complaint:
         Why a phase could not begin, which ended the run; else None.
+    notes:
+        None.
     """
 
     def __init__(
@@ -138,6 +140,7 @@ class PhaseExecutor:
         self._early = 0.0  # s, by which phases have ended before their time
         self.tasks = tuple(one.task for one in tasks)
         self.complaint: str | None = None
+        self.notes: Sequence[str] = ()
         self._make_controller, self._move_world = make_controller, move_world
         self._targeted = {one.task.name: one for one in tasks}
         # (k,) with which each task acts; None: it is off.

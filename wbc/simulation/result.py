@@ -135,7 +135,7 @@ class SimulationResult:
                  if np.isfinite(most)}
             ),
             recorder=record.truth,
-            notes=tuple(plant.notes),
+            notes=record.notes,
             tracking=tracking,
         )  # fmt: skip
 

@@ -13,7 +13,7 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.run.callbacks import Callbacks, Cancelled, Progress, Show
 from wbc.run.conclusion import conclude
-from wbc.run.phases import PhaseExecutor
+from wbc.run.leader import Leader
 from wbc.run.simulate import ticks_in
 from wbc.run.stopping import Stop
 from wbc.simulation.falling import FallLimits
@@ -26,7 +26,7 @@ from wbc.validate import Array
 
 
 def run_trial(
-    phases: PhaseExecutor,
+    phases: Leader,
     plant: Plant,
     stop: Stop,
     *,

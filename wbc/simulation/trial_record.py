@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.controllers.closed_loop import LoopTick
 from wbc.run.history import Recorder as RunRecorder
-from wbc.run.phases import PhaseExecutor
+from wbc.run.leader import Leader
 from wbc.simulation.falling import FallLimits, Verdict
 from wbc.simulation.loop import SimulationTick
 from wbc.simulation.plant import Plant
@@ -37,7 +37,7 @@ class TrialRecord:
         Angles of the trunk from its first vertical [rad], of the first state and every period's.
     """
 
-    def __init__(self, plant: Plant, phases: PhaseExecutor, falls: FallLimits) -> None:
+    def __init__(self, plant: Plant, phases: Leader, falls: FallLimits) -> None:
         self.truth, self.run = Recorder(plant), RunRecorder(plant.robot, phases.tasks)
         self.pushes = tuple(plant.pushes)
         self.verdict = Verdict(True, plant.time, "stood for 0 s")
@@ -46,6 +46,11 @@ class TrialRecord:
         self.tilt = [0.0]
         self._plant, self._phases, self._trunk = plant, phases, falls.trunk
         self._up = self._trunk_vertical().copy()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What physics and leader have to say."""
+        return (*self._plant.notes, *self._phases.notes)
 
     @property
     def ticks(self) -> int:

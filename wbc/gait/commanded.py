@@ -1,0 +1,112 @@
+"""A walk by a schedule of commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from wbc.constraints import Contact
+from wbc.controllers import Controller
+from wbc.errors import InvalidInputError
+from wbc.gait.command import Velocity
+from wbc.gait.walker import Walker
+from wbc.robot import Snapshot
+from wbc.run.standing import Standing
+from wbc.tasks import Task
+from wbc.validate import Array, finite_number
+
+# Wrenches (6,) on the soles now, by frame.
+Forces = Callable[[], Mapping[str, Array]]
+
+
+class TimedCommand(NamedTuple):
+    """A velocity, and from when on it is wanted [s]."""
+
+    at: float
+    velocity: Velocity
+
+
+class CommandedWalk:
+    """Leads a simulation by a walker and a schedule; see :class:`wbc.run.leader.Leader`.
+
+    Parameters
+    ----------
+    commands:
+        In order of time; before the first the robot stands.
+    forces:
+        What the soles feel; None: feet land when they should.
+    move_world:
+        Called before each tick with the time [s], for instance to move obstacles.
+
+    Attributes
+    ----------
+    notes:
+        What of the commands was beyond the legs, in words.
+
+    Raises
+    ------
+    InvalidInputError
+        Commands that are not in order of time.
+    """
+
+    def __init__(
+        self,
+        walker: Walker,
+        commands: Sequence[TimedCommand],
+        forces: Forces | None = None,
+        move_world: Callable[[float], None] | None = None,
+    ) -> None:
+        check_order(commands)
+        self.walker = walker
+        self.complaint: str | None = None
+        self.controller: Controller = walker.controller
+        self.notes: Sequence[str] = ()
+        self._coming, self._forces, self._move_world = list(commands), forces, move_world
+        self.standing = self._standing()
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """Those whose errors mean something all the time."""
+        return self.walker.lasting_tasks
+
+    def update(self, tick: int, snapshot: Snapshot) -> Controller:
+        """Give the commands that are due; return the controller, its goals set."""
+        time = tick * self.walker.dt
+        self.move_to(time)
+        while self._coming and time >= self._coming[0].at - 1e-9:
+            command = self._coming.pop(0)
+            reason = self.walker.command(*command.velocity).reason
+            if reason:
+                self.notes = (*self.notes, f"command at {command.at:g} s: {reason}")
+        self.walker.prepare(snapshot, None if self._forces is None else self._forces())
+        if self.controller.contacts != self.standing.contacts:
+            self.standing = self._standing()
+        return self.controller
+
+    def move_to(self, time: float) -> None:
+        """Set obstacles to where they are at ``time`` [s]."""
+        if self._move_world is not None:
+            self._move_world(time)
+
+    def _standing(self) -> Standing:
+        made = self.controller
+        contacts = [one for one in made.contacts if isinstance(one, Contact)]
+        return Standing.on("", contacts, made.constraints, made.limits, made.slacks.is_hard)
+
+
+def check_order(commands: Sequence[TimedCommand]) -> None:
+    """Refuse commands that are not in order of time.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names both times.
+    """
+    last = -1.0
+    for command in commands:
+        at = finite_number("walking command, at", command.at, least=0.0)
+        if at <= last:
+            raise InvalidInputError(
+                f"walking command at {at:g} s comes after the one at {last:g} s; order them by time"
+            )
+        last = at

@@ -1,0 +1,101 @@
+"""A walk, as a problem file describes it: a gait and a schedule of commands."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, Strict
+
+from wbc.gait import Legs, Velocity, WalkingWeights
+from wbc.gait.command import CommandLimits
+from wbc.gait.commanded import TimedCommand
+from wbc.gait.settings import GaitSettings
+from wbc.problem.controller_spec import TorqueSpec
+from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.section import KeysOf, NonNegative, Number, Positive, Section
+from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
+from wbc.robot import Robot
+
+
+class CommandSpec(Section):
+    """A velocity from some time on; what is left out is 0, so {at: 5} stops."""
+
+    at: NonNegative
+    """From when on [s]."""
+    vx: Number = 0.0
+    """Forwards [m/s]."""
+    vy: Number = 0.0
+    """To the left [m/s]."""
+    yaw_rate: Number = 0.0
+    """To the left [rad/s]."""
+
+    @property
+    def timed(self) -> TimedCommand:
+        """The command."""
+        return TimedCommand(self.at, Velocity(self.vx, self.vy, self.yaw_rate))
+
+
+class GaitSpec(Section):
+    """How a robot walks, and when where to; what is left out fits the robot's size."""
+
+    commands: Annotated[tuple[CommandSpec, ...], Strict(False), Field(min_length=1)]
+    """In order of time; each holds until the next."""
+    single: Positive | None = None
+    """How long it stands on one foot [s]."""
+    double: Positive | None = None
+    """How long it stands on both feet between steps [s]."""
+    height: Positive | None = None
+    """Of the CoM over the soles [m]."""
+    width: Positive | None = None
+    """Distance of the feet from each other [m]."""
+    least_width: Positive | None = None
+    """Least that a recovery step may leave of it [m]."""
+    clearance: Positive | None = None
+    """How high feet are lifted [m]."""
+    ramp: Positive | None = None
+    """How long a foot takes to bear its load and to give it up [s]."""
+    acceleration: Positive | None = None
+    """At which a commanded velocity is followed [m/s^2]."""
+    gain: Positive | None = None
+    """How far beyond the capture point the pressure goes, by its error."""
+    feel: bool = True
+    """Whether feet land when they feel the ground; false: when they should."""
+    weights: Annotated[dict[str, Any], KeysOf(WalkingWeights)] = Field(default_factory=dict)
+    """Weights of the walking tasks and their stiffness."""
+
+    @property
+    def settings(self) -> dict[str, float | None]:
+        """Those of :class:`~wbc.gait.GaitSettings`."""
+        return self.model_dump(exclude={"commands", "feel", "weights"})
+
+    def check(self, robot: Robot, duration: float, mistakes: Mistakes) -> None:
+        """Note what shows only with the robot, and commands that cannot be."""
+        with mistakes.at("gait"):
+            CommandLimits.of(legs := Legs.of(robot), GaitSettings.of(legs, **self.settings))
+        with mistakes.at("gait", "weights"):
+            WalkingWeights(**self.weights)
+        last = -1.0
+        for k, command in enumerate(self.commands):
+            with mistakes.at("gait", "commands", k):
+                if command.at <= last:
+                    raise Misplaced(f"comes after the one at {last:g} s; order them by time", "at")
+                if command.at >= duration:
+                    raise Misplaced(
+                        f"is given after the end of the simulation ({duration:g} s)", "at"
+                    )
+            last = command.at
+
+
+class WalkSpec(ProblemSpec):
+    """A walk: a robot, a gait with commands, and what else it should do and respect."""
+
+    gait: GaitSpec
+    """How it walks, and where to."""
+    support: Literal["double"] = "double"
+    """A walk begins on both feet."""
+    tasks: dict[PlainName, AnyTask] = Field(default_factory=dict)
+    """What the robot should do besides walking; targets are relative to the start, in the world."""
+    phases: None = None
+    """A walk has none: it is led by commands."""
+    controller: TorqueSpec = TorqueSpec(level="torque", solver="daqp")
+    """How the tasks are turned into torques."""

@@ -1,0 +1,42 @@
+"""Who leads a simulation: which controller is in charge of each tick, and what it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from wbc.controllers import Controller
+from wbc.robot import Snapshot
+from wbc.run.standing import Standing
+from wbc.tasks import Task
+
+
+class Leader(Protocol):
+    """Leads from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does.
+
+    Attributes
+    ----------
+    controller:
+        In charge now.
+    standing:
+        What it holds and keeps.
+    complaint:
+        Why it could not go on, which ended the run; else None.
+    notes:
+        What else is worth saying in the end.
+    """
+
+    controller: Controller
+    standing: Standing
+    complaint: str | None
+    notes: Sequence[str]
+
+    @property
+    def tasks(self) -> Sequence[Task]:
+        """All tasks whose errors are recorded."""
+
+    def update(self, tick: int, snapshot: Snapshot) -> Controller | None:
+        """Make everything ready for a tick and return its controller; None to end."""
+
+    def move_to(self, time: float) -> None:
+        """Set everything that moves to its value at ``time`` [s]."""
