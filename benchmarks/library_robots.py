@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 from random_ticks import SUPPORTS, inside, random_tasks
 
-from wbc.constraints import Limits, SelfCollision, support
+from wbc.constraints import Contact, Limits, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
@@ -170,7 +170,7 @@ def episode(
         record.outside = max(record.outside, -controller.limits.worst_margin(q)[0])
         record.broken = max(record.broken, raw.broken(q))
         there = robot.snapshot(q)
-        slips = [contact.slip(there) for contact in controller.contacts]
+        slips = [held.slip(there) for held in controller.contacts if isinstance(held, Contact)]
         record.slip = max([record.slip, *slips])
 
 
