@@ -35,14 +35,15 @@ class Residual(NamedTuple):
         (nv, nv) sum over the rows of weight^2 * error * second derivative of the error, or None:
         what Gauss-Newton leaves out of the cost's Hessian. Few tasks give it.
     curvature_bound:
-        A bound on the norm of that sum where it is not given; the law damps by it.
+        A bound on that sum where it is not given, by which the law damps: a number on its norm, or
+        (nv,) numbers that make a diagonal matrix above it, such as the sums of its rows' sizes.
     """
 
     error: Array
     jacobian: Array
     bias: Array
     curvature: Array | None = None
-    curvature_bound: float = 0.0
+    curvature_bound: float | Array = 0.0
 
     def rate(self, v: Array) -> Array:
         """Return the time derivative (k,) of the error at velocity ``v``."""
@@ -61,7 +62,7 @@ class Rows(NamedTuple):
     weight:
         (k,) factors applied before squaring.
     damping:
-        Added to the diagonal of the quadratic cost.
+        Added to the diagonal of the quadratic cost: a number, or (nv,).
     curvature:
         (nv, nv) added to the quadratic cost, possibly indefinite; None for none.
     singular_threshold:
@@ -74,7 +75,7 @@ class Rows(NamedTuple):
     matrix: Array
     target: Array
     weight: Array
-    damping: float = 0.0
+    damping: float | Array = 0.0
     curvature: Array | None = None
     singular_threshold: float = 0.0
     rate: float = 0.0
@@ -110,7 +111,8 @@ class VelocityLaw:
 
     A Gauss-Newton step of length ``gain`` towards a target out of reach swings back and forth
     unless its Hessian is above gain/2 of the true one. Hence half of gain times what a task says
-    of the curvature left out is added as damping; it fades as the error does.
+    of the curvature left out is added as damping, to each joint its own; it fades as the error
+    does.
 
     Attributes
     ----------

@@ -18,8 +18,9 @@ def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
     ).step(here)
     residual = task.residual(here)
     J, wanted = residual.jacobian, -0.1 / 0.005 * residual.error
-    damping = 1e-12 + 0.05 * residual.curvature_bound  # the controller's, and gain/2 of the task's
-    expected = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), wanted)
+    # the controller's, and gain/2 of the task's
+    damping = np.diag(1e-12 + 0.05 * residual.curvature_bound)
+    expected = np.linalg.solve(J.T @ J + damping, J.T @ wanted)
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-6 * np.abs(expected).max())
 
 

@@ -200,7 +200,7 @@ class NativeMemory:
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return the larger of what setting up the QP and solving it need."""
         tree, n, k, m = self._tree, self.n, self.k, self.m
-        work = max(rows * (tree.nv + 4), 9 * tree.joints + 6 * tree.nv)
+        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 9 * tree.joints + 6 * tree.nv)
         motion = tree.motion_size if self.forces is not None else 0
         left = n - k
         solving = k * (n + 1 + k) + 2 * k * left + left * left + left + n

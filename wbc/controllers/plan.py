@@ -228,12 +228,13 @@ def assemble(
     if n > nv:
         lower = np.concatenate((lower, decision.lower))
         upper = np.concatenate((upper, decision.upper))
-    matrices, targets, weights, curved, damping = [], [], [], [], 0.0
+    matrices, targets, weights, curved = [], [], [], []
+    damping: float | Array = 0.0
     for rows in costs:
         matrices.append(rows.matrix)
         targets.append(rows.target)
         weights.append(rows.weight)
-        damping += rows.damping
+        damping = damping + rows.damping  # not in place: a law's array is the law's
         if rows.curvature is not None:
             curved.append(rows.curvature)
     # Weighted and stacked first: one product is cheaper than one per task.

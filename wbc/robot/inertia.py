@@ -1,27 +1,19 @@
 """How the composite-rigid-body (CRB) inertia changes with the joints: Jacobian, drift, Hessian.
 
-The Jacobian (paper eqs. 24-27) follows from the composite inertias that Pinocchio keeps: a joint
-moves the bodies that it carries as one. The second derivative is read off the equations of motion.
-Lock all joints and spin the whole robot about its CoM at angular velocity w: the kinetic energy is
-T = 1/2 w' I_c w, and Lagrange's equations say that joint j then needs the *centrifugal torque*
-
-    tau_j(w) = - dT/dq_j = - 1/2 w' (dI_c/dq_j) w.
-
-So six spins, one for each entry of a symmetric matrix, give the Jacobian too (the tests' oracle),
-and the derivative of these torques by the joints gives the Hessian: exact for every joint type.
-That part is seen from the base, where the inertia depends on the joints alone (paper 5.2.1). The
-second derivative along a motion has a closed form of its own, without a loop over the links.
+All three follow from the composite inertias that Pinocchio keeps: a joint moves the bodies that it
+carries as one (Jacobian: paper eqs. 24-27), and composites move with the joints before them
+(Hessian, drift). Closed forms, exact for every joint, without a loop over the links.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
-from wbc.robot.workspace import CarriedColumns, Workspace
+from wbc.robot.workspace import CarriedColumns
 from wbc.spatial import (
     COLUMNS,
     DIAGONAL,
+    FROBENIUS_WEIGHTS,
     ROWS,
     commutator_matrix,
     skew,
@@ -80,23 +72,50 @@ def inertia_rates(composites: Array, masses: Array, twists: Array, com: Array) -
     return (products @ _RATES).T
 
 
-def joint_hessian(
-    work: Workspace, q: Array, com_in_base: Array, com_jacobian: Array, axis: Array
+def inertia_hessian(
+    weights: Array,
+    rates: Array,
+    com_jacobian: Array,
+    twists: Array,
+    com: Array,
+    mass: float,
+    orders: Array,
 ) -> Array:
-    """Return the Hessian (nv, nv) of ``axis' I_base axis`` by the joints; base rows are 0.
+    """Return the second derivative (nv, nv) of the sum of weights_ab I_ab by v, world axes.
 
-    The centrifugal torque differentiated once more. The spin goes through the CoM, so it moves with
-    the joints as the CoM does: ``com_jacobian`` (3, nv) is that of the CoM relative to the base
-    origin, in base axes (its base columns are not used).
+    A column i of v that carries all that column j does moves the rate P_j of the pseudo-inertia,
+    with S_j and h_j its second and first moments about the CoM, by [W_i] P_j + (..)', hence
+
+        d2S / (dv_i dv_j) = [w_i] S_j + u_i h_j' - h_i h_j' / M + (..)'
+
+    of which the last term is the CoM's own motion; it alone is left where neither carries the
+    other. Rotations of the base do not commute: of both orders the mean is taken. The joints' part
+    is a Hessian.
+
+    Parameters
+    ----------
+    weights:
+        (3, 3) symmetric.
+    rates:
+        (6, nv) as :func:`inertia_rates` returns them.
+    com_jacobian:
+        (3, nv).
+    twists:
+        (6, nv), the linear part that of the point at the world's origin.
+    mass:
+        Of the robot [kg].
+    orders:
+        See :class:`~wbc.robot.workspace.CarriedColumns`.
     """
-    spin = np.zeros(work.model.nv)
-    spin[:3], spin[3:6] = np.cross(com_in_base, axis), axis
-    by_q, by_v, _ = pin.computeRNEADerivatives(work.weightless, work.scratch, q, spin, work.at_rest)
-    hessian = by_q + by_v[:, :3] @ (skew(axis).T @ com_jacobian)
-    hessian *= -2.0
-    hessian[:6] = 0.0
-    hessian[:, :6] = 0.0
-    return hessian
+    K = _of_second_moments(weights)
+    pulled = mass * (K @ com_jacobian)
+    turned = (0.5 * FROBENIUS_WEIGHTS[:, None] * commutator_matrix(K)).T @ rates
+    turned += skew(com) @ pulled
+    carried = np.concatenate((pulled, turned)).T @ twists  # row j, column i
+    carried *= orders
+    second = carried + carried.T
+    second -= 2.0 * (com_jacobian.T @ pulled)
+    return second
 
 
 def inertia_curvature(

@@ -174,17 +174,31 @@ class KinematicState:
         spin = commutator_matrix(self.inertia) @ self.jacobian(frame)[3:]
         return read_only(congruence(R.T) @ (self.inertia_jacobian - spin))
 
-    def base_inertia_hessian(self, weights: Array) -> Array:
-        """Hessian (nv, nv) by the joints of sum_ab weights_ab I_ab, I in base axes.
+    def inertia_hessian(self, weights: Array) -> Array:
+        """Second derivative (nv, nv) by v of sum_ab weights_ab I_ab, world axes.
 
-        ``weights`` is a symmetric (3, 3) matrix; its eigenvectors are the only spins needed. Times
-        the error of an inertia task this is what Gauss-Newton leaves out.
+        ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
+        Gauss-Newton leaves out. See :func:`wbc.robot.inertia.inertia_hessian`.
         """
-        factors, axes = np.linalg.eigh(weights)
-        work, com, J = self.robot.workspace, self._com_in_base, self._com_jacobian_in_base
-        hessian = np.zeros((self.robot.nv, self.robot.nv))
-        for factor, axis in zip(factors, axes.T, strict=True):
-            hessian += factor * crb.joint_hessian(work, self.q, com, J, axis)
+        robot = self.robot
+        return read_only(
+            crb.inertia_hessian(
+                weights,
+                self.inertia_jacobian,
+                self.com_jacobian,
+                self.joint_twists,
+                self.com,
+                robot.mass,
+                robot.workspace.columns.orders,
+            )
+        )
+
+    def base_inertia_hessian(self, weights: Array) -> Array:
+        """Hessian (nv, nv) by the joints of the same sum, I and weights in base axes."""
+        S = self.rotation(BASE)
+        hessian = self.inertia_hessian(S @ weights @ S.T).copy()
+        hessian[:BASE_NV] = 0.0
+        hessian[:, :BASE_NV] = 0.0
         return read_only(hessian)
 
     # ------------------------------------------------------------------ frames
@@ -247,14 +261,6 @@ class KinematicState:
         return found
 
     # ------------------------------------------------------------------ internals
-
-    @cached_property
-    def _com_in_base(self) -> Array:
-        return self.rotation(BASE).T @ (self.com - self.position(BASE))
-
-    @cached_property
-    def _com_jacobian_in_base(self) -> Array:
-        return self.rotation(BASE).T @ self.com_jacobian
 
     def _kinematics(self) -> pin.Data:
         try:

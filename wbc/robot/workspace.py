@@ -22,8 +22,6 @@ class Workspace:
 
     def __init__(self, model: pin.Model) -> None:
         self.model = model
-        self.weightless = model.copy()
-        self.weightless.gravity = pin.Motion.Zero()
         self.kinematics_data = model.createData()
         self.kinematics_owner: Any = None
         self.placements = JointPlacements(self.kinematics_data)
@@ -128,6 +126,9 @@ class CarriedColumns:
         (nv, nv), 1 where column j moves the body that column k moves first (its own, too).
     below:
         (nv, nv), 1 where the body of column j hangs below that of column k.
+    orders:
+        (nv, nv), 2 where column j moves the body of column k and not the other way round, 1 where
+        both move one body, 0 elsewhere: with its transpose, both orders of every pair.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -138,6 +139,7 @@ class CarriedColumns:
         reaches = np.array([[int(j) in chains[k] for j in body] for k in body])
         self.above: Array = reaches.astype(float)
         self.below: Array = (reaches.T & (body[:, None] != body)).astype(float)
+        self.orders: Array = self.above * (2.0 - self.above.T)
 
 
 def side_by_side(fields: Sequence[Any]) -> Array | None:

@@ -187,6 +187,9 @@ static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_sta
     else {
         memset(drift, 0, k * sizeof *drift);
         if (!block->held) *damping += number[HALF_GAIN] * curved;
+        if (!block->held && block->kind == INERTIA_ENTRIES && number[HALF_GAIN] > 0.0)
+            damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN],
+                              wanted + k, qp->P, n);
         if (!block->held && number[LM_DAMPING] > 0.0) {
             double sum = 0.0;
             for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];

@@ -84,7 +84,7 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
     const double *frame = frames + block->frame * FRAME_SIZE(nv);
     const double *jacobian = frame + FRAME_JACOBIAN, *R = frame + FRAME_ROTATION;
     const double trace = state[INERTIA] + state[INERTIA + 4] + state[INERTIA + 8];
-    double relative[9], to_error[9], matrix[9], all[6], pull[6] = {0.0};
+    double relative[9], to_error[9], matrix[9], all[6];
     *bound = 0.0;
     copy_row(bias, weight + k, k);
     switch (block->kind) {
@@ -127,7 +127,6 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
             const double *s = own + 6 * i;
             e[i] = -own[6 * k + i];
             for (int j = 0; j < 6; j++) e[i] += s[j] * all[j];
-            for (int j = 0; j < 6; j++) pull[j] += weight[i] * weight[i] * e[i] * s[j];
             if (block->frame < 0)
                 for (int64_t c = 0; c < nv; c++) {
                     double sum = 0.0;
@@ -145,7 +144,6 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
                 J[i * nv + c] = c < 6 ? 0.0 : sum;
             }
         }
-        *bound = sqrt(dot3(pull, pull) + dot3(pull + 3, pull + 3)) * trace;
         return 1;
     }
     case JOINTS: /* own: wanted positions (k); costs need no matrix: 1 at 6 + chosen */

@@ -17,6 +17,12 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
              const double *frames, const double *q, double *J, double *e, double *bias,
              double *bound);
 
+/* Add to the diagonal of P (n, n) factor times the row sums of what curvature an inertia block of
+ * errors e leaves out, which evaluate does not count; work holds nv (nv + 9) numbers. */
+void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
+                       const double *frames, const double *e, double factor, double *work,
+                       double *P, int64_t n);
+
 /* Second derivatives of a block's errors e at zero acceleration of v; the accelerations (6) are
  * those of the plan's frames. */
 void drift_of(const wbc_plan *plan, const wbc_block *block, const double *state,
