@@ -50,7 +50,7 @@ SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
 
 
 def analysis_picture() -> None:
-    """Draw the shiko as `wbc analyze` does; 256 colours are enough for it."""
+    """Draw the shiko as `wbc analyze` does."""
     with TemporaryDirectory() as folder:
         result = load_problem(ROOT / "problems" / "shiko_hoap2.yaml").run()
         recording = Path(folder) / "shiko_hoap2.npz"
@@ -67,15 +67,15 @@ def push_picture() -> None:
     result = load_problem(ROOT / "problems" / "push_g1.yaml").simulate()
     picture = PICTURES / "push_g1.png"
     plot_simulation(result.robot, result.arrays, picture, title=f"push_g1: {result.reason}")
-    smaller(picture, width=1620)
+    smaller(picture, width=1400)
 
 
 def smaller(picture: Path, width: int | None = None) -> None:
-    """Keep 256 colours, and ``width`` pixels across."""
+    """Keep 256 colours, the rare ones of thin lines among them, and ``width`` pixels across."""
     image = Image.open(picture).convert("RGB")
     if width is not None:
         image = image.resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
-    image.quantize(256).save(picture, optimize=True)
+    image.quantize(256, Image.Quantize.MAXCOVERAGE).save(picture, optimize=True)
 
 
 def pendulum_pictures() -> None:
@@ -84,6 +84,7 @@ def pendulum_pictures() -> None:
         result = load_problem(ROOT / "problems" / f"{name}.yaml").run()
         title = f"{name}: {result.status.value}"
         plot_pendulum(result.history, PICTURES / f"{name}.png", title=title)
+        smaller(PICTURES / f"{name}.png")
     model = SolidRmp(MASS)
     square = HALF * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
     bounds = Bounds(polygon=square, friction=0.8, wheel_torque=TORQUE, wheel_angle=ANGLE)
@@ -104,7 +105,11 @@ def pendulum_pictures() -> None:
     rest = np.array((0.0, 0.0, np.pi / 2, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0, *RADII))
     stabiliser = PointStabiliser(model, Bounds(wheel_torque=TORQUE), HEIGHT, RADII)
     region = region_of_attraction(stabiliser, rest, lean_grid(rest, leans, leans))
-    times = {"PointStabiliser": region.settling.reshape(len(leans), len(leans))}
+    times = {
+        "Leaning, and back to rest by PointStabiliser": region.settling.reshape(
+            len(leans), len(leans)
+        )
+    }
     save(regions_figure(leans, leans, times), PICTURES / "rmp_region.png")
 
 
@@ -121,6 +126,7 @@ def main() -> None:
         title = f"{name}: {result.status.value}"
         view = VIEWS.get(name, View())
         plot_run(result.robot, result.history, PICTURES / f"{name}.png", title=title, view=view)
+        smaller(PICTURES / f"{name}.png")
     for name, members in (("fig6_g1", FIG6), ("fig7_hoap2", FIG7)):
         problems = {k: load_problem(ROOT / "problems" / f"{p}.yaml") for k, p in members.items()}
         robot = next(iter(problems.values())).parts.robot
@@ -128,6 +134,7 @@ def main() -> None:
         poses = {"start": next(iter(runs.values())).pose(0)}
         poses |= {k: run.pose(-1) for k, run in runs.items()}
         plot_robot(robot, poses, PICTURES / f"{name}.png")
+        smaller(PICTURES / f"{name}.png")
     analysis_picture()
     push_picture()
     pendulum_pictures()

@@ -125,10 +125,14 @@ def draw_ground(axes: Axes, history: PendulumHistory) -> None:
 
 
 def _traces(axes: Axes, history: PendulumHistory, *, over_time: bool) -> list[Line2D]:
-    """Draw x of the three points over time, or y over x, each with a dot at its end."""
+    """Draw x of the three points over time, or y over x, each with a dot at its end.
+
+    The CMP is left out while the CoM hangs below the foot: it says how the ground holds up a CoM.
+    """
     drawn = []
+    stands = ~(history.com[:, 2:] <= history.foot[:, 2:])  # in the air there is no foot
     for points, colour, width, name in (
-        (history.cmp, style.ORANGE, CMP, "CMP"),
+        (np.where(stands, history.cmp, np.nan), style.ORANGE, CMP, "CMP"),
         (history.com, style.BLACK, COM, "CoM"),
         (history.cop, style.BLUE, COP, "CoP"),
     ):
@@ -157,7 +161,7 @@ def _shown(history: PendulumHistory, k: int) -> Range:
     low = min(float(np.nanmin(part, initial=np.inf)) for part in inner)
     high = max(float(np.nanmax(part, initial=-np.inf)) for part in inner)
     size = max(high - low, STILL)
-    far = history.cmp[:, k]
+    far = history.cmp[~(history.com[:, 2] <= history.foot[:, 2]), k]
     low = max(min(low, float(np.nanmin(far, initial=low))), low - size)
     high = min(max(high, float(np.nanmax(far, initial=high))), high + size)
     return _at_least((low - 0.06 * size, high + 0.06 * size), STILL)
