@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import viser
 from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
+from websockets.typing import Origin, Subprotocol
 
 import wbc
 from wbc.view.live.messages import Frame, Setup
@@ -18,11 +18,12 @@ from wbc.view.live.process import HOST, free_place
 from wbc.view.live.telling import obstacles_of, targets_of, told_of
 
 
-def client_of(url: str) -> ClientConnection:
+def client_of(url: str, origin: str | None = None) -> ClientConnection:
     """Connect as a browser does, and say where the camera is, which makes it a client."""
     protocol = Subprotocol(f"viser-v{viser.__version__}")
     address = url.replace("http://", "ws://").replace("localhost", HOST)
-    client = connect(address, subprotocols=[protocol], max_size=None)
+    page = None if origin is None else Origin(origin)
+    client = connect(address, subprotocols=[protocol], max_size=None, origin=page)
     tell(
         client,
         "ViewerCameraMessage",
@@ -64,7 +65,7 @@ class Stage:
     def __init__(self, robot: wbc.Robot) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
         place = free_place(HOST, None)
-        self.server = Server(place.host, place.port, verbose=False)
+        self.server = Server(place.host, place.port)
         self.page = Page(Setup(robot, "test", clock=True, steer=True), self.server, theirs)
 
     @property

@@ -25,6 +25,7 @@ from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer,
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import Cast, Frame, Replay, Request, Setup
+from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import Panel
 from wbc.view.live.process import Failed, Ready
 from wbc.view.live.recording import Recording
@@ -39,7 +40,11 @@ AZIMUTH, ELEVATION, DISTANCE = np.deg2rad(33.0), np.deg2rad(14.0), 1.3  # in siz
 
 
 class Server(viser.ViserServer):  # type: ignore[misc]  # not followed by mypy
-    """A server that nobody can ask to open a tunnel to the internet."""
+    """A server that refuses foreign pages, and that nobody can ask for a tunnel to the internet."""
+
+    def __init__(self, host: str, port: int, label: str | None = None) -> None:
+        with own_pages_only(host):
+            super().__init__(host, port, label=label, verbose=False)
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse."""
@@ -195,7 +200,7 @@ def main(descriptor: int) -> None:
     with Connection(descriptor) as pipe:
         place, setup = pickle.loads(pipe.recv_bytes()), pickle.loads(pipe.recv_bytes())
         try:
-            server = Server(place.host, place.port, label=setup.title, verbose=False)
+            server = Server(place.host, place.port, setup.title)
             port = server.get_port()
             if place.exact and port != place.port:
                 pipe.send(Failed(f"port {place.port} was taken in the meantime"))

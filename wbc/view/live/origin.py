@@ -1,0 +1,65 @@
+"""Who may open the page's connection: pages of its own address, and programs that are no browser.
+
+A browser lets any page of the web open a websocket to this machine, and tells by the header
+``Origin`` which page it was. Whoever is connected may steer; so foreign pages are refused. A page
+may also come under a name of its own that points to this machine (DNS rebinding): a server for
+this machine only answers to this machine's names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import urlsplit
+
+import websockets.asyncio.server as websocket_server
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
+Answer = Callable[[ServerConnection, Request], Response | None]
+
+
+def refusal(host: str, headers: Headers) -> str:
+    """Return why a server on ``host`` refuses a request; nothing if it does not."""
+    hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+    if len(hosts) != 1 or len(origins) > 1:
+        return "one Host and at most one Origin are expected"
+    address = hosts[0].lower()
+    if host in LOOPBACK and _name(address) not in LOOPBACK:
+        return f"{address} is no name of this machine"
+    if origins and urlsplit(origins[0]).netloc.lower() != address:
+        return f"pages of {origins[0]} may not steer this robot"
+    return ""
+
+
+def _name(address: str) -> str:
+    """Return the host of an address, without its port; nothing if it is none."""
+    try:
+        return urlsplit(f"//{address}").hostname or ""
+    except ValueError:
+        return ""
+
+
+@contextmanager
+def own_pages_only(host: str) -> Iterator[None]:
+    """Let the server that is started meanwhile refuse foreign pages; viser has no option for it."""
+    serve = websocket_server.serve
+
+    def guarded(*arguments: Any, process_request: Answer | None = None, **options: Any) -> Any:
+        def answer(connection: ServerConnection, request: Request) -> Response | None:
+            reason = refusal(host, request.headers)
+            if reason:
+                return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
+            return None if process_request is None else process_request(connection, request)
+
+        return serve(*arguments, process_request=answer, **options)
+
+    websocket_server.serve = guarded  # type: ignore[assignment,misc]
+    try:
+        yield
+    finally:
+        websocket_server.serve = serve  # type: ignore[misc]
