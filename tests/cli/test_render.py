@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.texts import STAND
 from wbc.cli import app
 from wbc.problem import load_problem
 from wbc.view.options import View
@@ -69,6 +70,22 @@ def test_mistakes_are_told_before_any_work(file: Path, films: list[dict[str, Any
         answer = render(*arguments)
         assert answer.exit_code == 1
         assert words in answer.stderr, answer.stderr
-    pendulum = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
-    assert "a pendulum's problem; draw it by" in render(pendulum, "-o", film).stderr
     assert films == []
+
+
+def test_of_a_pendulum_and_of_a_simulation(
+    tmp_path: Path, films: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def film(history: Any, path: Path, **named: Any) -> None:
+        films.append({"ticks": len(history.time), **named})
+
+    monkeypatch.setattr("wbc.view.pendulum_film.film_pendulum", film)
+    pendulum = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
+    stand = tmp_path / "stand.yaml"
+    stand.write_text(STAND + "simulation: {duration: 0.02}\n")
+    for problem in (pendulum, stand):
+        answer = render(problem, "-o", tmp_path / "a.gif", "-q")
+        assert answer.exit_code == 0, answer.stderr
+    spun, stood = films
+    assert (spun["title"], stood["title"]) == ("rmp_spin: completed", "stand: stood")
+    assert stood["ticks"] == 11  # states: one more than ticks

@@ -38,10 +38,12 @@ def render(
         from wbc.cli.outputs import check_place, require_matplotlib
         from wbc.cli.progress import shown_progress
         from wbc.cli.saved import saved_or_run, title_of
+        from wbc.problem.pendulum.saved import SavedPendulum
 
         require_matplotlib("wbc render")
         from wbc.view.film import film_format, film_run
         from wbc.view.options import View
+        from wbc.view.pendulum_film import film_pendulum
 
         check_view(view_from, show)
         film_format(output)
@@ -49,17 +51,14 @@ def render(
         pixels = _size(size)
         saved = saved_or_run(run, robot, quiet)
         with nullcontext() if quiet else shown_progress() as progress:
-            film_run(
-                saved.robot,
-                saved.history,
-                output,
-                title=title_of(saved),
-                fps=fps,
-                speed=speed,
-                size=pixels,
-                view=View.of(view_from, show),
-                progress=None if progress is None else _told(progress),
-            )
+            told = None if progress is None else _told(progress)
+            title = title_of(saved)
+            if isinstance(saved, SavedPendulum):
+                film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
+                              size=pixels, progress=told)  # fmt: skip
+            else:
+                film_run(saved.robot, saved.history, output, title=title, fps=fps, speed=speed,
+                         size=pixels, view=View.of(view_from, show), progress=told)  # fmt: skip
         if not quiet:
             typer.echo(f"written  {output}")
 

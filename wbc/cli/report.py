@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
 from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem
+
+if TYPE_CHECKING:
+    from wbc.problem.pendulum.saved import SavedPendulum
+    from wbc.problem.saved import SavedRun
 
 
 def report(
@@ -23,20 +27,28 @@ def report(
         from wbc.cli.saved import saved_or_run, title_of
 
         require_matplotlib("wbc report")
-        from wbc.view.report.report import report_format, write_report
+        from wbc.view.report.report import report_format
 
         report_format(output)
         check_place("--output", output)
         saved = saved_or_run(run, robot, quiet)
         title = title_of(saved)
         outputs = Outputs()
-        outputs.save(
-            output,
-            lambda path: write_report(saved.robot, saved.history, saved.summary, path, title=title),
-        )
+        outputs.save(output, lambda path: _write(saved, path, title))
         if not quiet:
             for path in outputs.written:
                 typer.echo(f"written  {path} ({path.stat().st_size / 1e6:.1f} MB)")
     for failure in outputs.failures:
         complain(failure)
     raise typer.Exit(BAD_INPUT if outputs.failures else 0)
+
+
+def _write(saved: SavedRun | SavedPendulum, path: Path, title: str) -> None:
+    from wbc.problem.pendulum.saved import SavedPendulum
+    from wbc.view.report.report import write_pendulum_report, write_report
+
+    if isinstance(saved, SavedPendulum):
+        write_pendulum_report(saved.history, saved.summary, path, title=title)
+        return
+    run = saved.robot, saved.history, saved.summary
+    write_report(*run, path, title=title, simulation=saved.simulation)

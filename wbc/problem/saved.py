@@ -15,6 +15,8 @@ from wbc.errors import InvalidInputError, WbcError
 from wbc.files import read_arrays
 from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
+from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
+from wbc.problem.pendulum.saved import SavedPendulum, pendulum_of
 from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.spec import ProblemSpec
@@ -22,9 +24,12 @@ from wbc.robot import Robot
 from wbc.run.history import History
 from wbc.run.result import FORMAT, Result
 from wbc.run.surroundings import ObstacleTrack
+from wbc.simulation import SimulationResult
 
 LARGEST = 2_000_000_000  # bytes of all arrays unpacked
 WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
+ANSWERS = ("active", "relaxed", "flat")  # yes or no
+FORMATS = (FORMAT, PENDULUM_FORMAT)
 REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
 
 
@@ -40,21 +45,27 @@ class SavedRun:
         Every tick.
     summary:
         What :meth:`wbc.run.Result.summary` returned, with the problem's text and versions.
+    simulation:
+        Of a simulation, the arrays that :meth:`wbc.simulation.SimulationResult.save` writes.
     """
 
     name: str
     robot: Robot
     history: History
     summary: Mapping[str, Any]
+    simulation: Mapping[str, NDArray[Any]] | None = None
 
     @classmethod
-    def of(cls, result: Result, name: str) -> SavedRun:
+    def of(cls, result: Result | SimulationResult, name: str) -> SavedRun:
         """Return what a file with the result would give."""
-        return cls(name, result.robot, result.history, result.summary())
+        if isinstance(result, Result):
+            return cls(name, result.robot, result.history, result.summary())
+        arrays = result.arrays
+        return cls(name, result.robot, _history(arrays), result.summary(), arrays)
 
 
-def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun:
-    """Read an ``.npz`` that :meth:`wbc.run.Result.save` has written.
+def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | SavedPendulum:
+    """Read an ``.npz`` that ``wbc run`` or ``wbc sim`` has written.
 
     Parameters
     ----------
@@ -73,6 +84,10 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun:
     path = Path(path)
     arrays = read_arrays(path, list, _kinds, LARGEST)
     summary = _summary(path, arrays)
+    if summary["format"] == PENDULUM_FORMAT:
+        if robot is not None:
+            raise InvalidInputError(f"{path}: a pendulum's result, which has no robot to name")
+        return pendulum_of(path, arrays, summary)
     if robot is None:
         robot = _robot_of(path, summary)
     names = tuple(str(name) for name in arrays.get("joint_names", ()))
@@ -85,12 +100,12 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun:
         history = _history(arrays)
     except KeyError as error:
         raise InvalidInputError(f"{path}: lacks the array {error}; {REMEDY}") from None
-    return SavedRun(path.stem, robot, history, summary)
+    return SavedRun(path.stem, robot, history, summary, arrays if "simulation" in summary else None)
 
 
 def _kinds(name: str) -> str:
     first = name.partition("/")[0]
-    return "U" if first in WORDS else "b" if first == "active" else "f"
+    return "U" if first in WORDS else "b" if first in ANSWERS else "f"
 
 
 def _summary(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
@@ -99,7 +114,7 @@ def _summary(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         found = summary["format"]
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}") from error
-    if found != FORMAT:
+    if found not in FORMATS:
         raise InvalidInputError(f"{path}: is a {found!r:.40}, not a {FORMAT!r}; {REMEDY}")
     return dict(summary)
 

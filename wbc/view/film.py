@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter
@@ -29,7 +30,7 @@ from wbc.view.render import render
 from wbc.view.simplify import within
 
 FORMATS = (".gif", ".mp4")
-DOTS = 100  # pixels per inch
+DOTS, LEAST = 100, 150  # pixels per inch, and along each side at least
 TRIANGLES = 40_000  # of the robot: finer ones are not seen
 POSES = 24  # spread over the run, that the camera must hold
 FASTEST = 50  # pictures per second: a GIF has no more
@@ -41,6 +42,18 @@ COLOURS = (*style.PRINCIPAL, style.BLUE, style.ORANGE, style.YELLOW, style.BLACK
 BITEXACT = ["-pix_fmt", "yuv420p", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
 
 Progress = Callable[[int, int], None]
+
+
+class Drawn(Protocol):
+    """What draws rows one after the other into one figure."""
+
+    figure: Figure
+
+    def draw(self, row: int) -> None:
+        """Draw a row."""
+
+    def picture(self) -> Image.Image:
+        """Return what is drawn now."""
 
 
 def film_format(path: str | Path) -> str:
@@ -102,6 +115,26 @@ def film_run(
         Another ending, no such folder, numbers out of range, or what :func:`wbc.view.plot_run`
         refuses.
     """
+    run = read_history(robot, history)
+    return write_film(
+        lambda: Film(run, title, even(size), view), run.time, path, fps, speed, progress
+    )
+
+
+def even(size: tuple[int, int]) -> tuple[int, int]:
+    """Return a size in pixels made even, as films need it."""
+    return size[0] // 2 * 2, size[1] // 2 * 2
+
+
+def write_film(
+    make: Callable[[], Drawn],
+    time: Array,
+    path: str | Path,
+    fps: int,
+    speed: float,
+    progress: Progress | None,
+) -> Path:
+    """Write what is drawn row by row, of times (n,) [s]; see :func:`film_run`."""
     path = Path(path)
     ending = film_format(path)
     fps = int(finite_number("film, fps", fps, least=1.0))
@@ -110,9 +143,8 @@ def film_run(
     speed = finite_number("film, speed", speed, above=0.0)
     if not path.parent.is_dir():
         raise InvalidInputError(f"{path}: there is no folder {path.parent}; make it first")
-    run = read_history(robot, history)
-    rows = film_rows(run.time, fps, speed)
-    drawn = Film(run, title, (size[0] // 2 * 2, size[1] // 2 * 2), view)
+    rows = film_rows(time, fps, speed)
+    drawn = make()
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".film-") as folder:
             part = Path(folder) / f"film{ending}"
@@ -130,7 +162,7 @@ def film_run(
 
 
 @contextmanager
-def _writing(drawn: Film, path: Path, fps: int) -> Iterator[Callable[[], None]]:
+def _writing(drawn: Drawn, path: Path, fps: int) -> Iterator[Callable[[], None]]:
     """Give what is to be called after each picture; the file is there at the end."""
     if path.suffix == ".mp4":
         writer = FFMpegWriter(fps=fps, codec="libx264", extra_args=BITEXACT)
@@ -165,18 +197,29 @@ def _palette(picture: Image.Image) -> Image.Image:
     return palette
 
 
+def sheet(size: tuple[int, int]) -> Figure:
+    """Return an empty figure of a size in pixels."""
+    if min(size) < LEAST:
+        raise InvalidInputError(f"film, size: at least {LEAST} x {LEAST} pixels, got {size}")
+    return Figure(figsize=(size[0] / DOTS, size[1] / DOTS), dpi=DOTS, facecolor="white")
+
+
+def picture_of(canvas: FigureCanvasAgg) -> Image.Image:
+    """Return what is drawn on a canvas."""
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+
 class Film:
     """Draws a run's rows one after the other, from where all of them are seen."""
 
     def __init__(self, run: Run, title: str, size: tuple[int, int], view: View) -> None:
         width, height = (pixels / DOTS for pixels in size)
-        if width < 1.5 or height < 1.5:
-            raise InvalidInputError(f"film, size: at least 150 x 150 pixels, got {size}")
         self._run, self._view, self._title = run, view, title
         shapes = RobotMeshes(run.robot).in_joint_frames
         self._joints = [joint for joint, _ in shapes]
         self._meshes = within([mesh for _, mesh in shapes], TRIANGLES)
-        self.figure = Figure(figsize=(width, height), dpi=DOTS, facecolor="white")
+        self.figure = sheet(size)
         self._canvas = FigureCanvasAgg(self.figure)
         few = np.unique(np.linspace(0, len(run.time) - 1, POSES).astype(int)).tolist()
         seen = [self._portrait(row) for row in few]
@@ -204,8 +247,7 @@ class Film:
 
     def picture(self) -> Image.Image:
         """Return what is drawn now."""
-        self._canvas.draw()
-        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())).convert("RGB")
+        return picture_of(self._canvas)
 
     def _portrait(self, row: int) -> Portrait:
         run = self._run

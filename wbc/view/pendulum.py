@@ -16,12 +16,9 @@ from wbc.validate import Array
 from wbc.view import style
 from wbc.view.pendulum_plots import (
     HEIGHT,
+    SOLID,
     STANDS,
-    draw_ground,
-    draw_momentum,
-    draw_portrait,
-    draw_turning,
-    has_portrait,
+    plots_of,
     view_side,
 )
 from wbc.view.pendulum_plots import WIDTH as PLOT_WIDTH
@@ -39,7 +36,6 @@ SLENDER = 0.18  # of that distance at least, in heights of a strip that is high 
 TRAVELS = 0.6  # a motion that covers this much of the strip is drawn where it happened
 EVENLY = 0.3  # part of the snapshots' spacing that is even in time, not in what moves
 Point = tuple[float, float]
-SOLID = np.sqrt(5.0 / 3.0)  # semi-axis of the equimomental ellipsoid over r_k
 
 
 def plot_pendulum(history: PendulumHistory, path: str | Path, title: str = "") -> None:
@@ -69,8 +65,7 @@ def pendulum_figure(history: PendulumHistory, title: str = "") -> Figure:
     figure = style.sheet(WIDTH, height, title)
     left, bottom = (WIDTH - STRIP_WIDTH) / 2, BELOW + HEIGHT + BETWEEN
     draw_strip(style.place(figure, left, bottom, STRIP_WIDTH, tall), history)
-    first = draw_portrait if has_portrait(history) else draw_turning
-    for k, draw in enumerate((first, draw_ground, draw_momentum)):
+    for k, draw in enumerate(plots_of(history)):
         left = FIRST + k * (PLOT_WIDTH + GAP)
         draw(style.place(figure, left, BELOW, PLOT_WIDTH, HEIGHT), history)
     return figure
@@ -89,7 +84,7 @@ def draw_strip(axes: Axes, history: PendulumHistory) -> None:
     travels = float(np.ptp(along)) > TRAVELS * float(places[-1] - places[0])
     for number, (place, k) in enumerate(zip(places.tolist(), chosen.tolist(), strict=True)):
         shift = 0.0 if travels else place - float(_origin(history, k) @ side)
-        _snapshot(axes, history, k, side, shift, faint=0.35 + 0.65 * number / last)
+        draw_snapshot(axes, history, k, side, shift, faint=0.35 + 0.65 * number / last)
     axes.axhline(0.0, color=style.GREY, linewidth=0.9, zorder=0)
     axes.set_aspect("equal")
     axes.autoscale_view()
@@ -160,9 +155,16 @@ def _when(history: PendulumHistory, k: int, side: Array) -> str:
     return f"{text}\n{where}"
 
 
-def _snapshot(
-    axes: Axes, history: PendulumHistory, k: int, side: Array, shift: float, faint: float
+def draw_snapshot(
+    axes: Axes,
+    history: PendulumHistory,
+    k: int,
+    side: Array,
+    shift: float = 0.0,
+    faint: float = 1.0,
 ) -> None:
+    """Draw leg, ellipsoid and masses of a row as seen along ``side`` (3,), moved by ``shift``."""
+
     def seen(point: Array) -> Point:
         return float(point @ side) + shift, float(point[2])
 

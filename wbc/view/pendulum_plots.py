@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,15 @@ ROW, MARGIN = 0.125, 0.1  # inches: a row of a legend, and what is around all of
 # Lines of the points on the ground: the wider below, so that each is seen where they coincide.
 CMP, COM, COP = 2.6, 1.1, 1.4
 
+SOLID = np.sqrt(5.0 / 3.0)  # semi-axis of the equimomental ellipsoid over r_k
+
 Range = tuple[float, float]
+Draw = Callable[[Axes, PendulumHistory], None]
+
+
+def plots_of(history: PendulumHistory) -> tuple[Draw, Draw, Draw]:
+    """Return what draws the plots of a pendulum, each called with axes and the history."""
+    return draw_portrait if has_portrait(history) else draw_turning, draw_ground, draw_momentum
 
 
 def has_portrait(history: PendulumHistory) -> bool:

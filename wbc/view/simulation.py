@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -88,19 +89,33 @@ def simulation_figure(
     ]
     draw_portraits(places, portraits)
     grid = figure.add_gridspec(rows, 2)
-    axes = [figure.add_subplot(grid[k // 2, k % 2]) for k in range(2 * rows)]
-    _plot_com(axes[0], run, 0, "x: forwards")
-    _plot_com(axes[1], run, 1, "y: to the left")
-    _plot_forces(axes[2], robot, run)
-    _plot_torques(axes[3], robot, run)
-    _plot_tilt(axes[4], run)
-    _plot_margin(axes[5], run)
-    if "plan_com" in run:
-        _plot_from_plan(axes[6], run)
-        _plot_momentum(axes[7], run)
-    for one in axes:
-        _mark_pushes(one, run)
+    for k, draw in enumerate(_plots(robot, run)):
+        draw(figure.add_subplot(grid[k // 2, k % 2]))
     return figure
+
+
+def simulation_plots(robot: Robot, arrays: Mapping[str, Any]) -> list[Callable[[Axes], None]]:
+    """Return what draws the plots of :func:`simulation_figure`, each on axes of its own."""
+    return _plots(robot, _read(robot, arrays))
+
+
+def _plots(robot: Robot, run: Mapping[str, Array]) -> list[Callable[[Axes], None]]:
+    draws: list[Callable[[Axes], None]] = [
+        lambda axes: _plot_com(axes, run, 0, "x: forwards"),
+        lambda axes: _plot_com(axes, run, 1, "y: to the left"),
+        lambda axes: _plot_forces(axes, robot, run),
+        lambda axes: _plot_torques(axes, robot, run),
+        lambda axes: _plot_tilt(axes, run),
+        lambda axes: _plot_margin(axes, run),
+    ]
+    if "plan_com" in run:
+        draws += [lambda axes: _plot_from_plan(axes, run), lambda axes: _plot_momentum(axes, run)]
+    return [partial(_with_pushes, draw, run) for draw in draws]
+
+
+def _with_pushes(draw: Callable[[Axes], None], run: Mapping[str, Array], axes: Axes) -> None:
+    draw(axes)
+    _mark_pushes(axes, run)
 
 
 def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:

@@ -34,6 +34,11 @@ UNITS = {
 }
 
 
+def unit_of(measure: str) -> str:
+    """Return the unit of what is measured under a name; empty if it has none."""
+    return UNITS.get(measure.removeprefix("margin to "), "")
+
+
 class Support(NamedTuple):
     """Where the ground may push for a while."""
 
@@ -141,7 +146,7 @@ class PendulumResult:
 
     def unit(self, name: str) -> str:
         """Return the unit of what is measured under ``name``; empty if it has none."""
-        return UNITS.get(name.removeprefix("margin to "), "")
+        return unit_of(name)
 
     def summary(self) -> dict[str, Any]:
         """Return everything but the motion as plain data; what ``save`` writes as JSON."""

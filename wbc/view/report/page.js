@@ -4,6 +4,7 @@ const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 const floats = (text) => new Float32Array(bytes(text).buffer);
 const time = floats(data.time), frames = time.length;
 const [places, com, axes, sizes] = [data.places, data.com, data.axes, data.sizes].map(floats);
+const feet = data.feet ? floats(data.feet) : null;
 const aims = data.aims.map((a) => ({ points: floats(a.points), wanted: floats(a.wanted) }));
 const colour = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
 const principal = data.colours.principal.map(colour);
@@ -120,7 +121,7 @@ function paint() {
     const m = pose(k, sole.joint), put = (p) => [0, 1, 2].map((i) => m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]);
     sole.corners.forEach((p, i) => draw(pole, rod(put(p), put(sole.corners[(i + 1) % sole.corners.length]), 0.12 * dotSize), colour(data.colours.sole), 1, 0)); }
   const axis = [0, 1, 2].map((j) => [0, 1, 2].map((i) => axes[9 * k + 3 * i + j]));
-  if (shown.leg && data.stands[k]) { const foot = [middle[0], middle[1], 0];
+  if (shown.leg && data.stands[k]) { const foot = feet ? three(feet, k) : [middle[0], middle[1], 0];
     draw(pole, rod(foot, middle, 0.3 * dotSize), [0.13, 0.13, 0.13]); draw(ball, at(foot, 0.6 * dotSize), [0.13, 0.13, 0.13]); }
   if (shown.masses) axis.forEach((u, j) => { for (const s of [-1, 1]) {
     const tip = middle.map((c, i) => c + s * size[3 + j] * u[i]);
@@ -142,11 +143,11 @@ const told = document.getElementById("clock"), speed = document.getElementById("
 const cursors = data.plots.map((plot) => {
   const box = document.createElement("div"), img = document.createElement("img"), mark = document.createElement("i");
   box.className = "plot"; img.src = `data:image/png;base64,${plot.png}`; img.alt = plot.title;
-  box.append(img, mark); document.getElementById("plots").append(box); return mark; });
+  mark.hidden = !plot.times; box.append(img, mark); document.getElementById("plots").append(box); return mark; });
 function show(k) {
   frame = Math.max(0, Math.min(frames - 1, k)); slider.value = frame;
   told.textContent = `${time[frame].toFixed(2)} s${data.phases[frame] ? `, ${data.phases[frame]}` : ""}`;
-  data.plots.forEach((plot, i) => { const [a, b] = plot.times, [l, r] = plot.across;
+  data.plots.forEach((plot, i) => { if (!plot.times) return; const [a, b] = plot.times, [l, r] = plot.across;
     cursors[i].style.left = `${100 * (l + (r - l) * Math.min(1, Math.max(0, (time[frame] - a) / (b - a || 1))))}%`; });
   if (gl) paint();
 }
@@ -163,7 +164,7 @@ slider.max = frames - 1;
 slider.addEventListener("input", () => { play(false); show(Number(slider.value)); });
 button.addEventListener("click", () => play(!playing));
 document.addEventListener("keydown", (event) => { if (event.code === "Space" && event.target.tagName !== "BUTTON") { event.preventDefault(); play(!playing); } });
-for (const name of Object.keys(shown)) {
+for (const name of data.layers || Object.keys(shown)) {
   const label = document.createElement("label"), box = document.createElement("input");
   box.type = "checkbox"; box.checked = true; box.addEventListener("change", () => { shown[name] = box.checked; show(frame); });
   label.append(box, ` ${name}`); document.getElementById("layers").append(label);

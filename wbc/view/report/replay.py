@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from wbc.problem.pendulum.result import PendulumHistory
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot.geometry import Mesh, RobotMeshes, Surface, joint_placements
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.history import Run
+from wbc.view.pendulum_plots import SOLID
 from wbc.view.simplify import within
 from wbc.view.solids import solid_surface
 
@@ -22,6 +24,7 @@ TRIANGLES = 40_000  # of the robot
 FPS, MOST = 30.0, 900  # frames per second, and in all
 STEPS = 65535  # of a coordinate over the extent of its mesh
 WALL = 0.7  # m: half the side of a wall
+THIN = 0.03  # of a planar pendulum's wheel: its thickness
 
 
 def replay_rows(time: Array) -> list[int]:
@@ -77,6 +80,35 @@ def replay_data(run: Run, rows: Sequence[int]) -> dict[str, Any]:
         ],
         "phases": [run.phase_at(row) for row in rows],
         "colours": {"principal": style.PRINCIPAL, "target": style.YELLOW, "sole": style.ORANGE},
+    }
+
+
+def pendulum_replay(history: PendulumHistory, rows: Sequence[int]) -> dict[str, Any]:
+    """Return the same of a pendulum, which has no meshes, but a leg with a foot of its own."""
+    radii, axes = history.radii[rows], history.axes[rows]
+    if history.flat:  # a wheel in the plane of x and z
+        across = np.abs(axes[:, 1])  # (frames, 3): how far each axis stands out of the plane
+        semi_axes = radii[:, :1] * np.maximum(1.0 - across, THIN)
+    else:
+        semi_axes = SOLID * radii
+    feet = history.foot[rows]
+    return {
+        "time": _numbers(history.time[rows]),
+        "parts": [],
+        "joints": 0,
+        "places": "",
+        "com": _numbers(history.com[rows]),
+        "axes": _numbers(axes.reshape(-1, 9)),
+        "sizes": _numbers(np.concatenate((semi_axes, radii), axis=1)),
+        "feet": _numbers(feet),  # (frames, 3), NaN in flight
+        "stands": np.isfinite(feet).all(axis=1).tolist(),
+        "grounded": True,
+        "soles": [],
+        "obstacles": [],
+        "aims": [],
+        "phases": [history.phase[row] for row in rows],
+        "colours": {"principal": style.PRINCIPAL, "target": style.YELLOW, "sole": style.ORANGE},
+        "layers": ["ground", "ellipsoid", "masses", "com", "leg"],
     }
 
 

@@ -12,10 +12,13 @@ from typing import Any
 
 from wbc.errors import InvalidInputError
 from wbc.files import write_whole
+from wbc.problem.pendulum.result import PendulumHistory, unit_of
 from wbc.robot import Robot
 from wbc.view.history import History, read_history
-from wbc.view.report.plots import report_plots
-from wbc.view.report.replay import replay_data, replay_rows
+from wbc.view.pendulum_plots import plots_of
+from wbc.view.report.plots import plot_picture, report_plots
+from wbc.view.report.replay import pendulum_replay, replay_data, replay_rows
+from wbc.view.simulation import simulation_plots
 
 SHOWN = 12  # rows of a table
 Table = tuple[str, Sequence[str], Iterable[Sequence[str]]]  # title, heads, rows
@@ -28,7 +31,13 @@ def report_format(path: str | Path) -> None:
 
 
 def write_report(
-    robot: Robot, history: History, summary: Mapping[str, Any], path: str | Path, *, title: str
+    robot: Robot,
+    history: History,
+    summary: Mapping[str, Any],
+    path: str | Path,
+    *,
+    title: str,
+    simulation: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a run as one HTML file that needs nothing else, and return its path.
 
@@ -41,6 +50,8 @@ def write_report(
         As for :func:`wbc.view.plot_run`.
     summary:
         As :meth:`wbc.run.Result.summary` returns it.
+    simulation:
+        Of a simulation, the arrays that :meth:`wbc.simulation.SimulationResult.save` writes.
 
     Raises
     ------
@@ -49,18 +60,60 @@ def write_report(
     OSError
         The file cannot be written.
     """
-    path = Path(path)
     report_format(path)
-    text = report_text(robot, history, summary, title)
+    return _write(path, report_text(robot, history, summary, title, simulation))
+
+
+def report_text(
+    robot: Robot,
+    history: History,
+    summary: Mapping[str, Any],
+    title: str,
+    simulation: Mapping[str, Any] | None = None,
+) -> str:
+    """Return the page that :func:`write_report` writes."""
+    run = read_history(robot, history)
+    data = replay_data(run, replay_rows(run.time))
+    draws = report_plots(run)
+    if simulation is not None:
+        draws = [*simulation_plots(robot, simulation), *draws]
+    data["plots"] = [plot_picture(draw) for draw in draws]
+    return _page(data, summary, title)
+
+
+def write_pendulum_report(
+    history: PendulumHistory, summary: Mapping[str, Any], path: str | Path, *, title: str
+) -> Path:
+    """Write a pendulum's motion as one HTML file, as :func:`write_report` does a robot's run.
+
+    Parameters
+    ----------
+    summary:
+        As :meth:`wbc.problem.pendulum.result.PendulumResult.summary` returns it.
+
+    Raises
+    ------
+    InvalidInputError
+        Another ending.
+    OSError
+        The file cannot be written.
+    """
+    report_format(path)
+    data = pendulum_replay(history, replay_rows(history.time))
+    data["plots"] = [
+        plot_picture(lambda axes, draw=draw: draw(axes, history))  # type: ignore[misc]
+        for draw in plots_of(history)
+    ]
+    return _write(path, _page(data, summary, title))
+
+
+def _write(path: str | Path, text: str) -> Path:
+    path = Path(path)
     write_whole(path, lambda file: file.write(text.encode()))
     return path
 
 
-def report_text(robot: Robot, history: History, summary: Mapping[str, Any], title: str) -> str:
-    """Return the page that :func:`write_report` writes."""
-    run = read_history(robot, history)
-    data = replay_data(run, replay_rows(run.time))
-    data["plots"] = report_plots(run)
+def _page(data: Mapping[str, Any], summary: Mapping[str, Any], title: str) -> str:
     problem = summary.get("problem") or {}
     texts = {
         "TITLE": html.escape(title),
@@ -86,6 +139,15 @@ def _overrides(overrides: Mapping[str, Any]) -> str:
 
 
 def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
+    yield (
+        "Measured",
+        ("what", "value", "unit"),
+        [
+            (name, _number(value), unit_of(name))
+            for name, value in (summary.get("measures") or {}).items()
+        ],
+    )
+    yield ("Simulation", ("what", "value"), [*_simulated(summary.get("simulation") or {})])
     tasks = summary.get("tasks") or {}
     yield (
         "Tasks at the end",
@@ -124,6 +186,25 @@ def _tables(summary: Mapping[str, Any]) -> Iterable[Table]:
         ],
     )
     yield ("Versions", ("package", "version"), list((summary.get("versions") or {}).items()))
+
+
+def _simulated(told: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """Yield what there is to say of a simulation, in words."""
+    for push in told.get("pushes") or ():
+        size = sum(float(one) ** 2 for one in push["impulse"]) ** 0.5
+        yield "push", f"{size:.3g} N s on {push['body']} from {push['at']:g} s"
+    for name, key, factor, unit in (
+        ("something gave way in", "relaxed", 100.0, "% of the ticks"),
+        ("CoP inside the soles by at least", "least_cop_margin", 1e3, "mm"),
+        ("trunk tilted by at most", "peak_tilt", 1.0, "rad"),
+        ("frames lost by the sensors", "lost_frames", 1.0, ""),
+    ):
+        if told.get(key) is not None:
+            yield name, f"{factor * float(told[key]):.3g} {unit}"
+    for joint, share in (told.get("saturated") or {}).items():
+        yield f"{joint} at its torque bound", f"{100.0 * share:.3g} % of the time"
+    for note in told.get("notes") or ():
+        yield "left out", str(note)
 
 
 def _table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

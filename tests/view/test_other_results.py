@@ -1,0 +1,172 @@
+"""Results of simulations and of pendulums: read back, reported and filmed as runs are."""
+
+import base64
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.texts import STAND
+from wbc.errors import InvalidInputError
+from wbc.problem import Problem, load_problem
+from wbc.problem.pendulum.result import PendulumResult
+from wbc.problem.pendulum.saved import SavedPendulum
+from wbc.problem.saved import SavedRun, load_result
+from wbc.robot import Robot
+from wbc.simulation import SimulationResult
+from wbc.view.pendulum_film import PendulumFilm, film_pendulum
+from wbc.view.report.replay import pendulum_replay, replay_rows
+from wbc.view.report.report import report_text, write_pendulum_report
+
+PENDULUM = Path(__file__).parents[2] / "problems" / "rmp_push_qp.yaml"
+SMALL = (200, 200)
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> SimulationResult:
+    path = tmp_path_factory.mktemp("sim") / "p.yaml"
+    path.write_text(
+        STAND + "simulation: {duration: 0.1, pushes: [{impulse: [0.5, 0, 0], at: 0.02}]}\n"
+    )
+    problem = load_problem(path)
+    assert isinstance(problem, Problem)
+    return problem.simulate()
+
+
+@pytest.fixture(scope="module")
+def moved() -> PendulumResult:
+    result = load_problem(PENDULUM, {"stop.duration": 0.5, "stop.accept": {}}).run()
+    assert isinstance(result, PendulumResult)
+    return result
+
+
+def test_a_simulation_comes_back(simulated: SimulationResult, tmp_path: Path) -> None:
+    simulated.save(tmp_path / "s.npz")
+    saved = load_result(tmp_path / "s.npz")
+    made = SavedRun.of(simulated, "s")
+    assert isinstance(saved, SavedRun) and saved.simulation is not None
+    assert made.simulation is not None
+    for name, array in made.history.arrays().items():
+        np.testing.assert_array_equal(saved.history.arrays()[name], array)
+    for name in ("torque", "tilt", "push", "relaxed", "forces/left_sole"):
+        np.testing.assert_array_equal(saved.simulation[name], made.simulation[name])
+    assert len(saved.history.time) == len(simulated.arrays["torque"])
+
+
+def test_a_report_of_a_simulation_says_what_only_physics_knows(
+    simulated: SimulationResult,
+) -> None:
+    saved = SavedRun.of(simulated, "s")
+    page = report_text(saved.robot, saved.history, saved.summary, "s", saved.simulation)
+    titles = [plot["title"] for plot in data_of(page)["plots"]]
+    assert {"Tilt of the trunk", "Normal force of each foot (dashed: commanded)"} <= set(titles)
+    assert "0.5 N s on base from 0.02 s" in page
+    assert "trunk tilted by at most" in page
+
+
+def data_of(page: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    return json.loads(found[1])
+
+
+def test_a_pendulum_comes_back(moved: PendulumResult, tmp_path: Path) -> None:
+    moved.save(tmp_path / "p.npz")
+    saved = load_result(tmp_path / "p.npz")
+    assert isinstance(saved, SavedPendulum)
+    for name, value in vars(moved.history).items():
+        if name != "supports":
+            np.testing.assert_array_equal(getattr(saved.history, name), value)
+    (before,), (after,) = moved.history.supports, saved.history.supports
+    assert (after.start, after.end) == (before.start, before.end)
+    np.testing.assert_array_equal(after.polygon, before.polygon)
+    assert saved.summary["reason"] == moved.reason
+    with pytest.raises(InvalidInputError, match="has no robot to name"):
+        load_result(tmp_path / "p.npz", Robot.load("hoap2_like"))
+
+
+@pytest.mark.parametrize("name", ["com", "support_times", "support_0"])
+def test_half_a_pendulum_is_refused_by_what_it_lacks(
+    moved: PendulumResult, tmp_path: Path, name: str
+) -> None:
+    path = tmp_path / "p.npz"
+    moved.save(path)
+    with np.load(path) as archive:
+        kept = {key: archive[key] for key in archive.files if key != name}
+    np.savez(path, **kept)
+    with pytest.raises(InvalidInputError, match=f"lacks the array '{name}'"):
+        load_result(path)
+    np.savez(path, **kept, **{name: np.zeros((2, 2))})
+    if name == "com":
+        with pytest.raises(InvalidInputError, match=r"array 'com': expected shape \(\d+, 3\)"):
+            load_result(path)
+
+
+def test_the_replay_of_a_pendulum_is_its_motion(moved: PendulumResult, tmp_path: Path) -> None:
+    history = moved.history
+    rows = replay_rows(history.time)
+    data = pendulum_replay(history, rows)
+
+    def numbers(name: str) -> np.ndarray:
+        return np.frombuffer(base64.b64decode(data[name]), "<f4").reshape(len(rows), -1)
+
+    for name, expected in (("com", history.com), ("feet", history.foot)):
+        np.testing.assert_allclose(numbers(name), expected[rows], rtol=1e-6, atol=1e-6)  # 32 bits
+    # A uniform ellipsoid has second moments M a^2 / 5, six masses M/6 at r have M r^2 / 3.
+    semi_axes, radii = np.hsplit(numbers("sizes"), 2)
+    np.testing.assert_allclose(semi_axes**2 / 5.0, radii**2 / 3.0, rtol=1e-6)
+    assert all(data["stands"])
+    path = write_pendulum_report(history, moved.summary(), tmp_path / "p.html", title="<p>")
+    page = path.read_text()
+    assert [plot["times"] is None for plot in data_of(page)["plots"]] == [True, True, False]
+    assert "margin to friction" in page and "&lt;p&gt;" in page
+    assert "http://" not in page and "https://" not in page
+
+
+def test_a_film_of_a_pendulum(moved: PendulumResult, tmp_path: Path) -> None:
+    for name in ("a.gif", "b.gif"):
+        film_pendulum(moved.history, tmp_path / name, title="p", fps=4, size=SMALL)
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+    with Image.open(tmp_path / "a.gif") as film:
+        assert film.size == SMALL
+    drawn = PendulumFilm(moved.history, "p", SMALL)
+    first, last = (black_at_the_top(drawn, row) for row in (0, len(moved.history.time) - 1))
+    assert last > first + 2.0  # the push is forwards: to the right
+
+
+def black_at_the_top(drawn: PendulumFilm, row: int) -> float:
+    """Return the mean column of the leg's pixels in the middle of the picture's height."""
+    drawn.draw(row)
+    pixels = np.asarray(drawn.picture()).astype(int)[90:140]
+    dark = (pixels.max(axis=-1) < 90).nonzero()
+    return float(dark[1].mean())
+
+
+FFMPEG = """#!{python}
+import json, sys
+given = sys.stdin.buffer.read()
+with open(sys.argv[-1], "w") as file:
+    json.dump({{"arguments": sys.argv[1:-1], "bytes": len(given)}}, file)
+"""
+
+
+def test_an_mp4_is_what_ffmpeg_makes_of_the_pictures(
+    moved: PendulumResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program in ffmpeg's place tells what it is given: every picture, whole, at the rate."""
+    stub = tmp_path / "ffmpeg"
+    stub.write_text(FFMPEG.format(python=sys.executable))
+    stub.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    film_pendulum(moved.history, tmp_path / "a.mp4", title="p", fps=4, size=SMALL)
+    told = json.loads((tmp_path / "a.mp4").read_text())
+    pictures = 3 + round(0.7 * 4)  # 0, 0.25 and 0.5 s, and the rest at the end
+    assert told["bytes"] == pictures * 4 * SMALL[0] * SMALL[1]
+    words = " ".join(told["arguments"])
+    assert "-s 200x200" in words and "-framerate 4" in words
+    assert "-vcodec libx264" in words and "+bitexact" in words
