@@ -24,6 +24,7 @@ compiles = pytest.mark.skipif(
 def cache(tmp_path: Path, monkeypatch):
     """An empty cache and a library that is not loaded yet."""
     monkeypatch.setenv(build.CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(library, "SHIPPED", tmp_path / "none")
     monkeypatch.setenv(VARIABLE, "auto")  # and back at the end, whatever is set between
     monkeypatch.delenv("CC", raising=False)
     library._loaded.cache_clear()
@@ -173,9 +174,45 @@ def test_a_library_of_another_version_is_not_used(monkeypatch) -> None:
 
 
 @compiles
+def test_what_a_wheel_carries_is_used_without_a_compiler(tmp_path: Path, monkeypatch) -> None:
+    folder = tmp_path / "package"
+    folder.mkdir()
+    build._compile(build.find_compiler(), folder / "_core.here.so")
+    monkeypatch.setattr(library, "SHIPPED", folder)
+    monkeypatch.setattr(build, "COMPILERS", ())
+    found = core()
+    assert found is not None
+    assert found.path == folder / "_core.here.so"
+
+
+@compiles
+@pytest.mark.parametrize("damage", ["no library", "other sources"])
+def test_what_a_wheel_carries_is_not_used_if_it_does_not_fit(
+    damage: str, tmp_path: Path, monkeypatch, cache: Path
+) -> None:
+    """As after sources were edited in place: the core is compiled as if there were none."""
+    folder = tmp_path / "package"
+    folder.mkdir()
+    if damage == "no library":
+        (folder / "_core.here.so").write_bytes(b"no library")
+    else:
+        monkeypatch.setattr(build, "fingerprint", lambda: "of another day")
+        build._compile(build.find_compiler(), folder / "_core.here.so")
+        monkeypatch.undo()
+        monkeypatch.setenv(build.CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(library, "SHIPPED", folder)
+    found = core()
+    assert found is not None
+    assert found.path.parent.parent == cache
+
+
+@compiles
 def test_processes_that_build_at_once(cache: Path) -> None:
     """All end with the same whole build, and leave nothing beside it."""
-    code = "from wbc.native import core; print(core().path)"
+    code = (
+        "from pathlib import Path; from wbc.native import core, library;"
+        "library.SHIPPED = Path('none'); print(core().path)"
+    )
     command = [sys.executable, "-c", code]
     running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(4)]
     paths = {process.communicate(timeout=60)[0].strip() for process in running}
@@ -191,7 +228,7 @@ def test_flags_and_compiler_decide_on_the_build(monkeypatch, tmp_path: Path) -> 
     monkeypatch.setattr(build, "FLAGS", (*build.FLAGS, "-g"))
     keys.add(build._key(found))
     copy = shutil.copytree(build.SOURCE, tmp_path / "source")
-    monkeypatch.setattr(build, "SOURCE", copy)
+    monkeypatch.setattr("wbc.native.fingerprint.SOURCE", copy)
     (copy / "tree.c").write_text((copy / "tree.c").read_text() + "\n")
     keys.add(build._key(found))
     assert len(keys) == 4

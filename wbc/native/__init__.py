@@ -1,4 +1,4 @@
-"""The optional native core: the arithmetic of a tick in C99, compiled on first use.
+"""The optional native core: the arithmetic of a tick in C99, in the wheel or compiled on first use.
 
 Everything works without it, and gives the same answers to rounding: what the core does not know, it
 hands back. The environment variable ``WBC_NATIVE`` says ``auto`` (the default: where it can be

@@ -21,12 +21,9 @@ from pathlib import Path
 
 from wbc.errors import WbcError
 from wbc.files import CACHE_VARIABLE, cache_folder
+from wbc.native.fingerprint import FLAGS, SOURCE, fingerprint
 
-SOURCE = Path(__file__).parent / "source"
 COMPILERS = ("cc", "gcc", "clang")
-# No -ffast-math and no contraction into fused operations: the same bits on every machine. No
-# -march=native: it gains 6 %, and a cache may be shared by machines.
-FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 LONGEST = 120.0  # s for the compiler; it takes one or two
 LIBRARY, CHECKSUM = "core.so", "core.sha256"
 
@@ -88,10 +85,7 @@ def _key(compiler: list[str]) -> str:
     there = executable.stat()
     machine = (sys.platform, platform.machine())
     made_by = (str(executable), there.st_size, there.st_mtime_ns, compiler[1:], FLAGS)
-    content = hashlib.sha256(repr((machine, made_by)).encode())
-    for file in sorted(SOURCE.iterdir()):
-        content.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
-    return content.hexdigest()[:32]
+    return _checksum(repr((machine, made_by, fingerprint())).encode())[:32]
 
 
 def _own_folder() -> Path:
@@ -142,7 +136,8 @@ def _build(compiler: list[str], place: Path) -> None:
 
 def _compile(compiler: list[str], library: Path) -> None:
     sources = [str(file) for file in sorted(SOURCE.glob("*.c"))]
-    command = [*compiler, *FLAGS, "-o", str(library), *sources, "-lm"]
+    flags = (*FLAGS, "-fPIC", "-shared", f'-DWBC_SOURCE="{fingerprint()}"')
+    command = [*compiler, *flags, "-o", str(library), *sources, "-lm"]
     called = Path(compiler[0]).name
     try:
         done = subprocess.run(

@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 
 from wbc.errors import UnknownNameError
 from wbc.native.build import NativeCoreError, built
+from wbc.native.fingerprint import fingerprint
 
 VARIABLE = "WBC_NATIVE"
+SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
 VERSION = 2  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long.
@@ -41,6 +43,8 @@ class Core:
         try:
             library = ctypes.PyDLL(str(path))
             version = int(library.wbc_core_version())
+            library.wbc_core_source.restype = ctypes.c_char_p
+            source = library.wbc_core_source().decode()
             for name, count in _FUNCTIONS.items():
                 function = getattr(library, name)
                 function.argtypes = [ctypes.c_void_p] * count
@@ -49,6 +53,8 @@ class Core:
             raise NativeCoreError(f"{path} cannot be loaded: {error}") from error
         if version != VERSION:
             raise NativeCoreError(f"{path} is of version {version}, not {VERSION}")
+        if source != fingerprint():
+            raise NativeCoreError(f"{path} was made of other sources than those that are here")
         self.wbc_state: Any = library.wbc_state
         self.wbc_frames: Any = library.wbc_frames
         self.wbc_motion: Any = library.wbc_motion
@@ -111,6 +117,11 @@ def status() -> Status:
 
 @cache
 def _loaded() -> Status:
+    for shipped in sorted(SHIPPED.glob("_core*.so")):
+        try:
+            return Status(Core(shipped), f"loaded from {shipped}")
+        except NativeCoreError as error:
+            logging.getLogger(__name__).info("%s", error)
     try:
         path = built()
         try:

@@ -130,8 +130,12 @@ def inertia_curvature(
         P' = sum w_k P_k + (..)',   P'' = sum (w_k' P_k + w_k P_k') + (..)'
         w_k' = [W_k, w_k],          P_k' = W_k P_k + sum over columns below (w_j P_j) + (..)'
 
-    with W_k the whole twist of the column's body. In axes through the robot's CoM; parameters as of
-    :func:`inertia_rates`.
+    with W_k the whole twist of the column's body. Sums over the columns below one, exchanged with
+    that over the ones above, leave with V_k = W_k + (the twist of the body above k's)
+
+        P'' = sum (V_k w_k P_k + w_k P_k V_k') + (..)'
+
+    In axes through the robot's CoM; parameters as of :func:`inertia_rates`.
     """
     n, mass = len(masses), masses[0]
     arms = composites[:, :3] - com
@@ -143,15 +147,13 @@ def inertia_curvature(
     angular = twists[3:] * v
     linear = twists[:3] * v - skew(com) @ angular
     w = (np.concatenate((linear, angular)).T @ _TWISTS).reshape(n, 4, 4)
-    W = (columns.above @ w.reshape(n, 16)).reshape(n, 4, 4)
+    V = (columns.orders @ w.reshape(n, 16)).reshape(n, 4, 4)
     carried = w @ P
-    spread = W @ P
-    spread += (columns.below @ carried.reshape(n, 16)).reshape(n, 4, 4)
-    spread += spread.transpose(0, 2, 1)
-    turned = W @ w
-    turned -= w @ W
-    first = carried.sum(axis=0)
-    second = (turned @ P + w @ spread).sum(axis=0)
+    first = np.add.reduce(carried)
+    # Sums of products: one product of long matrices each.
+    along, across = carried.transpose(1, 0, 2).reshape(4, -1), V.transpose(1, 0, 2).reshape(4, -1)
+    second = across @ carried.reshape(-1, 4)
+    second += along @ across.T
     velocity = first[:3, 3] / mass
     rate = first[:3, :3] + first[:3, :3].T
     curvature = second[:3, :3] + second[:3, :3].T

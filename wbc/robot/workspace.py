@@ -122,10 +122,6 @@ class CarriedColumns:
 
     Attributes
     ----------
-    above:
-        (nv, nv), 1 where column j moves the body that column k moves first (its own, too).
-    below:
-        (nv, nv), 1 where the body of column j hangs below that of column k.
     orders:
         (nv, nv), 2 where column j moves the body of column k and not the other way round, 1 where
         both move one body, 0 elsewhere: with its transpose, both orders of every pair.
@@ -137,9 +133,7 @@ class CarriedColumns:
             body[model.idx_vs[j] : model.idx_vs[j] + model.nvs[j]] = j
         chains = [set(map(int, chain)) for chain in model.supports]
         reaches = np.array([[int(j) in chains[k] for j in body] for k in body])
-        self.above: Array = reaches.astype(float)
-        self.below: Array = (reaches.T & (body[:, None] != body)).astype(float)
-        self.orders: Array = self.above * (2.0 - self.above.T)
+        self.orders: Array = reaches * (2.0 - reaches.T)
 
 
 def side_by_side(fields: Sequence[Any]) -> Array | None:

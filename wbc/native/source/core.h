@@ -40,6 +40,8 @@ enum { FRAME_ROTATION = 3, FRAME_JACOBIAN = 12 };
 #define FRAME_SIZE(nv) (FRAME_JACOBIAN + 6 * (nv))
 
 int wbc_core_version(void);
+/* The fingerprint of the sources, as wbc/native/fingerprint.py makes it. */
+const char *wbc_core_source(void);
 
 /* Write all that is known at (q, v) into state, and behind it some frames, given by their joints
  * and their placements (12 each) there. scratch holds 13 numbers a joint. Returns 0. */

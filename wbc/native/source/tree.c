@@ -10,7 +10,12 @@
 #include "core.h"
 #include "linear.h"
 
+#ifndef WBC_SOURCE
+#define WBC_SOURCE ""
+#endif
+
 int wbc_core_version(void) { return WBC_CORE_VERSION; }
+const char *wbc_core_source(void) { return WBC_SOURCE; }
 
 /* R = P turned about a unit axis by the angle of c = cos, s = sin */
 static void turned(const double *P, const double *axis, double c, double s, double *R) {
