@@ -62,11 +62,11 @@ def analysis_picture() -> None:
     smaller(picture)
 
 
-def push_picture() -> None:
-    """Draw a push in simulation as `wbc sim` does."""
-    result = load_problem(ROOT / "problems" / "push_g1.yaml").simulate()
-    picture = PICTURES / "push_g1.png"
-    plot_simulation(result.robot, result.arrays, picture, title=f"push_g1: {result.reason}")
+def simulation_picture(name: str) -> None:
+    """Draw a simulation as `wbc sim` does."""
+    result = load_problem(ROOT / "problems" / f"{name}.yaml").simulate()
+    picture = PICTURES / f"{name}.png"
+    plot_simulation(result.robot, result.arrays, picture, title=f"{name}: {result.reason}")
     smaller(picture, width=1400)
 
 
@@ -136,7 +136,8 @@ def main() -> None:
         plot_robot(robot, poses, PICTURES / f"{name}.png")
         smaller(PICTURES / f"{name}.png")
     analysis_picture()
-    push_picture()
+    for name in ("push_g1", "track_squat_g1"):
+        simulation_picture(name)
     pendulum_pictures()
 
 

@@ -30,7 +30,7 @@ def test_all_are_listed_and_tested() -> None:
     assert names == {name[5:] for name in globals() if name.startswith("test_")} - {
         "all_are_listed_and_tested"
     }
-    assert 10 <= len(names) <= 15
+    assert 10 <= len(names) <= 16
     for name in names:
         text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
         assert text.startswith('"""') and 15 <= text.count("\n") <= 90, name
@@ -49,6 +49,12 @@ def test_squat(capsys: pytest.CaptureFixture[str]) -> None:
     assert number(text, "CoM down by # mm") == pytest.approx(30.0, abs=0.2)
     assert number(text, "worst error # mm") < 0.1
     assert number(text, "feet moved # mm") < 0.01
+
+
+def test_follow_plan(capsys: pytest.CaptureFixture[str]) -> None:
+    text = outcome("follow_plan", capsys)
+    assert number(text, "CoM at most # mm from the plan") < 1.0
+    assert number(text, "angular momentum at most # %") < 20.0
 
 
 def test_own_task(capsys: pytest.CaptureFixture[str]) -> None:

@@ -89,9 +89,12 @@ def test_code_of_others_compiles(path: Path) -> None:
 @pytest.mark.parametrize("path", pages_with("yaml"), ids=named)
 def test_problems_are_valid(path: Path, tmp_path: Path) -> None:
     yaml = YAML(typ="safe")
+    planned = [block for block in blocks(path, "yaml") if "plan" in yaml.load(block)]
     for number, block in enumerate(blocks(path, "yaml")):
         given = yaml.load(block)
         file = tmp_path / f"{number}.yaml"
+        for plan in re.findall(r"{plan: (\w+\.yaml)", block):  # the page's own
+            (tmp_path / plan).write_text(planned[0], encoding="utf-8")
         if "problems" in given:
             file.write_text(block, encoding="utf-8")
             for problem in given["problems"]:

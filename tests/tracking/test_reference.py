@@ -59,14 +59,17 @@ def test_it_begins_as_the_robot_stands(reference: PlanReference, start: Snapshot
     np.testing.assert_allclose(first.inertia, vech(start.inertia), atol=1e-8)
 
 
-def test_it_rests_before_and_after(reference: PlanReference) -> None:
+def test_it_rests_before_and_after(reference: PlanReference, start: Snapshot) -> None:
     assert reference.ends == pytest.approx(BEGINS + 0.8)
     inside = reference.at(BEGINS + 0.2)
     assert np.linalg.norm(inside.com_velocity) > 1e-3
-    for outside, at in ((0.0, BEGINS), (5.0, reference.ends)):
-        target, end = reference.at(outside), reference.at(at)
-        for name in ("com", "cop", "inertia"):
-            np.testing.assert_array_equal(getattr(target, name), getattr(end, name))
+    before, after, end = reference.at(0.0), reference.at(5.0), reference.at(reference.ends)
+    np.testing.assert_array_equal(before.com, start.com)
+    np.testing.assert_array_equal(before.cop, (*start.com[:2], 0.0))
+    np.testing.assert_array_equal(before.inertia, vech(start.inertia))
+    for name in ("com", "cop", "inertia"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(end, name))
+    for target in (before, after):
         for name in ("com_velocity", "com_acceleration", "momentum", "momentum_rate",
                      "inertia_rate", "inertia_acceleration"):  # fmt: skip
             assert not getattr(target, name).any()

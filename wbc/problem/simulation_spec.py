@@ -223,8 +223,8 @@ class SimulationSpec(Section):
     """How the simulated robot differs from the model that the controller has."""
     pushes: Annotated[tuple[PushSpec, ...], Strict(False)] = ()
     """What pushes the robot, and when."""
-    falls: Annotated[dict[str, Any], KeysOf(FallLimits, trunk=Name, touch=bool)] = Field(
-        default_factory=dict
+    falls: Annotated[dict[str, Any], KeysOf(FallLimits, trunk=Name, touch=bool, lifted=Name)] = (
+        Field(default_factory=dict)
     )
     """What counts as a fall."""
 
@@ -255,7 +255,10 @@ class SimulationSpec(Section):
             with mistakes.at("simulation", key):
                 make(**getattr(self, key))
         with mistakes.at("simulation", "falls"):
-            start.robot.frame_id(FallLimits(**self.falls).trunk)
+            limits = FallLimits(**self.falls)
+            start.robot.frame_id(limits.trunk)
+            if limits.lifted and start.robot.foot(limits.lifted).name in feet:
+                raise Misplaced(f"the {limits.lifted} foot stands at the start", "lifted")
         for k, push in enumerate(self.pushes):
             with mistakes.at("simulation", "pushes", k):
                 push.push(start, feet)

@@ -60,8 +60,8 @@ class FromPlan(Section):
     """The plan: a .npz file that `wbc run` wrote, or the .yaml file that describes what to plan,
     relative to this file. It must have been made for this robot, where it stands."""
     begins: NonNegative = 0.0
-    """When the plan begins [s]; until then the target rests at its first place, and after the
-    plan's end at its last."""
+    """When the plan begins [s]; until then the target rests where the robot is at the start, and
+    after the plan's end at its last place."""
 
 
 def form_with_plan(value: object) -> str | None:

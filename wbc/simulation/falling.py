@@ -27,12 +27,15 @@ class FallLimits:
         Frame of the trunk.
     touch:
         Anything but a sole touches the ground.
+    lifted:
+        Foot that must not come down, of a robot that stands on the other one; empty: none.
     """
 
     com_height: float = 0.5
     tilt: float = 1.2
     trunk: str = BASE
     touch: bool = True
+    lifted: str = ""
 
     def __post_init__(self) -> None:
         check_fields(self, "fall limits, ", "com_height", least=0.0)
@@ -63,12 +66,13 @@ class FallWatch:
     Raises
     ------
     UnknownNameError
-        No such trunk.
+        No such trunk, or no such foot.
     """
 
     def __init__(self, plant: Plant, limits: FallLimits) -> None:
         self._plant, self.limits = plant, limits
         plant.robot.frame_id(limits.trunk)
+        self._lifted = plant.robot.foot(limits.lifted).frame if limits.lifted else ""
         self._up = plant.body_rotation(limits.trunk)[2].copy()  # the vertical in the trunk's axes
         self._first_height = self._height()
         self.tilt = 0.0
@@ -83,6 +87,8 @@ class FallWatch:
         reason = ""
         if limits.touch and (links := plant.touching()):
             reason = f"{links[0]} touched the ground"
+        elif self._lifted and plant.contact_forces[self._lifted][2] > 0.0:
+            reason = f"the {limits.lifted} foot, which was lifted, touched the ground"
         elif tilt > limits.tilt:
             reason = f"{limits.trunk} tilted by {tilt:.2f} rad, more than {limits.tilt:g}"
         elif height < limits.com_height * self._first_height:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
 from wbc.rotations import rotations_from
-from wbc.spatial import COLUMNS, ROWS
+from wbc.spatial import COLUMNS, ROWS, vech
 from wbc.tracking.fit import check_fit
 from wbc.validate import Array, finite_array, finite_number, read_only
 
@@ -41,7 +41,7 @@ class PlanTarget:
     inertia_acceleration: Array  # (..., 6) [kg m^2/s^2]
 
 
-# Sizes of what is sampled. At rest, before and after the plan, only the places stay.
+# Sizes of what is sampled. Places are what stays, at rest.
 _SIZES = {
     "com": 3, "com_velocity": 3, "com_acceleration": 3, "momentum": 6, "momentum_rate": 6,
     "cop": 3, "inertia": 6, "inertia_rate": 6, "inertia_acceleration": 6,
@@ -59,8 +59,9 @@ class PlanReference:
         shape.set_target(target.inertia, target.inertia_rate, target.inertia_acceleration)
         cop.set_target(target.cop)
 
-    Before the plan begins the targets are its first places, at rest; after its end its last ones.
-    The plan is sampled every millisecond, and linear between.
+    Before the plan begins the targets are those of ``start``, at rest: a plan may begin elsewhere,
+    such as where a push leaves the robot. After its end they are its last places. The plan is
+    sampled every millisecond, and linear between.
 
     Parameters
     ----------
@@ -90,6 +91,8 @@ class PlanReference:
         self.plan = plan
         self.begins = finite_number("plan reference, begins", begins, least=0.0)
         count = max(int(np.ceil(plan.duration / STEP)), 1)
+        places = {"com": start.com, "cop": (*start.com[:2], 0.0), "inertia": vech(start.inertia)}
+        self._waiting = read_only(_row(**places))
         self._times = read_only(np.linspace(0.0, plan.duration, count + 1))
         self._table = read_only(_table(plan.at(self._times), plan.problem.mass))
 
@@ -111,12 +114,19 @@ class PlanReference:
         k = np.minimum(place.astype(int), len(self._times) - 2)
         part = (place - k)[..., None]
         row = (1.0 - part) * self._table[k] + part * self._table[k + 1]
-        moves = ((t >= 0.0) & (t <= self.plan.duration))[..., None]
+        row = np.where((t < 0.0)[..., None], self._waiting, row)
+        moves = (t <= self.plan.duration)[..., None]
         ends = np.cumsum(list(_SIZES.values()))[:-1]
         parts = dict(zip(_SIZES, np.split(row, ends, axis=-1), strict=True))
         return PlanTarget(
             **{name: one if name in _PLACES else one * moves for name, one in parts.items()}
         )
+
+
+def _row(**given: ArrayLike) -> Array:
+    """Return what is given side by side with zeros for the rest (42,)."""
+    rows = [np.asarray(given.get(name, np.zeros(k)), float) for name, k in _SIZES.items()]
+    return np.concatenate(rows)
 
 
 def _table(motion: Trajectory, mass: float) -> Array:
