@@ -171,6 +171,7 @@ MISTAKES = [
     ("duration: 0.3", "sensors: {dropout: 2}", "simulation.sensors: "),
     ("duration: 0.3", "model_error: {mass: 0}", "simulation.model_error: "),
     ("duration: 0.3", "falls: {trunk: bse}", "falls.trunk: unknown frame 'bse'; did you mean"),
+    ("duration: 0.3", "falls: {lifted: right}", "falls.lifted: the right foot stands at the start"),
     ("duration: 0.3", "terrain: {slope: 1}", "simulation.terrain.slope: expected a list"),
     ("at: 0.1", "at: 0.7, body: bsae", "p.yaml:11: simulation.pushes[0].body: unknown frame 'bsa"),
     ("at: 0.1", "at: 0.7", "pushes[0].at: begins after the end of the simulation (0.3 s)"),

@@ -91,8 +91,9 @@ class PlanReference:
         self.plan = plan
         self.begins = finite_number("plan reference, begins", begins, least=0.0)
         count = max(int(np.ceil(plan.duration / STEP)), 1)
-        places = {"com": start.com, "cop": (*start.com[:2], 0.0), "inertia": vech(start.inertia)}
-        self._waiting = read_only(_row(**places))
+        below = (*start.com[:2], 0.0)
+        waiting = _row(com=start.com, cop=below, inertia=vech(start.inertia))
+        self._waiting = read_only(waiting)
         self._times = read_only(np.linspace(0.0, plan.duration, count + 1))
         self._table = read_only(_table(plan.at(self._times), plan.problem.mass))
 
