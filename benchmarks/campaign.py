@@ -109,7 +109,7 @@ def scaling(folder: Path, file: Path, most: int) -> None:
         cpu.append(time.thread_time() - start)
     work = float(np.median(cpu))
     print(f"  CPU time of a run alone: {1e3 * work:.1f} ms (loading and running)")
-    own = 0.0
+    own = between = 0.0
     for workers in range(1, most + 1):
         stamps: list[float] = []
         rows: list[Row] = []
@@ -138,7 +138,7 @@ def scaling(folder: Path, file: Path, most: int) -> None:
             f" this process {1e3 * own:.2f} ms of CPU per row"
         )
     for count, seconds, crowd in ((100_000, 5.0, 100), (100_000, 5.0, 1000)):
-        took = count * max(seconds / crowd, own)
+        took = count * max((seconds + between) / crowd, own)
         print(
             f"  extrapolated: {count:,} runs of {seconds:g} s on {crowd} workers:"
             f" {took / 3600:.2g} h (this process alone would need {count * own / 3600:.2g} h)"

@@ -13,16 +13,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from wbc.errors import UnknownNameError
-from wbc.qp import QP
+from wbc.qp import QP, ProxQP
 from wbc.qp.backend import qpsolvers_names
 from wbc.qp.daqp import Daqp, KeptDaqp
 from wbc.qp.elimination import eliminate
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.native import DEFAULTS, Workspace
 from wbc.qp.qpsolvers_backend import QpsolversBackend
-from wbc.qp.solution import RawSolution, Solution
+from wbc.qp.solution import RawSolution, Solution, Status
 
-CAP = 1000  # outer iterations of ProxQP, and changes of DAQP's active set
+CHANGES = 1000  # of DAQP's active set, at most
+ITERATIONS = 20  # outer ones of ProxQP with the settings of this package
 PREFIX = "qpsolvers:"
 
 
@@ -34,7 +35,7 @@ class Candidate(Protocol):
 
 
 class WarmProxQp:
-    """ProxQP's workspace, kept while sizes stay the same.
+    """ProxQP's workspace, kept while sizes stay the same and it says that it has solved.
 
     Parameters
     ----------
@@ -56,18 +57,36 @@ class WarmProxQp:
     def answer(self, qp: QP) -> RawSolution:
         """Return the solver's answer, unchecked."""
         sizes = (qp.g.size, qp.b.size, qp.u.size)
-        if self._workspace is None or sizes != self._sizes or not self._warm:
-            self._sizes = sizes
-            self._workspace = Workspace.create(qp, self._eps, CAP, **self._settings)
-            return self._workspace.solve_cold()
-        return self._workspace.solve_warm(qp, self._refresh)
+        if self._workspace is None or sizes != self._sizes:
+            workspace = Workspace.create(qp, self._eps, ITERATIONS, **self._settings)
+            raw = workspace.solve_cold()
+        else:
+            workspace = self._workspace
+            raw = workspace.solve_warm(qp, self._refresh)
+        keep = self._warm and raw.claim is Status.SOLVED
+        self._workspace, self._sizes = workspace if keep else None, sizes
+        return raw
+
+
+class CheckedProxQp:
+    """What a controller has by ``solver="proxqp"``: answers checked, failures retried by DAQP."""
+
+    def __init__(self, eps: float) -> None:
+        self._backend = ProxQP(eps)
+
+    def answer(self, qp: QP) -> RawSolution:
+        """Return the backend's solution as if it were unchecked."""
+        found = self._backend.solve(qp)
+        return RawSolution(
+            found.x, found.y, found.z, found.z_box, found.status, found.iterations, found.message
+        )
 
 
 class ReducedDaqp:
     """DAQP on what is left when the equality rows are eliminated."""
 
     def __init__(self, eps: float) -> None:
-        self._daqp = Daqp(eps, CAP)
+        self._daqp = Daqp(eps, CHANGES)
 
     def answer(self, qp: QP) -> RawSolution:
         """Return the solver's answer, unchecked."""
@@ -84,15 +103,17 @@ class ReducedDaqp:
 
 
 CANDIDATES: Mapping[str, Callable[[float], Candidate]] = {
+    "proxqp_checked": CheckedProxQp,
     "proxqp": WarmProxQp,
     "proxqp_cold": lambda eps: WarmProxQp(eps, warm=False),
     "proxqp_refreshed": lambda eps: WarmProxQp(eps, refresh=True),
     "proxqp_defaults": lambda eps: WarmProxQp(eps, **DEFAULTS, eps_abs=eps),
-    "daqp": lambda eps: Daqp(eps, CAP),
-    "daqp_kept": lambda eps: KeptDaqp(eps, CAP),
+    "daqp": lambda eps: Daqp(eps, CHANGES),
+    "daqp_kept": lambda eps: KeptDaqp(eps, CHANGES),
     "daqp_reduced": ReducedDaqp,
 }
 ABOUT = {
+    "proxqp_checked": "what controllers have: checked, DAQP where it fails; its checks are timed",
     "proxqp": "kept warm, settings of this package",
     "proxqp_cold": "a new workspace for each QP",
     "proxqp_refreshed": "kept warm, preconditioner computed anew",

@@ -75,7 +75,7 @@ _INFEASIBILITY = 0.0
 # What ProxQP sets itself where this package sets something else: a choice of wbc bench.
 DEFAULTS = {
     name: getattr(proxqp.dense.QP(1, 0, 0).settings, name)
-    for name in ("check_duality_gap", "default_rho", "max_iter_in")
+    for name in ("check_duality_gap", "default_rho", "max_iter", "max_iter_in")
 }
 
 _CLAIMS = {

@@ -1,0 +1,62 @@
+"""The job with Pink: python loop_pink.py JOB.json daqp."""
+
+from importlib.metadata import version
+
+import numpy as np
+import pink
+import pinocchio as pin
+from pink.tasks import ComTask, FrameTask, PostureTask
+from serve import serve
+
+
+class Loop:
+    def __init__(self, job, solver):
+        self.job, self.solver = job, solver
+        model = pin.buildModelFromUrdf(job.urdf, pin.JointModelFreeFlyer())
+        q = pin.neutral(model)
+        q[:7] = job.base
+        for name, value in job.joints.items():
+            q[model.joints[model.getJointId(name)].idx_q] = value
+        self.configuration = pink.Configuration(model, model.createData(), q)
+        self.com_task = ComTask(cost=10.0, gain=1.0)
+        self.trunk = FrameTask(job.trunk, position_cost=0.0, orientation_cost=1.0, gain=1.0)
+        posture = PostureTask(cost=0.1, gain=1.0)
+        self.contacts = [FrameTask(foot, 1.0, 1.0) for foot in job.feet]
+        self.tasks = [self.com_task, self.trunk, posture]
+        for task in (*self.tasks, *self.contacts):
+            task.set_target_from_configuration(self.configuration)
+        self.start_com = self.com_task.target_com.copy()
+        self.start_trunk = self.trunk.transform_target_to_world.rotation.copy()
+        self.v = np.zeros(model.nv)
+        self.limits = model.velocityLimit[6:]
+
+    def tick(self, k):
+        self.com_task.set_target(self.com_target(k))
+        target = self.trunk.transform_target_to_world
+        self.trunk.set_target(
+            pin.SE3(self.job.trunk_rotation(self.start_trunk, k), target.translation)
+        )
+        self.v = pink.solve_ik(
+            self.configuration, self.tasks, self.job.dt, self.solver, constraints=self.contacts
+        )
+        self.configuration.integrate_inplace(self.v, self.job.dt)
+
+    def com_target(self, k):
+        return self.job.com(self.start_com, k)
+
+    def com(self):
+        return pin.centerOfMass(
+            self.configuration.model, self.configuration.data, self.configuration.q
+        )
+
+    def feet(self):
+        place = self.configuration.get_transform_frame_to_world
+        return np.array([place(foot).translation for foot in self.job.feet])
+
+    def speed(self):
+        return float(np.max(np.abs(self.v[6:]) / self.limits))
+
+
+if __name__ == "__main__":
+    names = ("pin-pink", "pin", "qpsolvers", "daqp", "proxsuite")
+    serve(Loop, {name: version(name) for name in names})

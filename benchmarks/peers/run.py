@@ -1,0 +1,187 @@
+"""The same loop in this package, Pink, mink and PlaCo, in turns on one core: one table.
+
+Each runs in a process of its own environment (environments.sh) and is asked for a block of ticks in
+turn, so that the machine's drift hits all alike. The time is thread CPU time of the whole body of
+the loop: targets, tick, integrate. The job: a G1 on both feet, held exactly, follows its CoM and its
+trunk's orientation, with a posture task, position and velocity limits, dt 5 ms. Equal work is
+checked: CoM error, drift of the feet, velocities within their limits.
+
+    bash benchmarks/peers/environments.sh
+    python benchmarks/peers/run.py [--ticks 2000] [--output benchmarks/RESULTS.md]
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.bench.summary import machine
+from wbc.robot import Robot
+
+HERE = Path(__file__).resolve().parent
+BUILD = HERE.parents[1] / "build" / "peers"
+DT, WARM_UP, BLOCK = 0.005, 200, 50
+ROBOT = "g1"
+FEET, TRUNK = ("left_ankle_roll_link", "right_ankle_roll_link"), "torso_link"
+BEGIN, END = "<!-- peers -->", "<!-- /peers -->"
+# Label, environment, arguments of its loop.
+LOOPS = (
+    ("wbc daqp", "wbc", ("daqp",)),
+    ("wbc proxqp", "wbc", ("proxqp",)),
+    ("wbc daqp, with inertia", "wbc", ("daqp", "inertia")),
+    ("wbc proxqp, with inertia", "wbc", ("proxqp", "inertia")),
+    ("Pink daqp", "pink", ("daqp",)),
+    ("Pink proxqp", "pink", ("proxqp",)),
+    ("mink daqp", "mink", ("daqp",)),
+    ("mink proxqp", "mink", ("proxqp",)),
+    ("PlaCo (C++)", "placo", ()),
+)
+
+
+@dataclass
+class Loop:
+    """A process that runs blocks of ticks, and what it told."""
+
+    label: str
+    process: subprocess.Popen[str]
+    versions: dict[str, str]
+    times: list[float] = field(default_factory=list)
+    last: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def start(cls, label: str, environment: str, arguments: tuple[str, ...], job: Path) -> "Loop":
+        python = sys.executable if environment == "wbc" else BUILD / environment / "bin" / "python"
+        script = HERE / f"loop_{environment}.py"
+        variables = {**os.environ, "OMP_NUM_THREADS": "1"}
+        if environment != "wbc":
+            variables.pop("PYTHONPATH", None)
+        process = subprocess.Popen(
+            [str(python), str(script), str(job), *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=variables,
+        )
+        return cls(label, process, cls._answer(label, process)["versions"])
+
+    def run(self, ticks: int, warm: bool) -> None:
+        """Let it run a block."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{ticks}\n")
+        self.process.stdin.flush()
+        self.last = self._answer(self.label, self.process)
+        if warm:
+            self.times += self.last["times"]
+
+    @staticmethod
+    def _answer(label: str, process: "subprocess.Popen[str]") -> dict[str, Any]:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        if not line:
+            raise SystemExit(f"{label} ended with exit code {process.wait()}")
+        return json.loads(line)
+
+
+def write_job(folder: Path) -> Path:
+    """Write the robot without its meshes, as URDF and for MuJoCo, and where it starts."""
+    robot = Robot.load(ROBOT)
+    folder.mkdir(parents=True, exist_ok=True)
+    root = ET.parse(robot.path).getroot()
+    for link in root.iter("link"):
+        for part in [one for one in link if one.tag in ("visual", "collision")]:
+            link.remove(part)
+    for extra in [one for one in root if one.tag not in ("link", "joint")]:
+        root.remove(extra)
+    urdf, mjcf = folder / "g1.urdf", folder / "g1_mujoco.urdf"
+    ET.ElementTree(root).write(urdf)
+    children = {joint.find("child").get("link") for joint in root.iter("joint")}
+    base = next(link.get("name") for link in root.iter("link") if link.get("name") not in children)
+    options = ET.SubElement(root, "mujoco")
+    ET.SubElement(options, "compiler", fusestatic="false", discardvisual="false")
+    ET.SubElement(root, "link", name="world")
+    joint = ET.SubElement(root, "joint", name="floating_base", type="floating")
+    ET.SubElement(joint, "parent", link="world")
+    ET.SubElement(joint, "child", link=base)
+    ET.ElementTree(root).write(mjcf)
+    q = robot.posture("standing")
+    positions = robot.limits.joint_positions(q)
+    names = robot.joint_names
+    told = {
+        "robot": ROBOT, "urdf": str(urdf), "mjcf": str(mjcf),
+        "dt": DT, "feet": FEET, "trunk": TRUNK,
+        "base": q[:7].tolist(), "joints": dict(zip(names, positions.tolist(), strict=True)),
+        "velocities": dict(zip(names, robot.limits.velocity.tolist(), strict=True)),
+        "efforts": dict(zip(names, robot.limits.effort.tolist(), strict=True)),
+    }  # fmt: skip
+    job = folder / "job.json"
+    job.write_text(json.dumps(told), encoding="utf-8")
+    return job
+
+
+def rows(loops: list[Loop]) -> list[str]:
+    """Return the table, and complain of unequal work."""
+    plain = [one for one in loops if "inertia" not in one.label]
+    middle = float(np.median([one.last["com_rms"] for one in plain]))
+    lines = [
+        "| loop | median [us] | p99 | to PlaCo | CoM RMS [mm] | feet drift [mm] | speed / limit |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    reference = next((np.median(one.times) for one in loops if "PlaCo" in one.label), np.nan)
+    for one in loops:
+        p50, p99 = np.percentile(one.times, (50, 99)) * 1e6
+        told = one.last
+        lines.append(
+            f"| {one.label} | {p50:.0f} | {p99:.0f} | {p50 / 1e6 / reference:.2f} |"
+            f" {1e3 * told['com_rms']:.3f} | {1e3 * told['drift']:.4f} | {told['speed']:.2f} |"
+        )
+        fair = abs(told["com_rms"] / middle - 1.0) < 0.05 or one not in plain
+        if not fair or told["drift"] > 1e-4 or told["speed"] > 1.0 + 1e-6:
+            print(f"UNEQUAL WORK: {one.label}: {told}", file=sys.stderr)
+    return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=2000, help="after 200 of warm-up")
+    parser.add_argument("--only", nargs="+", help="environments, as in wbc placo")
+    parser.add_argument("--output", type=Path, help="put the table into this file")
+    options = parser.parse_args()
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # and all that are started
+    job = write_job(BUILD / "job")
+    chosen = [one for one in LOOPS if not options.only or one[1] in options.only]
+    missing = {env for _, env, _ in chosen if env != "wbc" and not (BUILD / env).is_dir()}
+    if missing:
+        print(f"left out: {', '.join(sorted(missing))}; make them with environments.sh")
+    loops = [Loop.start(*one, job) for one in chosen if one[1] not in missing]
+    for block in range(-(-(WARM_UP + options.ticks) // BLOCK)):
+        for loop in loops[block % len(loops) :] + loops[: block % len(loops)]:
+            loop.run(BLOCK, warm=block * BLOCK >= WARM_UP)
+    for loop in loops:
+        loop.process.stdin.close()
+        loop.process.wait()
+    table = rows(loops)
+    versions = {name: one for loop in loops for name, one in loop.versions.items()}
+    told = [
+        *table, "",
+        f"{options.ticks} ticks each, in turns of {BLOCK}, thread CPU time, on one core of"
+        f" {machine()}; " + ", ".join(f"{name} {one}" for name, one in sorted(versions.items()))
+        + f". Command: `python benchmarks/peers/run.py --ticks {options.ticks}`.",
+    ]  # fmt: skip
+    print("\n".join(told))
+    if options.output:
+        text = options.output.read_text(encoding="utf-8")
+        head, _, rest = text.partition(BEGIN)
+        _, _, tail = rest.partition(END)
+        whole = "\n".join((head + BEGIN, *told, END + tail))
+        options.output.write_text(whole, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""The job, and the protocol by which run.py lets one loop after the other run a block of ticks.
+
+NumPy only: this is imported in every peer's own environment.
+"""
+
+import gc
+import json
+import os
+import sys
+from time import thread_time
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+AMPLITUDE = np.array([0.01, 0.02, -0.01])  # of the CoM [m]
+FREQUENCY = np.array([0.5, 0.25, 0.4])  # [Hz]
+TURN = np.array([0.0, 0.1, 0.2])  # of the trunk [rad]
+
+
+class Job:
+    """What every loop does: a humanoid on both feet follows its CoM and its trunk's orientation."""
+
+    def __init__(self, path):
+        with open(path, encoding="utf-8") as file:
+            told = json.load(file)
+        self.robot, self.urdf, self.mjcf = told["robot"], told["urdf"], told["mjcf"]
+        self.dt, self.feet, self.trunk = told["dt"], told["feet"], told["trunk"]
+        self.joints, self.velocities = told["joints"], told["velocities"]  # by name
+        self.efforts = told["efforts"]
+        self.base = np.array(told["base"])  # position, quaternion x y z w
+
+    def com(self, start, k):
+        """Return where the CoM should be after k ticks."""
+        return start + AMPLITUDE * np.sin(2 * np.pi * FREQUENCY * k * self.dt)
+
+    def trunk_rotation(self, start, k):
+        """Return how the trunk should be turned after k ticks."""
+        turn = TURN * np.sin(k * self.dt)
+        angle = np.linalg.norm(turn)
+        if angle < 1e-12:
+            return start.copy()
+        x, y, z = turn / angle
+        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return start @ (np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew)
+
+
+def serve(make, versions):
+    """Run blocks of a loop as they are asked for, and answer with the CPU time of each tick.
+
+    ``make(job, ...)`` returns an object with ``tick(k)`` (targets, command, integrate), ``com()``,
+    ``com_target(k)``, ``feet()`` (positions (2, 3)) and ``speed()``: the largest joint velocity in
+    parts of its limit. What these four read is not timed.
+    """
+    out = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # what libraries print must not get into the answers
+    job = Job(sys.argv[1])
+    loop = make(job, *sys.argv[2:])
+    anchors, k = loop.feet().copy(), 0
+    errors, drift, speed = [], 0.0, 0.0
+    gc.disable()
+    print(json.dumps({"versions": versions}), file=out, flush=True)
+    for line in sys.stdin:
+        times = []
+        for _ in range(int(line)):
+            begin = thread_time()
+            loop.tick(k)
+            times.append(thread_time() - begin)
+            errors.append(float(np.linalg.norm(loop.com() - loop.com_target(k))))
+            drift = max(drift, float(np.abs(loop.feet() - anchors).max()))
+            speed = max(speed, loop.speed())
+            k += 1
+        gc.collect()
+        answer = {
+            "times": times,
+            "com_rms": float(np.sqrt(np.mean(np.square(errors)))),
+            "drift": drift,
+            "speed": speed,
+        }
+        print(json.dumps(answer), file=out, flush=True)
