@@ -61,6 +61,17 @@ def test_a_call_that_kills_is_tried_again_and_in_the_end_given_up(tmp_path: Path
     assert all("SIGKILL" in one.worker and "process" in one.worker for one in deaths)
 
 
+def test_a_process_that_dies_idle_costs_no_call_an_attempt(tmp_path: Path) -> None:
+    deaths: list[Death] = []
+    with Workers(Deadly(tmp_path / "marker"), 1, deaths.append, attempts=1) as workers:
+        (answer,) = answers(workers, [1]).values()
+        pid = int(answer.worker.rpartition(" ")[2])
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)  # dead, and not yet reaped
+        assert answers(workers, [2])[2].value == 4
+    assert [(one.key, one.final) for one in deaths] == [(None, False)]
+
+
 def test_what_cannot_be_made_is_told_to_whoever_calls() -> None:
     with Workers(refused, 1) as workers:
         (answer,) = answers(workers, [1]).values()

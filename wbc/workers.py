@@ -26,9 +26,9 @@ class WorkerDiedError(WbcError):
 
 
 class Death(NamedTuple):
-    """A process that died amid its work."""
+    """A process that died."""
 
-    key: Hashable  # of the call
+    key: Hashable  # of the call, None if it was at none
     worker: str  # and how it died, in words
     attempt: int  # at this call, from 1
     final: bool  # whether the call is not tried again
@@ -88,7 +88,7 @@ class Workers:
         self._make, self._on_death, self._attempts = make, on_death, attempts
         self._context = get_context("spawn")
         self._workers: list[_Worker] = []
-        self._failed: deque[Answer] = deque()
+        self._answers: deque[Answer] = deque()
 
     def __enter__(self) -> Workers:
         return self
@@ -115,11 +115,11 @@ class Workers:
     def results(self, seconds: float) -> list[Answer]:
         """Return what has come, after waiting for the first at most so long."""
         busy = {worker.channel: worker for worker in self._workers if worker.job is not None}
-        ready = connection.wait(list(busy), 0.0 if self._failed else seconds)
+        ready = connection.wait(list(busy), 0.0 if self._answers else seconds)
         for channel in ready:
             self._receive(busy[channel])  # type: ignore[index]
-        found = list(self._failed)
-        self._failed.clear()
+        found = list(self._answers)
+        self._answers.clear()
         return found
 
     def _receive(self, worker: _Worker) -> None:
@@ -132,7 +132,7 @@ class Workers:
             self._bury(worker, job)
             return
         worker.job = None
-        self._failed.append(Answer(job.key, value, error, worker.name))
+        self._answers.append(Answer(job.key, value, error, worker.name))
 
     def _give(self, job: _Job) -> None:
         idle = next((one for one in self._workers if one.job is None), None)
@@ -140,8 +140,9 @@ class Workers:
         worker.job = job
         try:
             worker.channel.send(job.arguments)
-        except OSError:  # it died since its last answer
-            self._bury(worker, job)
+        except OSError:  # it died since its last answer, of something else
+            self._tell(Death(None, self._remove(worker), 0, False))
+            self._give(job)
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
@@ -155,18 +156,25 @@ class Workers:
 
     def _bury(self, worker: _Worker, job: _Job) -> None:
         """Note a death, and give the call to another process, or give it up."""
+        name = self._remove(worker)
+        final = job.attempt >= self._attempts
+        self._tell(Death(job.key, name, job.attempt, final))
+        if final:
+            text = f"a process died each of {job.attempt} times it was tried, last {name}"
+            self._answers.append(Answer(job.key, None, WorkerDiedError(text), name))
+        else:
+            self._give(_Job(job.key, job.arguments, job.attempt + 1))
+
+    def _remove(self, worker: _Worker) -> str:
+        """Forget a process that died, and return its name and how it did, in words."""
         self._workers.remove(worker)
         worker.process.join()
         worker.channel.close()
-        name = f"{worker.name} ({_how(worker.process.exitcode)})"
-        final = job.attempt >= self._attempts
+        return f"{worker.name} ({_how(worker.process.exitcode)})"
+
+    def _tell(self, death: Death) -> None:
         if self._on_death is not None:
-            self._on_death(Death(job.key, name, job.attempt, final))
-        if final:
-            text = f"a process died each of {job.attempt} times it was tried, last {name}"
-            self._failed.append(Answer(job.key, None, WorkerDiedError(text), name))
-        else:
-            self._give(_Job(job.key, job.arguments, job.attempt + 1))
+            self._on_death(death)
 
 
 def _how(exit_code: int | None) -> str:

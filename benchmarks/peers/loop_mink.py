@@ -35,10 +35,10 @@ class Loop:
         self.order = [model.joint(name).dofadr[0] for name in job.velocities]
         self.most = np.array(list(job.velocities.values()))
 
-    def tick(self, k):
-        self.com_task.set_target(self.com_target(k))
-        rotation = mink.SO3.from_matrix(self.job.trunk_rotation(self.start_trunk, k))
-        self.trunk.set_target(mink.SE3.from_rotation_and_translation(rotation, self.place))
+    def tick(self, com, rotation, k):
+        self.com_task.set_target(com)
+        turned = mink.SO3.from_matrix(rotation)
+        self.trunk.set_target(mink.SE3.from_rotation_and_translation(turned, self.place))
         self.v = mink.solve_ik(
             self.configuration,
             self.tasks,
@@ -48,9 +48,6 @@ class Loop:
             constraints=self.contacts,
         )
         self.configuration.integrate_inplace(self.v, self.job.dt)
-
-    def com_target(self, k):
-        return self.job.com(self.start_com, k)
 
     def com(self):
         return self.configuration.data.subtree_com[1].copy()

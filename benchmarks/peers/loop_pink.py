@@ -30,19 +30,14 @@ class Loop:
         self.v = np.zeros(model.nv)
         self.limits = model.velocityLimit[6:]
 
-    def tick(self, k):
-        self.com_task.set_target(self.com_target(k))
+    def tick(self, com, rotation, k):
+        self.com_task.set_target(com)
         target = self.trunk.transform_target_to_world
-        self.trunk.set_target(
-            pin.SE3(self.job.trunk_rotation(self.start_trunk, k), target.translation)
-        )
+        self.trunk.set_target(pin.SE3(rotation, target.translation))
         self.v = pink.solve_ik(
             self.configuration, self.tasks, self.job.dt, self.solver, constraints=self.contacts
         )
         self.configuration.integrate_inplace(self.v, self.job.dt)
-
-    def com_target(self, k):
-        return self.job.com(self.start_com, k)
 
     def com(self):
         return pin.centerOfMass(

@@ -39,14 +39,11 @@ class Loop:
         self.most = np.array([job.velocities[name] for name in robot.joint_names()])
         self.at = [robot.get_joint_offset(name) for name in robot.joint_names()]
 
-    def tick(self, k):
-        self.com_task.target_world = self.com_target(k)
-        self.trunk.R_world_frame = self.job.trunk_rotation(self.start_trunk, k)
+    def tick(self, com, rotation, k):
+        self.com_task.target_world = com
+        self.trunk.R_world_frame = rotation
         self.solver.solve(True)  # and integrate
         self.robot.update_kinematics()
-
-    def com_target(self, k):
-        return self.job.com(self.start_com, k)
 
     def com(self):
         return self.robot.com_world()

@@ -11,15 +11,21 @@ class Loop:
     def __init__(self, job, solver, inertia=""):
         self.job = job
         self.robot = robot = wbc.Robot.load(job.robot)
-        self.q = robot.posture("standing")
+        self.q, self.v = robot.posture("standing"), np.zeros(robot.nv)
         start = robot.snapshot(self.q)
         self.start_com, self.start_trunk = start.com.copy(), start.rotation(job.trunk).copy()
         self.start_inertia = start.inertia.copy()
+        self.inertia = None
+        self.make(start, solver, inertia)
+        self.limits = np.array([job.velocities[name] for name in robot.joint_names])
+
+    def make(self, start, solver, inertia):
+        """Make tasks and controller."""
+        robot, job = self.robot, self.job
         self.com_task = wbc.ComTask(robot, start.com, weight=10.0, gain=1.0)
         self.trunk = wbc.OrientationTask(robot, job.trunk, self.start_trunk, weight=1.0, gain=1.0)
         posture = wbc.PostureTask(robot, self.q, weight=0.1, gain=1.0)
         tasks = [self.com_task, self.trunk, posture]
-        self.inertia = None
         if inertia:
             self.inertia = wbc.InertiaTask(robot, start.inertia, per_mass=True, gain=0.2)
             tasks.insert(0, self.inertia)
@@ -31,21 +37,16 @@ class Loop:
             dt=job.dt,
             solver=solver,
         )
-        self.v = np.zeros(robot.nv)
-        self.limits = np.array([job.velocities[name] for name in robot.joint_names])
 
-    def tick(self, k):
-        self.com_task.set_target(self.com_target(k))
-        self.trunk.set_target(self.job.trunk_rotation(self.start_trunk, k))
+    def tick(self, com, rotation, k):
+        self.com_task.set_target(com)
+        self.trunk.set_target(rotation)
         if self.inertia is not None:
             self.inertia.set_target(
                 self.start_inertia * (1 + 0.05 * np.sin(np.pi * k * self.job.dt))
             )
         self.v = self.controller.step(self.robot.snapshot(self.q, self.v)).velocity
         self.q = self.robot.integrate(self.q, self.v, self.job.dt)
-
-    def com_target(self, k):
-        return self.job.com(self.start_com, k)
 
     def com(self):
         return self.robot.snapshot(self.q).com

@@ -1,10 +1,12 @@
-"""The same loop in this package, Pink, mink and PlaCo, in turns on one core: one table.
+"""The same loop in this package, Pink, mink, PlaCo and TSID, in turns on one core: one table.
 
 Each runs in a process of its own environment (environments.sh) and is asked for a block of ticks in
 turn, so that the machine's drift hits all alike. The time is thread CPU time of the whole body of
-the loop: targets, tick, integrate. The job: a G1 on both feet, held exactly, follows its CoM and its
-trunk's orientation, with a posture task, position and velocity limits, dt 5 ms. Equal work is
-checked: CoM error, drift of the feet, velocities within their limits.
+the loop: targets are set, the command is computed and integrated. The job: a G1 on both feet, held
+exactly, follows its CoM and the orientation of its trunk, with a posture task, position and
+velocity limits, dt 5 ms. Equal work is checked: CoM error, drift of the feet, velocities within
+their limits. At the torque level the same with friction cones and torque bounds, dt 2 ms; the
+acceleration is integrated as it was computed.
 
     bash benchmarks/peers/environments.sh
     python benchmarks/peers/run.py [--ticks 2000] [--output benchmarks/RESULTS.md]
@@ -27,22 +29,31 @@ from wbc.robot import Robot
 
 HERE = Path(__file__).resolve().parent
 BUILD = HERE.parents[1] / "build" / "peers"
-DT, WARM_UP, BLOCK = 0.005, 200, 50
+DT = {"velocity": 0.005, "torque": 0.002}
+WARM_UP, BLOCK = 200, 50
 ROBOT = "g1"
 FEET, TRUNK = ("left_ankle_roll_link", "right_ankle_roll_link"), "torso_link"
 BEGIN, END = "<!-- peers -->", "<!-- /peers -->"
-# Label, environment, arguments of its loop.
-LOOPS = (
-    ("wbc daqp", "wbc", ("daqp",)),
-    ("wbc proxqp", "wbc", ("proxqp",)),
-    ("wbc daqp, with inertia", "wbc", ("daqp", "inertia")),
-    ("wbc proxqp, with inertia", "wbc", ("proxqp", "inertia")),
-    ("Pink daqp", "pink", ("daqp",)),
-    ("Pink proxqp", "pink", ("proxqp",)),
-    ("mink daqp", "mink", ("daqp",)),
-    ("mink proxqp", "mink", ("proxqp",)),
-    ("PlaCo (C++)", "placo", ()),
-)
+# Of each level: label, environment, script, arguments.
+LOOPS = {
+    "velocity": (
+        ("wbc daqp", "wbc", "wbc", ("daqp",)),
+        ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
+        ("wbc daqp, with inertia", "wbc", "wbc", ("daqp", "inertia")),
+        ("wbc proxqp, with inertia", "wbc", "wbc", ("proxqp", "inertia")),
+        ("Pink daqp", "pink", "pink", ("daqp",)),
+        ("Pink proxqp", "pink", "pink", ("proxqp",)),
+        ("mink daqp", "mink", "mink", ("daqp",)),
+        ("mink proxqp", "mink", "mink", ("proxqp",)),
+        ("PlaCo (C++)", "placo", "placo", ()),
+    ),
+    "torque": (
+        ("wbc daqp", "wbc", "wbc_torque", ("daqp",)),
+        ("wbc proxqp", "wbc", "wbc_torque", ("proxqp",)),
+        ("wbc daqp, with inertia", "wbc", "wbc_torque", ("daqp", "inertia")),
+        ("TSID (C++)", "tsid", "tsid", ()),
+    ),
+}
 
 
 @dataclass
@@ -56,9 +67,11 @@ class Loop:
     last: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def start(cls, label: str, environment: str, arguments: tuple[str, ...], job: Path) -> "Loop":
+    def start(
+        cls, label: str, environment: str, loop: str, arguments: tuple[str, ...], job: Path
+    ) -> "Loop":
         python = sys.executable if environment == "wbc" else BUILD / environment / "bin" / "python"
-        script = HERE / f"loop_{environment}.py"
+        script = HERE / f"loop_{loop}.py"
         variables = {**os.environ, "OMP_NUM_THREADS": "1"}
         if environment != "wbc":
             variables.pop("PYTHONPATH", None)
@@ -89,7 +102,7 @@ class Loop:
         return json.loads(line)
 
 
-def write_job(folder: Path) -> Path:
+def write_job(folder: Path, dt: float) -> Path:
     """Write the robot without its meshes, as URDF and for MuJoCo, and where it starts."""
     robot = Robot.load(ROBOT)
     folder.mkdir(parents=True, exist_ok=True)
@@ -115,9 +128,10 @@ def write_job(folder: Path) -> Path:
     names = robot.joint_names
     told = {
         "robot": ROBOT, "urdf": str(urdf), "mjcf": str(mjcf),
-        "dt": DT, "feet": FEET, "trunk": TRUNK,
+        "dt": dt, "feet": FEET, "trunk": TRUNK,
         "base": q[:7].tolist(), "joints": dict(zip(names, positions.tolist(), strict=True)),
         "velocities": dict(zip(names, robot.limits.velocity.tolist(), strict=True)),
+        "corners": [corners(robot, q, foot) for foot in FEET],
         "efforts": dict(zip(names, robot.limits.effort.tolist(), strict=True)),
     }  # fmt: skip
     job = folder / "job.json"
@@ -125,15 +139,25 @@ def write_job(folder: Path) -> Path:
     return job
 
 
+def corners(robot: Robot, q: np.ndarray, link: str) -> list[list[float]]:
+    """Return the corners of a sole (k, 3) in the axes of its link."""
+    foot = next(one for one in robot.feet.values() if one.link == link)
+    here = robot.snapshot(q)
+    flat = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
+    world = here.position(foot.frame) + flat @ here.rotation(foot.frame).T
+    return ((world - here.position(link)) @ here.rotation(link)).tolist()
+
+
 def rows(loops: list[Loop]) -> list[str]:
     """Return the table, and complain of unequal work."""
     plain = [one for one in loops if "inertia" not in one.label]
     middle = float(np.median([one.last["com_rms"] for one in plain]))
     lines = [
-        "| loop | median [us] | p99 | to PlaCo | CoM RMS [mm] | feet drift [mm] | speed / limit |",
+        f"| loop | median [us] | p99 | to {loops[-1].label}"
+        " | CoM RMS [mm] | feet drift [mm] | speed / limit |",
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
-    reference = next((np.median(one.times) for one in loops if "PlaCo" in one.label), np.nan)
+    reference = np.median(loops[-1].times)
     for one in loops:
         p50, p99 = np.percentile(one.times, (50, 99)) * 1e6
         told = one.last
@@ -147,39 +171,43 @@ def rows(loops: list[Loop]) -> list[str]:
     return lines
 
 
+def race(level: str, ticks: int, only: list[str] | None) -> tuple[list[str], dict[str, str]]:
+    """Run the loops of a level in turns; return their table and versions."""
+    job = write_job(BUILD / level, DT[level])
+    chosen = [one for one in LOOPS[level] if not only or one[1] in only]
+    missing = {one[1] for one in chosen if one[1] != "wbc" and not (BUILD / one[1]).is_dir()}
+    if missing:
+        print(f"left out: {', '.join(sorted(missing))}; make them with environments.sh")
+    loops = [Loop.start(*one, job) for one in chosen if one[1] not in missing]
+    for block in range(-(-(WARM_UP + ticks) // BLOCK)):
+        for loop in loops[block % len(loops) :] + loops[: block % len(loops)]:
+            loop.run(BLOCK, warm=block * BLOCK >= WARM_UP)
+    for loop in loops:
+        loop.process.communicate()
+    return rows(loops), {name: one for loop in loops for name, one in loop.versions.items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ticks", type=int, default=2000, help="after 200 of warm-up")
     parser.add_argument("--only", nargs="+", help="environments, as in wbc placo")
-    parser.add_argument("--output", type=Path, help="put the table into this file")
+    parser.add_argument("--output", type=Path, help="put the tables into this file")
     options = parser.parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # and all that are started
-    job = write_job(BUILD / "job")
-    chosen = [one for one in LOOPS if not options.only or one[1] in options.only]
-    missing = {env for _, env, _ in chosen if env != "wbc" and not (BUILD / env).is_dir()}
-    if missing:
-        print(f"left out: {', '.join(sorted(missing))}; make them with environments.sh")
-    loops = [Loop.start(*one, job) for one in chosen if one[1] not in missing]
-    for block in range(-(-(WARM_UP + options.ticks) // BLOCK)):
-        for loop in loops[block % len(loops) :] + loops[: block % len(loops)]:
-            loop.run(BLOCK, warm=block * BLOCK >= WARM_UP)
-    for loop in loops:
-        loop.process.stdin.close()
-        loop.process.wait()
-    table = rows(loops)
-    versions = {name: one for loop in loops for name, one in loop.versions.items()}
-    told = [
-        *table, "",
+    told, versions = [], {}
+    for level in LOOPS:
+        table, found = race(level, options.ticks, options.only)
+        told += [f"### The {level} level", "", *table, ""]
+        versions |= {f"{name} {one}": "" for name, one in found.items()}
+    told.append(
         f"{options.ticks} ticks each, in turns of {BLOCK}, thread CPU time, on one core of"
-        f" {machine()}; " + ", ".join(f"{name} {one}" for name, one in sorted(versions.items()))
-        + f". Command: `python benchmarks/peers/run.py --ticks {options.ticks}`.",
-    ]  # fmt: skip
+        f" {machine()}; {', '.join(sorted(versions))}. Command:"
+        f" `python benchmarks/peers/run.py --ticks {options.ticks}`."
+    )
     print("\n".join(told))
     if options.output:
-        text = options.output.read_text(encoding="utf-8")
-        head, _, rest = text.partition(BEGIN)
-        _, _, tail = rest.partition(END)
-        whole = "\n".join((head + BEGIN, *told, END + tail))
+        head, _, rest = options.output.read_text(encoding="utf-8").partition(BEGIN)
+        whole = "\n".join((head + BEGIN, "", *told, "", END + rest.partition(END)[2]))
         options.output.write_text(whole, encoding="utf-8")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 AMPLITUDE = np.array([0.01, 0.02, -0.01])  # of the CoM [m]
 FREQUENCY = np.array([0.5, 0.25, 0.4])  # [Hz]
+KP = 100.0  # of tasks and contacts of the torque level [1/s^2], critically damped
 TURN = np.array([0.0, 0.1, 0.2])  # of the trunk [rad]
 
 
@@ -27,7 +28,7 @@ class Job:
         self.robot, self.urdf, self.mjcf = told["robot"], told["urdf"], told["mjcf"]
         self.dt, self.feet, self.trunk = told["dt"], told["feet"], told["trunk"]
         self.joints, self.velocities = told["joints"], told["velocities"]  # by name
-        self.efforts = told["efforts"]
+        self.efforts, self.corners = told["efforts"], told["corners"]  # of soles, in axes of feet
         self.base = np.array(told["base"])  # position, quaternion x y z w
 
     def com(self, start, k):
@@ -48,9 +49,10 @@ class Job:
 def serve(make, versions):
     """Run blocks of a loop as they are asked for, and answer with the CPU time of each tick.
 
-    ``make(job, ...)`` returns an object with ``tick(k)`` (targets, command, integrate), ``com()``,
-    ``com_target(k)``, ``feet()`` (positions (2, 3)) and ``speed()``: the largest joint velocity in
-    parts of its limit. What these four read is not timed.
+    ``make(job, ...)`` returns an object with ``start_com``, ``start_trunk`` and what is timed,
+    ``tick(com, rotation, k)``: it sets the targets, computes the command and integrates. Not timed
+    are its ``com()``, ``feet()`` (positions (2, 3)) and ``speed()``, the largest joint velocity in
+    parts of its limit.
     """
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what libraries print must not get into the answers
@@ -63,10 +65,12 @@ def serve(make, versions):
     for line in sys.stdin:
         times = []
         for _ in range(int(line)):
+            com = job.com(loop.start_com, k)
+            rotation = job.trunk_rotation(loop.start_trunk, k)
             begin = thread_time()
-            loop.tick(k)
+            loop.tick(com, rotation, k)
             times.append(thread_time() - begin)
-            errors.append(float(np.linalg.norm(loop.com() - loop.com_target(k))))
+            errors.append(float(np.linalg.norm(loop.com() - com)))
             drift = max(drift, float(np.abs(loop.feet() - anchors).max()))
             speed = max(speed, loop.speed())
             k += 1

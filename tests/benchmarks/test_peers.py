@@ -14,7 +14,7 @@ from wbc.rotations import exp_rotation
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> serve.Job:
-    return serve.Job(run.write_job(tmp_path_factory.mktemp("job")))
+    return serve.Job(run.write_job(tmp_path_factory.mktemp("job"), 0.005))
 
 
 def test_the_job_is_a_robot_without_shapes_at_the_same_start(job: serve.Job) -> None:
@@ -27,6 +27,10 @@ def test_the_job_is_a_robot_without_shapes_at_the_same_start(job: serve.Job) -> 
     assert stripped.mass == pytest.approx(robot.mass)
     for frame in (*job.feet, job.trunk):
         assert np.allclose(one.position(frame), other.position(frame), atol=1e-12)
+    # The corners of the soles are on the ground.
+    for foot, corners in zip(job.feet, job.corners, strict=True):
+        world = one.position(foot) + np.array(corners) @ one.rotation(foot).T
+        assert len(world) == 4 and np.allclose(world[:, 2], 0.0, atol=1e-9)
     assert 'type="floating"' in Path(job.mjcf).read_text()
 
 
@@ -43,10 +47,10 @@ def test_unequal_work_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     with subprocess.Popen(["true"], text=True) as process:
         fine = {"com_rms": 2.5e-4, "drift": 1e-7, "speed": 0.1}
         one = run.Loop("PlaCo (C++)", process, {}, [4e-5, 5e-5, 6e-5], fine)
-        loops = [one, replace(one, label="wbc"), replace(one, label="other", times=[1e-4] * 3)]
+        loops = [replace(one, label="other", times=[1e-4] * 3), replace(one, label="wbc"), one]
         table = run.rows(loops)
-        assert "| other | 100 | 100 | 2.00 | 0.250 |" in table[-1]
+        assert "| other | 100 | 100 | 2.00 | 0.250 |" in table[2]
         assert not capsys.readouterr().err
         for wrong in ({"com_rms": 3e-4}, {"drift": 1e-3}, {"speed": 1.1}):
-            run.rows([*loops[:2], replace(loops[2], last={**fine, **wrong})])
+            run.rows([replace(loops[0], last={**fine, **wrong}), *loops[1:]])
             assert "UNEQUAL WORK: other" in capsys.readouterr().err
