@@ -22,24 +22,29 @@ def view(
     speed: Annotated[float, typer.Option(help="Times real time; 0: as fast as can be.")] = 1.0,
     assign: Assign = None,
 ) -> None:
-    """Run a problem and look at it in a web browser: pause it, drag targets, change weights."""
+    """Run a problem and look at it in a web browser: pause it, drag targets, change weights.
+
+    A problem of the torque level is simulated, and the robot can be pushed.
+    """
     with errors_in_one_line():
         from wbc.problem import load_problem
         from wbc.view.live.clock import Clock
         from wbc.view.live.process import require_viser
         from wbc.view.live.session import Session, checked
+        from wbc.view.live.simulated import SimulatedSession, strongest_push
         from wbc.view.live.viewer import Viewer
 
         require_viser()
         clock = Clock(speed)
         loaded = checked(load_problem(problem, overrides_of(assign)))
         print_notes(loaded.parts.robot)
-        with Viewer(
-            loaded.parts.robot, host=host, port=port, title=problem.stem, clock=True
-        ) as page:
+        simulated = loaded.spec.controller.level == "torque"
+        robot, push = loaded.parts.robot, strongest_push(loaded) if simulated else 0.0
+        session = SimulatedSession if simulated else Session
+        with Viewer(robot, host=host, port=port, title=problem.stem, clock=True, push=push) as page:
             typer.echo("Ctrl-C ends it", err=True)
             try:
-                Session(loaded, page, clock).run()
+                session(loaded, page, clock).run()
             except KeyboardInterrupt:
                 return
         if page.error:

@@ -147,8 +147,7 @@ class Problem:
                 f" not simulated: wbc run {self.source.name}; for torques write controller:"
                 " {level: torque}"
             )
-        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
-        plant = spec.simulation.plant(start, held_feet(parts.contacts), spec.controller.dt)
+        plant = self.plant()
         found = {**versions(), "mujoco": version_of("mujoco")}
         made_with = {"problem": self.provenance(), "versions": found}
         made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
@@ -163,6 +162,18 @@ class Problem:
             cancelled=cancelled,
             show=show,
         )
+
+    def plant(self) -> Plant:
+        """Return the physics as it is at the start, with the pushes of the file to come.
+
+        Raises
+        ------
+        SimulationError
+            MuJoCo is not installed.
+        """
+        spec, parts = self.spec, self.parts
+        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        return spec.simulation.plant(start, held_feet(parts.contacts), spec.controller.dt)
 
     def leader(self, plant: Plant) -> Leader:
         """Return what leads a simulation of ``plant`` from the start; it serves one run.

@@ -59,15 +59,7 @@ class TrialRecord:
 
     def add(self, now: SimulationTick) -> LoopTick:
         """Keep a control period; return it as a tick of a run, by when it began."""
-        kept = LoopTick(
-            now.time - self._plant.dt,
-            now.snapshot,
-            now.tick,
-            now.snapshot.q,
-            now.seconds,
-            now.cpu_seconds,
-            False,
-        )
+        kept = as_loop_tick(now, self._plant.dt)
         self.truth.add(now.tick)
         self.run.add(kept, self._phases.standing)
         self.gave_way.update(now.tick.relaxed)
@@ -81,3 +73,10 @@ class TrialRecord:
     def _trunk_vertical(self) -> Array:
         """Return the vertical (3,) in the trunk's axes."""
         return self._plant.body_rotation(self._trunk)[2]
+
+
+def as_loop_tick(now: SimulationTick, dt: float) -> LoopTick:
+    """Return a control period of ``dt`` [s] as a tick of a loop, by when it began."""
+    return LoopTick(
+        now.time - dt, now.snapshot, now.tick, now.snapshot.q, now.seconds, now.cpu_seconds, False
+    )

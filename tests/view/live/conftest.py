@@ -62,11 +62,13 @@ def drag(
 class Stage:
     """A page in this process, and the pipe that leads to it."""
 
-    def __init__(self, robot: wbc.Robot) -> None:
+    def __init__(self, robot: wbc.Robot, push: float = 0.0) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
         place = free_place(HOST, None)
         self.server = Server(place.host, place.port)
-        self.page = Page(Setup(robot, "test", clock=True, steer=True), self.server, theirs)
+        self.page = Page(
+            Setup(robot, "test", clock=True, steer=True, push=push), self.server, theirs
+        )
 
     @property
     def url(self) -> str:

@@ -24,12 +24,15 @@ class Setup:
         Whether the loop can be paused, stepped, slowed down and begun again.
     steer:
         Whether targets and weights can be changed.
+    push:
+        The largest push that is offered [N s]; 0: the robot cannot be pushed.
     """
 
     robot: Robot
     title: str
     clock: bool
     steer: bool
+    push: float = 0.0
 
 
 class TaskInfo(NamedTuple):
@@ -142,6 +145,8 @@ class Frame:
         Rotation and origin of each obstacle, by its name.
     remark:
         What the user should know, such as why the loop ended.
+    push:
+        (3,) force that pushes the robot now [N], world axes; None where nothing can.
     """
 
     time: float
@@ -153,6 +158,7 @@ class Frame:
     phase: str = ""
     remark: str = ""
     playing: bool = True
+    push: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +169,8 @@ class Replay:
 
 
 # ---------------------------------------------------------------------- from the page
+
+PUSH_DURATION = 0.1  # s: of a push from the page
 
 
 class SetTarget(NamedTuple):
@@ -203,4 +211,10 @@ class Restart(NamedTuple):
     """Begin again."""
 
 
-Request = SetTarget | SetWeight | Release | Play | Step | Speed | Restart
+class PushRobot(NamedTuple):
+    """Push the robot at its CoM, by an impulse (3,) [N s] in world axes."""
+
+    impulse: Array
+
+
+Request = PushRobot | SetTarget | SetWeight | Release | Play | Step | Speed | Restart

@@ -22,12 +22,14 @@ from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
 from wbc.view.live.layers.layer import Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
+from wbc.view.live.layers.pushes import PushLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import Cast, Frame, Replay, Request, Setup
 from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import Panel
 from wbc.view.live.process import Failed, Ready
+from wbc.view.live.pushing import PushControls
 from wbc.view.live.recording import Recording
 from wbc.view.live.shown import Shown
 from wbc.view.live.sliders import Sliders
@@ -109,6 +111,9 @@ class Page:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self._controls = Controls(gui, self.send, setup.clock)
+            if setup.push:
+                pushes = PushControls(gui, self.send, setup.push)
+                self._layers.append(PushLayer(scene, size, lambda: pushes.impulse, setup.push))
             self._panel = Panel(gui, shapes.note)
         self._sliders: Sliders | None = None
         if setup.steer:

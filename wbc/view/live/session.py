@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from wbc.controllers import Controller
-from wbc.controllers.closed_loop import LoopTick, closed_loop
+from wbc.controllers.closed_loop import LoopTick, Update, closed_loop
 from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
+from wbc.run.leader import Leader
+from wbc.validate import Array
 from wbc.view.live.clock import Clock
+from wbc.view.live.messages import Request
 from wbc.view.live.viewer import Viewer
 
 if TYPE_CHECKING:
@@ -52,7 +56,7 @@ class Session:
 
     def _run_once(self, last: int) -> tuple[LoopTick | None, str]:
         """Run from the start until the loop ends, and return its last tick and why it ended."""
-        viewer, phases = self._viewer, self._problem.executor()
+        viewer, phases = self._viewer, self._leader()
 
         def update(tick: int, snapshot: Snapshot) -> Controller | None:
             controller = phases.update(tick, snapshot)
@@ -62,14 +66,29 @@ class Session:
             return controller
 
         now: LoopTick | None = None
-        for now in closed_loop(phases.controller, self._problem.parts.start, FOR_EVER, update):
+        for now in self._loop(phases, update):
             self.ticks += 1
             self._phase = phases.standing.phase
             self._show(now)
             if self.ticks >= last or not self._wait(now):
                 return now, ""
-        complaint = phases.complaint or (now.tick.report() if now is not None else "")
+        complaint = phases.complaint or self._why_ended(now)
         return now, f"{complaint}; {WAITING}"
+
+    def _leader(self) -> Leader:
+        """Return what leads through the phases, from the start."""
+        return self._problem.executor()
+
+    def _loop(self, phases: Leader, update: Update) -> Iterator[LoopTick]:
+        """Return the ticks of the loop, without end unless the robot cannot go on."""
+        return closed_loop(phases.controller, self._problem.parts.start, FOR_EVER, update)
+
+    def _why_ended(self, now: LoopTick | None) -> str:
+        return "" if now is None else now.tick.report()
+
+    def _push_now(self) -> Array | None:
+        """Return the force that pushes the robot (3,) [N]; None where nothing can."""
+        return None
 
     def _show(self, now: LoopTick, remark: str = "") -> None:
         self._viewer.update(
@@ -80,6 +99,7 @@ class Session:
             phase=self._phase,
             remark=remark,
             playing=self.clock.playing,
+            push=self._push_now(),
         )
 
     def _wait(self, now: LoopTick) -> bool:
@@ -108,30 +128,29 @@ class Session:
         """Do what the user wants; True if there was anything."""
         found = self._viewer.has_wishes
         while (request := self._viewer.next_request()) is not None:
-            self.clock.receive(request)
+            self._receive(request)
             found = True
         return found
 
+    def _receive(self, request: Request) -> None:
+        self.clock.receive(request)
+
 
 def checked(problem: object) -> Problem:
-    """Return a problem that has a controller to show while it runs.
+    """Return a problem that has a controller to show while it runs or is simulated.
 
     Raises
     ------
     InvalidInputError
         A pendulum's problem, or a search for a posture.
     """
-    from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
+    from wbc.problem.controller_spec import GlobalSpec
     from wbc.problem.problem import Problem
 
     if not isinstance(problem, Problem):
         raise InvalidInputError(
             "the viewer shows robots, and this is a pendulum's problem; draw it with:"
             " wbc run --plot"
-        )
-    if isinstance(problem.spec.controller, TorqueSpec):
-        raise InvalidInputError(
-            f"wbc view: {problem.source.name} is of the torque level; it is simulated: wbc sim"
         )
     if isinstance(problem.spec.controller, GlobalSpec):
         raise InvalidInputError(

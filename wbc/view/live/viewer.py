@@ -18,6 +18,7 @@ from wbc.controllers import Controller, Tick
 from wbc.controllers.parts import check_parts
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
+from wbc.validate import Array
 from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import (
     Frame,
@@ -47,6 +48,7 @@ class News(NamedTuple):
     phase: str
     remark: str
     playing: bool
+    push: Array | None
 
 
 class Viewer:
@@ -75,6 +77,9 @@ class Viewer:
     clock:
         Whether the page has buttons to pause, step and begin again; what they ask for is told by
         :meth:`next_request`.
+    push:
+        The largest push that the page offers [N s]; what the user asks for is told by
+        :meth:`next_request`, and whoever moves the robot gives it. 0: none.
     quiet:
         Do not print where to look.
 
@@ -103,6 +108,7 @@ class Viewer:
         title: str | None = None,
         steer: bool = True,
         clock: bool = False,
+        push: float = 0.0,
         quiet: bool = False,
     ) -> None:
         require_viser()
@@ -120,7 +126,7 @@ class Viewer:
         self._recorded: Replay | None = None
         self._closed, self._asked = threading.Event(), threading.Event()
         self._began: float | None = None
-        self._page = PageProcess(place, Setup(robot, title or robot.name, clock, steer))
+        self._page = PageProcess(place, Setup(robot, title or robot.name, clock, steer, push))
         self.url = f"http://{'localhost' if host == HOST else host}:{self._page.port}"
         self._threads = [
             threading.Thread(target=work, name=f"wbc viewer: {work.__name__[1:]}", daemon=True)
@@ -168,6 +174,7 @@ class Viewer:
         phase: str = "",
         remark: str = "",
         playing: bool = True,
+        push: Array | None = None,
     ) -> None:
         """Show a state and what the controller answered; never waits.
 
@@ -181,12 +188,16 @@ class Viewer:
             The tick's whole time, by default what the tick knows of it.
         phase, remark, playing:
             Shown beside the time: the phase of the run, what should be known, whether it is paused.
+        push:
+            (3,) force that pushes the robot now [N], world axes.
         """
         self.steer()
         if time is None:
             time = self._since_first()
         controller = self.controller
-        self._mailbox.put(News(time, snapshot, tick, controller, seconds, phase, remark, playing))
+        self._mailbox.put(
+            News(time, snapshot, tick, controller, seconds, phase, remark, playing, push)
+        )
 
     def steer(self) -> None:
         """Set the targets and weights that the user wants; :meth:`update` does it too.
@@ -292,6 +303,7 @@ class Viewer:
             phase=news.phase,
             remark=self.steering.refusal or news.remark,
             playing=news.playing,
+            push=news.push,
         )
 
     def _listen(self) -> None:

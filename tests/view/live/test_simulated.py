@@ -1,0 +1,115 @@
+"""A simulation in the viewer: the simulation itself, pushed from the page, until it falls."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.texts import STAND
+from tests.view.live.conftest import Stage, client_of, tell
+from wbc.problem import load_problem
+from wbc.problem.problem import Problem
+from wbc.robot import Robot
+from wbc.view.live.clock import Clock
+from wbc.view.live.messages import PUSH_DURATION, Frame, PushRobot, Restart
+from wbc.view.live.session import checked
+from wbc.view.live.simulated import SimulatedSession, strongest_push
+
+IMPULSE = np.array([0.3, 0.1, 0.0])
+
+
+def problem_in(folder: Path, simulation: str) -> Problem:
+    file = folder / "stand.yaml"
+    file.write_text(STAND + f"simulation: {simulation}\n")
+    return checked(load_problem(file))
+
+
+class Watched:
+    """A viewer without a page, which asks for something after a tick."""
+
+    closed, controller = False, None
+    has_wishes = False
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[np.ndarray, np.ndarray, str]] = []
+        self.asks: dict[int, object] = {}
+
+    def update(self, snapshot, *_, push, remark, **__) -> None:  # type: ignore[no-untyped-def]
+        self.seen.append((snapshot.q, push.copy(), remark))
+
+    def steer(self) -> None: ...
+
+    def next_request(self) -> object:
+        return self.asks.pop(len(self.seen), None)
+
+    def wait_for_user(self, *_: float) -> None:
+        self.asks.setdefault(len(self.seen), Restart())
+
+
+def test_a_push_from_the_page_is_one_of_the_file(tmp_path: Path) -> None:
+    """What is asked for after ten ticks of 2 ms is the file's push at 0.02 s.
+
+    The file's acts where the CoM was at the start, the page's where it is: some um apart by then.
+    """
+    one = problem_in(tmp_path, "{duration: 0.2}")
+    viewer = Watched()
+    viewer.asks[10] = PushRobot(IMPULSE)
+    SimulatedSession(one, viewer, Clock(0.0)).run(100)  # type: ignore[arg-type]
+    pushed = f"{{impulse: {IMPULSE.tolist()}, at: 0.02, duration: {PUSH_DURATION}}}"
+    same = problem_in(tmp_path, f"{{duration: 0.2, pushes: [{pushed}]}}").simulate()
+    found, expected = np.array([q for q, *_ in viewer.seen]), same.run.history.q
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert np.abs(expected - expected[0]).max() > 1e-3  # what the push does
+    forces = np.array([push for _, push, _ in viewer.seen])
+    np.testing.assert_allclose(forces.sum(axis=0) * 0.002, IMPULSE, rtol=1e-12)
+
+
+def test_a_fall_is_said_and_restart_begins_again(tmp_path: Path) -> None:
+    one = problem_in(tmp_path, "{duration: 0.2}")
+    viewer = Watched()
+    viewer.asks[1] = PushRobot(np.array([0.0, 30.0, 0.0]))
+    SimulatedSession(one, viewer, Clock(0.0)).run(400)  # type: ignore[arg-type]
+    remarks = [remark for *_, remark in viewer.seen if remark]
+    assert remarks and "fell" in remarks[0] and "Restart begins it again" in remarks[0]
+    fell = next(k for k, (*_, remark) in enumerate(viewer.seen) if remark)
+    np.testing.assert_array_equal(viewer.seen[fell + 1][0], viewer.seen[0][0])
+
+
+def test_the_strongest_push_is_more_than_what_is_caught_without_a_step(tmp_path: Path) -> None:
+    one = problem_in(tmp_path, "{duration: 0.2}")
+    unit = one.parts.robot.mass * np.sqrt(9.81 / one.parts.robot.snapshot(one.parts.start).com[2])
+    assert 0.01 * unit < strongest_push(one) < 0.5 * unit  # the soles' edge is 4 to 20 cm away
+
+
+@pytest.fixture
+def pushed(robot: Robot) -> Iterator[Stage]:
+    made = Stage(robot, push=2.0)
+    yield made
+    made.server.stop()
+
+
+def test_the_button_sends_what_the_sliders_say(pushed: Stage) -> None:
+    with client_of(pushed.url) as client:
+        pushed.move_slider(client, "Impulse [N s]", 1.5)
+        pushed.move_slider(client, "Direction [deg]", 90.0)
+        uuid = pushed.gui("Push")._impl.uuid
+        tell(client, "GuiUpdateMessage", uuid=uuid, updates={"value": True})
+        assert pushed.pipe.poll(20.0)
+        request = pushed.pipe.recv()
+    assert isinstance(request, PushRobot)
+    np.testing.assert_allclose(request.impulse, [0.0, 1.5, 0.0], atol=1e-12)
+
+
+def test_the_arrow_is_grey_while_offered_and_red_while_it_acts(pushed: Stage, robot: Robot) -> None:
+    arrow = pushed.handle("/push/arrow")
+    q = robot.posture("standing")
+    pushed.draw(Frame(0.0, q, np.zeros(robot.nv), push=np.zeros(3)))
+    grey, offered = tuple(arrow.colors.ravel()), np.diff(arrow.points[0], axis=0).ravel()
+    assert arrow.visible
+    pushed.draw(Frame(0.1, q, np.zeros(robot.nv), push=np.array([0.0, 10.0, 0.0])))
+    red, acting = tuple(arrow.colors.ravel()), np.diff(arrow.points[0], axis=0).ravel()
+    assert grey != red
+    # 10 N for 0.1 s are 1 N s, twice the quarter of 2 N s that is offered forwards at first.
+    np.testing.assert_allclose(np.linalg.norm(acting), 2.0 * np.linalg.norm(offered), rtol=1e-5)
+    np.testing.assert_allclose(acting / np.linalg.norm(acting), [0.0, 1.0, 0.0], atol=1e-6)

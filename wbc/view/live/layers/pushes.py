@@ -1,0 +1,56 @@
+"""Pushes as arrows at the CoM: the one that is offered, and the one that acts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from viser import SceneApi
+
+from wbc.validate import Array
+from wbc.view.live.layers.layer import GREY, VERMILION, Layer
+from wbc.view.live.messages import PUSH_DURATION
+from wbc.view.live.shown import Shown
+
+LONGEST = 0.6  # of the robot's size: the arrow of the largest push
+LEAST = 1e-3  # of the largest: smaller ones are not drawn
+
+
+class PushLayer(Layer):
+    """An arrow that ends at the CoM: grey while a push is only offered, red while it acts.
+
+    Parameters
+    ----------
+    offered:
+        Returns the push that the page's button would give (3,) [N s].
+    largest:
+        Push [N s] whose arrow is the longest.
+    """
+
+    label = "Push"
+
+    def __init__(
+        self, scene: SceneApi, size: float, offered: Callable[[], Array], largest: float
+    ) -> None:
+        super().__init__(scene, size)
+        self._offered, self._largest = offered, largest
+        self._arrow = scene.add_arrows(
+            f"{self.path}/arrow",
+            np.zeros((1, 2, 3)),
+            GREY,
+            shaft_radius=0.009 * size,
+            head_radius=0.024 * size,
+            head_length=0.05 * size,
+            visible=False,
+        )
+
+    def show(self, shown: Shown) -> None:
+        """Draw the push that acts, or the one that is offered."""
+        force = shown.frame.push
+        acts = force is not None and bool(np.any(force))
+        impulse = PUSH_DURATION * force if force is not None and acts else self._offered()
+        along = LONGEST * self.size / self._largest * impulse
+        self._arrow.visible = bool(np.linalg.norm(impulse) > LEAST * self._largest)
+        com = shown.snapshot.com
+        self._arrow.points = np.stack([com - along, com])[None].astype(np.float32)
+        self._arrow.colors = np.array(VERMILION if acts else GREY, dtype=np.uint8)

@@ -1,0 +1,73 @@
+"""A simulation that runs for as long as somebody looks at it, and pushes the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wbc.controllers.closed_loop import LoopTick, Update
+from wbc.run.leader import Leader
+from wbc.run.standing import held_feet
+from wbc.simulation import FallLimits, capture_impulse, simulate
+from wbc.simulation.trial_record import as_loop_tick
+from wbc.validate import Array
+from wbc.view.live.clock import Clock
+from wbc.view.live.messages import PUSH_DURATION, PushRobot, Request
+from wbc.view.live.session import FOR_EVER, Session
+from wbc.view.live.viewer import Viewer
+
+if TYPE_CHECKING:
+    from wbc.problem.problem import Problem
+
+STRONGEST = 2.5  # times M omega d in the direction in which that is largest
+JUMP = 0.5  # m/s: what the strongest push gives a robot that stands on no feet
+
+
+class SimulatedSession(Session):
+    """Simulates a problem of the torque level and shows it; see :class:`Session`.
+
+    The simulation goes on when the problem's time is over, until the robot falls.
+    """
+
+    def __init__(self, problem: Problem, viewer: Viewer, clock: Clock | None = None) -> None:
+        super().__init__(problem, viewer, clock)
+        self._plant = problem.plant()
+        self._falls = FallLimits(**problem.spec.simulation.falls)
+        self._verdict = ""
+
+    def _leader(self) -> Leader:
+        self._plant = self._problem.plant()
+        return self._problem.leader(self._plant)
+
+    def _loop(self, phases: Leader, update: Update) -> Iterator[LoopTick]:
+        plant, dt = self._plant, self._plant.dt
+        loop = simulate(phases.controller, plant, FOR_EVER * dt, update=update, falls=self._falls)
+        for now in loop:
+            self._verdict = now.verdict.reason
+            yield as_loop_tick(now, dt)
+
+    def _why_ended(self, now: LoopTick | None) -> str:
+        return self._verdict
+
+    def _push_now(self) -> Array:
+        return self._plant.push_force
+
+    def _receive(self, request: Request) -> None:
+        if isinstance(request, PushRobot):
+            force = request.impulse / PUSH_DURATION
+            self._plant.push("base", force, "com", duration=PUSH_DURATION)
+        else:
+            super()._receive(request)
+
+
+def strongest_push(problem: Problem) -> float:
+    """Return the largest push that the page offers [N s]."""
+    parts = problem.parts
+    start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+    feet = held_feet(parts.contacts)
+    if not feet:
+        return JUMP * parts.robot.mass
+    ways = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+    return STRONGEST * max(capture_impulse(start, feet, way) for way in ways)
