@@ -16,6 +16,7 @@ from wbc.cli.batch import BATCH_EXIT_CODES, batch
 from wbc.cli.bench import BENCH_EXIT_CODES, bench
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
+from wbc.cli.export import export
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.render import render
@@ -67,6 +68,7 @@ app.command(epilog=BENCH_EXIT_CODES)(bench)
 app.command()(view)
 app.command()(render)
 app.command()(report)
+app.command()(export)
 app.command()(init)
 app.command()(check)
 app.command()(analyze)

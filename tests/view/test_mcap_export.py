@@ -1,0 +1,93 @@
+"""Runs as MCAP: read by the format's own reader, they are the run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from tests.texts import REACH, STAND
+from wbc.cli import app
+from wbc.errors import InvalidInputError, WbcError
+from wbc.problem import Problem, load_problem
+from wbc.problem.saved import SavedRun
+from wbc.view.mcap_export import mcap_format, write_mcap
+
+PENDULUM = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
+
+
+def exported(saved: SavedRun, path: Path) -> tuple[dict[str, list[tuple[int, dict]]], dict]:  # type: ignore[type-arg]
+    """Return messages with their times [ns] by topic, and what is attached, by name."""
+    reader = pytest.importorskip("mcap.reader")
+    parts = saved.robot, saved.history, saved.summary
+    write_mcap(*parts, path, simulation=saved.simulation)
+    found: dict[str, list[tuple[int, dict]]] = {}  # type: ignore[type-arg]
+    with path.open("rb") as file:
+        whole = reader.make_reader(file, validate_crcs=True)
+        for _, channel, message in whole.iter_messages():
+            found.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+        attached = {one.name: one.data for one in whole.iter_attachments()}
+        attached |= {one.name: one.metadata for one in whole.iter_metadata()}
+    return found, attached
+
+
+def test_a_run_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(REACH)
+    result = load_problem(path, {"stop.duration": 0.05}).run()
+    saved = SavedRun.of(result, "p")  # type: ignore[arg-type]
+    topics, attached = exported(saved, tmp_path / "a.mcap")
+    history, robot = saved.history, saved.robot
+    for messages in topics.values():
+        np.testing.assert_allclose([t * 1e-9 for t, _ in messages], history.time, atol=1e-9)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, history.q[-1])
+    transforms = {one["child_frame_id"]: one for one in topics["/tf"][-1][1]["transforms"]}
+    for link in ("pelvis", "left_hand_link", "right_foot"):
+        one = transforms[link]
+        place = [one["translation"][axis] for axis in "xyz"]
+        turn = Rotation.from_quat([one["rotation"][axis] for axis in "xyzw"]).as_matrix()
+        expected = data.oMf[robot.model.getFrameId(link)]
+        np.testing.assert_allclose(place, expected.translation, atol=1e-12)
+        np.testing.assert_allclose(turn, expected.rotation, atol=1e-12)
+    joints = topics["/joints/position"][-1][1]
+    positions = robot.limits.joint_positions(history.q[-1])
+    np.testing.assert_array_equal([joints[name] for name in robot.joint_names], positions)
+    errors = topics["/errors/hand"][-1][1]
+    np.testing.assert_array_equal(list(errors.values()), history.errors["hand"][-1])
+    assert list(errors) == ["x", "y", "z"]
+    assert attached["problem.yaml"].decode() == REACH
+    assert json.loads(attached["wbc"]["status"]) == result.status.value
+
+
+def test_a_simulation_has_torques_and_forces(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(STAND + "simulation: {duration: 0.02}\n")
+    problem = load_problem(path)
+    assert isinstance(problem, Problem)
+    result = problem.simulate()
+    topics, _ = exported(SavedRun.of(result, "s"), tmp_path / "a.mcap")
+    forces = topics["/forces/left_sole"]
+    assert len(forces) == 11
+    np.testing.assert_array_equal(
+        list(forces[-1][1].values()), result.arrays["forces/left_sole"][-1]
+    )
+    torque = list(topics["/joints/torque"][-1][1].values())
+    np.testing.assert_array_equal(torque, result.arrays["torque"][-1])
+    # The first row is the start, in which nothing had been measured yet.
+    assert all(value is not None for value in topics["/cop"][-1][1].values())
+
+
+def test_what_cannot_be_exported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"exported as \.mcap"):
+        mcap_format("a.rrd")
+    monkeypatch.setattr("wbc.view.mcap_export.find_spec", lambda name: None)
+    with pytest.raises(WbcError, match=r"pip install 'wbc\[mcap\]'"):
+        mcap_format("a.mcap")
+    monkeypatch.setattr("wbc.view.mcap_export.find_spec", lambda name: object())
+    answer = CliRunner().invoke(app, ["export", str(PENDULUM), "-o", str(tmp_path / "a.mcap")])
+    assert answer.exit_code == 1
+    assert "a pendulum, which has no links" in answer.stderr

@@ -1,0 +1,206 @@
+"""A run as an MCAP file, which Foxglove, Rerun and PlotJuggler open.
+
+Messages are JSON, each with a schema. ``/tf`` holds the robot's frames as
+``foxglove.FrameTransforms`` under the names of its URDF, so that a viewer that has the URDF shows
+the robot; all other topics are numbers by name.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from wbc import __version__
+from wbc.errors import InvalidInputError, WbcError
+from wbc.files import write_whole
+from wbc.robot import Robot, Snapshot
+from wbc.run.history import History
+from wbc.validate import Array
+
+WORLD, NANO = "world", 1_000_000_000
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+XYZ, XYZW = ("x", "y", "z"), ("x", "y", "z", "w")
+TRANSFORMS = "foxglove.FrameTransforms"
+
+
+class Topic(NamedTuple):
+    """A stream of numbers: its name, and the names and values (n, k) of its entries."""
+
+    name: str
+    entries: tuple[str, ...]
+    values: Array
+
+
+def mcap_format(path: str | Path) -> None:
+    """Raise unless a file can be written: InvalidInputError for its ending, WbcError for want."""
+    if Path(path).suffix.lower() != ".mcap":
+        raise InvalidInputError(f"{path}: a run is exported as .mcap")
+    if find_spec("mcap") is None:
+        raise WbcError("wbc export needs the package mcap: pip install 'wbc[mcap]'")
+
+
+def write_mcap(
+    robot: Robot,
+    history: History,
+    summary: Mapping[str, Any],
+    path: str | Path,
+    *,
+    simulation: Mapping[str, NDArray[Any]] | None = None,
+) -> Path:
+    """Write a run, one message per topic and tick, and return its path; whole or not at all.
+
+    Topics: ``/tf``; ``/joints/position`` and ``/joints/velocity`` [rad, m; per s]; ``/com`` [m];
+    ``/errors/TASK``, in the task's own unit; ``/clearance``, what is left of each margin [m]. Of a
+    simulation also ``/joints/torque`` [N m, N], ``/forces/FRAME`` at the frame's origin in world
+    axes [N, N m], and ``/cop`` [m]. What is not finite is null. The problem's text is attached, the
+    summary is metadata.
+
+    Parameters
+    ----------
+    simulation:
+        Arrays of a simulation, as :meth:`wbc.simulation.SimulationResult.save` writes them.
+
+    Raises
+    ------
+    InvalidInputError
+        Another ending.
+    WbcError
+        The package mcap is not installed.
+    OSError
+        The file cannot be written.
+    """
+    mcap_format(path)
+    stamps = [round(NANO * float(t)) for t in history.time]
+    snapshots = [robot.snapshot(q) for q in history.q]
+    topics = [*_of_run(snapshots, history, summary), *_of_simulation(robot, simulation or {})]
+    content = _content(snapshots, stamps, topics, summary)
+    write_whole(Path(path), lambda file: file.write(content))
+    return Path(path)
+
+
+def _content(
+    snapshots: Sequence[Snapshot],
+    stamps: Sequence[int],
+    topics: Sequence[Topic],
+    summary: Mapping[str, Any],
+) -> bytes:
+    from mcap.writer import Writer
+
+    file = io.BytesIO()
+    writer = Writer(file)
+    writer.start(profile="", library=f"wbc {__version__}")
+    schema = writer.register_schema(TRANSFORMS, "jsonschema", _text(_transforms_schema()))
+    channels = {"/tf": writer.register_channel("/tf", "json", schema)}
+    for topic in topics:
+        schema = writer.register_schema(
+            f"wbc{topic.name.replace('/', '.')}", "jsonschema", _text(_numbers_schema(topic))
+        )
+        channels[topic.name] = writer.register_channel(topic.name, "json", schema)
+    for k, stamp in enumerate(stamps):
+        writer.add_message(channels["/tf"], stamp, _text(_transforms(snapshots[k], stamp)), stamp)
+        for topic in topics:
+            values = map(_finite, topic.values[k].tolist())
+            message = _text(dict(zip(topic.entries, values, strict=True)))
+            writer.add_message(channels[topic.name], stamp, message, stamp)
+    problem = summary.get("problem") or {}
+    if problem.get("text"):
+        text = str(problem["text"]).encode()
+        writer.add_attachment(stamps[0], stamps[0], "problem.yaml", "application/yaml", text)
+    writer.add_metadata("wbc", {key: json.dumps(value) for key, value in summary.items()})
+    writer.finish()
+    return file.getvalue()
+
+
+# ---------------------------------------------------------------------- what there is
+
+
+def _of_run(
+    snapshots: Sequence[Snapshot], history: History, summary: Mapping[str, Any]
+) -> Iterator[Topic]:
+    robot = snapshots[0].robot
+    joints = np.array([one.joint_positions for one in snapshots])
+    yield Topic("/joints/position", robot.joint_names, joints)
+    yield Topic("/joints/velocity", robot.joint_names, history.v[:, 6:])
+    yield Topic("/com", XYZ, np.array([one.com for one in snapshots]))
+    tasks = summary.get("tasks") or {}
+    for name, errors in history.errors.items():
+        values = errors.reshape(len(errors), -1)
+        rows = tuple((tasks.get(name) or {}).get("rows") or ())
+        if len(rows) != values.shape[1]:
+            rows = tuple(str(k) for k in range(values.shape[1]))
+        yield Topic(f"/errors/{name}", rows, values)
+    if history.clearance:
+        left = np.column_stack(list(history.clearance.values()))
+        yield Topic("/clearance", tuple(history.clearance), left)
+
+
+def _of_simulation(robot: Robot, arrays: Mapping[str, NDArray[Any]]) -> Iterator[Topic]:
+    for name, values in arrays.items():
+        if name == "torque":
+            yield Topic("/joints/torque", robot.joint_names, values)
+        elif name.startswith("forces/"):
+            yield Topic(f"/{name}", WRENCH, values)
+        elif name == "cop":
+            yield Topic("/cop", XYZ, values)
+
+
+# ---------------------------------------------------------------------- messages
+
+
+def _transforms(snapshot: Snapshot, stamp: int) -> dict[str, Any]:
+    """Return where the robot's frames are."""
+    when = {"sec": stamp // NANO, "nsec": stamp % NANO}
+    names = snapshot.robot.frame_names
+    turns = Rotation.from_matrix([snapshot.rotation(name) for name in names]).as_quat()
+    return {
+        "transforms": [
+            {
+                "timestamp": when,
+                "parent_frame_id": WORLD,
+                "child_frame_id": name,
+                "translation": dict(zip(XYZ, snapshot.position(name).tolist(), strict=True)),
+                "rotation": dict(zip(XYZW, turn, strict=True)),
+            }
+            for name, turn in zip(names, turns.tolist(), strict=True)
+        ]
+    }
+
+
+def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": dict(properties)}
+
+
+def _transforms_schema() -> dict[str, Any]:
+    number, text = {"type": "number"}, {"type": "string"}
+    when = _object({"sec": {"type": "integer"}, "nsec": {"type": "integer"}})
+    one = _object(
+        {
+            "timestamp": when,
+            "parent_frame_id": text,
+            "child_frame_id": text,
+            "translation": _object(dict.fromkeys(XYZ, number)),
+            "rotation": _object(dict.fromkeys(XYZW, number)),
+        }
+    )
+    return {"title": TRANSFORMS, **_object({"transforms": {"type": "array", "items": one}})}
+
+
+def _numbers_schema(topic: Topic) -> dict[str, Any]:
+    return _object({name: {"type": ["number", "null"]} for name in topic.entries})
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _text(message: Any) -> bytes:
+    return json.dumps(message, allow_nan=False).encode()
