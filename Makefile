@@ -50,7 +50,7 @@ lowest:
 	$(PYTHON) -m venv build/lowest
 	build/lowest/bin/pip install -qq uv
 	build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
-		--editable '.[robots,plot,sim,view,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
+		--editable '.[robots,plot,sim,view,batch,cluster,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
 	build/lowest/bin/python -m pytest -n auto
 
 bench: $(VENV)/dev.stamp

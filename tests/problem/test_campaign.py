@@ -66,6 +66,16 @@ def test_the_most_specific_value_counts(tmp_path: Path) -> None:
     assert campaign.runs[0].overrides == {"tasks.com.gain": 0.3, "tasks.com.weight": 2.0}
 
 
+def test_a_case_is_checked_with_the_grid_over_it(tmp_path: Path) -> None:
+    """As it is run: the case's own value would be a mistake, and counts nowhere."""
+    campaign = load(
+        tmp_path,
+        "problems: [stand.yaml]\ncases: {a: {}, b: {tasks.com.gain: 7}}\n"
+        "grid: {tasks.com.gain: [0.3]}\n",
+    )
+    assert [run.overrides["tasks.com.gain"] for run in campaign.runs] == [0.3, 0.3]
+
+
 def test_seeds_go_where_a_problem_is_random_and_draws_follow_them(tmp_path: Path) -> None:
     campaign = load(
         tmp_path,
@@ -132,6 +142,7 @@ def test_a_search_has_a_seed_and_leaves_the_processors_to_the_campaign(tmp_path:
         ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0, x]}", "limits.margin"),
         ("problems: [stand.yaml]\nseeds: 2\ndraw: {limits.margin: [0]}", "draw"),
         ("problems: [stand.yaml]\nseeds: 2000000\ndraw: {limits.margin: [0, 0.1]}", "at most"),
+        ("problems: [stand.yaml]\nseeds: [1, 2, 1]\ndraw: {limits.margin: [0, 0.1]}", "twice"),
         ("", "at least 'problems:'"),
         # Each value is fine, the last two together are not.
         (

@@ -1,9 +1,9 @@
 """Is a solver really slower than it was? Two files of figures, and a verdict on each solver.
 
 Machines drift: the same code is a fifth faster or slower an hour later. Each pass is therefore
-measured in units of a fixed computation made just before it. What still scatters is seen from pass
-to pass: a change counts only if a t interval of its logarithm lies wholly beyond :data:`LEAST`. A
-solver that lost answers is worse whatever its time.
+measured in units of a fixed computation made just before and after it. What still scatters is seen
+from pass to pass: a change counts only if a t interval of its logarithm lies wholly beyond
+:data:`LEAST`. A solver that lost answers is worse whatever its time.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class Measured:
     success:
         (k,) whether it said solved, and the residuals agree, each time.
     reference:
-        (r,) seconds that a fixed computation took just before.
+        (r,) seconds that a fixed computation took just before and after, on average.
     """
 
     sequence: str
@@ -102,7 +102,7 @@ def _turned(order: range, by: int) -> list[int]:
 
 def _pass(sequence: QpSequence, name: str, eps: float) -> _Pass:
     candidate = make_candidate(name, eps)
-    reference = _reference()
+    before = _reference()
     times, answers = [], list[RawSolution]()
     with _no_collection():
         for qp in sequence.qps:
@@ -110,6 +110,7 @@ def _pass(sequence: QpSequence, name: str, eps: float) -> _Pass:
             raw = candidate.answer(qp)
             times.append(thread_time() - start)
             answers.append(raw)
+    reference = 0.5 * (before + _reference())
     residuals, success = [], []
     for qp, raw in zip(sequence.qps, answers, strict=True):
         parts = (raw.x, raw.y, raw.z, raw.z_box)

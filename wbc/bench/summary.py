@@ -169,7 +169,7 @@ def _figures(measured: Sequence[Measured]) -> dict[str, Any]:
 
 
 def _passes(one: Measured) -> dict[str, Any]:
-    """Return the median of each pass, and what the fixed computation took before it [s]."""
+    """Return the median of each pass, and what the fixed computation took around it [s]."""
     medians = np.median(one.seconds, axis=1)
     return {"passes": medians.tolist(), "reference": one.reference.tolist()}
 

@@ -129,6 +129,8 @@ def load_campaign(path: str | Path) -> Campaign:
     mistakes = Mistakes(source)
     if spec.draw and spec.seeds is None:
         mistakes.fail(("draw",), "is drawn by seed: give seeds: 10, or a list of them")
+    if isinstance(spec.seeds, list) and len(set(spec.seeds)) < len(spec.seeds):
+        mistakes.fail(("seeds",), "a seed is there twice, which would be the same run")
     files = {name: path.parent / file for name, file in _names(spec.problems).items()}
     sources = {}
     for k, (name, file) in enumerate(files.items()):
@@ -160,12 +162,14 @@ def _names(problems: tuple[str, ...]) -> dict[str, str]:
 
 def _check_values(spec: CampaignSpec, file: Path, mistakes: Mistakes) -> None:
     """Build a problem with each value once, the others being the first of theirs."""
-    first_case = next(iter((spec.cases or {}).values()), {})
-    first = {**spec.set, **first_case, **{key: values[0] for key, values in spec.grid.items()}}
+    cases = spec.cases or {}
+    first_of_grid = {key: values[0] for key, values in spec.grid.items()}
+    first = {**spec.set, **next(iter(cases.values()), {}), **first_of_grid}
     ends = [{key: span[k] for key, span in spec.draw.items()} for k in (0, 1)]
     tried: list[tuple[KeyPath, dict[str, Any]]] = []
     tried += [(("draw",), {**first, **end}) for end in (ends if spec.draw else [])]
-    tried += [(("cases", name), {**first, **case}) for name, case in (spec.cases or {}).items()]
+    for name, case in cases.items():
+        tried.append((("cases", name), {**spec.set, **case, **first_of_grid}))
     for key, values in spec.grid.items():
         tried += [(("grid", key, k), {**first, key: value}) for k, value in enumerate(values)]
     done = set[str]()
