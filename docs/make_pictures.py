@@ -8,6 +8,7 @@ from PIL import Image  # matplotlib brings it
 
 from benchmarks.push_recovery import largest_impulses
 from benchmarks.region_of_attraction import lean_grid, region_of_attraction
+from wbc.minimum_jerk import minimum_jerk
 from wbc.motion import analyse, read_motion
 from wbc.polygon import inset
 from wbc.problem import load_problem
@@ -47,6 +48,7 @@ MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
 RADII = (0.3, 0.3, 0.3)  # m
 # Shiko [s]: standing, squat, over the right foot, left leg half way, at its top, stomp, other leg.
 SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
+MEASURED = (0.0, 2.0, 4.0, 5.0, 6.0, 6.84, 12.3)
 
 
 def analysis_picture() -> None:
@@ -68,6 +70,37 @@ def simulation_picture(name: str) -> None:
     picture = PICTURES / f"{name}.png"
     plot_simulation(result.robot, result.arrays, picture, title=f"{name}: {result.reason}")
     smaller(picture, width=1400)
+
+
+def measured_picture() -> None:
+    """Draw the shiko of a simulation as `wbc analyze` does, with the CoP as measured."""
+    with TemporaryDirectory() as folder:
+        result = load_problem(ROOT / "problems" / "shiko_torque_hoap2.yaml").simulate()
+        recording = Path(folder) / "shiko_torque_hoap2.npz"
+        result.save(recording)
+        series = analyse(read_motion(recording, result.robot))
+    picture = PICTURES / "shiko_torque_hoap2.png"
+    title = f"{recording.name}: {series.robot.name}; forces as the soles measured them"
+    plot_analysis(series, picture, title=title, snapshots=MEASURED)
+    smaller(picture)
+
+
+def turn_pictures() -> None:
+    """Draw turns without momentum: the first round, half of the rounds, and all of them."""
+    for axis in "xyz":
+        problem = load_problem(ROOT / "problems" / f"turn_{axis}_hoap2.yaml")
+        history = problem.run().history
+        run = read_history(problem.parts.robot, history)
+        path = next(one for one in problem.parts.targeted if one.task.name == "path")
+        count, duration = path.course.cycles, path.course.duration
+        parts = {"start": 0.0, "a quarter of a round": 0.25, "half": 0.5, "three quarters": 0.75}
+        parts |= {"one round": 1.0, f"{count // 2} rounds": count // 2, f"{count} rounds": count}
+        ramp = np.array([minimum_jerk(t / duration) for t in history.time])
+        rows = {name: int(np.searchsorted(ramp, part / count)) for name, part in parts.items()}
+        poses = {name: run.pose(min(row, len(ramp) - 1)) for name, row in rows.items()}
+        picture = PICTURES / f"turn_{axis}_hoap2.png"
+        plot_robot(problem.parts.robot, poses, picture)
+        smaller(picture, width=1800)
 
 
 def smaller(picture: Path, width: int | None = None) -> None:
@@ -138,6 +171,8 @@ def main() -> None:
     analysis_picture()
     for name in ("push_g1", "track_squat_g1", "lean_beyond_g1"):
         simulation_picture(name)
+    measured_picture()
+    turn_pictures()
     pendulum_pictures()
 
 

@@ -30,6 +30,7 @@ FLOORS = {
     "tracking": 2,
     "controllers": 3,
     "gait": 4,
+    "flight": 4,
     "motion": 4,
     "run": 4,
     "simulation": 5,
@@ -46,7 +47,7 @@ INNER = {"rmp/balance": 2}
 STRANGERS = [{"robot", "rmp", "qp"}]
 # Third-party packages and the only rooms, or files of a room, that may import them.
 ONLY_IN = {
-    "casadi": {"rmp", "robot/placement", "robot/symbolic", "controllers/shaping"},
+    "casadi": {"rmp", "flight", "robot/placement", "robot/symbolic", "controllers/shaping"},
     "pinocchio": {"robot", "rotations"},
     "coal": {"robot"},
     "proxsuite": {"qp"},

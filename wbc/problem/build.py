@@ -22,7 +22,7 @@ from wbc.problem.levels import REMEDY, TORQUE, check_level
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.parts import Parts
 from wbc.problem.plan import plan
-from wbc.problem.plan_targets import follow_plan
+from wbc.problem.plan_targets import check_loops, follow_plan
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.simulation_spec import turned_with
 from wbc.problem.source import Source
@@ -65,6 +65,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         check_said(spec.support or first, robot)
         contacts += contacts_of(spec.support, start, spec.controller.friction_cone)
     check_level(spec, mistakes)
+    check_loops(spec, built, mistakes)
     built, reference = follow_plan(spec, built, start, contacts, folder, mistakes)
     phases = plan(spec, built, start, source, mistakes)
     if isinstance(spec.controller, SolverSettings):

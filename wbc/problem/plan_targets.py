@@ -13,7 +13,7 @@ from wbc.constraints import Contact
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.reading import read_source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.targets import FromPlan
+from wbc.problem.targets import FromPlan, LoopTarget
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask
 from wbc.run.standing import held_feet
@@ -89,15 +89,34 @@ def follow_plan(
 
 
 def refuse_plan(target: object) -> None:
-    """Refuse a target of a phase that would follow a plan.
+    """Refuse a target of a phase that would follow a plan or a loop.
 
     Raises
     ------
     Misplaced
         It would.
     """
-    if isinstance(target, FromPlan):
-        raise Misplaced("a plan is followed from the start on, in a run without phases", "target")
+    if isinstance(target, FromPlan | LoopTarget):
+        what = "a plan is followed" if isinstance(target, FromPlan) else "a loop is gone round"
+        raise Misplaced(f"{what} from the start on, in a run without phases", "target")
+
+
+def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: Mistakes) -> None:
+    """Note loops in a run with phases, and those that are not over when the run is."""
+    for name, one in built.items():
+        with mistakes.at("tasks", name):
+            if not isinstance(spec.tasks[name].target, LoopTarget) or one.course is None:
+                continue
+            if spec.phases is not None:
+                refuse_plan(spec.tasks[name].target)
+            lasts, duration = one.course.duration, spec.whole_stop.duration
+            if lasts > duration + spec.controller.dt:
+                section = "simulation" if spec.controller.level == "torque" else "stop"
+                raise Misplaced(
+                    f"the rounds take {lasts:g} s, longer than the run ({section}.duration,"
+                    f" {duration:g} s)",
+                    "target",
+                )
 
 
 def _reference(

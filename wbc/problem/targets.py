@@ -20,7 +20,9 @@ from wbc.problem.section import (
     Distinct,
     Name,
     NonNegative,
+    Number,
     Point,
+    Positive,
     Quaternion,
     Section,
     Words,
@@ -62,6 +64,25 @@ class FromPlan(Section):
     begins: NonNegative = 0.0
     """When the plan begins [s]; until then the target rests where the robot is at the start, and
     after the plan's end at its last place."""
+
+
+LOOP = Tag("(loop)")
+
+
+class LoopTarget(Section):
+    """A closed path of joints that is gone round some times, from rest to rest."""
+
+    loop: Annotated[
+        dict[Name, Annotated[tuple[Number, ...], Strict(False), Field(min_length=2)]],
+        Field(min_length=1),
+    ]
+    """By joint, from its value at the start on, Fourier coefficients [rad or m]: those of
+    cos(h p) - 1 for h = 1, 2, ..., then those of sin(h p), with a phase p that grows by 2 pi in a
+    round. `wbc.flight.planner.plan_turn` finds such paths."""
+    cycles: Annotated[int, Field(ge=1, le=1000)] = 1
+    """How often it is gone round."""
+    period: Positive
+    """Mean time for a round [s]."""
 
 
 def form_with_plan(value: object) -> str | None:

@@ -8,7 +8,16 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Discriminator, Field
 
-from wbc.problem.section import MAPPING, WORD, Name, NonNegative, Number, form_of
+from wbc.flight.rounds import Rounds
+from wbc.problem.section import (
+    MAPPING,
+    WORD,
+    Name,
+    NonNegative,
+    Number,
+    form_of,
+)
+from wbc.problem.targets import LOOP, LoopTarget
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
 from wbc.run.ramps import TargetedTask, configurations, fixed_goal
@@ -17,17 +26,20 @@ from wbc.validate import Array
 
 
 def _form(value: object) -> str | None:
+    if isinstance(value, LoopTarget) or (isinstance(value, Mapping) and "loop" in value):
+        return LOOP.tag
     return WORD.tag if isinstance(value, str) else form_of(value)
 
 
 # "start" is a word like the names of postures: as a form of its own it would match twice in the
 # JSON Schema.
 PostureTarget = Annotated[
-    Annotated[dict[Name, Number], MAPPING] | Annotated[Name, WORD],
+    Annotated[dict[Name, Number], MAPPING] | Annotated[LoopTarget, LOOP] | Annotated[Name, WORD],
     Discriminator(
         _form,
         custom_error_type="form",
-        custom_error_message="expected the name of a posture, {joint: value}, or start",
+        custom_error_message="expected the name of a posture, {joint: value}, {loop: ...}, or "
+        "start",
     ),
 ]
 
@@ -38,7 +50,8 @@ class PostureSpec(ErrorTaskSpec):
     type: Literal["posture"]
     target: PostureTarget = "start"
     """A posture of the robot by name, or joint values [rad or m] by name or pattern; joints that
-    are not named keep the value at the start."""
+    are not named keep the value at the start. Or {loop: ...}, a closed path from the start of the
+    run on."""
     joints: dict[Name, NonNegative] = Field(default_factory=dict)
     """Factors on the weight by joint name or pattern ("*_knee*"); 0 leaves a joint out."""
     weight: NonNegative = 1.0
@@ -46,14 +59,19 @@ class PostureSpec(ErrorTaskSpec):
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
-        robot = start.robot
-        if isinstance(self.target, str):
+        robot, course = start.robot, None
+        if isinstance(self.target, LoopTarget):
+            course = Rounds.of(robot, start.q, **dict(self.target))
+            goal = start.q
+        elif isinstance(self.target, str):
             goal = start.q if self.target == "start" else robot.posture(self.target)
         else:
             goal = with_joints(robot, start.q, self.target)
         task = PostureTask(robot, goal, joints=self.joints, name=name, **self.settings())
         space = configurations(robot)
-        return TargetedTask(task, fixed_goal(goal), lambda now: now.q, space, task.set_target)
+        return TargetedTask(
+            task, fixed_goal(goal), lambda now: now.q, space, task.set_target, course=course
+        )
 
 
 def with_joints(robot: Robot, q: Array, joints: Mapping[str, float]) -> Array:

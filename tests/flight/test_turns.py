@@ -1,0 +1,163 @@
+"""Turns without momentum: the connection against Pinocchio, plans, and the shipped turns."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import wbc
+from wbc.errors import ProblemFileError, UnknownNameError
+from wbc.flight.connection import rotation_of, turning_rate
+from wbc.flight.planner import NoTurnError, plan_turn
+from wbc.flight.rounds import Loop, Rounds
+from wbc.problem import Problem, load_problem
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+LEGS = ("*hip_pitch", "*knee*", "*shoulder_pitch")
+
+
+@pytest.fixture(scope="module")
+def robot() -> wbc.Robot:
+    return wbc.Robot.load("hoap2_like")
+
+
+@pytest.fixture(scope="module")
+def pitch(robot: wbc.Robot) -> Rounds:
+    """A plan of few joints, which takes seconds: 18 degrees forwards, bodies kept apart."""
+    collision = wbc.SelfCollision(robot, margin=0.002)
+    return plan_turn(
+        robot, [0.0, np.deg2rad(18.0), 0.0], cycles=1, joints=LEGS, collision=collision
+    )
+
+
+@pytest.mark.parametrize("name", ["hoap2_like", "g1"])
+def test_the_connection_leaves_no_momentum(name: str) -> None:
+    one = wbc.Robot.load(name)
+    rate, random = turning_rate(one), np.random.default_rng(1)
+    data = one.model.createData()
+    for _ in range(3):
+        q = one.posture("standing")
+        q[7:] += 0.3 * random.standard_normal(one.nq - 7)
+        v = np.zeros(one.nv)
+        v[6:] = random.standard_normal(one.nv - 6)
+        v[3:6] = np.array(rate(q[7:], v[6:])).ravel()
+        pin.ccrba(one.model, data, q, v)
+        # 1e-15 of joints' momenta of about 1 kg m^2/s.
+        np.testing.assert_allclose(data.hg.angular, 0.0, atol=1e-13)
+
+
+def test_the_rotation_of_a_round_does_not_hang_on_its_phase(robot: wbc.Robot) -> None:
+    """Half rounds put together, and the round backwards: a path is a path."""
+    rate = turning_rate(robot)
+    random = np.random.default_rng(2)
+    loop = Loop(robot.posture("standing")[7:], 0.2 * random.standard_normal((4, robot.nv - 6)))
+    signs = np.array([1.0, 1.0, -1.0, -1.0])[:, None]  # phase to minus phase
+    back = Loop(loop.start, signs * loop.coefficients)
+    there = rotation_of(rate, loop, 400)
+    np.testing.assert_allclose(there @ rotation_of(rate, back, 400), np.eye(3), atol=1e-9)
+    assert Rotation.from_matrix(there).magnitude() > 1e-3
+
+
+def rotation(robot: wbc.Robot, rounds: Rounds, steps: int) -> np.ndarray:
+    """Rotation vector [deg] of a base that follows without momentum, by Pinocchio's A_g over time.
+
+    Of fourth order: Magnus' series with Gauss' two points.
+    """
+    data, h = robot.model.createData(), rounds.duration / steps
+    turned = Rotation.identity()
+
+    def spin(t: float) -> np.ndarray:
+        q, rate, _ = rounds.at(t)
+        A = pin.computeCentroidalMap(robot.model, data, q)
+        return np.linalg.solve(A[:, :6], -A[:, 6:] @ rate[6:])[3:]
+
+    for k in range(steps):
+        a, b = (spin((k + 0.5 + s * np.sqrt(3) / 6) * h) for s in (-1, 1))
+        step = 0.5 * h * (a + b) - np.sqrt(3) / 12 * h**2 * np.cross(b, a)
+        turned = turned * Rotation.from_rotvec(step)
+    return turned.as_rotvec(degrees=True)
+
+
+def test_a_plan_turns_as_far_as_asked(robot: wbc.Robot, pitch: Rounds) -> None:
+    np.testing.assert_allclose(rotation(robot, pitch, 400), [0.0, 18.0, 0.0], atol=0.02)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_shipped_turns_are_quarter_turns(axis: str) -> None:
+    problem = load_problem(PROBLEMS / f"turn_{axis}_hoap2.yaml")
+    assert isinstance(problem, Problem)
+    robot = problem.parts.robot
+    rounds = problem.parts.targeted[1].course
+    assert isinstance(rounds, Rounds)
+    wanted = 90.0 * np.eye(3)["xyz".index(axis)]
+    np.testing.assert_allclose(rotation(robot, rounds, 1500), wanted, atol=0.1)
+    collision, limits = wbc.SelfCollision(robot, margin=0.001), robot.limits
+    round_ = rounds.loop.at(np.linspace(0.0, 2.0 * np.pi, 80))
+    assert (round_ >= limits.lower).all() and (round_ <= limits.upper).all()
+    for joints in round_:
+        q = np.concatenate((rounds.posture[:7], joints))
+        assert collision.distances(robot.snapshot(q)).clearance.min() > 0.0
+
+
+def test_a_plan_keeps_limits_and_distances(robot: wbc.Robot, pitch: Rounds) -> None:
+    collision = wbc.SelfCollision(robot, margin=0.001)
+    limits = robot.limits
+    for t in np.linspace(0.0, pitch.duration, 60):
+        q, _, _ = pitch.at(t)
+        assert (q[7:] >= limits.lower).all() and (q[7:] <= limits.upper).all()
+        assert collision.distances(robot.snapshot(q)).clearance.min() > 0.0
+    still = [k for k, name in enumerate(robot.joint_names) if "yaw" in name or "roll" in name]
+    assert (pitch.coefficients[:, still] == 0.0).all()
+
+
+def test_what_cannot_be_turned_is_said(robot: wbc.Robot) -> None:
+    with pytest.raises(NoTurnError, match="give more cycles"):
+        # Joints that turn about y alone cannot turn the robot about x.
+        plan_turn(robot, [0.5, 0.0, 0.0], cycles=1, joints=("*hip_pitch",), starts=1)
+    for wrong in ([0.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 1.0]):
+        with pytest.raises(wbc.WbcError, match="turn, rotation"):
+            plan_turn(robot, wrong)
+    with pytest.raises(UnknownNameError):
+        plan_turn(robot, [0.0, 0.3, 0.0], joints=("*wing*",))
+
+
+def test_a_shipped_turn_is_commanded_without_momentum() -> None:
+    """By ticks of 5 ms, without the margin between bodies, which takes the time."""
+    problem = load_problem(PROBLEMS / "turn_z_hoap2.yaml", {"constraints": {}})
+    assert isinstance(problem, Problem)
+    result = problem.run()
+    assert result.status == "accepted", result.reason
+    robot, start = problem.parts.robot, problem.parts.start
+    between = Rotation.from_quat(start[3:7]).inv() * Rotation.from_quat(result.q[3:7])
+    # Each tick holds its velocity: of first order in its 5 ms.
+    np.testing.assert_allclose(between.as_rotvec(degrees=True), [0.0, 0.0, 90.0], atol=2.0)
+    data = robot.model.createData()
+    for q, v in zip(result.history.q, result.history.v, strict=True):
+        pin.ccrba(robot.model, data, q, v)
+        assert np.abs(data.hg.vector).max() < 1e-9
+    np.testing.assert_allclose(result.q[7:], start[7:], atol=1e-3)
+
+
+def test_mistakes_in_files_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "p.yaml"
+    text = """\
+robot: hoap2_like
+support: floating
+tasks:
+  path: {type: posture, target: {loop: {left_hip_pitch: [0.1, 0.2]}, cycles: 2, period: 1.0}}
+stop: {duration: 3.0, speed: null}
+"""
+    file.write_text(text)
+    assert isinstance(load_problem(file), Problem)
+    target = "tasks.path.target"
+    for overrides, words in (
+        ({f"{target}.period": 2.0}, "rounds take 4 s, longer than the run"),
+        ({f"{target}.loop": {"left_hip": [0.1, 0.2]}}, "left_hip_"),
+        ({f"{target}.loop": {"left_hip_pitch": [0.1, 0.2, 0.3]}}, "an even one"),
+        ({f"{target}.cycles": 0}, "cycles"),
+        ({"phases": {"a": {"duration": 3.0}}, "stop": {}}, "in a run without phases"),
+    ):
+        with pytest.raises(ProblemFileError, match=words):
+            load_problem(file, overrides)

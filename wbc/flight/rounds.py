@@ -1,0 +1,156 @@
+"""Rounds of a closed path of joints: a Fourier series, gone through from rest to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import InvalidInputError
+from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NV
+from wbc.validate import Array, finite_array, finite_number, read_only
+
+DIGITS = 5  # of coefficients in a file: 1e-5 rad turns a robot by less than that
+
+
+def harmonics(phases: Array, count: int, derivative: int = 0) -> Array:
+    """Return cos(h p) - 1 for h = 1..count, then sin(h p), at phases (n,): (n, 2 count).
+
+    Or a derivative by the phase p. What is zero at p = 0 makes a path begin where it is asked to.
+    """
+    h = np.arange(1, count + 1)
+    angle = np.outer(phases, h) + 0.5 * np.pi * derivative
+    start = 1.0 if derivative == 0 else 0.0
+    factor = h.astype(float) ** derivative
+    return np.hstack((factor * np.cos(angle) - start, factor * np.sin(angle)))
+
+
+def even_phases(count: int) -> Array:
+    """Return even phases (n,), in the middles of as many parts of a round."""
+    return 2.0 * np.pi * (np.arange(count) + 0.5) / count
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A closed path, gone round once while its phase goes from 0 to 2 pi.
+
+    Attributes
+    ----------
+    start:
+        (k,) joints at phase 0 [rad or m].
+    coefficients:
+        (2 h, k) of :func:`harmonics`.
+    """
+
+    start: Array
+    coefficients: Array
+
+    def at(self, phases: Array, derivative: int = 0) -> Array:
+        """Return the joints (n, k) at phases (n,), or a derivative by the phase."""
+        found = harmonics(phases, len(self.coefficients) // 2, derivative) @ self.coefficients
+        return np.asarray(found + self.start if derivative == 0 else found)
+
+
+@dataclass(frozen=True, eq=False)
+class Rounds:
+    """A loop of all joints, gone round some times, from rest to rest: a course of a posture task.
+
+    Attributes
+    ----------
+    robot:
+        The robot.
+    posture:
+        (nq,) in which it begins and ends.
+    coefficients:
+        (2 h, nv-6) of the :class:`Loop`.
+    cycles:
+        How often it is gone round.
+    period:
+        Mean time for a round [s]; the phase follows a minimum-jerk ramp over all of them.
+
+    Raises
+    ------
+    InvalidInputError
+        Coefficients of another shape, no cycles or no time.
+    """
+
+    robot: Robot
+    posture: Array
+    coefficients: Array
+    cycles: int
+    period: float
+
+    def __post_init__(self) -> None:
+        wanted = (np.shape(self.coefficients)[0] // 2 * 2, self.robot.nv - BASE_NV)
+        finite_array("rounds, coefficients", self.coefficients, wanted)
+        finite_number("rounds, cycles", self.cycles, least=1.0)
+        finite_number("rounds, period", self.period, above=0.0)
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        posture: Array,
+        loop: Mapping[str, Sequence[float]],
+        cycles: int,
+        period: float,
+    ) -> Rounds:
+        """Return rounds of some joints; those that are not named stay.
+
+        Parameters
+        ----------
+        loop:
+            Coefficients by joint, those of the cosines first: as many of each, for each joint the
+            same number.
+
+        Raises
+        ------
+        UnknownNameError
+            No such joint.
+        InvalidInputError
+            Numbers of coefficients that differ, or are odd.
+        """
+        sizes = {len(one) for one in loop.values()}
+        if len(sizes) != 1 or min(sizes) % 2 or not min(sizes):
+            raise InvalidInputError(
+                "loop: each joint needs as many numbers, an even one: of cosines, then of sines;"
+                f" got {sorted(sizes)}"
+            )
+        coefficients = np.zeros((sizes.pop(), robot.nv - BASE_NV))
+        for name, values in loop.items():
+            coefficients[:, robot.joint_index(name) - BASE_NV] = values
+        return cls(robot, posture, read_only(coefficients), cycles, period)
+
+    @property
+    def loop(self) -> Loop:
+        """One round of all joints (nv-6)."""
+        return Loop(self.robot.limits.joint_positions(self.posture), self.coefficients)
+
+    @property
+    def duration(self) -> float:
+        """From rest to rest [s]."""
+        return self.cycles * self.period
+
+    def at(self, t: float) -> tuple[Array, Array, Array]:
+        """Return posture (nq,), its rate and acceleration (nv,) at a time [s]; it rests outside."""
+        x = min(max(t / self.duration, 0.0), 1.0)
+        whole = 2.0 * np.pi * self.cycles
+        slope, curvature = minimum_jerk_rates(x)
+        phase, speed = np.array([whole * minimum_jerk(x)]), whole * slope / self.duration
+        change = whole * curvature / self.duration**2
+        moved, first, second = np.zeros((3, self.robot.nv))
+        loop = self.loop
+        moved[BASE_NV:] = loop.at(phase)[0] - loop.start
+        first[BASE_NV:], bent = loop.at(phase, 1)[0], loop.at(phase, 2)[0]
+        second[BASE_NV:] = speed**2 * bent + change * first[BASE_NV:]
+        return self.robot.integrate(self.posture, moved, 1.0), speed * first, second
+
+    def target(self) -> dict[str, Any]:
+        """Return it as the target of a posture task in a problem file."""
+        rows = zip(self.robot.joint_names, self.coefficients.T.round(DIGITS).tolist(), strict=True)
+        loop = {name: values for name, values in rows if any(values)}
+        return {"loop": loop, "cycles": self.cycles, "period": self.period}
