@@ -9,7 +9,7 @@ import pytest
 
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, load_problem
-from wbc.rmp.plan import load_plan
+from wbc.rmp.plan import load_plan, problem_from_data, problem_to_data
 from wbc.simulation import SimulationStatus
 
 PLAN = """\
@@ -69,7 +69,25 @@ def test_a_plan_is_followed_and_the_result_tells_how_well(folder: Path) -> None:
     np.testing.assert_allclose(moved, (0.0, 0.01, 0.0), atol=1e-3)
     told = json.loads(json.dumps(result.summary()))["plan"]
     assert told["com"]["worst"] == found.com.worst and told["ends"] == pytest.approx(0.45)
+    made_with = result.summary()["planned"]
+    assert problem_to_data(problem_from_data(made_with)) == made_with
+    assert made_with["pendulum"]["mass"] == robot.mass
     assert result.arrays["plan_cop"].shape == result.arrays["cop"].shape
+
+
+def test_a_plan_is_followed_at_the_velocity_level(folder: Path) -> None:
+    text = TRACK.replace("kp: 60", "gain: 0.5").replace(
+        "controller: {level: torque, solver: daqp}", ""
+    )
+    text = text.replace("simulation: {duration: 0.5}", "stop: {duration: 1.0}")
+    text = "\n".join(line for line in text.splitlines() if "type: cop" not in line)
+    one = problem(folder, text)
+    result = one.run()
+    assert one.parts.plan is not None
+    time, com = result.history.time, result.history.com
+    assert time[-1] >= one.parts.plan.ends - 0.01  # it does not end at rest, before the plan begins
+    # Rates are given with the target: no lag. A tick's integration is off by its square.
+    np.testing.assert_allclose(com, one.parts.plan.at(time).com, atol=2e-4)
 
 
 def test_a_file_of_a_plan_is_as_good_as_its_description(folder: Path) -> None:

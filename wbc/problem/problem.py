@@ -95,8 +95,7 @@ class Problem:
                 f" so this problem is simulated: wbc sim {self.source.name}"
             )
         stop = Stop(**spec.whole_stop.model_dump())
-        made_with = {"problem": self.provenance(), "versions": versions()}
-        made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
+        made_with = self._made_with(versions())
         start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
         if isinstance(controller, GlobalSpec):
             from wbc.run.global_shaping import shape_globally  # only now: it loads CasADi
@@ -148,9 +147,6 @@ class Problem:
                 " {level: torque}"
             )
         plant = self.plant()
-        found = {**versions(), "mujoco": version_of("mujoco")}
-        made_with = {"problem": self.provenance(), "versions": found}
-        made_with |= {"unwatched_pairs": parts.surroundings.unwatched_pairs()}
         return run_trial(
             self.leader(plant),
             plant,
@@ -158,7 +154,7 @@ class Problem:
             falls=FallLimits(**spec.simulation.falls),
             plan=parts.plan,
             progress=progress,
-            provenance=made_with,
+            provenance=self._made_with({**versions(), "mujoco": version_of("mujoco")}),
             cancelled=cancelled,
             show=show,
         )
@@ -201,6 +197,16 @@ class Problem:
             TOUCHED if spec.controller.level == "torque" else FLAT,
             loads,
         )
+
+    def _made_with(self, found: dict[str, str]) -> dict[str, Any]:
+        """Return what a result is made of, by the versions of what made it."""
+        pairs = self.parts.surroundings.unwatched_pairs()
+        made_with = {"problem": self.provenance(), "versions": found, "unwatched_pairs": pairs}
+        if self.parts.plan is None:
+            return made_with
+        from wbc.rmp.plan import problem_to_data  # only now: it loads CasADi
+
+        return {**made_with, "planned": problem_to_data(self.parts.plan.plan.problem)}
 
     def provenance(self) -> dict[str, Any]:
         """Return the problem's file, text and overrides: what is needed to run it again."""
