@@ -25,6 +25,7 @@ import numpy as np
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.controllers.controller import Controller
 from wbc.qp.backend import installed_solvers
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation
@@ -42,7 +43,7 @@ class Run:
 
     label: str
     robot: Robot
-    controller: KinematicController
+    controller: Controller
     q: np.ndarray
     v: np.ndarray
     start: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -55,7 +56,7 @@ class Run:
 
     def advance(self) -> None:
         """Move the targets, run one tick, integrate; only snapshot and step are timed."""
-        inertia, com, torso, _ = self.controller.tasks
+        inertia, com, torso, *_ = self.controller.tasks
         t = self.ticks * DT
         start_com, start_inertia, start_torso = self.start
         wave = np.array([0.01, 0.02, -0.01]) * np.sin(2 * np.pi * np.array([0.5, 0.25, 0.4]) * t)
