@@ -196,10 +196,9 @@ def test_what_a_wheel_carries_is_not_used_if_it_does_not_fit(
     if damage == "no library":
         (folder / "_core.here.so").write_bytes(b"no library")
     else:
-        monkeypatch.setattr(build, "fingerprint", lambda: "of another day")
-        build._compile(build.find_compiler(), folder / "_core.here.so")
-        monkeypatch.undo()
-        monkeypatch.setenv(build.CACHE_VARIABLE, str(tmp_path))
+        with monkeypatch.context() as patch:
+            patch.setattr(build, "fingerprint", lambda: "of another day")
+            build._compile(build.find_compiler(), folder / "_core.here.so")
     monkeypatch.setattr(library, "SHIPPED", folder)
     found = core()
     assert found is not None
