@@ -444,3 +444,37 @@ def test_no_pair_is_left_unwatched_silently(name, robot_named, monkeypatch, tmp_
     assert (standing >= margins.margins - 1e-6).all()
     assert (margins.margins <= 0.01).all() and (margins.margins > 2e-4).all()
     assert set(margins.finer).isdisjoint(margins.excluded)
+
+
+def test_pairs_without_rows_are_watched_where_the_command_leads(robot, rng) -> None:
+    """One row a tick for all pairs: another one may be farther away now and nearer next."""
+    margins = SelfCollision(robot, margin=0.01, pairs=1)
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    tasks = [
+        PositionTask(robot, frame, here.position(frame), gain=0.5)
+        for frame in ("left_palm", "right_palm", "left_sole", "right_sole")
+    ]
+    control = controller(robot, tasks, here, [margins], mode="floating")
+    for k, (tick, q_now) in enumerate(run(control, q, 100)):
+        assert tick.ok, tick.report()
+        if k % 25 == 0:
+            for task in tasks:
+                task.set_target(here.com + rng.normal(scale=0.1, size=3))
+        every = margins.model.nearest(robot.snapshot(q_now))
+        assert (every.distance - margins.margins).min() > -SKIN
+
+
+def test_rows_go_to_the_pairs_of_least_clearance(robot) -> None:
+    """Not to the nearest: pairs that stand near each other by design keep less."""
+    margins = SelfCollision(robot, margin=0.05, pairs=5)
+    assert (margins.margins < 0.05).any()
+    here = robot.snapshot(robot.posture("standing"))
+    every = margins.model.nearest(here)
+    clearance = every.distance - margins.margins
+    chosen = margins.distances(here)
+    assert set(chosen.keys) == set(every.pairs[np.argsort(clearance)[:5]])
+    np.testing.assert_allclose(
+        chosen.clearance, clearance[np.searchsorted(every.pairs, chosen.keys)] - SKIN, atol=1e-12
+    )
+    assert set(chosen.keys) != set(every.pairs[np.argsort(every.distance)[:5]])

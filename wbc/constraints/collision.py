@@ -28,7 +28,8 @@ class SelfCollision(Margin):
     margin:
         Distance that is kept [m].
     pairs:
-        How many pairs, the nearest of all, get a row in each tick.
+        How many pairs, those of least clearance, get a row in each tick. Whether others come too
+        near is looked at where the command leads.
     fit:
         What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
     include, exclude:
@@ -90,6 +91,8 @@ class SelfCollision(Margin):
             self.excluded, self.finer = dict(chosen.excluded), dict(chosen.finer)
         self.margins = read_only(np.array(margins or [self.margin] * len(model.pairs)))
         self._kept = self.margins + SKIN
+        # Pairs are found by distance: so many may be nearer than one of less clearance.
+        self._closer = int(np.count_nonzero(self.margins < self.margins.max(initial=0.0)))
         if model.robot is not robot:
             raise InvalidInputError("self-collision: the model was made for another robot object")
         self.model = model
@@ -100,13 +103,22 @@ class SelfCollision(Margin):
         return {pair: why for pair, why in self.excluded.items() if why not in BY_DESCRIPTION}
 
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
-        """Return the nearest pairs, or those given by their numbers."""
+        """Return the pairs of least clearance, or those given by their numbers."""
         model = self.model
         found = (
-            model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
+            model.nearest(snapshot, self.count + self._closer)
+            if keys is None
+            else model.measure(snapshot, keys)
         )
         clearance = found.distance - self._kept.take(found.pairs)
+        if keys is None and len(clearance) > self.count:
+            least = np.sort(np.argpartition(clearance, self.count)[: self.count])
+            clearance, found = clearance[least], found.take(least)
         return Distances(found.pairs, clearance, model.rows(snapshot, found), None, found)
+
+    def has_more(self, distances: Distances) -> bool:
+        """Whether there are pairs without rows."""
+        return distances.keys.size < len(self.model.pairs)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""

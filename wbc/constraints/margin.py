@@ -121,6 +121,10 @@ class Margin(Constraint):
     def curvature_bound(self, distances: Distances, step: Array) -> Array:
         """Bound how far (m,) clearances end below their linear prediction over ``step`` (nv,)."""
 
+    def has_more(self, distances: Distances) -> bool:
+        """Whether there are distances beside these, farther away and without rows."""
+        return False
+
     def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows | SeparatedPairs:
         """Return what a posture must respect, for searches over postures.
 
@@ -163,10 +167,12 @@ class Margin(Constraint):
         )
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
-        """Whether some clearance might end below what a tick may use up."""
+        """Whether some clearance might end below what a tick may use up, with a row or without."""
         distances = rows.distances
         if distances is None:
             return False
+        if self.has_more(distances) and _others_may_come(distances, v, dt):
+            return True
         return bool((self._least(distances, v, dt) < -USED).any())
 
     def cutting_planes(self, there: Snapshot, v: Array, dt: float, rows: Bounds) -> Bounds | None:
@@ -201,10 +207,7 @@ class Margin(Constraint):
     def _watched(self, rows: Bounds, v: Array, dt: float) -> Index | None:
         """Return the keys of the distances to measure where ``v`` leads; None for all there are."""
         distances = rows.distances
-        # If pairs not measured could have come nearer than the farthest of these, measure all.
-        if distances is None or LEVER * dt * float(np.abs(v).sum()) > np.maximum.reduce(
-            distances.clearance
-        ):
+        if distances is None or _others_may_come(distances, v, dt):
             return None
         return distances.keys[self._least(distances, v, dt) < -USED]
 
@@ -218,6 +221,11 @@ class Margin(Constraint):
             # Where joints hardly change the clearance, their limits do not matter to it either.
             deceleration = np.minimum(np.where(able > 1e-6, able, deceleration), deceleration)
         return np.minimum(stopping_speed(clearance, deceleration, dt), law.gain / dt * clearance)
+
+
+def _others_may_come(distances: Distances, v: Array, dt: float) -> bool:
+    """Whether distances without a row, all above the farthest with one, could be used up by v."""
+    return LEVER * dt * float(np.abs(v).sum()) > float(np.maximum.reduce(distances.clearance))
 
 
 def point_curvature_bound(distances: Distances, step: Array) -> Array:

@@ -95,6 +95,10 @@ class Obstacles(Margin):
         clearance = found.distance - (self.margin + SKIN)
         return Distances(found.pairs, clearance, model.rows(snapshot, found), self._rates(found))
 
+    def has_more(self, distances: Distances) -> bool:
+        """Whether there are pairs without rows."""
+        return distances.keys.size < len(self.model.pairs)
+
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs, with the obstacles where they are now.
 

@@ -48,6 +48,11 @@ class PairDistances(NamedTuple):
     point: Array
     snapshot: Snapshot
 
+    def take(self, chosen: Index) -> PairDistances:
+        """Return some of them, by their places here."""
+        pairs, normal, point = self.pairs[chosen], self.normal[chosen], self.point[chosen]
+        return PairDistances(pairs, self.distance[chosen], normal, point, self.snapshot)
+
 
 class CollisionModel:
     """Bodies on a robot, and some at rest or moved from outside, with the pairs to be kept apart.
