@@ -1,4 +1,4 @@
-"""Pushes as arrows at the CoM: the one that is offered, and the one that acts."""
+"""Pushes as arrows towards the CoM: the one that is offered, and the one that acts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from wbc.view.live.messages import PUSH_DURATION
 from wbc.view.live.shown import Shown
 
 LONGEST = 0.6  # of the robot's size: the arrow of the largest push
+AWAY = 0.25  # of the robot's size: how far from the CoM it ends, where the body does not hide it
 LEAST = 1e-3  # of the largest: smaller ones are not drawn
 
 
 class PushLayer(Layer):
-    """An arrow that ends at the CoM: grey while a push is only offered, red while it acts.
+    """An arrow towards the CoM, outside the body: grey while a push is only offered, red while it acts.
 
     Parameters
     ----------
@@ -50,7 +51,10 @@ class PushLayer(Layer):
         acts = force is not None and bool(np.any(force))
         impulse = PUSH_DURATION * force if force is not None and acts else self._offered()
         along = LONGEST * self.size / self._largest * impulse
-        self._arrow.visible = bool(np.linalg.norm(impulse) > LEAST * self._largest)
-        com = shown.snapshot.com
-        self._arrow.points = np.stack([com - along, com])[None].astype(np.float32)
+        strength = float(np.linalg.norm(impulse))
+        self._arrow.visible = strength > LEAST * self._largest
+        if not self._arrow.visible:
+            return
+        tip = shown.snapshot.com - AWAY * self.size / strength * impulse
+        self._arrow.points = np.stack([tip - along, tip])[None].astype(np.float32)
         self._arrow.colors = np.array(VERMILION if acts else GREY, dtype=np.uint8)
