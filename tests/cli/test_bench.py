@@ -59,11 +59,13 @@ def test_a_problem_file_is_recorded(tmp_path: Path) -> None:
         "controller: {level: torque, solver: daqp}\nsimulation: {duration: 0.05}\n"
     )
     output = tmp_path / "b.json"
+    lean = Path(__file__).parents[2] / "problems" / "rmp_static_lean.yaml"
     result = run(
-        problem, "--ticks", 4, "--repeats", 1, "--solver", "daqp", "-o", output,
-        "--qpbenchmark", tmp_path / "set", "-q",
+        problem, lean, "--ticks", 4, "--repeats", 1, "--solver", "daqp", "-o", output,
+        "--qpbenchmark", tmp_path / "set",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
+    assert "rmp_static_lean.yaml: a pendulum's problem" in " ".join(result.output.split())
     (about,) = json.loads(output.read_text())["sequences"].values()
     assert (about["level"], about["QPs"], about["equalities"]) == ("torque", 4, 18)
     assert (tmp_path / "set" / "wbc_sequences.py").exists()

@@ -9,7 +9,6 @@ active. At the torque level the computed acceleration is integrated as it is: no
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,8 +25,6 @@ from wbc.problem.controller_spec import TorqueSpec
 from wbc.qp import QP
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation
-from wbc.run.standing import held_feet
-from wbc.simulation import simulate
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PostureTask
 from wbc.validate import Array
 
@@ -35,6 +32,10 @@ DT = {"velocity": 0.005, "torque": 0.002}
 JUMP = 20  # ticks between the jumps of hard targets
 BENT = 0.4  # the joints of the arm at the start [rad]; straight it is singular
 LONG = 62  # joints of the long robot
+
+
+class NothingToRecordError(InvalidInputError):
+    """A problem that solves no QPs."""
 
 
 @dataclass(frozen=True)
@@ -119,34 +120,19 @@ def record_problem(path: Path, ticks: int) -> QpSequence:
 
     Raises
     ------
-    InvalidInputError
+    NothingToRecordError
         A pendulum's problem.
     """
     problem = load_problem(path)
     if not isinstance(problem, Problem):
-        raise InvalidInputError(f"{path}: a pendulum's problem, which solves no QPs to record")
+        raise NothingToRecordError(f"{path}: a pendulum's problem, which solves no QPs to record")
     torque = isinstance(problem.spec.controller, TorqueSpec)
-    source = _simulated(problem) if torque else _run(problem, ticks)
-    qps = [qp for qp, _ in zip(source, range(ticks), strict=False)]
+    qps: list[QP] = []
+    (problem.simulate if torque else problem.run)(
+        cancelled=lambda: len(qps) >= ticks, show=lambda now, _: qps.append(now.tick.qp)
+    )
     about = {"robot": problem.parts.robot.name, "joints": len(problem.parts.robot.joint_names)}
     return QpSequence(path.stem, {**about, "level": problem.spec.controller.level}, tuple(qps))
-
-
-def _run(problem: Problem, ticks: int) -> Iterator[QP]:
-    qps: list[QP] = []
-    problem.run(observe=lambda tick: qps.append(tick.qp), cancelled=lambda: len(qps) >= ticks)
-    return iter(qps)
-
-
-def _simulated(problem: Problem) -> Iterator[QP]:
-    spec, parts = problem.spec, problem.parts
-    start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
-    plant = spec.simulation.plant(start, held_feet(parts.contacts), spec.controller.dt)
-    plant.reset(start.q)
-    phases = problem.executor()
-    duration = spec.whole_stop.duration
-    for now in simulate(phases.controller, plant, duration, update=phases.update):
-        yield now.tick.qp
 
 
 @dataclass(frozen=True)

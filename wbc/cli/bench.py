@@ -111,7 +111,7 @@ def _sequences(
     problems: list[Path], folder: Path | None, jobs: list[str], ticks: int, quiet: bool
 ) -> list[QpSequence]:
     """Return the sequences to solve: those of a folder if it is there, else recorded now."""
-    from wbc.bench import STANDARD, load_sequence, record, record_problem, save_sequence
+    from wbc.bench import STANDARD, load_sequence, record, save_sequence
     from wbc.bench.sequence import ENDING
     from wbc.errors import InvalidInputError
 
@@ -124,7 +124,7 @@ def _sequences(
     if jobs and not chosen:
         names = ", ".join(one.name for one in STANDARD)
         raise InvalidInputError(f"--job {jobs[0]}: no job has that in its name ({names})")
-    found = [record_problem(path, ticks) for path in problems]
+    found = _recorded(problems, ticks, quiet)
     for one in chosen if jobs or not problems else []:
         if not quiet:
             typer.echo(f"records {one.name}", err=True)
@@ -133,6 +133,26 @@ def _sequences(
         folder.mkdir(parents=True)
         for sequence in found:
             save_sequence(folder / f"{sequence.name.replace(' ', '_')}{ENDING}", sequence)
+    return found
+
+
+def _recorded(problems: list[Path], ticks: int, quiet: bool) -> list[QpSequence]:
+    """Return the QPs of problem files; those without any are left out, by name."""
+    from wbc.bench import record_problem
+    from wbc.bench.suite import NothingToRecordError
+
+    found = []
+    for path in problems:
+        if not quiet:
+            typer.echo(f"records {path}", err=True)
+        try:
+            found.append(record_problem(path, ticks))
+        except NothingToRecordError as error:
+            if len(problems) == 1:
+                raise
+            typer.echo(
+                f"{typer.style('note:', fg='yellow', bold=True)} {error}; left out", err=True
+            )
     return found
 
 
