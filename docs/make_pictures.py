@@ -64,12 +64,12 @@ def analysis_picture() -> None:
     smaller(picture)
 
 
-def simulation_picture(name: str) -> None:
+def simulation_picture(name: str, width: int = 1400) -> None:
     """Draw a simulation as `wbc sim` does."""
     result = load_problem(ROOT / "problems" / f"{name}.yaml").simulate()
     picture = PICTURES / f"{name}.png"
     plot_simulation(result.robot, result.arrays, picture, title=f"{name}: {result.reason}")
-    smaller(picture, width=1400)
+    smaller(picture, width=width)
 
 
 def measured_picture() -> None:
@@ -173,6 +173,7 @@ def main() -> None:
         simulation_picture(name)
     measured_picture()
     turn_pictures()
+    simulation_picture("walk_g1", width=1240)
     pendulum_pictures()
 
 

@@ -30,10 +30,20 @@ def test_all_are_listed_and_tested() -> None:
     assert names == {name[5:] for name in globals() if name.startswith("test_")} - {
         "all_are_listed_and_tested"
     }
-    assert 10 <= len(names) <= 16
+    assert 10 <= len(names) <= 20
     for name in names:
         text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
         assert text.startswith('"""') and 15 <= text.count("\n") <= 90, name
+
+
+def test_walk(capsys: pytest.CaptureFixture[str]) -> None:
+    first, beyond, _, _, told, end = outcome("walk", capsys).splitlines()
+    assert first.endswith("all of it") and "is beyond the" in beyond
+    assert number(told, "stood for # s") > 3.99
+    assert number(told, "# m ahead") > 0.2
+    assert number(told, "turned # deg") > 10.0
+    assert "Standing again" in end
+    assert number(end, "; # of") == 0
 
 
 def test_hand_target(capsys: pytest.CaptureFixture[str]) -> None:

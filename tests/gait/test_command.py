@@ -77,7 +77,7 @@ BAD = {
     "too tall": ({"height": 0.5}, r"height: with the CoM at 0.5 m .* less than 0.28\d m"),
     "too low": ({"height": 0.05}, r"give more than 0.09\d"),
     "hasty": ({"ramp": 0.2}, "ramp: 0.2 s is longer than the double support"),
-    "crossing": ({"least_width": 0.2}, "least_width: 0.2 m is above the width, 0.078 m"),
+    "crossing": ({"least_width": 0.2}, "least_width: 0.2 m is above the width, 0.09"),
 }
 
 

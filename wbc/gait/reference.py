@@ -18,7 +18,7 @@ from wbc.gait.swing import turned
 from wbc.validate import Array
 
 # The time in the air may shrink and grow to these parts of it.
-SHORTEST, LONGEST = 0.6, 1.3
+SHORTEST, LONGEST = 0.45, 1.3
 # How far in the sole the pressure may be counted on, in parts of its half size.
 SOLE_SHARE = 0.6
 # Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.

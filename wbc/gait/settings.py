@@ -18,8 +18,8 @@ BENT = 0.905
 # A foot's peak acceleration goes with the inverse square of its time in the air, and moves the
 # pressure by that moment: so double support is short.
 SINGLE, DOUBLE, RAMP, CLEARANCE = 1.56, 0.16, 0.08, 0.09
-# Between the soles, at least.
-GAP = 0.04
+# Between the soles, at least, and as they walk: a step inwards needs room.
+GAP, ROOM = 0.04, 0.12
 # Of the commanded velocity, in units of gravity.
 SPEED_UP = 0.08
 
@@ -92,7 +92,7 @@ class GaitSettings:
         chosen.setdefault("single", SINGLE / omega)
         chosen.setdefault("double", DOUBLE / omega)
         chosen.setdefault("ramp", min(RAMP / omega, float(chosen["double"])))
-        chosen.setdefault("width", legs.width)
+        chosen.setdefault("width", max(legs.width, legs.sole_width + ROOM * float(height)))
         narrow = legs.sole_width + GAP * float(height)
         chosen.setdefault("least_width", min(narrow, float(chosen["width"])))
         chosen.setdefault("clearance", CLEARANCE * float(height))

@@ -18,8 +18,10 @@ from wbc.validate import Array
 SIDES = ("left", "right")
 # Part of a leg's full length that it may be stretched to: a straight knee has no way out.
 STRETCH = 0.98
-# Part of speeds and torques that a swing may count on; the rest is for all else that legs do.
+# Part of torques and of ranges that a swing may count on; the rest is for all else that legs do.
 SHARE = 0.8
+# Likewise of speeds: while the hip swings, the knee must bend and stretch within the same time.
+SPEED_SHARE = 0.5
 # Knee angles at which a leg's length is looked at, over the knee's range.
 SAMPLES = 33
 
@@ -159,7 +161,7 @@ def _leg(robot: Robot, side: str) -> tuple[float, float, float, float, float]:
     return (
         float(lengths[knee].max()),
         float(_leg_vector(robot, joints, snapshot.q)[2]),
-        SHARE * float(limits.velocity[hip]) * lever,
+        SPEED_SHARE * float(limits.velocity[hip]) * lever,
         SHARE * float(limits.effort[hip]) / inertia * lever,
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
     )

@@ -1,0 +1,253 @@
+"""How robots walk in MuJoCo: speeds, directions, pushes and ground, over seeds of noise and mass.
+
+Every trial has sensor noise of 1e-3 rad and 0.05 rad/s on joints and base, 2 ms of delay, and
+masses that are wrong by up to 10 % (by the seed). Trials run in processes; each is a line of a
+journal, and what is there already is not run again.
+
+    python benchmarks/walking.py JOURNAL.jsonl [--only speed push ground schedule] [--seeds 10]
+        [--workers 2]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
+
+import argparse
+import json
+import math
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import wbc
+from wbc.gait import Walker
+from wbc.simulation import (
+    FallLimits,
+    FallWatch,
+    ModelMismatch,
+    Plant,
+    Sensors,
+    SimulationError,
+    Step,
+    Terrain,
+)
+
+DT = 0.002
+ARMATURE = 0.003  # kg m^2, as in the problem files
+SPEED = {"g1": 0.8, "talos": 0.5, "hoap2_like": 0.15, "g1_27": 0.3, "icub": 0.2, "romeo": 0.15}
+STEPS = 50
+MOST = 60.0  # s
+# G1 is pushed while it walks at this speed [m/s], at its trunk, by 100 N for 0.2 s.
+PUSHED, FORCE, LASTING = 0.5, 100.0, 0.2
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One walk.
+
+    Attributes
+    ----------
+    commands:
+        (at [s], vx, vy, yaw_rate).
+    push:
+        (angle [rad], part of the step in which it begins), or None.
+    ground:
+        ``level``, ``steps``, or slopes and friction: (along x, along y, friction).
+    """
+
+    group: str
+    name: str
+    robot: str
+    seed: int
+    commands: tuple[tuple[float, float, float, float], ...]
+    steps: int | None = STEPS
+    push: tuple[float, float] | None = None
+    ground: tuple[float, float, float] | str = "level"
+    tags: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        return f"{self.group}/{self.robot}/{self.name}/{self.seed}"
+
+
+def trials(seeds: int) -> Iterator[Trial]:
+    """Yield all trials, seed by seed."""
+    for seed in range(seeds):
+        for robot, v in SPEED.items():
+            ways = {"ahead": (v, 0.0), "back": (-v / 3, 0.0), "left": (0.0, v / 3)}
+            for name, (vx, vy) in ways.items():
+                steps = STEPS if name == "ahead" else 20
+                yield Trial("speed", name, robot, seed, ((0.2, vx, vy, 0.0),), steps)
+            turn = ((0.2, 0.0, 0.0, 0.5), (0.2 + 2 * math.pi / 0.5, 0.0, 0.0, 0.0))
+            yield Trial("speed", "turn 360", robot, seed, turn, None)
+        yield Trial("speed", "ahead at 1.0", "g1", seed, ((0.2, 1.0, 0.0, 0.0),))
+        for k in range(8):
+            for phase in range(4):
+                push = (k * math.pi / 4, phase / 4)
+                name = f"{45 * k} deg, phase {phase}"
+                yield Trial("push", name, "g1", seed, ((0.2, PUSHED, 0.0, 0.0),), 14, push)
+        walk = ((0.2, 0.4, 0.0, 0.0),)
+        for name, ground in GROUND.items():
+            yield Trial("ground", name, "g1", seed, walk, 20, None, ground)
+        yield Trial("schedule", "60 s", "g1", seed, SCHEDULE, None)
+
+
+TILT = math.tan(math.radians(6.0))
+GROUND: dict[str, tuple[float, float, float] | str] = {
+    "up 6 deg": (TILT, 0.0, 0.8),
+    "down 6 deg": (-TILT, 0.0, 0.8),
+    "across 6 deg": (0.0, TILT, 0.8),
+    "friction 0.4": (0.0, 0.0, 0.4),
+    "+-2 cm steps": "steps",
+}
+SCHEDULE = (
+    (0.2, 0.5, 0.0, 0.0),
+    (8.0, 0.0, 0.0, 0.0),
+    (12.0, 0.0, 0.0, 0.6),
+    (17.0, 0.4, 0.1, 0.0),
+    (24.0, 0.0, -0.2, 0.0),
+    (30.0, -0.2, 0.0, 0.0),
+    (36.0, 0.6, 0.0, 0.3),
+    (44.0, 0.0, 0.0, 0.0),
+    (47.0, 0.3, 0.0, -0.5),
+    (54.0, 0.5, 0.0, 0.0),
+    (57.0, 0.0, 0.0, 0.0),
+)
+
+
+@cache
+def robot_named(name: str) -> wbc.Robot:
+    return wbc.Robot.load(name, armature=ARMATURE)
+
+
+def terrain_of(ground: tuple[float, float, float] | str, seed: int) -> Terrain:
+    """Return the ground; boards of 0 and 2 cm, each 0.6 m deep, for the ones with steps."""
+    if ground == "steps":
+        rng = np.random.default_rng(seed)
+        boards, height = [], 0.0
+        for k in range(12):
+            height = min(max(height + float(rng.choice((-0.02, 0.02))), 0.0), 0.06)
+            if height > 0.0:
+                centre = (0.8 + 0.6 * k, 0.0, height)
+                boards.append(Step(centre=np.array(centre), size=np.array((0.6, 4.0, height))))
+        return Terrain(steps=tuple(boards))
+    if isinstance(ground, str):
+        return Terrain()
+    return Terrain(friction=ground[2], slope=ground[:2])
+
+
+def walked(trial: Trial) -> dict[str, Any]:
+    """Walk; return what came of it, as plain data."""
+    robot = robot_named(trial.robot)
+    rng = np.random.default_rng((trial.seed, 20261122))
+    mass = float(rng.uniform(0.9, 1.1))
+    sensors = Sensors(
+        position_noise=1e-3,
+        velocity_noise=0.05,
+        base_rotation_noise=1e-3,
+        base_rate_noise=0.05,
+        delay=0.002,
+        seed=trial.seed,
+    )
+    terrain = terrain_of(trial.ground, trial.seed)
+    plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=ModelMismatch(mass=mass))
+    plant.reset(_start(robot, terrain))
+    walker = Walker(robot, dt=DT)
+    watch = FallWatch(plant, FallLimits())
+    end = trial.commands[-1][0] + 3.0 if trial.steps is None else MOST
+    coming, begin = list(trial.commands), plant.com.copy()
+    ticks = relaxed = 0
+    verdict, pushed = watch.verdict(), trial.push is None
+    try:
+        while plant.time < end and (trial.steps is None or walker.steps < trial.steps):
+            while coming and plant.time >= coming[0][0] - 1e-9:
+                walker.command(*coming.pop(0)[1:])
+            if not pushed and walker.steps >= 6 and trial.push is not None:
+                angle, part = trial.push
+                start = plant.time + part * walker.gait.times.total
+                force = FORCE * np.array((math.cos(angle), math.sin(angle), 0.0))
+                plant.push("torso_link", force, start=start, duration=LASTING)
+                pushed = True
+            measured = plant.measure()
+            if measured is not None:
+                tick = walker.step(robot.snapshot(*measured), plant.contact_forces)
+                ticks, relaxed = ticks + 1, relaxed + bool(tick.policy)
+            plant.step(tick.torque)
+            verdict = watch.verdict()
+            if not verdict.stood:
+                break
+        reason = verdict.reason
+    except SimulationError as error:
+        reason = str(error)
+    way = plant.com - begin
+    return {
+        "key": trial.key,
+        **asdict(trial),
+        "mass": mass,
+        "stood": verdict.stood and reason == verdict.reason,
+        "reason": reason,
+        "made": walker.steps,
+        "time": plant.time,
+        "speed": float(np.linalg.norm(way[:2])) / max(plant.time, DT),
+        "heading": walker.heading,
+        "relaxed": relaxed / max(ticks, 1),
+    }
+
+
+def _start(robot: wbc.Robot, terrain: Terrain) -> np.ndarray:
+    """Return the standing posture, turned with the ground, its soles flat on it."""
+    from wbc.problem.simulation_spec import turned_with
+
+    return turned_with(robot.posture("standing"), terrain.normal)
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return what came of the trials, one line for each robot and kind."""
+    lines = [f"{'group':9} {'robot':11} {'walk':20} {'stood':>9} {'m/s':>6} {'relaxed':>9}"]
+    kinds: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    for row in rows:
+        name = row["name"].split(",")[0]
+        kinds.setdefault((row["group"], row["robot"], name), []).append(row)
+    for (group, robot, name), found in sorted(kinds.items()):
+        stood = sum(row["stood"] for row in found)
+        speed = float(np.mean([row["speed"] for row in found]))
+        relaxed = float(np.mean([row["relaxed"] for row in found]))
+        share = f"{stood}/{len(found)}"
+        lines.append(
+            f"{group:9} {robot:11} {name:20} {share:>9} {speed:6.2f} {100 * relaxed:8.3f}%"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("journal", type=Path)
+    parser.add_argument("--only", nargs="+", default=["speed", "push", "ground", "schedule"])
+    parser.add_argument("--robots", nargs="+", default=list(SPEED))
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    text = given.journal.read_text() if given.journal.exists() else ""
+    rows = [json.loads(line) for line in text.splitlines()]
+    known = {row["key"] for row in rows}
+    wanted = [
+        one
+        for one in trials(given.seeds)
+        if one.group in given.only and one.robot in given.robots and one.key not in known
+    ]
+    with ProcessPoolExecutor(given.workers) as pool, given.journal.open("a") as journal:
+        for future in as_completed([pool.submit(walked, one) for one in wanted]):
+            rows.append(future.result())
+            journal.write(json.dumps(rows[-1]) + "\n")
+            journal.flush()
+    shown = [row for row in rows if row["group"] in given.only and row["robot"] in given.robots]
+    print(table(shown))
+
+
+if __name__ == "__main__":
+    main()
