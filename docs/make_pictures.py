@@ -169,7 +169,7 @@ def main() -> None:
         plot_robot(robot, poses, PICTURES / f"{name}.png")
         smaller(PICTURES / f"{name}.png")
     analysis_picture()
-    for name in ("push_g1", "track_squat_g1", "lean_beyond_g1"):
+    for name in ("push_g1", "track_squat_g1", "lean_beyond_g1", "drop_g1"):
         simulation_picture(name)
     measured_picture()
     turn_pictures()
