@@ -18,7 +18,7 @@ LEAST = 1e-3  # of the largest: smaller ones are not drawn
 
 
 class PushLayer(Layer):
-    """An arrow towards the CoM, outside the body: grey while a push is only offered, red while it acts.
+    """An arrow towards the CoM, outside the body: grey while only offered, red while it acts.
 
     Parameters
     ----------
