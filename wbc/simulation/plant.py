@@ -37,8 +37,7 @@ class Plant:
     Parameters
     ----------
     robot:
-        Floating base, fixed base, and mimic joints are supported; the latter are held by stiff
-        springs, and take torques like any other.
+        Floating or fixed base; mimic joints are held by stiff springs, and take torques, too.
     dt:
         Control period: how long :meth:`step` holds a torque [s].
     physics_dt:
