@@ -57,4 +57,4 @@ class PushLayer(Layer):
             return
         tip = shown.snapshot.com - AWAY * self.size / strength * impulse
         self._arrow.points = np.stack([tip - along, tip])[None].astype(np.float32)
-        self._arrow.colors = np.array(VERMILION if acts else GREY, dtype=np.uint8)
+        self._arrow.colors = np.array([VERMILION if acts else GREY], dtype=np.uint8)
