@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter, itemgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -84,7 +85,7 @@ class Rows(NamedTuple):
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:
     """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
-    widths = {matrix.shape[1] for matrix in matrices}
+    widths = set(map(itemgetter(1), map(attrgetter("shape"), matrices)))
     if widths == {n}:
         return np.concatenate(matrices)
     rows, begin = np.zeros((sum(map(len, matrices)), n)), 0

@@ -196,9 +196,11 @@ def test_schema(tmp_path: Path) -> None:
     printed = wbc_command("schema")
     assert printed.exit_code == 0
     schema = json.loads(printed.stdout)
-    robot, pendulum = (
-        schema["$defs"][schema[branch]["$ref"].rsplit("/", 1)[1]] for branch in ("else", "then")
+    walk, robot, pendulum = (
+        schema["$defs"][branch["$ref"].rsplit("/", 1)[1]]
+        for branch in (schema["else"]["then"], schema["else"]["else"], schema["then"])
     )
+    assert set(walk["required"]) == {"robot", "gait"}
     assert set(robot["required"]) == {"robot", "tasks"}
     assert set(pendulum["required"]) == {"model", "mass"}
     assert wbc_command("schema", "--output", tmp_path / "s.json").exit_code == 0

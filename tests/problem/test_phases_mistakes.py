@@ -270,7 +270,7 @@ def test_the_schema_describes_phases() -> None:
     schema = json_schema()
     phase = schema["$defs"]["PhaseSpec"]
     assert phase["required"] == ["duration"]
-    assert set(phase["properties"]) == {"duration", "support", "tasks"}
+    assert set(phase["properties"]) == {"duration", "ramp", "support", "tasks", "until"}
     assert phase["properties"]["duration"]["exclusiveMinimum"] == 0
     task = schema["$defs"]["PhaseTaskSpec"]["properties"]
     assert set(task) == {"target", "weight", "active"}
