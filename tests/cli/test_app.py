@@ -202,7 +202,7 @@ def test_schema(tmp_path: Path) -> None:
     )
     assert set(walk["required"]) == {"robot", "gait"}
     assert set(robot["required"]) == {"robot", "tasks"}
-    assert set(pendulum["required"]) == {"model", "mass"}
+    assert set(pendulum["required"]) == {"model"}
     assert wbc_command("schema", "--output", tmp_path / "s.json").exit_code == 0
     assert json.loads((tmp_path / "s.json").read_text()) == schema
 
