@@ -191,7 +191,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ticks", type=int, default=2000, help="after 200 of warm-up")
     parser.add_argument("--only", nargs="+", help="environments, as in wbc placo")
-    parser.add_argument("--output", type=Path, help="put the tables into this file")
+    parser.add_argument("--output", type=Path, help="put the tables into this file, between its marks")
     options = parser.parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # and all that are started
     told, versions = [], {}
@@ -206,7 +206,8 @@ def main() -> None:
     )
     print("\n".join(told))
     if options.output:
-        head, _, rest = options.output.read_text(encoding="utf-8").partition(BEGIN)
+        page = options.output.read_text(encoding="utf-8") if options.output.exists() else ""
+        head, _, rest = page.partition(BEGIN)
         whole = "\n".join((head + BEGIN, "", *told, "", END + rest.partition(END)[2]))
         options.output.write_text(whole, encoding="utf-8")
 
