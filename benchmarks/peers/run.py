@@ -191,7 +191,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ticks", type=int, default=2000, help="after 200 of warm-up")
     parser.add_argument("--only", nargs="+", help="environments, as in wbc placo")
-    parser.add_argument("--output", type=Path, help="put the tables into this file, between its marks")
+    parser.add_argument("--output", type=Path, help="put the tables here, between its marks")
     options = parser.parse_args()
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # and all that are started
     told, versions = [], {}
