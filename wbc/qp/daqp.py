@@ -23,6 +23,7 @@ from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.validate import Array, finite_number
 
 _EQUALITY = 5  # DAQP's code for a row that always holds
+ENDLESS = 1e100  # multipliers beyond are none
 # DAQP's exit flags; a dependent working set (-6) is how it sees contradictory equalities.
 _CLAIMS = {
     1: (Status.SOLVED, ""),
@@ -133,9 +134,8 @@ def _raw(qp: QP, x: Array, exitflag: int, info: Mapping[str, Any]) -> RawSolutio
     equalities = n + qp.u.size
     multipliers = info["lam"]
     claim, message = _CLAIMS.get(exitflag, (Status.FAILED, f"exit flag {exitflag}"))
-    if not (
-        np.isfinite(multipliers).all() and np.isfinite(x).all()
-    ):  # it grows them without end on infeasible QPs
+    # It grows multipliers without end on infeasible QPs: to NaN, or to what overflows in a product.
+    if not (np.abs(multipliers).max(initial=0.0) < ENDLESS and np.isfinite(x).all()):
         return RawSolution.none(qp, claim, message)
     return RawSolution(
         x=x,
