@@ -13,6 +13,7 @@ from wbc.robot import Robot
 from wbc.robot.collision import fitting
 from wbc.robot.collision.bodies import robot_bodies
 from wbc.robot.collision.fitting import fit_capsule, fit_hull, quick_capsule
+from wbc.robot.collision.refine import FinerShapes
 from wbc.robot.collision.shapes import Capsule, Hull
 
 FITS = {"capsule": fit_capsule, "hull": fit_hull}
@@ -113,6 +114,25 @@ def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named, mon
             outside = max(outside_hull(point, body.shape.vertices) for point in few)
         assert outside < body.shape.radius + 1e-6, body.name
         assert 0.0 <= body.bulge < 0.2
+
+
+def test_parts_do_not_depend_on_the_last_bits(robot_named, rng, monkeypatch) -> None:
+    """Parts that share a corner are as near as each other: rounding must not say which is cut."""
+    robot: Robot = robot_named("icub")
+    bodies = robot_bodies(robot)
+    names = [body.name for body in bodies]
+    pair = names.index("r_upper_arm"), names.index("r_forearm")
+    apart, found = FinerShapes._apart, set()
+    for scale in (0.0, *[1e-12] * 4):
+        monkeypatch.setattr(
+            FinerShapes,
+            "_apart",
+            lambda *args, scale=scale: apart(*args) + scale * rng.uniform(-1.0, 1.0),
+        )
+        finer = FinerShapes(robot, bodies).pair(pair, 3e-3)
+        shapes = [one.shape.core.tobytes() for one in (*finer.first, *finer.second)]
+        found.add((len(finer.first), round(finer.distance, 9), *shapes))
+    assert len(found) == 1
 
 
 @pytest.mark.parametrize("fit", FITS)

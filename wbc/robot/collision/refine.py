@@ -30,6 +30,8 @@ TOLERANCES = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)  # m, of hulls: the coarsest that wi
 Pair = tuple[int, int]
 MOST_PAIRS = 32  # of parts, for one pair of bodies
 SMALLEST = 5e-3  # m: parts are not cut any further
+# Parts that share a corner are as near as each other [m] but for rounding, which must not choose.
+EVEN = 1e-6
 
 
 class FinerPair(NamedTuple):
@@ -119,11 +121,13 @@ class FinerShapes:
             if self._apart(pair, sides[0][0], sides[1][0]) >= wanted:
                 break
         while True:
-            distance, *nearest = min(
-                (self._apart(pair, one, two), i, j)
+            apart = {
+                (i, j): self._apart(pair, one, two)
                 for i, one in enumerate(sides[0])
                 for j, two in enumerate(sides[1])
-            )
+            }
+            distance = min(apart.values())
+            nearest = next(parts for parts, far in apart.items() if far <= distance + EVEN)
             larger = int(sides[1][nearest[1]].size > sides[0][nearest[0]].size)
             part = sides[larger][nearest[larger]]
             full = (len(sides[larger]) + 1) * len(sides[1 - larger]) > MOST_PAIRS
