@@ -15,6 +15,7 @@ from wbc.controllers.native_parts import Block, Part
 from wbc.controllers.plan import Plan
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.native_daqp import scratch_sizes
 from wbc.robot import Robot
 from wbc.robot.kernel import NativeTree, frame_places
 from wbc.robot.names import BASE
@@ -116,8 +117,9 @@ class NativeMemory:
         self._size(plan, sum(block.rows for block in blocks if block.held))
         costs = sum(block.rows for block in blocks if not block.held)
         largest = max((block.rows for block in blocks), default=0)
-        scratch = np.zeros(self._scratch_size(len(frames), largest))
-        order = np.zeros(2 * self.n + self.k + self.m, dtype=np.int64)
+        solving, integers = scratch_sizes(self.n, self.k, self.m)
+        scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving))
+        order = np.zeros(integers, dtype=np.int64)
         self._cut(costs)
         structs = (Block * len(blocks))(*blocks)
         self._arrays: tuple[Any, ...]  # the struct points at them
@@ -198,14 +200,11 @@ class NativeMemory:
         self._end = ends[-1]
 
     def _scratch_size(self, frames: int, rows: int) -> int:
-        """Return the larger of what setting up the QP and solving it need."""
-        tree, n, k, m = self._tree, self.n, self.k, self.m
+        """Return how many numbers setting up the QP needs."""
+        tree = self._tree
         work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 9 * tree.joints + 6 * tree.nv)
         motion = tree.motion_size if self.forces is not None else 0
-        left = n - k
-        solving = k * (n + 1 + k) + 2 * k * left + left * left + left + n
-        solving += (3 + left) * (n + m + k)
-        return max(frames * (tree.frame_size + 6) + motion + work, solving)
+        return frames * (tree.frame_size + 6) + motion + work
 
     def _level(self) -> tuple[tuple[int, ...], tuple[int, ...], float]:
         """Return addresses, counts and unit of the torque level, or zeros."""

@@ -8,7 +8,6 @@ outside its limits, is handed back: the same snapshot then goes through the Pyth
 
 from __future__ import annotations
 
-import math
 import operator
 import threading
 from collections.abc import Mapping, Sequence
@@ -28,8 +27,9 @@ from wbc.laws import Residual
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.native_daqp import accepted
 from wbc.qp.problem import QP, Labels
-from wbc.qp.solution import KktResiduals, Solution, Status
+from wbc.qp.solution import Solution
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree
 from wbc.tasks.task import Task
@@ -204,14 +204,11 @@ class NativePlan:
 
     def _solution(self, answer: Answer, spent: float) -> Solution | None:
         """Return what DAQP answered if its residuals are small enough to need no second look."""
-        if self._solver is None:
+        solver = self._solver
+        if solver is None:
             return None
-        *residuals, iterations = answer.found.tolist()
-        if not max(residuals) <= self._solver.eps or math.isnan(sum(residuals)):
-            return None
-        x, y, z, z_box = (part.copy() for part in answer[-7:-3])
-        found, name = KktResiduals(*residuals), self._solver.name
-        return Solution(x, y, z, z_box, Status.SOLVED, found, int(iterations), spent, name)
+        parts = (part.copy() for part in (answer.x, answer.y, answer.z, answer.z_box))
+        return accepted(parts, answer.found, solver.eps, spent, solver.name)
 
 
 def _read(limits: Limits | None) -> tuple[object, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import math
 import os
+from collections.abc import Iterable
 from functools import lru_cache
 from time import perf_counter
 
@@ -18,6 +19,7 @@ from wbc.native import VARIABLE, Core, core
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, Solution, Status
+from wbc.validate import Array
 
 _FIELDS = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
@@ -59,10 +61,8 @@ class NativeDaqp:
         if (len(labels.variables), len(labels.equality), len(labels.inequality)) != (n, k, m):
             return None
         given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
-        left = n - k
-        size = k * (n + 1 + k) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
-        memory = np.empty(size)
-        order = np.empty(2 * n + m + k, dtype=np.int64)
+        size, integers = scratch_sizes(n, k, m)
+        memory, order = np.empty(size), np.empty(integers, dtype=np.int64)
         out = np.empty(2 * n + k + m + 4)
         at = out.ctypes.data
         places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
@@ -70,12 +70,35 @@ class NativeDaqp:
         work = memory.ctypes.data, order.ctypes.data
         if self._call(ctypes.addressof(struct), *work, *self._last) != 0:
             return None
-        *residuals, iterations = out[-4:].tolist()
-        if not max(residuals) <= self._eps or math.isnan(sum(residuals)):
-            return None
-        x, y, z, z_box = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
-        found, spent = KktResiduals(*residuals), perf_counter() - start
-        return Solution(x, y, z, z_box, Status.SOLVED, found, int(iterations), spent, name)
+        parts = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
+        return accepted(parts, out[-4:], self._eps, perf_counter() - start, name)
+
+
+def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
+    """Return how many numbers and integers the core works in: as ``place`` of source/solve.c."""
+    left = n - k
+    numbers = k * (n + 1 + k) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
+    return numbers, 2 * n + m + k
+
+
+def accepted(
+    parts: Iterable[Array], found: Array, eps: float, spent: float, name: str
+) -> Solution | None:
+    """Return the core's answer as a solution if its residuals need no second look.
+
+    Parameters
+    ----------
+    parts:
+        x, y, z and z of the box; not asked for if the answer is none.
+    found:
+        (4,) primal, dual and complementarity residual, and iterations.
+    """
+    *residuals, iterations = found.tolist()
+    if not max(residuals) <= eps or math.isnan(sum(residuals)):
+        return None
+    x, y, z, z_box = parts
+    known = KktResiduals(*residuals)
+    return Solution(x, y, z, z_box, Status.SOLVED, known, int(iterations), spent, name)
 
 
 def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
