@@ -263,6 +263,23 @@ def test_what_the_core_does_not_know_is_left_to_python(native) -> None:
 
 
 @direct
+@pytest.mark.parametrize("friction", [FrictionCone(0.05, facets=8), None])
+def test_cones_of_another_size_count_in_every_tick_from_then_on(native, friction) -> None:
+    """The core's plan has no place for them: neither in the next tick nor in those behind it."""
+    robot = native("g1_27")
+    here = robot.snapshot(robot.posture("standing"))
+    contacts = support(here, "double")
+    controller = controller_of(robot, standing_tasks(robot, here), contacts)
+    assert controller.step(here).ok
+    usual, contacts[0].friction = contacts[0].friction, friction
+    for _ in range(3):
+        found, wanted = controller.step(here), Controller._step(controller, here)
+        assert found.qp.labels == wanted.qp.labels
+        np.testing.assert_allclose(found.qp.C, wanted.qp.C, rtol=0.0, atol=1e-10)
+    contacts[0].friction = usual
+    assert_same_qp(controller, here)
+
+
 def test_a_copy_has_memory_of_its_own_and_a_qp_lasts(native, rng) -> None:
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))

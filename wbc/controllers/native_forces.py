@@ -55,6 +55,11 @@ class NativeForces:
     ----------
     blocks:
         Of each contact that is met exactly: the number of its block.
+
+    Attributes
+    ----------
+    stale:
+        Whether a contact was changed since the cones were written.
     """
 
     def __init__(self, rows: TorqueRows, blocks: Mapping[Task, int], joint_damping: Array) -> None:
@@ -85,16 +90,18 @@ class NativeForces:
         self.cone = np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper))
         self.labels = rows.labels + cones.labels
         self._ramps: Mapping[str, float] = {}
+        self.stale = False
 
-    def write(self, ramps: Mapping[str, float], changed: bool) -> bool:
+    def write(self, ramps: Mapping[str, float]) -> bool:
         """Write the cones if contacts were changed or forces come and go; False: of other size."""
-        if not changed and not ramps and not self._ramps:
+        if not self.stale and not ramps and not self._ramps:
             return True
         cones = self.rows.forces.bounds(ramps)
         if cones.matrix.size + 2 * len(cones.labels) != self.cone.size:
             return False
         np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper), out=self.cone)
         self.labels, self._ramps = self.rows.labels + cones.labels, dict(ramps)
+        self.stale = False
         return True
 
     def bounds(self, matrix: Array, lower: Array, upper: Array) -> Bounds:

@@ -164,14 +164,14 @@ class NativePlan:
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
-        changed = False
+        forces = self._memory.forces
         for part in self._parts:
             if part.task._changes != part.changes:
+                if forces is not None and part.held:
+                    forces.stale = True
                 if not part.write(self._dt):
                     return False
-                changed = changed or part.held
-        forces = self._memory.forces
-        return forces is None or forces.write(ramps, changed)
+        return forces is None or forces.write(ramps)
 
     def _read(self, answer: Answer, solution: Solution | None) -> NativeProblem:
         labels, rows = self._plan.labels[0], None
