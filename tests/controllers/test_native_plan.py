@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from tests.conftest import ROBOTS, load, random_state
+from tests.conftest import ROBOTS, random_state
 from tests.controllers.native_ticks import FIELDS, assert_same_qp, every_task
 from wbc.constraints import (
     Contact,
@@ -65,18 +65,12 @@ def test_the_same_qp_at_random_states(name: str, rng, native) -> None:
         assert_same_qp(controller, robot.snapshot(drifted))
 
 
-def test_gears_and_a_bolted_base(native, tmp_path, rng) -> None:
-    model = load("mixed_joints").path.read_text()
-    mimic = '<mimic joint="hip" multiplier="0.5" offset="0.01"/>'
-    place = model.index(">", model.index('<joint name="piston"')) + 1
-    path = tmp_path / "geared.urdf"
-    path.write_text(model[:place] + mimic + model[place:])
-    robot = Robot.load(path, base="fixed")
-    assert robot.couplings
-    q, v = random_state(robot, rng)
-    controller = controller_of(robot, [PostureTask(robot, q)])
-    assert_same_qp(controller, robot.snapshot(q, v))
-    assert controller._native.problem(robot.snapshot(q, v)).qp.b.size == 7
+def test_gears_and_a_bolted_base(native, geared: Robot, rng) -> None:
+    assert geared.couplings
+    q, v = random_state(geared, rng)
+    controller = controller_of(geared, [PostureTask(geared, q)])
+    assert_same_qp(controller, geared.snapshot(q, v))
+    assert controller._native.problem(geared.snapshot(q, v)).qp.b.size == 7
 
 
 def test_joints_may_be_held(native) -> None:

@@ -88,17 +88,11 @@ def test_the_same_qp_at_random_states(name: str, rng, native) -> None:
             np.testing.assert_allclose(found.offset, dynamics.offset, rtol=0.0, atol=1e-10 * scale)
 
 
-def test_gears_and_a_bolted_base(native, tmp_path, rng) -> None:
+def test_gears_and_a_bolted_base(native, geared: Robot, rng) -> None:
     """Their forces are unknowns too, and followers have no torque bound."""
-    model = load("mixed_joints").path.read_text()
-    mimic = '<mimic joint="hip" multiplier="0.5" offset="0.01"/>'
-    place = model.index(">", model.index('<joint name="piston"')) + 1
-    path = tmp_path / "geared.urdf"
-    path.write_text(model[:place] + mimic + model[place:])
-    robot = Robot.load(path, base="fixed")
-    controller = controller_of(robot, [PostureTask(robot, robot.posture())], torque_limits=None)
-    q, v = random_state(robot, rng)
-    assert_same_qp(controller, robot.snapshot(q, 0.1 * v))
+    controller = controller_of(geared, [PostureTask(geared, geared.posture())], torque_limits=None)
+    q, v = random_state(geared, rng)
+    assert_same_qp(controller, geared.snapshot(q, 0.1 * v))
     assert len(controller.contact_forces.names) == 7
 
 
