@@ -24,14 +24,17 @@ class NativeController(Controller):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command; what the core does not know goes through the Python tick."""
-        return self._native_step(snapshot) or super()._step(snapshot)
+        plan = self._native
+        if plan is not None and plan.serves(self.limits, self.dt):
+            tick = self._native_step(plan, snapshot)
+            if tick is not None:
+                return tick
+        return super()._step(snapshot)
 
-    def _native_step(self, snapshot: Snapshot) -> Tick | None:
+    def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | None:
         """Return the command of a plain tick; None: not plain, or without a solution."""
         start = perf_counter()
-        if self._native is None or not self._native.serves(self.limits, self.dt):
-            return None
-        found = self._native_problem(self._native, snapshot)
+        found = self._native_problem(plan, snapshot)
         if found is None:
             return None
         physics, qp, step_scale = self._native_physics(found, snapshot), found.qp, 1.0
