@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -160,25 +160,27 @@ def _leg(robot: Robot, side: str) -> tuple[float, float, float, float, float]:
     limits, at = robot.limits, float(snapshot.joint_positions[turning])
     return (
         float(lengths[knee].max()),
-        float(_leg_vector(robot, joints, snapshot.q)[2]),
+        float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(limits.velocity[hip]) * lever,
         SHARE * float(limits.effort[hip]) / inertia * lever,
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
     )
 
 
-def _leg_vector(robot: Robot, joints: Sequence[int], q: Array) -> Array:
-    """Return the hip's place from the ankle (3,) [m]; ``joints`` begin and end with them."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
-    return np.array(data.oMi[joints[0]].translation - data.oMi[joints[-1]].translation)
+def _leg_vectors(robot: Robot, joints: Sequence[int], configurations: Iterable[Array]) -> Array:
+    """Return the hip's places from the ankle (n, 3) [m]; ``joints`` begin and end with them."""
+    data, found = robot.model.createData(), []  # one for all: making it takes longer than its use
+    for q in configurations:
+        pin.forwardKinematics(robot.model, data, q)
+        found.append(data.oMi[joints[0]].translation - data.oMi[joints[-1]].translation)
+    return np.array(found)
 
 
 def _lengths(robot: Robot, joints: Sequence[int], joint: int) -> Array:
     """Return the leg's lengths over the range of one of its joints."""
     limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
-    q, found = robot.postures[STANDING].copy(), []
-    for angle in np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), SAMPLES):
-        limits.set_joint(q, limits.names[k], float(angle))
-        found.append(float(np.linalg.norm(_leg_vector(robot, joints, q))))
-    return np.array(found)
+    bent = np.tile(robot.postures[STANDING], (SAMPLES, 1))
+    angles = np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), SAMPLES)
+    for q, angle in zip(bent, angles.tolist(), strict=True):
+        limits.set_joint(q, limits.names[k], angle)
+    return np.array([np.linalg.norm(vector) for vector in _leg_vectors(robot, joints, bent)])
