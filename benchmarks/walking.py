@@ -2,7 +2,7 @@
 
 Every trial has sensor noise of 1e-3 rad and 0.05 rad/s on joints and base, 2 ms of delay, and
 masses that are wrong by up to 10 % (by the seed). Trials run in processes; each is a line of a
-journal, and what is there already is not run again.
+journal, and what is there already is not run again; a journal of other settings is refused.
 
     python benchmarks/walking.py JOURNAL.jsonl [--only speed push ground schedule] [--seeds 10]
         [--workers 2]
@@ -13,11 +13,9 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
 
 import argparse
-import json
 import math
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,17 +23,22 @@ from typing import Any
 import numpy as np
 
 import wbc
-from wbc.gait import Walker
+from wbc.controllers import Controller
+from wbc.gait import Velocity, Walker
+from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.journal import Journal
+from wbc.problem.simulation_spec import turned_with
+from wbc.robot import Snapshot
 from wbc.simulation import (
-    FallLimits,
-    FallWatch,
     ModelMismatch,
     Plant,
     Sensors,
     SimulationError,
     Step,
     Terrain,
+    simulate,
 )
+from wbc.workers import Workers
 
 DT = 0.002
 ARMATURE = 0.003  # kg m^2, as in the problem files
@@ -44,6 +47,9 @@ STEPS = 50
 MOST = 60.0  # s
 # G1 is pushed while it walks at this speed [m/s], at its trunk, by 100 N for 0.2 s.
 PUSHED, FORCE, LASTING = 0.5, 100.0, 0.2
+# What trials depend on beside their own numbers.
+MADE_OF = {"wbc": wbc.__version__, "dt": DT, "armature": ARMATURE, "push": (FORCE, LASTING)}
+MOMENT = 1.0  # s to wait for what came of a trial
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,6 @@ class Trial:
     steps: int | None = STEPS
     push: tuple[float, float] | None = None
     ground: tuple[float, float, float] | str = "level"
-    tags: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -156,40 +161,39 @@ def walked(trial: Trial) -> dict[str, Any]:
     )
     terrain = terrain_of(trial.ground, trial.seed)
     plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=ModelMismatch(mass=mass))
-    plant.reset(_start(robot, terrain))
+    # The soles lie flat on the ground.
+    plant.reset(turned_with(robot.posture("standing"), terrain.normal))
     walker = Walker(robot, dt=DT)
-    watch = FallWatch(plant, FallLimits())
-    end = trial.commands[-1][0] + 3.0 if trial.steps is None else MOST
-    coming, begin = list(trial.commands), plant.com.copy()
+    commands = [TimedCommand(at, Velocity(*velocity)) for at, *velocity in trial.commands]
+    walk = CommandedWalk(walker, commands, lambda: plant.contact_forces)
+    end = commands[-1].at + 3.0 if trial.steps is None else MOST
+    begin = plant.com.copy()
     ticks = relaxed = 0
-    verdict, pushed = watch.verdict(), trial.push is None
+    push = trial.push
+
+    def lead(tick: int, snapshot: Snapshot) -> Controller | None:
+        nonlocal push
+        if trial.steps is not None and walker.steps >= trial.steps:
+            return None
+        if push is not None and walker.steps >= 6:
+            (angle, part), push = push, None
+            start = plant.time + part * walker.gait.times.total
+            force = FORCE * np.array((math.cos(angle), math.sin(angle), 0.0))
+            plant.push("torso_link", force, start=start, duration=LASTING)
+        return walk.update(tick, snapshot)
+
     try:
-        while plant.time < end and (trial.steps is None or walker.steps < trial.steps):
-            while coming and plant.time >= coming[0][0] - 1e-9:
-                walker.command(*coming.pop(0)[1:])
-            if not pushed and walker.steps >= 6 and trial.push is not None:
-                angle, part = trial.push
-                start = plant.time + part * walker.gait.times.total
-                force = FORCE * np.array((math.cos(angle), math.sin(angle), 0.0))
-                plant.push("torso_link", force, start=start, duration=LASTING)
-                pushed = True
-            measured = plant.measure()
-            if measured is not None:
-                tick = walker.step(robot.snapshot(*measured), plant.contact_forces)
-                ticks, relaxed = ticks + 1, relaxed + bool(tick.policy)
-            plant.step(tick.torque)
-            verdict = watch.verdict()
-            if not verdict.stood:
-                break
-        reason = verdict.reason
+        for now in simulate(walker.controller, plant, end, update=lead):
+            ticks, relaxed = ticks + 1, relaxed + bool(now.tick.policy)
+        stood, reason = now.verdict.stood, now.verdict.reason
     except SimulationError as error:
-        reason = str(error)
+        stood, reason = False, str(error)
     way = plant.com - begin
     return {
         "key": trial.key,
         **asdict(trial),
         "mass": mass,
-        "stood": verdict.stood and reason == verdict.reason,
+        "stood": stood,
         "reason": reason,
         "made": walker.steps,
         "time": plant.time,
@@ -199,11 +203,22 @@ def walked(trial: Trial) -> dict[str, Any]:
     }
 
 
-def _start(robot: wbc.Robot, terrain: Terrain) -> np.ndarray:
-    """Return the standing posture, turned with the ground, its soles flat on it."""
-    from wbc.problem.simulation_spec import turned_with
+def walk_in_processes(wanted: Sequence[Trial], size: int) -> Iterator[dict[str, Any]]:
+    """Yield what came of the trials, as it comes."""
+    ahead, left = iter(wanted), len(wanted)
+    with Workers(_walking, size) as workers:
+        while left:
+            while workers.room and (trial := next(ahead, None)) is not None:
+                workers.submit(trial.key, trial)
+            for answer in workers.results(MOMENT):
+                if answer.error is not None:
+                    raise answer.error
+                left -= 1
+                yield answer.value
 
-    return turned_with(robot.posture("standing"), terrain.normal)
+
+def _walking() -> Callable[[Trial], dict[str, Any]]:
+    return walked
 
 
 def table(rows: list[dict[str, Any]]) -> str:
@@ -232,19 +247,17 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    text = given.journal.read_text() if given.journal.exists() else ""
-    rows = [json.loads(line) for line in text.splitlines()]
-    known = {row["key"] for row in rows}
-    wanted = [
-        one
-        for one in trials(given.seeds)
-        if one.group in given.only and one.robot in given.robots and one.key not in known
-    ]
-    with ProcessPoolExecutor(given.workers) as pool, given.journal.open("a") as journal:
-        for future in as_completed([pool.submit(walked, one) for one in wanted]):
-            rows.append(future.result())
-            journal.write(json.dumps(rows[-1]) + "\n")
-            journal.flush()
+    with Journal(given.journal, MADE_OF) as journal:
+        rows = list(journal.entries)
+        known = {row["key"] for row in rows}
+        wanted = [
+            one
+            for one in trials(given.seeds)
+            if one.group in given.only and one.robot in given.robots and one.key not in known
+        ]
+        for row in walk_in_processes(wanted, given.workers):
+            journal.add(row)
+            rows.append(row)
     shown = [row for row in rows if row["group"] in given.only and row["robot"] in given.robots]
     print(table(shown))
 
