@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,4 +64,4 @@ def _plane(yaw: float) -> Array:
 def first_swing(velocity: Velocity) -> str:
     """Return the foot to begin with: the one that leads sideways or in a turn, or the right one."""
     leads = velocity.vy if velocity.vy != 0.0 else velocity.yaw_rate
-    return "left" if math.copysign(1.0, leads) > 0.0 and leads != 0.0 else "right"
+    return "left" if leads > 0.0 else "right"

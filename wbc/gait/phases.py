@@ -23,16 +23,12 @@ class Measured(NamedTuple):
 
     Attributes
     ----------
-    com, velocity:
-        (3,) of the CoM [m], [m/s].
     dcm:
-        (2,) with the velocity that the angular momentum stands for [m].
+        (2,) of the CoM, with the velocity that the angular momentum stands for [m].
     places, rotations:
         Of the soles, by foot: (3,) [m] and (3, 3).
     """
 
-    com: Array
-    velocity: Array
     dcm: Array
     places: dict[str, Array]
     rotations: dict[str, Array]
@@ -44,8 +40,6 @@ class Measured(NamedTuple):
         kx, ky, _ = snapshot.momentum[3:] / (snapshot.robot.mass * height)
         carried = velocity[:2] + (ky, -kx)
         return cls(
-            snapshot.com,
-            velocity,
             snapshot.com[:2] + carried / omega,
             {foot: snapshot.position(frame) for foot, frame in frames.items()},
             {foot: snapshot.rotation(frame) for foot, frame in frames.items()},
