@@ -244,9 +244,8 @@ class _Problem:
         x, p = ca.MX.sym("x", last.size), ca.MX.sym("p", 0)
         A, slope = ca.DM(linear), ca.mtimes(hessian, x)
         g, f = ca.vertcat(self.end(x), ca.mtimes(A, x)), 0.5 * ca.dot(x, slope)
-        given: dict[
-            str, Any
-        ] = {  # CasADi's own derivative of so many rows takes a pass for each unknown
+        # CasADi's own derivative of so many rows takes a pass for each unknown.
+        given: dict[str, Any] = {
             "jac_g": ca.Function("jac_g", [x, p], [g, ca.vertcat(self.slopes(x), A)]),
             "grad_f": ca.Function("grad_f", [x, p], [f, slope]),
         }
