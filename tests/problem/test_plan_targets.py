@@ -2,11 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.problem.loading import complaint_of, problem_of
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, load_problem
 from wbc.rmp.plan import load_plan, problem_from_data, problem_to_data
@@ -40,18 +40,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def problem(folder: Path, text: str = TRACK, overrides: dict[str, Any] | None = None) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    found = load_problem(file, overrides)
+def problem(folder: Path, text: str = TRACK) -> Problem:
+    found = problem_of(folder, text)
     assert isinstance(found, Problem)
     return found
-
-
-def complaint(folder: Path, text: str) -> str:
-    with pytest.raises(ProblemFileError) as caught:
-        problem(folder, text)
-    return str(caught.value).replace(f"{folder}/", "")
 
 
 def test_a_plan_is_followed_and_the_result_tells_how_well(folder: Path) -> None:
@@ -142,7 +134,7 @@ def test_tasks_have_the_targets_of_the_plan(folder: Path) -> None:
 )  # fmt: skip
 def test_mistakes(folder: Path, old: str, new: str, wanted: str) -> None:
     assert old in TRACK
-    assert wanted in complaint(folder, TRACK.replace(old, new))
+    assert wanted in complaint_of(folder, TRACK.replace(old, new))
 
 
 def test_a_phase_cannot_begin_to_follow_a_plan(folder: Path) -> None:
@@ -152,7 +144,7 @@ def test_a_phase_cannot_begin_to_follow_a_plan(folder: Path) -> None:
         "simulation: {duration: 0.5}",
         "phases: {one: {duration: 0.5, tasks: {com: {target: {plan: lean.yaml}}}}}",
     )
-    assert "in a run without phases" in complaint(folder, text)
+    assert "in a run without phases" in complaint_of(folder, text)
 
 
 def test_a_plan_for_another_robot_is_refused_with_the_numbers(folder: Path) -> None:
@@ -165,7 +157,7 @@ def test_a_plan_for_another_robot_is_refused_with_the_numbers(folder: Path) -> N
         " momentum: [0, 0, 0], radii: [0.2, 0.2, 0.2], radii_rates: [0, 0, 0]}",
     )
     (folder / "lean.yaml").write_text(other)
-    told = complaint(folder, TRACK)
+    told = complaint_of(folder, TRACK)
     assert told.startswith("p.yaml:4: tasks.com.target: the plan is not for hoap2_like")
     assert "its mass is 30 kg" in told and "mm from the robot's" in told
 

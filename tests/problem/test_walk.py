@@ -5,9 +5,10 @@ from typing import Any
 
 import pytest
 
-from wbc.errors import InvalidInputError, ProblemFileError
+from tests.problem.loading import complaint_of, problem_of
+from wbc.errors import InvalidInputError
 from wbc.gait import Walker
-from wbc.problem import Problem, load_problem
+from wbc.problem import Problem
 from wbc.problem.walk import walker_of
 from wbc.problem.walk_spec import WalkSpec
 from wbc.simulation import SimulationStatus
@@ -24,22 +25,14 @@ simulation: {duration: 1.2}
 
 
 def problem(folder: Path, text: str = WALK, overrides: dict[str, Any] | None = None) -> Problem:
-    file = folder / "p.yaml"
-    file.write_text(text)
-    loaded = load_problem(file, overrides)
-    assert isinstance(loaded, Problem)
-    return loaded
+    found = problem_of(folder, text, overrides)
+    assert isinstance(found, Problem)
+    return found
 
 
 def walker_in(problem: Problem) -> Walker:
     assert isinstance(problem.spec, WalkSpec)
     return walker_of(problem.spec, problem.parts)
-
-
-def complaint(folder: Path, overrides: dict[str, Any], text: str = WALK) -> str:
-    with pytest.raises(ProblemFileError) as caught:
-        problem(folder, text, overrides)
-    return str(caught.value).replace(str(folder / "p.yaml"), "p.yaml")
 
 
 def test_it_walks_and_says_what_was_beyond_the_legs(tmp_path: Path) -> None:
@@ -84,7 +77,7 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes(tmp_path: Path, overrides: dict[str, Any], said: str) -> None:
-    assert said in complaint(tmp_path, overrides)
+    assert said in complaint_of(tmp_path, WALK, overrides)
 
 
 def test_a_walk_is_not_run(tmp_path: Path) -> None:
