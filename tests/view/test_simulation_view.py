@@ -61,6 +61,26 @@ def test_everything_is_drawn(robot: Robot, arrays: Arrays, tmp_path) -> None:
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
+def test_noise_of_a_robot_that_stands_does_not_fill_the_axes(robot: Robot, arrays: Arrays) -> None:
+    noise = 1e-5 * np.random.default_rng(0).standard_normal((ROWS, 3))
+    still = {**arrays, "com": arrays["com"] + noise, "tilt": 1e-4 * np.abs(noise[:, 0]),
+             "plan_com": arrays["com"], "plan_cop": arrays["cop"], "plan_momentum": noise,
+             "angular_momentum": noise}  # fmt: skip
+    for tilt, highest in ((still["tilt"], 0.05), (0.1 * arrays["time"], 0.2)):
+        figure = simulation_figure(robot, {**still, "tilt": tilt}, title="still")
+        plots = {axes.get_title(loc="left"): axes for axes in figure.axes}
+        # Matplotlib leaves a twentieth free beyond what an axis must hold.
+        np.testing.assert_allclose(plots["Tilt of the trunk"].get_ylim(), (0.0, 1.05 * highest))
+        low, high = plots["CoM and CoP, y: to the left"].get_ylim()
+        np.testing.assert_allclose((high - low, 0.5 * (high + low)), (2.2, 0.0), atol=0.05)
+        apart = plots["How far CoM and CoP are from the plan"]
+        np.testing.assert_allclose(apart.get_ylim(), (0.0, 2.1))
+    far = {**still, "com": arrays["com"] + 0.01 * arrays["time"][:, None]}  # 20 mm: as it is
+    figure = simulation_figure(robot, far, title="moves")
+    moves = next(one for one in figure.axes if one.get_title(loc="left").startswith("CoM and CoP"))
+    assert moves.get_ylim()[1] == pytest.approx(21.0)
+
+
 def test_without_pushes_the_robot_is_drawn_now_and_then(robot: Robot, arrays: Arrays) -> None:
     figure = simulation_figure(robot, {**arrays, "push": np.zeros((ROWS, 3))}, title="still")
     titles = {axes.get_title() for axes in figure.axes}

@@ -26,6 +26,7 @@ SHOWN = 5  # portraits
 AFTER_PUSH = (0.0, 0.1, 0.3, 1.0)  # parts of the time after a push at which the robot is drawn
 JOINTS = 4  # whose torque is drawn: those that use most of it
 PUSHED = "#FBE9DF"  # behind plots while something pushes
+STILL, UPRIGHT = 2.0, 0.05  # mm, rad: axes are as long at least, or noise would fill them
 PLANNED = ("plan_com", "plan_cop", "plan_momentum", "angular_momentum")  # if it follows a plan
 NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed", "tilt")
 
@@ -176,6 +177,7 @@ def _plot_com(axes: Axes, run: Mapping[str, Array], axis: int, name: str) -> Non
         Series(one.label, one.colour, one.dashes, 1e3 * (one.values[:, axis] - start))
         for one in parts
     ]
+    _make_room(axes, run, curves)
     plot_curves(axes, run["time"], curves)
 
 
@@ -186,6 +188,7 @@ def _plot_from_plan(axes: Axes, run: Mapping[str, Array]) -> None:
         apart = run[name] - run[f"plan_{name}"]
         columns = slice(0, 2 if name == "cop" else 3)
         curves.append(Series(label, colour, "-", 1e3 * np.linalg.norm(apart[:, columns], axis=1)))
+    _hold(axes, run, 0.0, STILL)
     plot_curves(axes, run["time"], curves)
     axes.set_ylim(bottom=0.0)
 
@@ -235,13 +238,16 @@ def _plot_torques(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:
 
 def _plot_tilt(axes: Axes, run: Mapping[str, Array]) -> None:
     style.plain(axes, "Tilt of the trunk", "time [s]", "rad")
+    _hold(axes, run, 0.0, UPRIGHT)
     plot_curves(axes, run["time"], [Series("tilt", style.PURPLE, "-", run["tilt"])])
     axes.set_ylim(bottom=0.0)
 
 
 def _plot_margin(axes: Axes, run: Mapping[str, Array]) -> None:
     style.plain(axes, "CoP inside the soles that bear load", "time [s]", "mm")
-    plot_curves(axes, run["time"], [Series("CoP", style.BLUE, "-", 1e3 * run["cop_margin"])])
+    curves = [Series("CoP", style.BLUE, "-", 1e3 * run["cop_margin"])]
+    _make_room(axes, run, curves)
+    plot_curves(axes, run["time"], curves)
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.8)
 
 
@@ -251,3 +257,18 @@ def _plot(axes: Axes, time: Array, curves: Sequence[Series]) -> None:
         if not one.label:
             axes.plot(time, one.values, color=one.colour, linestyle=one.dashes, linewidth=1.0)
     plot_curves(axes, time, [one for one in curves if one.label])
+
+
+def _make_room(axes: Axes, run: Mapping[str, Array], curves: Sequence[Series]) -> None:
+    """Let the axis of curves [mm], which are drawn next, be as long as :data:`STILL` at least."""
+    values = np.concatenate([one.values for one in curves])
+    seen = values[np.isfinite(values)]
+    if seen.size:
+        middle = 0.5 * float(seen.min() + seen.max())
+        _hold(axes, run, middle - 0.5 * STILL, middle + 0.5 * STILL)
+
+
+def _hold(axes: Axes, run: Mapping[str, Array], low: float, high: float) -> None:
+    """Let the axis of what is drawn next hold two values."""
+    start = float(run["time"][0])
+    axes.update_datalim([(start, low), (start, high)])
