@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, complain, errors_in_one_line
+from wbc.cli.errors import NOT_REACHED, complain, errors_in_one_line, print_note
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,15 +158,10 @@ def _run(
             cluster=cluster,
             journal=journal,
             progress=tell,
-            on_death=_print_death,
+            on_death=print_note,
             cancelled=interrupts,
         )
     return rows, interrupts
-
-
-def _print_death(text: str) -> None:
-    head = typer.style("note:", fg="yellow", bold=True)
-    typer.echo(f"{head} {text}", err=True)
 
 
 def _told(campaign: Campaign) -> str:

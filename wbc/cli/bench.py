@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, errors_in_one_line
+from wbc.cli.errors import NOT_REACHED, errors_in_one_line, print_note
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -103,8 +103,7 @@ def _checked(output: list[Path]) -> list[Path]:
 def _one_thread() -> None:
     """Say so if linear algebra may use several threads: their times would mean little."""
     if not any(os.environ.get(name) == "1" for name in THREADS):
-        head = typer.style("note:", fg="yellow", bold=True)
-        typer.echo(f"{head} set OMP_NUM_THREADS=1 for steady times", err=True)
+        print_note("set OMP_NUM_THREADS=1 for steady times")
 
 
 def _sequences(
@@ -150,9 +149,7 @@ def _recorded(problems: list[Path], ticks: int, quiet: bool) -> list[QpSequence]
         except NothingToRecordError as error:
             if len(problems) == 1:
                 raise
-            typer.echo(
-                f"{typer.style('note:', fg='yellow', bold=True)} {error}; left out", err=True
-            )
+            print_note(f"{error}; left out")
     return found
 
 
@@ -192,9 +189,8 @@ def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[Change]:
     from wbc.bench import compare
 
     changes, notes = compare(old, new)
-    head = typer.style("note:", fg="yellow", bold=True)
     for note in notes:
-        typer.echo(f"{head} {note}", err=True)
+        print_note(note)
     return changes
 
 

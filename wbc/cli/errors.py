@@ -36,13 +36,18 @@ def complain(text: str) -> None:
     typer.echo(f"{head} {text}", err=True)
 
 
+def print_note(text: str) -> None:
+    """Print what is worth knowing to stderr."""
+    head = typer.style("note:", fg="yellow", bold=True)
+    typer.echo(f"{head} {text}", err=True)
+
+
 def print_notes(robot: Robot) -> None:
     """Print to stderr what was tolerated while a robot was loaded, and the limits that it lacks."""
-    head = typer.style("note:", fg="yellow", bold=True)
     missing = missing_limits(robot)
     lacks = (f"joints without a limit: {missing}",) if missing else ()
     for note in (*robot.notes, *lacks):
-        typer.echo(f"{head} {robot.name}: {note}", err=True)
+        print_note(f"{robot.name}: {note}")
 
 
 def missing_limits(robot: Robot) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
+from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_note, print_notes
 from wbc.cli.options import Assign, Quiet, Solver, overrides_of
 from wbc.cli.running import check_outputs
 
@@ -185,12 +185,10 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _print_left_out(names: Sequence[str], pushed: Sequence[PushedProblem]) -> None:
-    head = typer.style("note:", fg="yellow", bold=True)
     for name, one in zip(names, pushed, strict=True):
         if one.own_pushes:
             plural = "es" if one.own_pushes > 1 else ""
-            text = f"{one.own_pushes} push{plural} of simulation.pushes left out"
-            typer.echo(f"{head} {name}: {text}", err=True)
+            print_note(f"{name}: {one.own_pushes} push{plural} of simulation.pushes left out")
 
 
 def _push_all(
