@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
+from wbc.cli.errors import errors_in_one_line, print_notes
 
 if TYPE_CHECKING:
     from wbc.motion import RmpSeries
@@ -111,9 +111,8 @@ def analyze(
             outputs.draw(plot, lambda picture: _draw(series, picture, moments))
         if not quiet:
             _print(series, outputs.written)
-    for failure in outputs.failures:
-        complain(failure)
-    raise typer.Exit(BAD_INPUT if outputs.failures else 0)
+        code = outputs.exit_code()
+    raise typer.Exit(code)
 
 
 def _cutoff(text: str) -> float | None:

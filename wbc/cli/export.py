@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
+from wbc.cli.errors import errors_in_one_line
 from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem
 
 
@@ -19,7 +19,7 @@ def export(
 ) -> None:
     """Write a run as MCAP, for Foxglove, Rerun or PlotJuggler: links, joints, errors, forces."""
     with errors_in_one_line():
-        from wbc.cli.outputs import Outputs, check_place
+        from wbc.cli.outputs import check_place, write_one
         from wbc.cli.saved import saved_or_run
         from wbc.errors import InvalidInputError
         from wbc.problem.saved import SavedRun
@@ -34,11 +34,7 @@ def export(
                 " by: wbc run PROBLEM.yaml -o motion.csv"
             )
         parts = saved.robot, saved.history, saved.summary
-        outputs = Outputs()
-        outputs.save(output, lambda path: write_mcap(*parts, path, simulation=saved.simulation))
-        if not quiet:
-            for path in outputs.written:
-                typer.echo(f"written  {path} ({path.stat().st_size / 1e6:.1f} MB)")
-    for failure in outputs.failures:
-        complain(failure)
-    raise typer.Exit(BAD_INPUT if outputs.failures else 0)
+        code = write_one(
+            output, lambda path: write_mcap(*parts, path, simulation=saved.simulation), quiet
+        )
+    raise typer.Exit(code)

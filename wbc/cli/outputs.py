@@ -9,6 +9,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import typer
+
+from wbc.cli.errors import BAD_INPUT, complain
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import Result
 from wbc.problem.pendulum.result import PendulumResult
@@ -43,6 +46,22 @@ class Outputs:
             self.failures.append(f"--plot {path}: {error}")
         except OSError as error:
             self.failures.append(f"--plot {path}: cannot be written: {error.strerror}")
+
+    def exit_code(self, code: int = 0) -> int:
+        """Print what could not be written, and return the exit code: ``code`` if all was."""
+        for failure in self.failures:
+            complain(failure)
+        return BAD_INPUT if self.failures else code
+
+
+def write_one(path: Path, save: Callable[[Path], object], quiet: bool) -> int:
+    """Write the one file of a command, print how large it is, and return the exit code."""
+    outputs = Outputs()
+    outputs.save(path, save)
+    if not quiet:
+        for each in outputs.written:
+            typer.echo(f"written  {each} ({each.stat().st_size / 1e6:.1f} MB)")
+    return outputs.exit_code()
 
 
 def draw_result(

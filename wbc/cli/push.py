@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_note, print_notes
+from wbc.cli.errors import complain, errors_in_one_line, print_note, print_notes
 from wbc.cli.options import Assign, Quiet, Solver, overrides_of
 from wbc.cli.running import check_outputs
 
@@ -165,15 +165,14 @@ def _campaign(
                 log.remove()
         if not quiet:
             print_maps(maps, settings, outputs.written)
-    for failure in outputs.failures:
-        complain(failure)
+    code = outputs.exit_code()
     if interrupts():
         if kept is None:
             complain("interrupted; with --output FILE the same command would go on later")
         else:
             complain(f"interrupted; the same command goes on with what is in {kept}")
         return interrupts.exit_code
-    return BAD_INPUT if outputs.failures else 0
+    return code
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line
+from wbc.cli.errors import errors_in_one_line
 from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def report(
 ) -> None:
     """Write a run as one HTML file: replay in 3-D, plots, tables, the problem and versions."""
     with errors_in_one_line():
-        from wbc.cli.outputs import Outputs, check_place, require_matplotlib
+        from wbc.cli.outputs import check_place, require_matplotlib, write_one
         from wbc.cli.saved import saved_or_run, title_of
 
         require_matplotlib("wbc report")
@@ -33,14 +33,8 @@ def report(
         check_place("--output", output)
         saved = saved_or_run(run, robot, quiet)
         title = title_of(saved)
-        outputs = Outputs()
-        outputs.save(output, lambda path: _write(saved, path, title))
-        if not quiet:
-            for path in outputs.written:
-                typer.echo(f"written  {path} ({path.stat().st_size / 1e6:.1f} MB)")
-    for failure in outputs.failures:
-        complain(failure)
-    raise typer.Exit(BAD_INPUT if outputs.failures else 0)
+        code = write_one(output, lambda path: _write(saved, path, title), quiet)
+    raise typer.Exit(code)
 
 
 def _write(saved: SavedRun | SavedPendulum, path: Path, title: str) -> None:

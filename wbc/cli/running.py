@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from wbc.cli.errors import BAD_INPUT, complain
+from wbc.cli.errors import complain
 
 if TYPE_CHECKING:
     from wbc.problem import Problem
@@ -114,8 +114,7 @@ def finish(wanted: Wanted, ended: Ended, watching: Watching | None) -> int:
         outputs.draw(wanted.plot, ended.draw)
     if not wanted.quiet:
         ended.tell(outputs.written)
-    for failure in outputs.failures:
-        complain(failure)
+    code = outputs.exit_code(ended.code)
     if ended.interrupted is not None:
         where = ", ".join(str(one) for one in outputs.written) or "nowhere"
         complain(f"interrupted; what was computed until then is in {where}")
@@ -124,4 +123,4 @@ def finish(wanted: Wanted, ended: Ended, watching: Watching | None) -> int:
         watching.replay(ended.history)
         typer.echo(f"it can be played again at {watching.viewer.url}; Ctrl-C ends", err=True)
         watching.viewer.wait()
-    return BAD_INPUT if outputs.failures else ended.code
+    return code
