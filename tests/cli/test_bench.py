@@ -1,11 +1,14 @@
 """``wbc bench``: recorded, measured, written, compared and refused."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import IO
 
 import pytest
 from typer.testing import CliRunner, Result
 
+import wbc.files
 from wbc.bench import load_sequence
 from wbc.cli import app
 
@@ -49,6 +52,26 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
     assert compared.exit_code == 3, compared.output
     lines = {line.split()[0]: line for line in compared.stdout.splitlines() if "1e-08 " in line}
     assert lines["daqp"].endswith("slower") and lines["proxqp"].endswith("faster")
+
+
+def test_figures_that_cannot_be_saved_are_saved_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = wbc.files.write_whole
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def full_disk(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
+        if path.parent == tmp_path:
+            raise OSError(28, "No space left on device")
+        whole(path, fill)
+
+    monkeypatch.setattr(wbc.files, "write_whole", full_disk)
+    result = run(*SMALL, "-o", tmp_path / "b.json", "-o", tmp_path / "b.png")
+    assert result.exit_code == 1
+    assert "cannot be written: No space left on device" in result.stderr
+    (saved,) = tmp_path.glob("wbc-*/b.json")
+    assert set(json.loads(saved.read_text())["accuracies"]) == {"1e-06"}
+    assert f"written  {tmp_path / 'b.png'}" in result.stdout  # the others are written all the same
 
 
 def test_a_problem_file_is_recorded(tmp_path: Path) -> None:

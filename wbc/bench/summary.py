@@ -19,7 +19,6 @@ from wbc.bench.measure import Measured
 from wbc.bench.sequence import FIELDS, QpSequence
 from wbc.errors import InvalidInputError
 from wbc.problem.provenance import version_of, versions
-from wbc.run.saving import json_text
 from wbc.validate import Array
 
 FORMAT = "wbc bench 1"
@@ -172,8 +171,3 @@ def _passes(one: Measured) -> dict[str, Any]:
     """Return the median of each pass, and what the fixed computation took around it [s]."""
     medians = np.median(one.seconds, axis=1)
     return {"passes": medians.tolist(), "reference": one.reference.tolist()}
-
-
-def save_json(path: Path, summary: Mapping[str, Any]) -> None:
-    """Write a summary as strict JSON."""
-    path.write_text(json_text(summary), encoding="utf-8")

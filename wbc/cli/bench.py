@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wbc.bench import Change, QpSequence
+    from wbc.cli.outputs import Outputs
 
 BENCH_EXIT_CODES = (
     "Exit codes: 0 measured and, with --compare, nothing slower or worse; 1 bad input; 2 wrong"
     " usage; 3 some solver is slower, or solves less, than in the earlier figures."
 )
-ENDINGS = (".json", ".md", ".html", ".png", ".svg", ".pdf")
+TEXTS = (".json", ".md", ".html")
+ENDINGS = (*TEXTS, ".png", ".svg", ".pdf")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -79,12 +81,12 @@ def bench(
         changes: Sequence[Change] = ()
         if old is not None:
             changes = _compared(old, summary)
-        for place in places:
-            _write(place, summary, changes)
+        outputs = _write_all(places, summary, changes)
         if not quiet:
-            _print(summary, changes, places)
-    if any(one.verdict in ("slower", "fails more") for one in changes):
-        raise typer.Exit(NOT_REACHED)
+            _print(summary, changes, outputs.written)
+        worse = any(one.verdict in ("slower", "fails more") for one in changes)
+        code = outputs.exit_code(NOT_REACHED if worse else 0)
+    raise typer.Exit(code)
 
 
 def _checked(output: list[Path]) -> list[Path]:
@@ -194,23 +196,34 @@ def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[Change]:
     return changes
 
 
-def _write(place: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
-    from wbc.bench.summary import save_json
-    from wbc.bench.tables import html_page, markdown
+def _write_all(places: list[Path], summary: dict[str, Any], changes: Sequence[Change]) -> Outputs:
+    from wbc.cli.outputs import Outputs
 
-    match place.suffix:
+    outputs = Outputs()
+    for place in places:
+        if place.suffix in TEXTS:
+            outputs.save(place, lambda path: _write(path, summary, changes))
+        else:
+            outputs.draw(place, lambda path: _draw(summary, path), "--output")
+    return outputs
+
+
+def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
+    from wbc.bench.tables import html_page, markdown
+    from wbc.files import write_whole
+    from wbc.run.saving import json_text
+
+    match path.suffix:
         case ".json":
-            save_json(place, summary)
+            text = json_text(summary)
         case ".md":
-            place.write_text(markdown(summary, changes), encoding="utf-8")
-        case ".html":
+            text = markdown(summary, changes)
+        case _:
             with TemporaryDirectory() as folder:
                 picture = Path(folder) / "bench.png"
                 _draw(summary, picture)
-                page = html_page(summary, changes, picture.read_bytes())
-            place.write_text(page, encoding="utf-8")
-        case _:
-            _draw(summary, place)
+                text = html_page(summary, changes, picture.read_bytes())
+    write_whole(path, lambda file: file.write(text.encode()))
 
 
 def _draw(summary: dict[str, Any], path: Path) -> None:

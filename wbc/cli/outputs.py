@@ -37,15 +37,15 @@ class Outputs:
                 f"{elsewhere} instead"
             )
 
-    def draw(self, path: Path, draw: Callable[[Path], object]) -> None:
+    def draw(self, path: Path, draw: Callable[[Path], object], option: str = "--plot") -> None:
         """Write a picture by ``draw(path)``; a failure is noted."""
         try:
             draw(path)
             self.written.append(path)
         except WbcError as error:
-            self.failures.append(f"--plot {path}: {error}")
+            self.failures.append(f"{option} {path}: {error}")
         except OSError as error:
-            self.failures.append(f"--plot {path}: cannot be written: {error.strerror}")
+            self.failures.append(f"{option} {path}: cannot be written: {error.strerror}")
 
     def exit_code(self, code: int = 0) -> int:
         """Print what could not be written, and return the exit code: ``code`` if all was."""
