@@ -16,8 +16,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from wbc.batch import BatchProgress, load_campaign, read_rows, run_batch
 from wbc.batch.row import Row, run_row
 from wbc.journal import Journal
 
+LOOK = 0.05  # s between looks at the rows there are
 STAND = """\
 robot: hoap2_like
 support: double
@@ -48,6 +51,14 @@ def lines(path: Path) -> int:
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
+def wait_for_rows(kept: Path, count: int, running: subprocess.Popen[Any]) -> None:
+    """Wait until a file has so many lines, or the campaign that writes it has ended."""
+    while lines(kept) < count:
+        with suppress(subprocess.TimeoutExpired):
+            running.wait(LOOK)
+            return
+
+
 def run_killed(file: Path, runs: int, kills: int, *options: str) -> Path:
     """Run a campaign from the command line, killed evenly on the way; return its table."""
     table = file.with_suffix(".parquet")
@@ -56,8 +67,7 @@ def run_killed(file: Path, runs: int, kills: int, *options: str) -> Path:
     for kill in range(kills):
         until = (kill + 1) * runs // (kills + 1)
         running = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-        while lines(kept) < until and running.poll() is None:
-            time.sleep(0.05)
+        wait_for_rows(kept, until, running)
         running.send_signal(signal.SIGKILL)
         running.wait()
         print(f"  killed with {lines(kept) - 1} rows", flush=True)
@@ -73,7 +83,7 @@ def check(table: Path, runs: int) -> None:
     assert numbers == list(range(runs)) and solved == runs
 
 
-def on_cluster(folder: Path, file: Path, runs: int) -> Path:
+def on_cluster(file: Path, runs: int) -> Path:
     """Run a campaign on two workers; kill one, and the campaign, on the way."""
     from distributed import LocalCluster
 
@@ -84,12 +94,10 @@ def on_cluster(folder: Path, file: Path, runs: int) -> Path:
         victim = next(iter(cluster.workers.values())).pid
         command = [sys.executable, "-m", "wbc", "batch", str(file), "--cluster", address]
         running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        while lines(kept) < runs // 4:
-            time.sleep(0.05)
+        wait_for_rows(kept, runs // 4, running)
         os.kill(victim, signal.SIGKILL)
         print(f"  killed a worker (process {victim}) with {lines(kept) - 1} rows", flush=True)
-        while lines(kept) < runs // 2:
-            time.sleep(0.05)
+        wait_for_rows(kept, runs // 2, running)
         running.send_signal(signal.SIGKILL)
         told = running.communicate()[1]
         print("  told: " + "; ".join(one for one in told.splitlines() if "worker" in one))
@@ -160,7 +168,7 @@ def main() -> None:
         file = folder / "processes.yaml"
         check(run_killed(file, options.runs, options.kills, "--workers", "2"), options.runs)
         print("a cluster of two workers", flush=True)
-        check(on_cluster(folder, folder / "cluster.yaml", options.runs), options.runs)
+        check(on_cluster(folder / "cluster.yaml", options.runs), options.runs)
         print("scaling", flush=True)
         scaling(folder, file, options.workers)
 

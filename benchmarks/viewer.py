@@ -59,7 +59,7 @@ def block(
             viewer.update(snapshot, tick, k * dt)
         cpu += time.thread_time() - cpu_began
         clock += time.perf_counter() - began
-        if paced:
+        if paced:  # as a real loop, which leaves the processor to others until its next period
             due += dt
             time.sleep(max(0.0, due - time.perf_counter()))
     return cpu / ticks, clock / ticks
