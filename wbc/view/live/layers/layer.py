@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
 import numpy as np
 from viser import SceneApi
@@ -45,6 +46,18 @@ class Layer(ABC):
 
     def cast(self, cast: Cast) -> None:  # noqa: B027 - most layers do not care
         """Take note of another controller, or other contacts."""
+
+    def arrows(self, name: str, colour: Colour, shaft: float, head: float, length: float) -> Any:
+        """Return a node of arrows, hidden until it has points; sizes in parts of the robot's."""
+        return self.scene.add_arrows(
+            f"{self.path}/{name}",
+            np.zeros((1, 2, 3)),
+            colour,
+            shaft_radius=shaft * self.size,
+            head_radius=head * self.size,
+            head_length=length * self.size,
+            visible=False,
+        )
 
     @abstractmethod
     def show(self, shown: Shown) -> None:

@@ -35,15 +35,7 @@ class PushLayer(Layer):
     ) -> None:
         super().__init__(scene, size)
         self._offered, self._largest = offered, largest
-        self._arrow = scene.add_arrows(
-            f"{self.path}/arrow",
-            np.zeros((1, 2, 3)),
-            GREY,
-            shaft_radius=0.009 * size,
-            head_radius=0.024 * size,
-            head_length=0.05 * size,
-            visible=False,
-        )
+        self._arrow = self.arrows("arrow", GREY, shaft=0.009, head=0.024, length=0.05)
 
     def show(self, shown: Shown) -> None:
         """Draw the push that acts, or the one that is offered."""

@@ -95,15 +95,7 @@ class TargetsLayer(Layer):
         self._lines = scene.add_line_segments(
             f"{self.path}/lines", np.zeros((1, 2, 3)), GREEN, thickness=0.004 * size, visible=False
         )
-        self._arrows = scene.add_arrows(
-            f"{self.path}/axes",
-            np.zeros((1, 2, 3)),
-            GREEN,
-            shaft_radius=0.005 * size,
-            head_radius=0.012 * size,
-            head_length=0.03 * size,
-            visible=False,
-        )
+        self._arrows = self.arrows("axes", GREEN, shaft=0.005, head=0.012, length=0.03)
 
     def cast(self, cast: Cast) -> None:
         """Make a ghost for each target."""
