@@ -10,7 +10,7 @@ import numpy as np
 from wbc.controllers.closed_loop import LoopTick, Update
 from wbc.run.leader import Leader
 from wbc.run.standing import held_feet
-from wbc.simulation import FallLimits, capture_impulse, simulate
+from wbc.simulation import FallLimits, Plant, capture_impulse, simulate
 from wbc.simulation.trial_record import as_loop_tick
 from wbc.validate import Array
 from wbc.view.live.clock import Clock
@@ -33,7 +33,7 @@ class SimulatedSession(Session):
 
     def __init__(self, problem: Problem, viewer: Viewer, clock: Clock | None = None) -> None:
         super().__init__(problem, viewer, clock)
-        self._plant = problem.plant()
+        self._plant: Plant  # of the present run: made as it begins
         self._falls = FallLimits(**problem.spec.simulation.falls)
         self._verdict = ""
 
