@@ -184,7 +184,7 @@ def _robot(name: str) -> Robot:
 
 def _bent(robot: Robot) -> dict[str, float]:
     """Return where joints begin that would otherwise be straight: an arm is singular then."""
-    return {} if robot.feet else dict.fromkeys(robot.joint_names, 0.4)
+    return {} if robot.feet else dict.fromkeys(robot.joint_names, BENT)
 
 
 def _arm() -> Robot:
