@@ -2,7 +2,9 @@
 
 import importlib.util
 import signal
+from collections.abc import Callable
 from pathlib import Path
+from typing import IO
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -12,6 +14,7 @@ from wbc.batch import BatchProgress, read_rows
 from wbc.cli import app
 from wbc.cli import batch as command
 from wbc.cli.progress import batch_state
+from wbc.files import write_whole
 
 
 def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
@@ -61,6 +64,25 @@ def test_ended_by_ctrl_c_it_goes_on_to_one_table(
     assert changed.exit_code == 1 and "another campaign (campaign" in " ".join(
         changed.output.split()
     )
+
+
+def test_a_table_that_cannot_be_saved_is_saved_elsewhere_and_the_runs_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def full_disk(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
+        if path.parent == tmp_path:
+            raise OSError(28, "No space left on device")
+        write_whole(path, fill)
+
+    monkeypatch.setattr("wbc.batch.table.write_whole", full_disk)
+    answer = run(tmp_path, "--workers", 1, text="problems: [stand.yaml]\n")
+    assert answer.exit_code == 1
+    assert "cannot be written: No space left on device" in answer.stderr
+    (saved,) = tmp_path.glob("wbc-*/campaign.parquet")
+    assert len(read_rows(saved)[0]) == 1
+    assert (tmp_path / "campaign.parquet.partial").exists()
 
 
 def test_checked_only(tmp_path: Path) -> None:

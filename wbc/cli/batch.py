@@ -70,6 +70,7 @@ def _batch(
     from wbc.batch.cluster import require_distributed
     from wbc.batch.row import made_with
     from wbc.batch.table import require_pyarrow
+    from wbc.cli.outputs import Outputs
     from wbc.journal import Journal
 
     require_pyarrow()
@@ -84,7 +85,7 @@ def _batch(
     if _is_done(output, made_of):
         typer.echo(f"{output} has all {len(campaign.runs)} runs already; delete it to begin anew")
         return 0
-    kept = output.with_name(output.name + PARTIAL)
+    kept, outputs = output.with_name(output.name + PARTIAL), Outputs()
     with Journal(kept, made_of) as journal:
         if journal.entries and not quiet:
             done = f"{len(journal.entries)} of {len(campaign.runs)} runs"
@@ -92,14 +93,15 @@ def _batch(
         count = workers or len(os.sched_getaffinity(0))
         rows, interrupts = _run(campaign, journal, count, cluster, quiet)
         if not interrupts():
-            write_rows(output, rows, made_of)
-            journal.remove()
+            outputs.save(output, lambda table: write_rows(table, rows, made_of))
+            if not outputs.failures:
+                journal.remove()
     if not quiet:
-        _print_table(campaign, rows, None if interrupts() else output)
+        _print_table(campaign, rows, outputs.written)
     if interrupts():
         complain(f"interrupted; the same command goes on with what is in {kept}")
         return interrupts.exit_code
-    return _exit_code(rows)
+    return outputs.exit_code(_exit_code(rows))
 
 
 def _checked(output: Path) -> Path:
@@ -175,7 +177,9 @@ def _told(campaign: Campaign) -> str:
     return f"{len(campaign.runs)} runs ({' x '.join(parts)})"
 
 
-def _print_table(campaign: Campaign, rows: Sequence[dict[str, Any]], output: Path | None) -> None:
+def _print_table(
+    campaign: Campaign, rows: Sequence[dict[str, Any]], written: Sequence[Path]
+) -> None:
     """Print how many runs ended how, by problem and case, and those without result."""
     from wbc.batch.row import DIED, ERROR
 
@@ -192,8 +196,8 @@ def _print_table(campaign: Campaign, rows: Sequence[dict[str, Any]], output: Pat
         typer.echo(f"  {campaign.runs[row['run']].describe()}: {row['status']}: {row['reason']}")
     if len(lost) > SHOWN:
         typer.echo(f"  and {len(lost) - SHOWN} more without result")
-    if output is not None:
-        typer.echo(f"written  {output}")
+    for path in written:
+        typer.echo(f"written  {path}")
 
 
 def _exit_code(rows: Sequence[dict[str, Any]]) -> int:
