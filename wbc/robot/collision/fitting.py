@@ -202,13 +202,15 @@ def _to_hull(points: Array, vertices: Array) -> Array:
     planes = ConvexHull(vertices).equations
     outside = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     found = np.zeros(len(points))
-    request, still = coal.DistanceRequest(), coal.Transform3s.Identity()
-    speck = coal.Sphere(1e-12)
-    for k in np.flatnonzero(outside > 0.0):
-        place, result = coal.Transform3s(np.eye(3), points[k]), coal.DistanceResult()
-        found[k] = max(
-            float(coal.distance(hull, still, speck, place, request, result)), float(outside[k])
-        )
+    beyond = np.flatnonzero(outside > 0.0)
+    # A corner of a mesh comes once with each of its triangles; its distance is asked for once.
+    places, which = np.unique(points[beyond], axis=0, return_inverse=True)
+    apart, request = np.empty(len(places)), coal.DistanceRequest()
+    still, place, speck = coal.Transform3s(), coal.Transform3s(), coal.Sphere(1e-12)
+    for k, point in enumerate(places):
+        place.setTranslation(point)
+        apart[k] = coal.distance(hull, still, speck, place, request, coal.DistanceResult())
+    found[beyond] = np.maximum(apart[which.ravel()], outside[beyond])
     return found
 
 
