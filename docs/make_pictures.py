@@ -1,7 +1,14 @@
-"""Make the pictures of the README from the problems that ship: python -m docs.make_pictures"""
+"""Make the pictures of README and gallery from the problems that ship: python -m docs.make_pictures
 
+All of them, or those that are named: python -m docs.make_pictures walk_g1 fig6_g1
+"""
+
+from argparse import ArgumentParser
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from PIL import Image  # matplotlib brings it
@@ -27,7 +34,7 @@ from wbc.view.simulation import plot_simulation
 from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
-PICTURES = ROOT / "docs" / "pictures"
+FOLDER = ROOT / "docs" / "pictures"
 FIG6 = {
     "a: all large": "fig6a_g1",
     "b: vertical large": "fig6b_g1",
@@ -38,11 +45,6 @@ FIG7 = {
     "forward": "fig7_forward_hoap2",
     "downward": "fig7_downward_hoap2",
 }
-
-
-# From the side, where the wall does not cover the hands.
-VIEWS = {"safe_reach_g1": View.of("60,25", "no-ellipsoid,no-masses")}
-PENDULUMS = ("rmp_push_qp", "rmp_swing_up", "plan_hop_turn", "plan_walk")
 # A G1-like pendulum: mass [kg], height of the CoM [m], half of the soles [m], motors [N m, rad].
 MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
 RADII = (0.3, 0.3, 0.3)  # m
@@ -51,78 +53,105 @@ SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
 MEASURED = (0.0, 2.0, 4.0, 5.0, 6.0, 6.84, 12.3)
 
 
-def analysis_picture() -> None:
-    """Draw the shiko as `wbc analyze` does."""
-    with TemporaryDirectory() as folder:
-        result = load_problem(ROOT / "problems" / "shiko_hoap2.yaml").run()
-        recording = Path(folder) / "shiko_hoap2.npz"
-        result.save(recording)
-        series = analyse(read_motion(recording, result.robot))
-    picture = PICTURES / "shiko_hoap2_rmp.png"
-    title = f"{recording.name}: {series.robot.name}, {series.robot.mass:.1f} kg"
-    plot_analysis(series, picture, title=title, snapshots=SHIKO)
-    smaller(picture)
+def shipped(problem: str) -> Any:
+    """Return a problem that ships, by its name."""
+    return load_problem(ROOT / "problems" / f"{problem}.yaml")
+
+
+def place(name: str) -> Path:
+    """Return the file of a picture."""
+    return FOLDER / f"{name}.png"
+
+
+def smaller(name: str, width: int | None = None) -> None:
+    """Keep 256 colours, the rare ones of thin lines among them, and ``width`` pixels across."""
+    image = Image.open(place(name)).convert("RGB")
+    if width is not None:
+        image = image.resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
+    image.quantize(256, Image.Quantize.MAXCOVERAGE).save(place(name), optimize=True)
+
+
+def run_picture(name: str, view: View | None = None) -> None:
+    """Draw a run as `wbc run` does."""
+    result = shipped(name).run()
+    title = f"{name}: {result.status.value}"
+    plot_run(result.robot, result.history, place(name), title=title, view=view or View())
+    smaller(name)
+
+
+def ends_picture(name: str, members: Mapping[str, str]) -> None:
+    """Draw where problems of one robot begin, and where each ends."""
+    problems = {k: shipped(problem) for k, problem in members.items()}
+    robot = next(iter(problems.values())).parts.robot
+    runs = {k: read_history(robot, problem.run().history) for k, problem in problems.items()}
+    poses = {"start": next(iter(runs.values())).pose(0)}
+    poses |= {k: run.pose(-1) for k, run in runs.items()}
+    plot_robot(robot, poses, place(name))
+    smaller(name)
 
 
 def simulation_picture(name: str, width: int = 1400) -> None:
     """Draw a simulation as `wbc sim` does."""
-    result = load_problem(ROOT / "problems" / f"{name}.yaml").simulate()
-    picture = PICTURES / f"{name}.png"
-    plot_simulation(result.robot, result.arrays, picture, title=f"{name}: {result.reason}")
-    smaller(picture, width=width)
+    result = shipped(name).simulate()
+    plot_simulation(result.robot, result.arrays, place(name), title=f"{name}: {result.reason}")
+    smaller(name, width=width)
 
 
-def measured_picture() -> None:
+def shiko_picture(name: str) -> None:
+    """Draw the shiko as `wbc analyze` does."""
+    result = shipped("shiko_hoap2").run()
+    draw_analysis(name, "shiko_hoap2", result, SHIKO, f", {result.robot.mass:.1f} kg")
+
+
+def measured_picture(name: str) -> None:
     """Draw the shiko of a simulation as `wbc analyze` does, with the CoP as measured."""
+    draw_analysis(
+        name, name, shipped(name).simulate(), MEASURED, "; forces as the soles measured them"
+    )
+
+
+def draw_analysis(
+    name: str, problem: str, result: Any, snapshots: Sequence[float], remark: str
+) -> None:
+    """Draw the file of a result as `wbc analyze` does, with a remark in the title."""
     with TemporaryDirectory() as folder:
-        result = load_problem(ROOT / "problems" / "shiko_torque_hoap2.yaml").simulate()
-        recording = Path(folder) / "shiko_torque_hoap2.npz"
+        recording = Path(folder) / f"{problem}.npz"
         result.save(recording)
         series = analyse(read_motion(recording, result.robot))
-    picture = PICTURES / "shiko_torque_hoap2.png"
-    title = f"{recording.name}: {series.robot.name}; forces as the soles measured them"
-    plot_analysis(series, picture, title=title, snapshots=MEASURED)
-    smaller(picture)
+    title = f"{recording.name}: {series.robot.name}{remark}"
+    plot_analysis(series, place(name), title=title, snapshots=snapshots)
+    smaller(name)
 
 
-def turn_pictures() -> None:
-    """Draw turns without momentum: the first round, half of the rounds, and all of them."""
-    for axis in "xyz":
-        problem = load_problem(ROOT / "problems" / f"turn_{axis}_hoap2.yaml")
-        history = problem.run().history
-        run = read_history(problem.parts.robot, history)
-        path = next(one for one in problem.parts.targeted if one.task.name == "path")
-        count, duration = path.course.cycles, path.course.duration
-        parts = {"start": 0.0, "a quarter of a round": 0.25, "half": 0.5, "three quarters": 0.75}
-        parts |= {"one round": 1.0, f"{count // 2} rounds": count // 2, f"{count} rounds": count}
-        ramp = np.array([minimum_jerk(t / duration) for t in history.time])
-        rows = {name: int(np.searchsorted(ramp, part / count)) for name, part in parts.items()}
-        poses = {name: run.pose(min(row, len(ramp) - 1)) for name, row in rows.items()}
-        picture = PICTURES / f"turn_{axis}_hoap2.png"
-        plot_robot(problem.parts.robot, poses, picture)
-        smaller(picture, width=1800)
+def turn_picture(name: str) -> None:
+    """Draw a turn without momentum: the first round, half of the rounds, and all of them."""
+    problem = shipped(name)
+    history = problem.run().history
+    run = read_history(problem.parts.robot, history)
+    path = next(one for one in problem.parts.targeted if one.task.name == "path")
+    count, duration = path.course.cycles, path.course.duration
+    parts = {"start": 0.0, "a quarter of a round": 0.25, "half": 0.5, "three quarters": 0.75}
+    parts |= {"one round": 1.0, f"{count // 2} rounds": count // 2, f"{count} rounds": count}
+    ramp = np.array([minimum_jerk(t / duration) for t in history.time])
+    rows = {called: int(np.searchsorted(ramp, part / count)) for called, part in parts.items()}
+    poses = {called: run.pose(min(row, len(ramp) - 1)) for called, row in rows.items()}
+    plot_robot(problem.parts.robot, poses, place(name))
+    smaller(name, width=1800)
 
 
-def smaller(picture: Path, width: int | None = None) -> None:
-    """Keep 256 colours, the rare ones of thin lines among them, and ``width`` pixels across."""
-    image = Image.open(picture).convert("RGB")
-    if width is not None:
-        image = image.resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
-    image.quantize(256, Image.Quantize.MAXCOVERAGE).save(picture, optimize=True)
+def pendulum_picture(name: str) -> None:
+    """Draw a pendulum's problem as `wbc run` does."""
+    result = shipped(name).run()
+    plot_pendulum(result.history, place(name), title=f"{name}: {result.status.value}")
+    smaller(name)
 
 
-def pendulum_pictures() -> None:
-    """Draw the pendulum's problems, pushes all around and the stabiliser's region of attraction."""
-    for name in PENDULUMS:
-        result = load_problem(ROOT / "problems" / f"{name}.yaml").run()
-        title = f"{name}: {result.status.value}"
-        plot_pendulum(result.history, PICTURES / f"{name}.png", title=title)
-        smaller(PICTURES / f"{name}.png")
-    model = SolidRmp(MASS)
+def pushes_picture(name: str) -> None:
+    """Draw pushes all around that a pendulum absorbs, by theory and by simulation."""
     square = HALF * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1)))
     bounds = Bounds(polygon=square, friction=0.8, wheel_torque=TORQUE, wheel_angle=ANGLE)
     cold = make_backend("proxqp_cold")  # no run depends on the run before it
-    law = MomentumQp(model, bounds, (0.0, 0.0, HEIGHT), RADII, dt=1e-3, backend=cold)
+    law = MomentumQp(SolidRmp(MASS), bounds, (0.0, 0.0, HEIGHT), RADII, dt=1e-3, backend=cold)
     inertia = MASS * 2 / 3 * RADII[0] ** 2
     wheel = Wheel(inertia, TORQUE, ANGLE)
     sole = inset(square, bounds.cop_margin)
@@ -133,48 +162,62 @@ def pendulum_pictures() -> None:
         "with reaction mass (theory)": theory.wheel,
         "MomentumQp, simulated": largest_impulses(law, theory.directions, bracket),
     }
-    save(pushes_figure(theory.directions, impulses), PICTURES / "rmp_pushes.png")
+    save(pushes_figure(theory.directions, impulses), place(name))
+
+
+def region_picture(name: str) -> None:
+    """Draw the region of attraction of a pendulum's stabiliser."""
     leans = np.radians(np.linspace(-16.0, 16.0, 33))
     rest = np.array((0.0, 0.0, np.pi / 2, 0.0, HEIGHT, 0.0, 0.0, 0.0, 1.0, *RADII))
-    stabiliser = PointStabiliser(model, Bounds(wheel_torque=TORQUE), HEIGHT, RADII)
+    stabiliser = PointStabiliser(SolidRmp(MASS), Bounds(wheel_torque=TORQUE), HEIGHT, RADII)
     region = region_of_attraction(stabiliser, rest, lean_grid(rest, leans, leans))
-    times = {
-        "Leaning, and back to rest by PointStabiliser": region.settling.reshape(
-            len(leans), len(leans)
-        )
-    }
-    save(regions_figure(leans, leans, times), PICTURES / "rmp_region.png")
+    settling = region.settling.reshape(len(leans), len(leans))
+    times = {"Leaning, and back to rest by PointStabiliser": settling}
+    save(regions_figure(leans, leans, times), place(name))
+
+
+PICTURES: Mapping[str, Callable[[str], None]] = {
+    "astronaut_expand": run_picture,
+    "shape_standing_g1": run_picture,
+    # From the side, where the wall does not cover the hands.
+    "safe_reach_g1": partial(run_picture, view=View.of("60,25", "no-ellipsoid,no-masses")),
+    "global_tall_hoap2": run_picture,
+    "global_small_g1": run_picture,
+    "fig6_g1": partial(ends_picture, members=FIG6),
+    "fig7_hoap2": partial(ends_picture, members=FIG7),
+    "shiko_hoap2_rmp": shiko_picture,
+    "push_g1": simulation_picture,
+    "track_squat_g1": simulation_picture,
+    "lean_beyond_g1": simulation_picture,
+    "drop_g1": simulation_picture,
+    "shiko_torque_hoap2": measured_picture,
+    "turn_x_hoap2": turn_picture,
+    "turn_y_hoap2": turn_picture,
+    "turn_z_hoap2": turn_picture,
+    "walk_g1": partial(simulation_picture, width=1240),
+    "rmp_push_qp": pendulum_picture,
+    "rmp_swing_up": pendulum_picture,
+    "plan_hop_turn": pendulum_picture,
+    "plan_walk": pendulum_picture,
+    "rmp_pushes": pushes_picture,
+    "rmp_region": region_picture,
+}
 
 
 def main() -> None:
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    for name in (
-        "astronaut_expand",
-        "shape_standing_g1",
-        "safe_reach_g1",
-        "global_tall_hoap2",
-        "global_small_g1",
-    ):
-        result = load_problem(ROOT / "problems" / f"{name}.yaml").run()
-        title = f"{name}: {result.status.value}"
-        view = VIEWS.get(name, View())
-        plot_run(result.robot, result.history, PICTURES / f"{name}.png", title=title, view=view)
-        smaller(PICTURES / f"{name}.png")
-    for name, members in (("fig6_g1", FIG6), ("fig7_hoap2", FIG7)):
-        problems = {k: load_problem(ROOT / "problems" / f"{p}.yaml") for k, p in members.items()}
-        robot = next(iter(problems.values())).parts.robot
-        runs = {k: read_history(robot, problem.run().history) for k, problem in problems.items()}
-        poses = {"start": next(iter(runs.values())).pose(0)}
-        poses |= {k: run.pose(-1) for k, run in runs.items()}
-        plot_robot(robot, poses, PICTURES / f"{name}.png")
-        smaller(PICTURES / f"{name}.png")
-    analysis_picture()
-    for name in ("push_g1", "track_squat_g1", "lean_beyond_g1", "drop_g1"):
-        simulation_picture(name)
-    measured_picture()
-    turn_pictures()
-    simulation_picture("walk_g1", width=1240)
-    pendulum_pictures()
+    parser = ArgumentParser(
+        prog="python -m docs.make_pictures",
+        description="Make pictures of README and gallery from the problems that ship.",
+        epilog=f"pictures: {', '.join(PICTURES)}",
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="pictures; none: all of them")
+    names = parser.parse_args().names
+    unknown = [name for name in names if name not in PICTURES]
+    if unknown:
+        parser.error(f"no picture {', '.join(unknown)}; there are: {', '.join(PICTURES)}")
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in dict.fromkeys(names or PICTURES):
+        PICTURES[name](name)
 
 
 if __name__ == "__main__":
