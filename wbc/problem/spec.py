@@ -77,7 +77,7 @@ class PhaseSpec(Section):
     until: Literal["touchdown"] | None = None
     """touchdown: it ends as soon as the feet that the next phase puts down bear load and lie flat,
     after duration at the latest; what is left of that, the last phase lasts longer. Of the torque
-    level: feet feel forces in a simulation."""
+    level: feet feel the simulation's true forces, without noise or delay."""
     support: Support | None = None
     """What is held in this phase, as in the problem's own support. A foot that was in the air must
     have come to the ground, and is held where it is."""
