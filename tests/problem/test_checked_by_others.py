@@ -1,8 +1,8 @@
 """What the results of all shipped problems say, checked by code that shares nothing with this one.
 
 Of a robot's result only the saved file is read. Robots are read from their URDF again by Pinocchio,
-joints locked by pattern here; soles are hulled by SciPy, raw meshes measured by Coal, limits read by
-ElementTree; only where a sole is in its link is believed. Of pendulums the history that the run
+joints locked by pattern here; soles are hulled by SciPy, raw meshes measured by Coal, limits read
+by ElementTree; only where a sole is in its link is believed. Of pendulums the history that the run
 returned is checked, by differences. Robots are run once, for a quarter of a second or as many
 seconds as WBC_CHECK_SECONDS says, pendulums' laws for a second at least, plans to their end.
 """

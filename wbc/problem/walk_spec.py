@@ -59,8 +59,8 @@ class GaitSpec(Section):
     gain: Positive | None = None
     """How far beyond the capture point the pressure goes, by its error."""
     feel: bool = True
-    """Whether feet land when they feel the ground, by its true forces, without noise or delay; false:
-    when they should."""
+    """Whether feet land when they feel the ground, by its true forces, without noise or delay;
+    false: when they should."""
     weights: Annotated[dict[str, Any], KeysOf(WalkingWeights)] = Field(default_factory=dict)
     """Weights of the walking tasks and their stiffness."""
 
