@@ -24,3 +24,14 @@ tasks:
   posture: {type: posture, target: start, weight: 0.3, kp: 30}
 controller: {level: torque, solver: daqp}
 """
+
+# The same robot is moved a centimetre, in milliseconds.
+CHEAP = """\
+robot: hoap2_like
+support: double
+tasks:
+  com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
+  posture: {type: posture, weight: 0.01}
+controller: {solver: daqp}
+stop: {duration: 0.02, speed: null}
+"""

@@ -4,15 +4,8 @@ from pathlib import Path
 
 import pytest
 
-STAND = """\
-robot: hoap2_like
-support: double
-tasks:
-  com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
-  posture: {type: posture, weight: 0.01}
-controller: {solver: daqp}
-stop: {duration: 0.02, speed: null}
-"""
+from tests.texts import CHEAP
+
 CAMPAIGN = """\
 problems: [stand.yaml]
 grid:
@@ -27,7 +20,7 @@ draw:
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
     """Return the file of a campaign of 12 runs."""
-    (tmp_path / "stand.yaml").write_text(STAND)
+    (tmp_path / "stand.yaml").write_text(CHEAP)
     path = tmp_path / "campaign.yaml"
     path.write_text(CAMPAIGN)
     return path

@@ -9,7 +9,8 @@ from typing import IO
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.batch.conftest import CAMPAIGN, STAND
+from tests.batch.conftest import CAMPAIGN
+from tests.texts import CHEAP
 from wbc.batch import BatchProgress, read_rows
 from wbc.cli import app
 from wbc.cli import batch as command
@@ -18,7 +19,7 @@ from wbc.files import write_whole
 
 
 def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
-    (folder / "stand.yaml").write_text(STAND)
+    (folder / "stand.yaml").write_text(CHEAP)
     path = folder / "campaign.yaml"
     path.write_text(text)
     return CliRunner().invoke(app, ["batch", str(path), *map(str, options)])

@@ -5,18 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.texts import CHEAP
 from wbc.errors import ProblemFileError, WbcError
 from wbc.problem import load_problem
 from wbc.problem.campaign import Campaign, load_campaign
 
-STAND = """\
-robot: hoap2_like
-support: double
-tasks:
-  com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
-  posture: {type: posture, weight: 0.01}
-stop: {duration: 0.02}
-"""
 TORQUE = """\
 robot: hoap2_like
 support: double
@@ -28,7 +21,7 @@ PENDULUM = "problems/rmp_static_lean.yaml"
 
 
 def load(folder: Path, text: str) -> Campaign:
-    (folder / "stand.yaml").write_text(STAND)
+    (folder / "stand.yaml").write_text(CHEAP)
     (folder / "push.yaml").write_text(TORQUE)
     path = folder / "campaign.yaml"
     path.write_text(text)
