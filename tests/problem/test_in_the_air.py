@@ -138,3 +138,42 @@ def test_a_tuck_speeds_a_somersault_up_as_momentum_says() -> None:
     assert rates[1] / rates[0] == pytest.approx(moments[0] / moments[1], rel=0.01)
     # The physics conserves angular momentum to the order of its step, 1 ms.
     np.testing.assert_allclose(momenta[1], momenta[0], rtol=2e-3, atol=1e-6)
+
+
+LIFT = """\
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, target: start, kp: 100, weight: 30}
+  foot:
+    {type: frame, frame: left_sole, control: pose, target: start, kp: 900, weight: 20, active: false}
+  posture: {type: posture, weight: 0.1, kp: 50}
+phases:
+  over: {duration: 0.4, tasks: {com: {target: {over: right}}}}
+  lift:
+    duration: 0.1
+    support: right
+    tasks: {foot: {active: true, target: {position: {offset: [0, 0, 0.01]}}}}
+controller: {level: torque, solver: daqp}
+"""
+
+
+@pytest.mark.parametrize("ramp", [0.06, 0.0])
+def test_forces_ramp_where_phases_change(tmp_path: Path, ramp: float) -> None:
+    """A foot that is let go bears at most what is linear in time; the controller stays the same."""
+    one = problem(tmp_path, {"controller.force_ramp": ramp}, LIFT)
+    seen = []
+    result = one.simulate(show=lambda _, controller: seen.append(controller))
+    assert result.status.good, result.reason
+    assert len({id(controller) for controller in seen}) == 1
+    phases, force = result.run.history.phase, result.arrays["planned_forces/left_sole"][1:, 2]
+    first = int(np.flatnonzero(phases == "lift")[0])
+    ticks = round(ramp / 0.002)
+    loads = force[first : first + ticks]
+    bound = force[first - 1] * (1.0 - np.arange(1, ticks + 1) / max(ticks, 1))
+    assert force[first - 1] > 1.0
+    # Normal to the sole, which is tilted by a milliradian: the world's z is not quite that.
+    assert (loads <= bound + 1e-3 * force[first - 1]).all() and (
+        force[first + ticks :] == 0.0
+    ).all()
+    assert not ticks or loads[0] > 0.5 * force[first - 1]

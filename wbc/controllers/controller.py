@@ -27,6 +27,7 @@ from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.parts import (
     check_parts,
+    check_snapshot,
     held_by,
     motion_and_forces,
     one_of,
@@ -37,7 +38,7 @@ from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
-from wbc.errors import ControllerFailure, InvalidInputError
+from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.least_infeasible import least_infeasible
@@ -124,12 +125,7 @@ class Controller(ABC):
         check_parts(robot, tasks, contacts, limits, constraints)
         refuse_idle(tasks)
         self.robot = robot
-        self.tasks = tuple(tasks)
-        self._motion, self._force_tasks = motion_and_forces(
-            self.tasks, type(self).__name__, self._bears
-        )
         self.limits = limits
-        self.constraints = tuple(constraints)
         self.dt = finite_number("controller, dt", dt, above=0.0)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
@@ -138,22 +134,36 @@ class Controller(ABC):
         self.on_failure = one_of("failure policy", on_failure, self._policies)
         unlimited = np.full(robot.nv, np.inf)
         self._no_box = read_only(-unlimited), read_only(unlimited)
-        if slack is not None and not isinstance(slack, Mapping):
-            raise InvalidInputError(f"controller, slack: expected weights by name, got {slack!r}")
-        self._slack = dict(slack or {})
         self._verified = False  # whether the parts were seen to return what they should
+        self._take(tasks, constraints, {} if slack is None else slack)
         self._plan(tuple(contacts))
+
+    def change(
+        self,
+        *,
+        tasks: Sequence[Task] | None = None,
+        contacts: Sequence[Task] | None = None,
+        constraints: Sequence[Constraint] | None = None,
+        slack: Mapping[str, float] | None = None,
+    ) -> None:
+        """Change what is done, held and kept from the next tick on; what is left out stays.
+
+        Solvers keep their warm starts for each set of contacts, and at the torque level forces come
+        and go without jumps. What :class:`Controller` refuses is refused.
+        """
+        tasks = self.tasks if tasks is None else tasks
+        contacts = self.contacts if contacts is None else contacts
+        constraints = self.constraints if constraints is None else constraints
+        slack = self._slack if slack is None else slack
+        check_parts(self.robot, tasks, contacts, self.limits, constraints)
+        refuse_idle([] if tasks is self.tasks else tasks)
+        Slacks(slack, mechanics_of(self.robot, contacts), constraints)  # refuses names
+        self._take(tasks, constraints, slack)
+        self._plan(self._next_contacts(tuple(contacts)))
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
-        """Change what is held; solvers keep their warm starts for each set of contacts.
-
-        Raises
-        ------
-        InvalidInputError
-            As when the controller is made.
-        """
-        check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints)
-        self._plan(tuple(contacts))
+        """Change what is held: :meth:`change` for contacts alone."""
+        self.change(contacts=contacts)
 
     def step(self, snapshot: Snapshot) -> Tick:
         """Return the command for ``snapshot``.
@@ -166,11 +176,7 @@ class Controller(ABC):
         ControllerFailure
             The QP has no solution and the policy is ``raise``.
         """
-        if not isinstance(snapshot, Snapshot) or snapshot.robot is not self.robot:
-            raise InvalidInputError(
-                f"controller: expected a snapshot of {self.robot.name}, made by the robot object "
-                f"that the controller was made with; got {snapshot!r}"
-            )
+        check_snapshot(self.robot, snapshot)
         if not self._verified:
             verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             self._verified = True
@@ -220,7 +226,20 @@ class Controller(ABC):
         """Return how well the tasks determined a tick of this controller: rank and condition."""
         return conditioning(tick.qp, self.damping, self.joint_weights)
 
+    def _take(
+        self, tasks: Sequence[Task], constraints: Sequence[Constraint], slack: Mapping[str, float]
+    ) -> None:
+        """Take over what was checked."""
+        kinds = motion_and_forces(tasks, type(self).__name__, self._bears)
+        self._motion, self._force_tasks = kinds
+        self.tasks, self.constraints = tuple(tasks), tuple(constraints)
+        self._slack = dict(slack)
+
     # ------------------------------------------------------------------ what a level says
+
+    def _next_contacts(self, wanted: tuple[Task, ...]) -> tuple[Task, ...]:
+        """Return what is held in the next tick if ``wanted`` shall be held from then on."""
+        return wanted
 
     @abstractmethod
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:

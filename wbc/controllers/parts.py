@@ -120,6 +120,21 @@ def check_parts(
                 raise InvalidInputError(f"controller: two {kind}s are called {name!r}")
 
 
+def check_snapshot(robot: Robot, snapshot: object) -> None:
+    """Refuse what is no snapshot, or one of another robot object.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what was given.
+    """
+    if not isinstance(snapshot, Snapshot) or snapshot.robot is not robot:
+        raise InvalidInputError(
+            f"controller: expected a snapshot of {robot.name}, made by the robot object "
+            f"that the controller was made with; got {snapshot!r}"
+        )
+
+
 def verify_parts(
     snapshot: Snapshot,
     dt: float,

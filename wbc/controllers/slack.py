@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.constraints.rows import Bounds, Constraint
-from wbc.errors import UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
 from wbc.tasks.task import Task
@@ -36,7 +36,7 @@ class Slacks:
     UnknownNameError
         No contact or constraint of a name.
     InvalidInputError
-        A weight that is not a positive number.
+        No mapping, or a weight that is not a positive number.
     """
 
     def __init__(
@@ -45,6 +45,8 @@ class Slacks:
         contacts: Sequence[Task],
         constraints: Sequence[Constraint],
     ) -> None:
+        if not isinstance(weights, Mapping):
+            raise InvalidInputError(f"controller, slack: expected weights by name, got {weights!r}")
         known = [contact.name for contact in contacts] + [part.name for part in constraints]
         for name in weights:
             if name not in known:

@@ -73,6 +73,8 @@ class TorqueController(NativeController):
     force_damping:
         Weight of 1/2 |f dt/m|^2, the contact forces as the velocity [m/s] that each alone would
         give to the robot's mass in a tick: shares the load among corners.
+    force_ramp:
+        How long forces take to come and go when contacts change [s]; 0: at once.
     on_failure:
         ``"damp"`` or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`), if even the relaxed QP
         has no solution.
@@ -105,6 +107,7 @@ class TorqueController(NativeController):
         torque_limits: float | None = 1.0,
         damping: float = 1e-3,
         force_damping: float = 1e-2,
+        force_ramp: float = RAMP,
         joint_weights: JointWeights | None = None,
         on_failure: str = "damp",
     ) -> None:
@@ -114,6 +117,7 @@ class TorqueController(NativeController):
                     "controller: singular_threshold of %s has no effect at the torque level", task
                 )
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
+        self.force_ramp = finite_number("controller, force_ramp", force_ramp, least=0.0)
         self.torque_bounds = _torque_bounds(robot, torque_limits)
         self._last: Reaction | None = None
         self._ramps = ForceRamps(robot.weight)
@@ -132,7 +136,7 @@ class TorqueController(NativeController):
             on_failure=on_failure,
         )
 
-    def set_contacts(self, contacts: Sequence[Task], ramp: float = RAMP) -> None:
+    def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
 
         The largest normal force of a contact that is new grows from 0; that of one that is left
@@ -144,7 +148,7 @@ class TorqueController(NativeController):
         Parameters
         ----------
         ramp:
-            [s]; 0 to change at once.
+            [s]; 0 to change at once; None: ``force_ramp``.
 
         Raises
         ------
@@ -152,19 +156,24 @@ class TorqueController(NativeController):
             As when the controller is made, or not a duration.
         """
         check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints)
-        ticks = ticks_of(finite_number("controller, ramp", ramp, least=0.0), self.dt)
-        loads = {} if self._last is None else self._last.normal_forces()
-        held = self.contacts if self._last is not None else tuple(contacts)
-        super().set_contacts(self._ramps.change(held, contacts, loads, ticks))
+        self._plan(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command: the tick of every controller, once what has gone is dropped."""
         gone = self._ramps.advance()
         if gone:
-            super().set_contacts([one for one in self.contacts if one.name not in gone])
+            self._plan(tuple(one for one in self.contacts if one.name not in gone))
         return super()._step(snapshot)
 
     # ------------------------------------------------------------------ what the level says
+
+    def _next_contacts(
+        self, wanted: tuple[Task, ...], ramp: float | None = None
+    ) -> tuple[Task, ...]:
+        ramp = self.force_ramp if ramp is None else finite_number("contacts, ramp", ramp, least=0.0)
+        loads = {} if self._last is None else self._last.normal_forces()
+        held = self.contacts if self._last is not None else wanted
+        return self._ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         drift = task.drift(snapshot)

@@ -39,7 +39,7 @@ class ControllerSpec(Section):
     """What all methods have in common."""
 
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("torque_limits", "force_damping", "friction"), _TORQUE
+        ("torque_limits", "force_damping", "force_ramp", "friction"), _TORQUE
     )
 
     level: str
@@ -132,6 +132,8 @@ class TorqueSpec(SolverSettings):
     """Weight of 1/2 |v+ - v|^2, the change of velocity in a tick."""
     force_damping: Positive = default_of(TorqueController, "force_damping")
     """Weight of 1/2 |f dt/m|^2, which shares the load among the corners of the soles."""
+    force_ramp: NonNegative = default_of(TorqueController, "force_ramp")
+    """How long contact forces take to come and go when the support changes [s]; 0: at once."""
     friction: Friction = default_of(FrictionCone, "coefficient")
     """Friction coefficient that the controller counts on, or {coefficient: ..., facets: ...}; of
     contacts that the support gives none of their own."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from wbc.constraints import Contact, Limits
 from wbc.controllers import Controller
@@ -63,14 +64,25 @@ class Parts:
 
         CoM supports are those of the contacts as they are at ``snapshot``.
         """
+        kept = self._kept(contacts, snapshot)
+        return spec.build(self.robot, tasks, contacts=contacts, limits=self.limits, **kept)
+
+    def change(
+        self,
+        controller: Controller,
+        tasks: Sequence[Task],
+        contacts: Sequence[Contact],
+        snapshot: Snapshot,
+    ) -> None:
+        """Give a controller other tasks and contacts, and the constraints that go with them."""
+        controller.change(tasks=tasks, contacts=contacts, **self._kept(contacts, snapshot))
+
+    def _kept(self, contacts: Sequence[Contact], snapshot: Snapshot) -> dict[str, Any]:
+        """Return constraints and slack weights of a controller, by parameter."""
         constraints = self.surroundings.around(snapshot, contacts)
         frames = {contact.frame for contact in contacts}
         slack = {frame: w for frame, w in self.contact_slack.items() if frame in frames}
-        return spec.build(
-            self.robot,
-            tasks,
-            contacts=contacts,
-            constraints=constraints,
-            slack={**slack, **self.surroundings.slack_of(constraints)},
-            limits=self.limits,
-        )
+        return {
+            "constraints": constraints,
+            "slack": {**slack, **self.surroundings.slack_of(constraints)},
+        }

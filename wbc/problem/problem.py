@@ -191,6 +191,7 @@ class Problem:
             parts.targeted,
             [name for name, task in spec.tasks.items() if task.active],
             partial(parts.controller, spec.controller),
+            parts.change,
             parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv)),
             parts.surroundings.move_to,
             spec.ground_height,

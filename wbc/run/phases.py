@@ -31,6 +31,8 @@ Loads = Callable[[], Mapping[str, float]]
 
 # Makes a controller of the tasks in use and of what is held, at a state.
 MakeController = Callable[[Sequence[Task], Sequence[Contact], Snapshot], Controller]
+# Gives a controller other tasks and other things to hold, at a state.
+ChangeController = Callable[[Controller, Sequence[Task], Sequence[Contact], Snapshot], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,9 @@ class PhaseExecutor:
     active:
         Names of those that are in use when the run starts.
     make_controller:
-        Called when a phase begins.
+        Called when the first phase begins.
+    change_controller:
+        Called when another one does: warm starts and forces go on from phase to phase.
     start:
         The state in which the run starts.
     move_world:
@@ -115,7 +119,7 @@ class PhaseExecutor:
     Attributes
     ----------
     controller:
-        Of the present phase.
+        The same in all phases.
     standing:
         What is held and kept in it.
     complaint:
@@ -130,6 +134,7 @@ class PhaseExecutor:
         tasks: Sequence[TargetedTask],
         active: Container[str],
         make_controller: MakeController,
+        change_controller: ChangeController,
         start: Snapshot,
         move_world: Callable[[float], None] | None = None,
         ground: Ground | None = None,
@@ -141,7 +146,7 @@ class PhaseExecutor:
         self.tasks = tuple(one.task for one in tasks)
         self.complaint: str | None = None
         self.notes: Sequence[str] = ()
-        self._make_controller, self._move_world = make_controller, move_world
+        self._change_controller, self._move_world = change_controller, move_world
         self._targeted = {one.task.name: one for one in tasks}
         # (k,) with which each task acts; None: it is off.
         self._weights: dict[str, Array | None] = {
@@ -161,14 +166,16 @@ class PhaseExecutor:
         if move_world is not None:
             move_world(0.0)
         first, *self._coming = phases
-        self._begin(first, start, tuple(first.hold(start)))
+        held = tuple(first.hold(start))
+        self.controller = make_controller(self._changed(first, start), held, start)
+        self._enter(first, held)
 
     @classmethod
     def single(cls, controller: Controller, start: Snapshot) -> PhaseExecutor:
         """Return a run of one phase with one controller, whose targets stay where they are."""
         held = tuple(one for one in controller.contacts if isinstance(one, Contact))
         phase = Phase("", 0.0, np.inf, lambda _: held, {}, np.inf)
-        executor = cls([phase], [], (), lambda *_: controller, start)
+        executor = cls([phase], [], (), lambda *_: controller, _never, start)
         executor.tasks = controller.tasks
         return executor
 
@@ -199,7 +206,9 @@ class PhaseExecutor:
                     return None
             self._move_targets(np.inf)  # what the last phase moved is at its end, and rests
             self._moving = []
-            self._begin(phase, snapshot, contacts)
+            tasks = self._changed(phase, snapshot)
+            self._change_controller(self.controller, tasks, contacts, snapshot)
+            self._enter(phase, contacts)
         self._move_targets(tick * dt)
         return self.controller
 
@@ -224,18 +233,20 @@ class PhaseExecutor:
         for moving in self._moving:
             moving.move_to(time)
 
-    def _begin(self, phase: Phase, snapshot: Snapshot, contacts: tuple[Contact, ...]) -> None:
-        tasks = [
+    def _changed(self, phase: Phase, snapshot: Snapshot) -> list[Task]:
+        """Begin what a phase does with the tasks; return those in use in it."""
+        return [
             self._targeted[name].task
             for name, change in phase.changes.items()
             if self._change(name, change, phase, snapshot)
         ]
-        made = self._make_controller(tasks, contacts, snapshot)
-        self._present = phase
+
+    def _enter(self, phase: Phase, contacts: tuple[Contact, ...]) -> None:
+        """Take note of the phase that the controller is in from now on."""
+        self._present, now = phase, self.controller
         self.standing = Standing.on(
-            phase.name, contacts, made.constraints, made.limits, made.slacks.is_hard
+            phase.name, contacts, now.constraints, now.limits, now.slacks.is_hard
         )
-        self.controller = made
 
     def _change(self, name: str, change: Change, phase: Phase, snapshot: Snapshot) -> bool:
         """Begin what a phase does with a task; True if it is in use in that phase."""
@@ -267,6 +278,10 @@ class PhaseExecutor:
             self._moving.append(MovingTarget(ramp, set_weight, phase.begins))
             set_weight(begin, begin, begin)
         return True
+
+
+def _never(*_: object) -> None:
+    """Change the controller of a run that has no second phase."""
 
 
 def _set_weight(task: Task, least: Array) -> SetTarget:
