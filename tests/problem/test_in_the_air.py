@@ -146,7 +146,8 @@ support: double
 tasks:
   com: {type: com, target: start, kp: 100, weight: 30}
   foot:
-    {type: frame, frame: left_sole, control: pose, target: start, kp: 900, weight: 20, active: false}
+    {type: frame, frame: left_sole, control: pose, target: start, kp: 900, weight: 20,
+     active: false}
   posture: {type: posture, weight: 0.1, kp: 50}
 phases:
   over: {duration: 0.4, tasks: {com: {target: {over: right}}}}
