@@ -48,6 +48,23 @@ def test_a_box_holds_the_base_up(tmp_path: Path) -> None:
     assert not boxed.failures
 
 
+def test_a_trunk_that_is_asked_to_bow_stops_at_its_tilt(tmp_path: Path) -> None:
+    bow = {"type": "frame", "frame": "base", "control": "orientation", "gain": 0.2,
+           "target": {"rpy": [0.0, 0.6, 0.0]}}  # fmt: skip
+    tilt = BASE.replace(f"{{{BOX}}}", "{type: tilt, angle: 0.25}")
+    bowed = problem(tmp_path, BASE, **{"tasks.com": bow}).run()
+    kept = problem(tmp_path, tilt, **{"tasks.com": bow}).run()
+    assert _tilt(bowed.q) > 0.4
+    assert max(map(_tilt, kept.history.q)) <= 0.25
+    assert _tilt(kept.q) == pytest.approx(0.25, abs=2e-3)
+    assert not kept.failures
+
+
+def _tilt(q: np.ndarray) -> float:
+    """Return the angle [rad] between the base's z axis and the vertical."""
+    return float(np.arccos(1.0 - 2.0 * (q[3] ** 2 + q[4] ** 2)))
+
+
 def test_the_com_stays_over_the_feet_that_stand_phase_by_phase(tmp_path: Path) -> None:
     text = BASE.replace(f"{{{BOX}}}", "{type: com_support, margin: 0.01}")
     text = text.replace("stop: {duration: 1.5, speed: null}", "")

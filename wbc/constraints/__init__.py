@@ -9,6 +9,7 @@ from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.obstacles import Obstacles
 from wbc.constraints.position_box import PositionBox
 from wbc.constraints.rows import Bounds, Constraint, Distances
+from wbc.constraints.tilt_limit import TiltLimit
 
 __all__ = [
     "Bounds",
@@ -24,5 +25,6 @@ __all__ = [
     "PointContact",
     "PositionBox",
     "SelfCollision",
+    "TiltLimit",
     "support",
 ]

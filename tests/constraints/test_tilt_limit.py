@@ -1,0 +1,129 @@
+"""A tilt limit against the angle that SciPy's rotations give, and in a loop that pulls past it."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wbc import KinematicController, OrientationTask, PostureTask, support
+from wbc.constraints import BrakingParameters, TiltLimit
+from wbc.constraints.margin import SKIN
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.robot import Robot
+from wbc.robot.symbolic import SymbolicPosture
+
+TRUNK = "base"
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def tilted(robot: Robot, vector) -> np.ndarray:
+    """Return a configuration whose base is turned by a rotation vector [rad]."""
+    q = robot.posture("standing").copy()
+    q[3:7] = (Rotation.from_rotvec(vector) * Rotation.from_quat(q[3:7])).as_quat()
+    return q
+
+
+def tilt_of(robot: Robot, q: np.ndarray, axis) -> float:
+    """Return the angle [rad] between the vertical and an axis of the base, without wbc."""
+    up = Rotation.from_quat(q[3:7]).apply(axis)
+    return 2.0 * np.arcsin(0.5 * np.linalg.norm(up - [0.0, 0.0, 1.0]))  # half-angle: exact near 0
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 2.0), (0.3, -0.2, 0.9)])
+def test_the_clearance_is_what_is_left_of_the_angle_and_its_jacobian_the_derivative(
+    robot, axis
+) -> None:
+    limit = TiltLimit(robot, TRUNK, 1.0, axis=axis)
+    unit, rng = np.array(axis) / np.linalg.norm(axis), np.random.default_rng(3)
+    for _ in range(20):
+        q = tilted(robot, rng.uniform(-1.2, 1.2, 3))
+        found = limit.distances(robot.snapshot(q))
+        assert found.clearance[0] == pytest.approx(1.0 - tilt_of(robot, q, unit) - SKIN, abs=1e-12)
+        v, h = rng.normal(size=robot.nv), 1e-6
+        ends = [tilt_of(robot, robot.integrate(q, side * v, h), unit) for side in (-1.0, 1.0)]
+        # Central differences: h^2 of curvature and rounding over h.
+        rate = -(ends[1] - ends[0]) / (2.0 * h)
+        assert found.jacobian[0] @ v == pytest.approx(rate, abs=1e-7)
+
+
+def test_linear_rows_are_off_by_no_more_than_the_bound(robot) -> None:
+    limit, rng = TiltLimit(robot, TRUNK, 1.2), np.random.default_rng(5)
+    for size in np.logspace(-4, 0, 60):
+        q = tilted(robot, np.append(rng.uniform(-0.8, 0.8, 2), 0.0))
+        here, step = limit.distances(robot.snapshot(q)), size * rng.normal(size=robot.nv)
+        there = limit.distances(robot.snapshot(robot.integrate(q, step, 1.0)))
+        predicted = here.clearance + here.jacobian @ step
+        assert there.clearance >= predicted - limit.curvature_bound(here, step) - 1e-12
+
+
+def test_a_trunk_that_is_upright_may_tilt_any_way(robot) -> None:
+    start = robot.snapshot(robot.posture("standing"))
+    limit = TiltLimit.upright(start, TRUNK, 0.5)
+    rows = limit.rows(start, 0.005)
+    assert rows.labels == ("base tilt",)
+    np.testing.assert_array_equal(rows.matrix, 0.0)
+    assert rows.lower[0] < -1.0
+
+
+def test_upright_is_what_points_up_at_the_start(robot) -> None:
+    start = robot.snapshot(tilted(robot, (0.2, -0.4, 0.1)))
+    assert TiltLimit.upright(start, TRUNK, 0.5).distances(start).clearance[0] == pytest.approx(
+        0.5 - SKIN, abs=1e-7
+    )
+
+
+def test_a_trunk_pulled_past_its_limit_stops_there_and_brakes_before(robot) -> None:
+    start, dt, braking = robot.snapshot(robot.posture("standing")), 0.005, 2.0
+    limit = TiltLimit.upright(start, TRUNK, 0.25, braking=BrakingParameters(braking))
+    pulled = OrientationTask(robot, TRUNK, Rotation.from_rotvec([0, 0.6, 0]).as_matrix(), gain=0.2)
+    controller = KinematicController(
+        robot,
+        [pulled, PostureTask(robot, start.q, weight=0.01)],
+        contacts=support(start, "double"),
+        constraints=[limit],
+        dt=dt,
+    )
+    q, v, angles = start.q, np.zeros(robot.nv), []
+    for _ in range(200):
+        v = controller.step(robot.snapshot(q, v)).velocity
+        q = robot.integrate(q, v, dt)
+        angles.append(tilt_of(robot, q, (0.0, 0.0, 1.0)))
+    rates, left = np.diff(angles) / dt, 0.25 - np.array(angles[:-1])
+    assert max(angles) <= 0.25
+    assert angles[-1] == pytest.approx(0.25, abs=2e-3)
+    assert (rates <= np.sqrt(2.0 * braking * left) + 1e-6).all()
+    assert rates.max() > 0.5  # it came fast enough to have to brake
+
+
+def test_a_search_knows_the_cosine_of_the_tilt(robot) -> None:
+    limit = TiltLimit(robot, TRUNK, 0.7, axis=(0.1, 0.2, 1.0))
+    symbol = ca.SX.sym("q", robot.nq)
+    rows = limit.symbolic_rows(SymbolicPosture.at(robot, symbol))
+    q = tilted(robot, (0.3, 0.1, -0.8))
+    value = float(ca.Function("tilt", [symbol], [rows.value])(q))
+    assert value == pytest.approx(np.cos(tilt_of(robot, q, limit.axis.copy())), abs=1e-12)
+    assert rows.lower == pytest.approx(np.cos(0.7 - SKIN))
+
+
+@pytest.mark.parametrize(
+    ("what", "answer"),
+    [
+        ({"angle": 0.0}, "must be greater than 0"),
+        ({"angle": 3.5}, "below pi"),
+        ({"angle": np.nan}, "finite"),
+        ({"axis": (0.0, 0.0, 0.0)}, "has no length"),
+        ({"axis": (0.0, 1.0)}, "3"),
+    ],
+)
+def test_a_limit_that_is_none_is_refused(robot, what, answer) -> None:
+    with pytest.raises(InvalidInputError, match=answer):
+        TiltLimit(robot, TRUNK, **({"angle": 1.0} | what))
+
+
+def test_a_frame_that_is_none_is_refused(robot) -> None:
+    with pytest.raises(UnknownNameError, match="trunk"):
+        TiltLimit(robot, "trunk", 1.0)
