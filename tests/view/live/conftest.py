@@ -2,6 +2,7 @@
 
 import multiprocessing
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,9 +13,14 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 import wbc
-from wbc.view.live.messages import Frame, Setup
+from tests.texts import STAND
+from tests.view.live.browsing import BROWSER, SOFTWARE
+from wbc.problem import load_problem
+from wbc.problem.problem import Problem
+from wbc.view.live.messages import Frame, Pulled, Restart, Setup
 from wbc.view.live.page import Page, Server
 from wbc.view.live.process import HOST, free_place
+from wbc.view.live.session import checked
 from wbc.view.live.telling import obstacles_of, targets_of, told_of
 
 
@@ -95,6 +101,39 @@ class Stage:
         self.page.draw()
 
 
+def simulated_problem(folder: Path, simulation: str) -> Problem:
+    """Return a small humanoid that stands in simulation; ``simulation`` as in a problem file."""
+    file = folder / "stand.yaml"
+    file.write_text(STAND + f"simulation: {simulation}\n")
+    return checked(load_problem(file))
+
+
+class Watched:
+    """A viewer without a page, which asks for something after a tick."""
+
+    closed, controller = False, None
+    has_wishes = False
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[np.ndarray, np.ndarray, str]] = []
+        self.pulls: list[Pulled | None] = []
+        self.asks: dict[int, object] = {}
+
+    def update(  # type: ignore[no-untyped-def]
+        self, snapshot, *_, push, pull, remark, **__
+    ) -> None:
+        self.seen.append((snapshot.q, push.copy(), remark))
+        self.pulls.append(pull)
+
+    def steer(self) -> None: ...
+
+    def next_request(self) -> object:
+        return self.asks.pop(len(self.seen), None)
+
+    def wait_for_user(self, *_: float) -> None:
+        self.asks.setdefault(len(self.seen), Restart())
+
+
 def frame_at(controller: wbc.Controller, q: np.ndarray, time: float) -> Frame:
     """Return what the page is told of a controller's tick."""
     snapshot = controller.robot.snapshot(q)
@@ -113,3 +152,12 @@ def stage(robot: wbc.Robot) -> Iterator[Stage]:
     made = Stage(robot)
     yield made
     made.server.stop()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=BROWSER, args=list(SOFTWARE))
+        yield opened
+        opened.close()

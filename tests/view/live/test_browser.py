@@ -1,35 +1,28 @@
-"""The page in a real browser: Chromium, headless, drawing by software.
+"""The page of a kinematic problem in a real browser.
 
 Slow, and it needs Playwright and a Chromium: run it with WBC_BROWSER=/usr/bin/chromium.
 """
 
-import os
-import threading
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-from wbc.problem import load_problem
-from wbc.robot import Snapshot
-from wbc.view.live.session import Session, checked
-from wbc.view.live.viewer import Viewer
-
-BROWSER = os.environ.get("WBC_BROWSER", "")
-PICTURES = os.environ.get("WBC_BROWSER_PICTURES", "")  # a folder to leave screenshots in
-pytestmark = pytest.mark.skipif(not BROWSER, reason="WBC_BROWSER names no Chromium")
-
-PATIENCE = 180.0  # s for anything to happen: software draws a frame in seconds
-SOFTWARE = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
+from tests.view.live.browsing import (
+    Live,
+    enter,
+    needs_browser,
+    on_screen,
+    opened,
+    picture,
+    scrub,
+    time_on,
+    typed,
 )
-SIZE = {"width": 1000, "height": 700}
+
+pytestmark = needs_browser
+
 PROBLEM = """
 robot: hoap2_like
 start: {posture: standing}
@@ -44,92 +37,16 @@ constraints:
 """
 
 
-class Live:
-    """A session in a thread, and what it has last shown."""
-
-    def __init__(self, file: Path) -> None:
-        file.write_text(PROBLEM)
-        problem = checked(load_problem(file))
-        self.viewer = Viewer(problem.parts.robot, title="browser", clock=True, quiet=True)
-        self.start = problem.parts.robot.snapshot(problem.parts.start)
-        self.now: Snapshot = self.start
-        self.changed = threading.Condition()
-        update = self.viewer.update
-
-        def remember(snapshot: Snapshot, *rest: Any, **more: Any) -> None:
-            update(snapshot, *rest, **more)
-            with self.changed:
-                self.now = snapshot
-                self.changed.notify()
-
-        self.viewer.update = remember  # type: ignore[method-assign]
-        self.session = Session(problem, self.viewer)
-        self.thread = threading.Thread(target=self.session.run, daemon=True)
-        self.thread.start()
-
-    def becomes(self, condition: Callable[[], bool]) -> bool:
-        """Wait until something is so; looked at whenever the session has shown something."""
-        with self.changed:
-            return self.changed.wait_for(condition, PATIENCE)
-
-    def task(self, name: str) -> Any:
-        assert self.viewer.controller is not None
-        return next(one for one in self.viewer.controller.tasks if one.name == name)
-
-
 @pytest.fixture(scope="module")
 def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
-    made = Live(tmp_path_factory.mktemp("live") / "browser.yaml")
+    made = Live(tmp_path_factory.mktemp("live") / "browser.yaml", PROBLEM)
     yield made
-    made.viewer.close()
-    made.thread.join(PATIENCE)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=BROWSER, args=list(SOFTWARE))
-        yield opened
-        opened.close()
+    made.close()
 
 
 @pytest.fixture(scope="module")
 def page(browser: Any, live: Live) -> Any:
     return opened(browser, live)
-
-
-def opened(browser: Any, live: Live) -> Any:
-    """Open the page, and wait until it shows the robot."""
-    page = browser.new_page(viewport=SIZE)
-    page.set_default_timeout(1e3 * PATIENCE)
-    page.goto(live.viewer.url)
-    page.get_by_text("left_sole, right_sole").first.wait_for()
-    page.wait_for_timeout(3000.0)
-    warning = page.locator(".mantine-Notification-closeButton")  # of drawing by software
-    if warning.count():
-        warning.first.click()
-    return page
-
-
-def time_on(page: Any) -> float:
-    """Return the time that the panel shows [s]."""
-    line = page.locator("div:has(> span:text-is('time')) > span").nth(1)
-    return float(line.inner_text().split()[0])
-
-
-def enter(page: Any, label: str, value: float) -> None:
-    """Type a value into the box of a slider."""
-    row = page.locator(f"label:text-is('{label}')").locator("xpath=ancestor::*[.//input][1]")
-    box = row.locator("input[type=text], input[inputmode]").last
-    box.fill(f"{value:g}")
-    box.press("Enter")
-    box.blur()
-
-
-def picture(page: Any, name: str) -> None:
-    if PICTURES:
-        page.screenshot(path=f"{PICTURES}/{name}.png")
 
 
 def test_the_page_loads_and_time_goes_on(page: Any, live: Live) -> None:
@@ -169,13 +86,15 @@ def test_a_dragged_target_is_followed(page: Any, live: Live) -> None:
 
 def test_going_back_and_to_now(page: Any, live: Live) -> None:
     ticks = live.session.ticks
-    enter(page, "Time [s]", 0.5)
+    now = time_on(page)
+    scrub(page, 0.1)  # the slider ends a third beyond the newest frame
     page.get_by_text("Back to now").wait_for()
-    assert live.becomes(lambda: time_on(page) < 1.0)
+    assert live.becomes(lambda: time_on(page) < 0.3 * now)
+    assert live.becomes(lambda: abs(typed(page, "Time [s]") - time_on(page)) < 0.1)
     assert live.becomes(lambda: live.session.ticks > ticks + 100)  # the loop goes on
     picture(page, "back")
     page.get_by_text("Back to now").click()
-    assert live.becomes(lambda: time_on(page) > 1.0)
+    assert live.becomes(lambda: time_on(page) > now)
 
 
 def test_pause_step_and_play(page: Any, live: Live) -> None:
@@ -201,31 +120,3 @@ def test_reload_and_two_browsers(page: Any, live: Live, browser: Any) -> None:
     before = time_on(page)
     assert live.becomes(lambda: time_on(page) > before)
     assert not live.viewer.error
-
-
-def on_screen(live: Live, point: np.ndarray) -> tuple[float, float]:
-    """Return the pixel at which the page's first camera sees a point (3,)."""
-    from wbc.view.live.layers.robot import RobotShapes
-    from wbc.view.live.page import AZIMUTH, DISTANCE, ELEVATION
-
-    robot = live.viewer.robot
-    low, high = RobotShapes(robot).extent(robot, robot.posture())
-    centre, size = 0.5 * (low + high), float(np.max(high - low))
-    way = np.array(
-        [
-            np.cos(ELEVATION) * np.cos(AZIMUTH),
-            np.cos(ELEVATION) * np.sin(AZIMUTH),
-            np.sin(ELEVATION),
-        ]
-    )
-    forward, up = -way, np.array([0.0, 0.0, 1.0])
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    ahead = point - (centre + DISTANCE * size * way)
-    focal = 0.5 * SIZE["height"] / np.tan(0.5 * np.deg2rad(75.0))
-    depth = ahead @ forward
-    return (
-        0.5 * SIZE["width"] + focal * float(ahead @ right) / depth,
-        0.5 * SIZE["height"] + focal * float(ahead @ down) / depth,
-    )

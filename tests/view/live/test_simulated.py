@@ -6,45 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.texts import STAND
-from tests.view.live.conftest import Stage, client_of, tell
-from wbc.problem import load_problem
-from wbc.problem.problem import Problem
+from tests.view.live.conftest import Stage, Watched, client_of, simulated_problem, tell
 from wbc.robot import Robot
 from wbc.view.live.clock import Clock
-from wbc.view.live.messages import PUSH_DURATION, Frame, PushRobot, Restart
-from wbc.view.live.session import checked
+from wbc.view.live.messages import PUSH_DURATION, Frame, PushRobot
 from wbc.view.live.simulated import SimulatedSession, strongest_push
 
 IMPULSE = np.array([0.3, 0.1, 0.0])
-
-
-def problem_in(folder: Path, simulation: str) -> Problem:
-    file = folder / "stand.yaml"
-    file.write_text(STAND + f"simulation: {simulation}\n")
-    return checked(load_problem(file))
-
-
-class Watched:
-    """A viewer without a page, which asks for something after a tick."""
-
-    closed, controller = False, None
-    has_wishes = False
-
-    def __init__(self) -> None:
-        self.seen: list[tuple[np.ndarray, np.ndarray, str]] = []
-        self.asks: dict[int, object] = {}
-
-    def update(self, snapshot, *_, push, remark, **__) -> None:  # type: ignore[no-untyped-def]
-        self.seen.append((snapshot.q, push.copy(), remark))
-
-    def steer(self) -> None: ...
-
-    def next_request(self) -> object:
-        return self.asks.pop(len(self.seen), None)
-
-    def wait_for_user(self, *_: float) -> None:
-        self.asks.setdefault(len(self.seen), Restart())
 
 
 def test_a_push_from_the_page_is_one_of_the_file(tmp_path: Path) -> None:
@@ -52,12 +20,12 @@ def test_a_push_from_the_page_is_one_of_the_file(tmp_path: Path) -> None:
 
     The file's acts where the CoM was at the start, the page's where it is: some um apart by then.
     """
-    one = problem_in(tmp_path, "{duration: 0.2}")
+    one = simulated_problem(tmp_path, "{duration: 0.2}")
     viewer = Watched()
     viewer.asks[10] = PushRobot(IMPULSE)
     SimulatedSession(one, viewer, Clock(0.0)).run(100)  # type: ignore[arg-type]
     pushed = f"{{impulse: {IMPULSE.tolist()}, at: 0.02, duration: {PUSH_DURATION}}}"
-    same = problem_in(tmp_path, f"{{duration: 0.2, pushes: [{pushed}]}}").simulate()
+    same = simulated_problem(tmp_path, f"{{duration: 0.2, pushes: [{pushed}]}}").simulate()
     found, expected = np.array([q for q, *_ in viewer.seen]), same.run.history.q
     np.testing.assert_allclose(found, expected, atol=1e-5)
     assert np.abs(expected - expected[0]).max() > 1e-3  # what the push does
@@ -66,7 +34,7 @@ def test_a_push_from_the_page_is_one_of_the_file(tmp_path: Path) -> None:
 
 
 def test_a_fall_is_said_and_restart_begins_again(tmp_path: Path) -> None:
-    one = problem_in(tmp_path, "{duration: 0.2}")
+    one = simulated_problem(tmp_path, "{duration: 0.2}")
     viewer = Watched()
     viewer.asks[1] = PushRobot(np.array([0.0, 30.0, 0.0]))
     SimulatedSession(one, viewer, Clock(0.0)).run(400)  # type: ignore[arg-type]
@@ -77,7 +45,7 @@ def test_a_fall_is_said_and_restart_begins_again(tmp_path: Path) -> None:
 
 
 def test_the_strongest_push_is_more_than_what_is_caught_without_a_step(tmp_path: Path) -> None:
-    one = problem_in(tmp_path, "{duration: 0.2}")
+    one = simulated_problem(tmp_path, "{duration: 0.2}")
     unit = one.parts.robot.mass * np.sqrt(9.81 / one.parts.robot.snapshot(one.parts.start).com[2])
     assert 0.01 * unit < strongest_push(one) < 0.5 * unit  # the soles' edge is 4 to 20 cm away
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -10,6 +11,7 @@ from viser import GuiApi
 from wbc.view.live.messages import Play, Request, Restart, Speed, Step
 from wbc.view.live.recording import Recording
 
+SETTLED = 0.3  # s after the last move of the slider: it is no longer in somebody's hand
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "max": 0.0}
 BUTTONS: Mapping[str, Request] = {
     "Play": Play(True),
@@ -33,6 +35,7 @@ class Controls:
     def __init__(self, gui: GuiApi, send: Send, clock: bool) -> None:
         self.past: float | None = None
         self._replaying = False
+        self._moved_at: float | None = None  # when the user moved the slider, until confirmed
         if clock:
             buttons = gui.add_button_group("Loop", tuple(BUTTONS))
             buttons.on_click(lambda event: send(BUTTONS[event.target.value]))
@@ -50,6 +53,12 @@ class Controls:
     def _scrubbed(self, event: Any) -> None:
         if event.client_id is not None:  # not moved by the page itself
             self.past, self._replaying = float(event.target.value), False
+            self._moved_at = time.monotonic()
+
+    def _confirm(self, past: float) -> None:
+        """Put the slider where the user has: an update that was on its way may have moved it."""
+        self._slider.value = past + 0.01  # what does not change is not sent
+        self._slider.value = past
 
     def _go_live(self) -> None:
         self.past, self._replaying = None, False
@@ -74,6 +83,9 @@ class Controls:
         if self.past is None or self._replaying:
             now = last if self.past is None else self.past
             self._slider.value = round(min(max(now, self._slider.min), self._slider.max), 2)
+        elif self._moved_at is not None and time.monotonic() > self._moved_at + SETTLED:
+            self._moved_at = None
+            self._confirm(self.past)
         looking_back = self.past is not None
         if self._live.visible != looking_back:
             self._live.visible = self._replay.visible = looking_back

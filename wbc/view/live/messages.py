@@ -59,6 +59,14 @@ class TaskInfo(NamedTuple):
     axis: Array | None = None
 
 
+class Pulled(NamedTuple):
+    """What pulls at the robot now: a force (3,) [N] at a point (3,) [m] of a frame, world axes."""
+
+    frame: str
+    point: Array
+    force: Array
+
+
 class ContactInfo(NamedTuple):
     """A frame that is held; ``friction`` is None where none is asked for."""
 
@@ -147,6 +155,8 @@ class Frame:
         What the user should know, such as why the loop ended.
     push:
         (3,) force that pushes the robot now [N], world axes; None where nothing can.
+    pull:
+        What the user pulls at, and how; None while nobody does.
     """
 
     time: float
@@ -159,6 +169,7 @@ class Frame:
     remark: str = ""
     playing: bool = True
     push: Array | None = None
+    pull: Pulled | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,4 +228,28 @@ class PushRobot(NamedTuple):
     impulse: Array
 
 
-Request = PushRobot | SetTarget | SetWeight | Release | Play | Step | Speed | Restart
+class PullRobot(NamedTuple):
+    """Pull a point of the robot by a spring from now on, until :class:`LetGo`.
+
+    Attributes
+    ----------
+    frame, point:
+        What is pulled: (3,) in the frame's axes from its origin [m].
+    target:
+        Where it is pulled to (3,) [m], world axes.
+    stiffness:
+        [N/m].
+    """
+
+    frame: str
+    point: Array
+    target: Array
+    stiffness: float
+
+
+class LetGo(NamedTuple):
+    """End a pull."""
+
+
+Wish = SetTarget | SetWeight | Release  # of the tasks; the others are of who moves the robot
+Request = Wish | PushRobot | PullRobot | LetGo | Play | Step | Speed | Restart

@@ -22,6 +22,7 @@ from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
 from wbc.view.live.layers.layer import Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
+from wbc.view.live.layers.pulls import PullLayer
 from wbc.view.live.layers.pushes import PushLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
@@ -35,6 +36,7 @@ from wbc.view.live.shown import Shown
 from wbc.view.live.sliders import Sliders
 
 NICE = 10  # the control loop comes first where processors are few
+SHARE = 0.2  # of a processor: what drawing takes at most; where that is slow, fewer frames
 PERIOD = 1.0 / 40.0  # s between looks at what has come
 PANEL_PERIOD = 0.15  # s between changes of the numbers: faster cannot be read
 GLASS = 0.55  # opacity of the robot once there are contact forces to see
@@ -113,7 +115,10 @@ class Page:
             self._controls = Controls(gui, self.send, setup.clock)
             if setup.push:
                 pushes = PushControls(gui, self.send, setup.push)
-                self._layers.append(PushLayer(scene, size, lambda: pushes.impulse, setup.push))
+                self._layers += [
+                    PushLayer(scene, size, lambda: pushes.impulse, setup.push),
+                    PullLayer(scene, size, self._robot, robot, self.send),
+                ]
             self._panel = Panel(gui, shapes.note)
         self._sliders: Sliders | None = None
         if setup.steer:
@@ -141,12 +146,15 @@ class Page:
     # ------------------------------------------------------------------ the one that draws
 
     def run(self) -> None:
-        """Receive and draw until the pipe closes."""
+        """Receive until the pipe closes, and draw while anybody looks."""
         while True:
             if self._pipe.poll(PERIOD):
                 while self._pipe.poll():
                     self.receive(self._pipe.recv())
-            self.draw()
+            if self.server.get_clients():
+                began = time.thread_time()
+                self.draw()
+                time.sleep((1.0 / SHARE - 1.0) * (time.thread_time() - began))
 
     def receive(self, message: Frame | Cast | Replay) -> None:
         """Take note of a message."""

@@ -35,6 +35,9 @@ class Panel:
             parts.append(_line("phase", escape(frame.phase)))
         if shown.cast is not None:
             parts.append(_line("held", escape(", ".join(shown.held) or "nothing")))
+        if frame.pull is not None:
+            newtons = np.linalg.norm(frame.pull.force)
+            parts.append(_line("pull", f"{newtons:.3g} N at {escape(frame.pull.frame)}"))
         if told is not None:
             budget = None if shown.cast is None else shown.cast.dt
             parts += [_tick(told, budget), _status(told)]

@@ -12,6 +12,8 @@ from wbc.view.live.messages import PushRobot, Request
 
 FIRST = 0.25  # of the largest push: what the slider begins with
 STEPS = 100  # of the slider
+HINT = "Or hold Shift and drag a part of the robot: it is pulled towards the pointer."
+_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.9em 0.4em;color:#555"
 
 
 class PushControls:
@@ -20,13 +22,14 @@ class PushControls:
     def __init__(self, gui: GuiApi, send: Callable[[Request], None], largest: float) -> None:
         step = float(f"{largest / STEPS:.1g}")
         count = round(largest / step)
-        first = step * round(FIRST * count)
+        first = float(f"{step * round(FIRST * count):.6g}")  # 1.82, not 1.8200000000000001
         with gui.add_folder("Push"):
             self._impulse = gui.add_slider("Impulse [N s]", 0.0, step * count, step, first)
             self._angle = gui.add_slider(
                 "Direction [deg]", -180.0, 180.0, 5.0, 0.0, hint="0: forwards, 90: to the left."
             )
             button = gui.add_button("Push", hint="At the CoM, for a tenth of a second.")
+            gui.add_html(f"<div style='{_STYLE}'>{HINT}</div>")
         button.on_click(lambda _: send(PushRobot(self.impulse)))
 
     @property

@@ -12,7 +12,7 @@ from wbc.robot import Snapshot
 from wbc.run.leader import Leader
 from wbc.validate import Array
 from wbc.view.live.clock import Clock
-from wbc.view.live.messages import Request
+from wbc.view.live.messages import Pulled, Request
 from wbc.view.live.viewer import Viewer
 
 if TYPE_CHECKING:
@@ -90,6 +90,10 @@ class Session:
         """Return the force that pushes the robot (3,) [N]; None where nothing can."""
         return None
 
+    def _pull_now(self) -> Pulled | None:
+        """Return what the user pulls at; None while nobody does."""
+        return None
+
     def _show(self, now: LoopTick, remark: str = "") -> None:
         self._viewer.update(
             now.snapshot,
@@ -100,6 +104,7 @@ class Session:
             remark=remark,
             playing=self.clock.playing,
             push=self._push_now(),
+            pull=self._pull_now(),
         )
 
     def _wait(self, now: LoopTick) -> bool:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.controllers.closed_loop import LoopTick, Update
+from wbc.robot import Snapshot
 from wbc.run.leader import Leader
 from wbc.run.standing import held_feet
 from wbc.simulation import FallLimits, Plant, capture_impulse, simulate
+from wbc.simulation.push import Push
 from wbc.simulation.trial_record import as_loop_tick
 from wbc.validate import Array
 from wbc.view.live.clock import Clock
-from wbc.view.live.messages import PUSH_DURATION, PushRobot, Request
+from wbc.view.live.messages import PUSH_DURATION, LetGo, Pulled, PullRobot, PushRobot, Request
 from wbc.view.live.session import FOR_EVER, Session
 from wbc.view.live.viewer import Viewer
 
@@ -36,9 +38,11 @@ class SimulatedSession(Session):
         self._plant: Plant  # of the present run: made as it begins
         self._falls = FallLimits(**problem.spec.simulation.falls)
         self._verdict = ""
+        self._wanted_pull: PullRobot | None = None
+        self._pull: Push | None = None  # that of the last period
 
     def _leader(self) -> Leader:
-        self._plant = self._problem.plant()
+        self._plant, self._pull = self._problem.plant(), None
         return self._problem.leader(self._plant)
 
     def _loop(self, phases: Leader, update: Update) -> Iterator[LoopTick]:
@@ -47,19 +51,51 @@ class SimulatedSession(Session):
         for now in loop:
             self._verdict = now.verdict.reason
             yield as_loop_tick(now, dt)
+            self._pull_for(dt)
 
     def _why_ended(self, now: LoopTick | None) -> str:
         return self._verdict
 
+    def _pull_for(self, dt: float) -> None:
+        """Pull the plant for the next period ``dt`` [s], if the user wants it."""
+        self._pull, now = None, self._pull_now()
+        if now is not None and self._wanted_pull is not None:
+            point = self._wanted_pull.point
+            self._pull = self._plant.push(now.frame, now.force, point, duration=dt)
+
+    def _pull_now(self) -> Pulled | None:
+        if self._wanted_pull is None:
+            return None
+        return pulled(self._wanted_pull, self._plant.snapshot())
+
     def _push_now(self) -> Array:
-        return self._plant.push_force
+        every = self._plant.push_force
+        if self._pull is None:
+            return every
+        others = every - self._pull.force
+        rounding = 1e-9 * float(np.linalg.norm(self._pull.force))
+        return others if np.linalg.norm(others) > rounding else np.zeros(3)
 
     def _receive(self, request: Request) -> None:
-        if isinstance(request, PushRobot):
-            force = request.impulse / PUSH_DURATION
-            self._plant.push("base", force, "com", duration=PUSH_DURATION)
-        else:
-            super()._receive(request)
+        match request:
+            case PushRobot(impulse):
+                force = impulse / PUSH_DURATION
+                self._plant.push("base", force, "com", duration=PUSH_DURATION)
+            case PullRobot():
+                self._wanted_pull = request
+            case LetGo():
+                self._wanted_pull = None
+            case _:
+                super()._receive(request)
+
+
+def pulled(wanted: PullRobot, now: Snapshot) -> Pulled:
+    """Return the force of a pull's spring, at most the robot's weight."""
+    rotation, origin = now.rotation(wanted.frame), now.position(wanted.frame)
+    point = origin + rotation @ wanted.point
+    force = wanted.stiffness * (wanted.target - point)
+    largest, strength = now.robot.weight, float(np.linalg.norm(force))
+    return Pulled(wanted.frame, point, force * (largest / strength if strength > largest else 1.0))
 
 
 def strongest_push(problem: Problem) -> float:

@@ -11,7 +11,7 @@ from wbc.controllers import Controller
 from wbc.errors import WbcError
 from wbc.tasks import PoseTask, Task
 from wbc.validate import Array
-from wbc.view.live.messages import Release, SetTarget, SetWeight
+from wbc.view.live.messages import Release, SetTarget, Wish
 
 
 class Steering:
@@ -35,7 +35,7 @@ class Steering:
         """Whether anything is steered."""
         return bool(self._targets or self._factors)
 
-    def receive(self, request: SetTarget | SetWeight | Release, controller: Controller) -> None:
+    def receive(self, request: Wish, controller: Controller) -> None:
         """Take note of a wish; one that the task refuses is dropped, with :attr:`refusal` set."""
         self.refusal = ""
         if isinstance(request, Release):

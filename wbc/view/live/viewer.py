@@ -22,12 +22,11 @@ from wbc.validate import Array
 from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import (
     Frame,
-    Release,
+    Pulled,
     Replay,
     Request,
-    SetTarget,
     Setup,
-    SetWeight,
+    Wish,
 )
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place, require_viser
 from wbc.view.live.steering import Steering
@@ -49,6 +48,7 @@ class News(NamedTuple):
     remark: str
     playing: bool
     push: Array | None
+    pull: Pulled | None
 
 
 class Viewer:
@@ -78,8 +78,9 @@ class Viewer:
         Whether the page has buttons to pause, step and begin again; what they ask for is told by
         :meth:`next_request`.
     push:
-        The largest push that the page offers [N s]; what the user asks for is told by
-        :meth:`next_request`, and whoever moves the robot gives it. 0: none.
+        The largest push that the page offers [N s], beside pulls by dragging the robot; what the
+        user asks for is told by :meth:`next_request`, and whoever moves the robot gives it. 0:
+        neither.
     quiet:
         Do not print where to look.
 
@@ -121,7 +122,7 @@ class Viewer:
         self.error = ""
         self._may_steer = steer
         self._mailbox = Mailbox[News]()
-        self._wishes = deque[SetTarget | SetWeight | Release]()
+        self._wishes = deque[Wish]()
         self._requests = deque[Request]()
         self._recorded: Replay | None = None
         self._closed, self._asked = threading.Event(), threading.Event()
@@ -175,6 +176,7 @@ class Viewer:
         remark: str = "",
         playing: bool = True,
         push: Array | None = None,
+        pull: Pulled | None = None,
     ) -> None:
         """Show a state and what the controller answered; never waits.
 
@@ -190,13 +192,15 @@ class Viewer:
             Shown beside the time: the phase of the run, what should be known, whether it is paused.
         push:
             (3,) force that pushes the robot now [N], world axes.
+        pull:
+            What the user pulls at, and how.
         """
         self.steer()
         if time is None:
             time = self._since_first()
         controller = self.controller
         self._mailbox.put(
-            News(time, snapshot, tick, controller, seconds, phase, remark, playing, push)
+            News(time, snapshot, tick, controller, seconds, phase, remark, playing, push, pull)
         )
 
     def steer(self) -> None:
@@ -304,6 +308,7 @@ class Viewer:
             remark=self.steering.refusal or news.remark,
             playing=news.playing,
             push=news.push,
+            pull=news.pull,
         )
 
     def _listen(self) -> None:
@@ -316,7 +321,7 @@ class Viewer:
                 return
             if isinstance(message, Failed):
                 self._ended(message.reason)
-            elif isinstance(message, SetTarget | SetWeight | Release):
+            elif isinstance(message, Wish):
                 if self._may_steer:
                     self._wishes.append(message)
             else:

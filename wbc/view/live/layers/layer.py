@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from viser import SceneApi
-from viser.transforms import SO3
 
 from wbc.validate import Array
 from wbc.view import palette
@@ -66,7 +66,8 @@ class Layer(ABC):
 
 def wxyz(rotation: Array) -> Array:
     """Return the quaternion (4,), scalar first, of a rotation (3, 3)."""
-    return np.asarray(SO3.from_matrix(rotation).wxyz)
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return np.array([w, x, y, z])
 
 
 def along(direction: Array) -> Array:

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from viser import SceneApi
-from viser.transforms import SO3
 
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.robot.collision import robot_bodies
 from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREY, Layer
+from wbc.view.live.layers.layer import GREY, Layer, wxyz
 from wbc.view.live.layers.solids import surface_of
 from wbc.view.live.shown import Shown
 
@@ -66,7 +65,13 @@ class RobotShapes:
 
 
 class RobotLayer(Layer):
-    """The robot where it is."""
+    """The robot where it is.
+
+    Attributes
+    ----------
+    links:
+        Name of the link, and the node, of each shape.
+    """
 
     label = "Robot"
 
@@ -77,14 +82,17 @@ class RobotLayer(Layer):
         self._nodes = [
             scene.add_frame(f"{self.path}/{joint}", show_axes=False) for joint in self._joints
         ]
-        self._meshes = [
-            scene.add_mesh_simple(
-                f"{self.path}/{joint}/{number} {mesh.name}",
-                mesh.vertices,
-                mesh.faces,
-                color=tuple(round(255.0 * min(part, PALE)) for part in mesh.colour),
-                flat_shading=True,
-                side="double",
+        self.links = [
+            (
+                mesh.name,
+                scene.add_mesh_simple(
+                    f"{self.path}/{joint}/{number} {mesh.name}",
+                    mesh.vertices,
+                    mesh.faces,
+                    color=tuple(round(255.0 * min(part, PALE)) for part in mesh.colour),
+                    flat_shading=True,
+                    side="double",
+                ),
             )
             for number, (joint, mesh) in enumerate(shapes.shapes)
         ]
@@ -92,13 +100,10 @@ class RobotLayer(Layer):
     def show(self, shown: Shown) -> None:
         """Move the links."""
         rotations, origins = joint_placements(self._robot, shown.frame.q)
-        quaternions = np.asarray(SO3.from_matrix(rotations[self._joints]).wxyz)
-        for node, quaternion, origin in zip(
-            self._nodes, quaternions, origins[self._joints], strict=True
-        ):
-            node.wxyz, node.position = quaternion, origin
+        for node, joint in zip(self._nodes, self._joints, strict=True):
+            node.wxyz, node.position = wxyz(rotations[joint]), origins[joint]
 
     def set_opacity(self, opacity: float) -> None:
         """Make the robot transparent, 0, to solid, 1."""
-        for mesh in self._meshes:
+        for _, mesh in self.links:
             mesh.opacity = None if opacity >= 1.0 else opacity

@@ -1,0 +1,50 @@
+"""The page of a simulation in a real browser; see test_browser.py."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.texts import STAND
+from tests.view.live.browsing import Live, needs_browser, on_screen, opened, picture
+
+pytestmark = needs_browser
+
+
+@pytest.fixture
+def simulated(tmp_path: Path) -> Iterator[Live]:
+    made = Live(tmp_path / "simulated.yaml", STAND)
+    yield made
+    made.close()
+
+
+def test_a_push_by_button_and_a_pull_by_drag(browser: Any, simulated: Live) -> None:
+    live = simulated
+    page = opened(browser, live)
+    page.get_by_role("button", name="Push", exact=True).click()
+    assert live.becomes(lambda: bool(live.push.any()))
+    assert live.becomes(lambda: bool(not live.push.any()))
+    live.becomes(lambda: bool(np.abs(live.now.v).max() < 0.02))
+    before = live.now.com
+    x, y = on_screen(live, live.now.position("base"))
+    page.mouse.move(x, y)
+    page.wait_for_timeout(1500.0)
+    page.keyboard.down("Shift")
+    page.mouse.down()
+    for k in range(1, 9):
+        page.mouse.move(x + 5.0 * k, y)
+        page.wait_for_timeout(300.0)
+    assert live.becomes(lambda: live.pull is not None)
+    assert live.becomes(lambda: bool(np.linalg.norm(live.now.com - before) > 1e-3))
+    page.get_by_text(" N at ").wait_for()
+    picture(page, "pull")
+    assert live.pull is not None
+    assert (live.now.com - before) @ live.pull.force > 0.0
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    assert live.becomes(lambda: live.pull is None)
+    assert live.becomes(lambda: bool(np.linalg.norm(live.now.com - before) < 1e-3))
+    assert not live.viewer.error
+    page.close()
