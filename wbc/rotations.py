@@ -56,6 +56,11 @@ def rotation_from(quaternion_xyzw: Array) -> Array:
     return np.array(pin.Quaternion(quaternion_xyzw).toRotationMatrix())
 
 
+def quaternion_from(R: Array) -> Array:
+    """Return a unit quaternion (4,) of a rotation matrix, in (x, y, z, w) order."""
+    return np.array(pin.Quaternion(R).coeffs())
+
+
 def rotations_from(quaternion: Array) -> Array:
     """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), x y z w."""
     x, y, z, w = quaternion.T

@@ -169,6 +169,7 @@ def test_the_slider_is_confirmed_once_it_is_let_go(
     slider._impl.value = 2.0  # as viser does when the browser says so
     stage.page._controls._scrubbed(SimpleNamespace(client_id=1, target=slider))
     monkeypatch.setattr(stage.server.gui._websock_interface, "queue_message", sent.append)
+    monkeypatch.setattr(controls, "SETTLED", 1e6)
     stage.draw()
     assert not values_in(sent)  # it may still be in the user's hand
     monkeypatch.setattr(controls, "SETTLED", 0.0)

@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from viser import SceneApi
 
+from wbc.rotations import quaternion_from
 from wbc.validate import Array
 from wbc.view import palette
 from wbc.view.live.messages import Cast
@@ -66,7 +66,7 @@ class Layer(ABC):
 
 def wxyz(rotation: Array) -> Array:
     """Return the quaternion (4,), scalar first, of a rotation (3, 3)."""
-    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    x, y, z, w = quaternion_from(rotation)
     return np.array([w, x, y, z])
 
 
