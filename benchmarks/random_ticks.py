@@ -21,7 +21,7 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask, Task
-from wbc.tasks.task import Gains
+from wbc.tasks.keywords import Gains
 
 ROBOTS = ("hoap2_like", "g1", "g1_27", "talos", "icub", "romeo")
 SUPPORTS = ("floating", "left", "right", "double")

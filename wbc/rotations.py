@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -11,10 +12,8 @@ from wbc.errors import InvalidInputError
 from wbc.spatial import skew
 from wbc.validate import Array
 
-
-def log_rotation(R: Array) -> Array:
-    """Return the rotation vector (3,) [rad] of R, of norm at most pi."""
-    return pin.log3(R)
+# The rotation vector (3,) [rad] of a rotation matrix, of norm at most pi; every tick takes some.
+log_rotation: Callable[[Array], Array] = pin.log3
 
 
 def exp_rotation(w: Array) -> Array:

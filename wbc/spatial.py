@@ -16,6 +16,7 @@ ROWS = np.array([0, 0, 0, 1, 1, 2])
 COLUMNS = np.array([0, 1, 2, 1, 2, 2])
 DIAGONAL = np.array([0, 3, 5])
 FROBENIUS_WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+_ENTRIES = 3 * ROWS + COLUMNS  # of the matrix, row by row
 _MATRIX_INDEX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
@@ -27,7 +28,7 @@ def skew(w: Array) -> Array:
 
 def vech(S: Array) -> Array:
     """Return the (6,) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
-    return S[ROWS, COLUMNS]
+    return S.take(_ENTRIES)
 
 
 def vech_inverse(s: Array) -> Array:

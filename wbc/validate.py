@@ -14,6 +14,21 @@ from wbc.errors import InvalidInputError
 Array = NDArray[np.floating[Any]]
 # Numbers beyond this are refused: no controller means them, and products of a few would overflow.
 LARGEST = 1e30
+_FLOAT = np.dtype(np.float64)
+
+
+def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> Array | None:
+    """Return a fresh copy of a float array of that shape, every entry finite; else None.
+
+    A quick look for what is given in every tick; at what it does not pass, :func:`finite_array`
+    looks closely.
+    """
+    if type(value) is not np.ndarray or value.dtype is not _FLOAT or value.shape != shape:
+        return None
+    array: Array = value.copy()
+    flat = array.ravel()
+    # NaN fails the comparison; the sum of squares costs a third of np.isfinite(array).all().
+    return array if flat.dot(flat) <= largest * largest else None
 
 
 def finite_vector(what: str, value: ArrayLike, size: int, largest: float = LARGEST) -> Array:
@@ -38,6 +53,9 @@ def finite_array(
         Not real numbers, of another size, or holding NaN, infinity or an entry beyond ``largest``;
         the message names the entries.
     """
+    plain = plain_copy(value, shape, largest)
+    if plain is not None:
+        return plain
     try:
         given = np.asarray(value)
         if given.dtype.kind == "c":  # NumPy would drop the imaginary parts
@@ -47,17 +65,14 @@ def finite_array(
         raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
     if array.shape != shape:
         raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}")
-    # The sum of squares costs a third of np.isfinite(array).all(), and NaN fails the comparison:
-    # only where it is too large is the careful look paid for.
-    if not np.vdot(array, array) <= largest * largest:
-        for fault, found in (
-            ("NaN or infinite", ~np.isfinite(array)),
-            (f"beyond {largest:g}", np.abs(array) > largest),
-        ):
-            if found.any():
-                where = ", ".join(str(tuple(index.tolist())) for index in np.argwhere(found)[:5])
-                wanted = "finite" if fault.startswith("NaN") else f"at most {largest:g}"
-                raise InvalidInputError(f"{what}: {fault} at {where}; every entry must be {wanted}")
+    for fault, found in (
+        ("NaN or infinite", ~np.isfinite(array)),
+        (f"beyond {largest:g}", np.abs(array) > largest),
+    ):
+        if found.any():
+            where = ", ".join(str(tuple(index.tolist())) for index in np.argwhere(found)[:5])
+            wanted = "finite" if fault.startswith("NaN") else f"at most {largest:g}"
+            raise InvalidInputError(f"{what}: {fault} at {where}; every entry must be {wanted}")
     return array
 
 
@@ -65,6 +80,8 @@ def finite_number(
     what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf
 ) -> float:
     """Return ``value`` as a finite float, strictly above ``above`` and at least ``least``."""
+    if type(value) is float and above < value >= least and -LARGEST <= value <= LARGEST:
+        return value  # what is given in every tick
     try:
         if np.ndim(value) or np.iscomplexobj(value) or isinstance(value, str | bytes):
             raise TypeError("no real scalar")

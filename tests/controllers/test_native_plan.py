@@ -20,7 +20,7 @@ from wbc.constraints import (
 )
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller
-from wbc.controllers.native_plan import NativeProblem
+from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.tick import Tick
 from wbc.native import VARIABLE, status
 from wbc.qp import daqp_direct
@@ -388,8 +388,8 @@ def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatc
     call = plan._memory.call
     for entry, value in ((0, 1e-3), (1, np.nan), (2, np.inf)):
 
-        def spoilt(moving, place=entry, value=value):
-            said, out = call(moving)
+        def spoilt(*given, place=entry, value=value):
+            said, out = call(*given)
             out[place - 4] = value
             return said, out
 

@@ -21,8 +21,9 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
+from wbc.tasks.keywords import LawKeywords
 from wbc.tasks.point import AXES
-from wbc.tasks.task import LawKeywords, Task
+from wbc.tasks.task import Task
 from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

@@ -273,6 +273,7 @@ class Controller(ABC):
         self.contacts = contacts
         self._verified = False
         self._reports_residual = [type(task).deviation is Task.deviation for task in self._motion]
+        self._all_plain = all(self._reports_residual)
         self.slacks = Slacks(self._slack, contacts, self.constraints)
         self.plan = Plan.of(
             self._decision(),
@@ -319,17 +320,12 @@ class Controller(ABC):
             if step_scale < 1.0:
                 velocity = step_scale * velocity
         velocity.flags.writeable = False
-        errors = {}
-        for task, residual, plain in zip(
-            self._motion, residuals, self._reports_residual, strict=True
-        ):
-            errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
         solve = outcome.solve_time
         return Tick(
             velocity=velocity,
             status=outcome.solution.status,
             policy=policy,
-            errors=errors,
+            errors=self._errors(snapshot, residuals),
             solution=outcome.solution,
             qp=outcome.qp,
             times=Times(ready - start, perf_counter() - ready - solve, solve),
@@ -337,6 +333,15 @@ class Controller(ABC):
             slack=slack,
             singular=singular | outcome.singular,
         )
+
+    def _errors(self, snapshot: Snapshot, residuals: Sequence[Residual]) -> dict[str, Array]:
+        """Return what tasks report as their errors, by name."""
+        errors = {}
+        for task, residual, plain in zip(
+            self._motion, residuals, self._reports_residual, strict=True
+        ):
+            errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
+        return errors
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the command of the declared policy, within the limits' box, and what it misses."""

@@ -32,8 +32,6 @@ class TickDynamics:
         (nv, n) and (nv,): base forces and torques by the unknowns, in units of ``unit``.
     last:
         Wrenches of the last tick by contact; None if there was none.
-    command:
-        What :meth:`commanded` gives at the tick's solution, if that is known already.
     """
 
     snapshot: Snapshot
@@ -41,7 +39,6 @@ class TickDynamics:
     matrix: Array
     offset: Array
     last: Mapping[str, Array] | None
-    command: tuple[Array, Array] | None = None
 
     @classmethod
     def at(
@@ -63,11 +60,6 @@ class TickDynamics:
         """Return the torques (nv - 6,) of all joints [N m] at x (n,)."""
         torques: Array = self.unit * (self.matrix @ x + self.offset)[6:]
         return torques
-
-    def commanded(self, x: Array) -> tuple[Array, Array]:
-        """Return :meth:`exact` of x (n,), and the torques there."""
-        met = self.exact(x)
-        return met, self.torques(met)
 
     def exact(self, x: Array) -> Array:
         """Return x (n,) with a base velocity that meets its dynamics to rounding, not to eps."""

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows
-from wbc.controllers.native_plan import NativePlan, NativeProblem
+from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
 from wbc.controllers.plan import NO_PHYSICS, Physics
+from wbc.controllers.tick import Tick
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
+from wbc.qp.solution import Status
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
+from wbc.validate import read_only
 
 
 class KinematicController(NativeController):
@@ -25,6 +31,18 @@ class KinematicController(NativeController):
 
     def _native_plan(self, backend: Backend | None) -> NativePlan | None:
         return NativePlan.of(self.robot, self.tasks, self.plan, self.limits, self.dt, backend)
+
+    def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
+        return Tick.reading(
+            found,
+            velocity=read_only(found.velocity),
+            status=Status.SOLVED,
+            policy=None,
+            step_scale=1.0,
+            slack={},
+            singular={},
+            **known,
+        )
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         return NO_PHYSICS

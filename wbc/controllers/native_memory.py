@@ -30,8 +30,8 @@ class _Plan(ctypes.Structure):
             (name, ctypes.c_void_p)
             for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
             + ("start", "damping", "limit", "force", "corner", "passive", "with_bound")
-            + ("torque_bound", "cone", "force_bound", "joint_damping", "out", "scratch", "order")
-            + ("quadprog", "settings")
+            + ("torque_bound", "cone", "force_bound", "joint_damping", "state", "out", "scratch")
+            + ("order", "quadprog", "settings")
         ),
         *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
         *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
@@ -54,7 +54,7 @@ class Answer(NamedTuple):
     x, y, z, z_box, found:
         DAQP's answer, and its residuals and iterations (4,).
     exact, torque:
-        Base velocity (6,) that meets its dynamics to rounding, and torques (nv - 6,) at that.
+        v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
     """
 
     P: Array
@@ -81,6 +81,11 @@ class Answer(NamedTuple):
 
 class NativeMemory:
     """Arrays and structures that the core reads, and what it is called with.
+
+    Attributes
+    ----------
+    velocity, contact_forces, torque, found:
+        Where these are in what the core writes: see :class:`Answer`.
 
     Parameters
     ----------
@@ -131,24 +136,31 @@ class NativeMemory:
             settings = direct_daqp().settings(solver.eps, solver.max_iterations)
         call = (0, 0) if settings is None else (direct_daqp().address, ctypes.addressof(settings))
         numbers_of = (len(blocks), len(frames), costs, self.held, limits is not None)
-        place = (0, _address(scratch), _address(order))
+        self.state = np.zeros(tree.frames)
+        place = (_address(self.state), 0, _address(scratch), _address(order))
         every = (*first, *level, *place, *call, *numbers_of, *counts, dt, robot.mass, unit)
         self.struct = _Plan(*every)
         self._kept = structs, scratch, order, settings
-        self.state = np.zeros(tree.frames)
         self.q, self.v = np.zeros(robot.nq), np.zeros(robot.nv)
         function = tree.core.wbc_tick if settings is not None else tree.core.wbc_problem
         self._call: Any = function
-        self._addresses = (
-            ctypes.addressof(self.struct),
-            *map(_address, (self.state, self.q, self.v)),
-        )
+        self._plan_address, self._state_address = ctypes.addressof(self.struct), place[0]
+        self._addresses = _address(self.q), _address(self.v)
 
-    def call(self, moving: bool) -> tuple[int, Array]:
-        """Run the core at ``state``, ``q``, ``v``; return what it said and what it wrote."""
+    def call(self, q: Array, v: Array, moving: bool, state: Array | None) -> tuple[int, Array]:
+        """Run the core; return what it said and what it wrote.
+
+        ``state`` is what it found at (q, v) before; None: it looks now.
+        """
+        self.q[:], self.v[:] = q, v
+        known = None
+        if state is not None:
+            self.state[:] = state[: self.state.size]
+            known = self._state_address
         out = np.empty(self._end)
-        self.struct.out = out.ctypes.data
-        return self._call(*self._addresses, moving), out
+        # The address in a fifth of the time that out.ctypes.data takes.
+        self.struct.out = ctypes.addressof(ctypes.c_char.from_buffer(out.data))
+        return self._call(self._plan_address, known, *self._addresses, moving), out
 
     def read(self, out: Array) -> Answer:
         """Return views on what the core wrote."""
@@ -194,15 +206,18 @@ class NativeMemory:
         n, k, m, nv = self.n, self.k, self.m, self._tree.nv
         D = nv if self.forces is not None else 0
         sizes = [n * n, k * n, m * n, D * n, D, n, n, n, k, m, m, costs, 1, n, k, m, n, 4]
-        sizes += [6, nv - 6] if D else [0, 0]
+        sizes += [nv, nv - 6] if D else [0, 0]
         ends = np.cumsum(sizes).tolist()
-        self._places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
+        self._places = places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
         self._end = ends[-1]
+        x, self.found, exact, self.torque = (places[k] for k in (13, 17, 18, 19))
+        self.velocity = exact if D else slice(x.start, x.start + nv)
+        self.contact_forces = slice(x.start + nv, x.stop)
 
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return how many numbers setting up the QP needs."""
         tree = self._tree
-        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 9 * tree.joints + 6 * tree.nv)
+        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 13 * tree.joints + 6 * tree.nv)
         motion = tree.motion_size if self.forces is not None else 0
         return frames * (tree.frame_size + 6) + motion + work
 

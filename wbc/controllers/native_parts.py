@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,29 @@ class Block(ctypes.Structure):
     ]
 
 
+class _Place(NamedTuple):
+    """Where the numbers of a block go; of those behind the weights, what is there already."""
+
+    header: Array
+    weight: Array
+    rest: list[Array]
+    written: list[Array | None]
+
+    def write(self, now: NativeRows, kept: list[int] | None) -> bool:
+        """Write bias, drift and the numbers of the kind; False if they have another size."""
+        if len(now.numbers) + 2 != len(self.rest):
+            return False
+        for k, values in enumerate((now.bias, now.drift, *now.numbers)):
+            if values is self.written[k] and not values.flags.writeable:
+                continue
+            own = values if kept is None or k > 1 else values[kept]
+            if own.size != self.rest[k].size:
+                return False
+            self.rest[k][:] = own
+            self.written[k] = values
+        return True
+
+
 class Part:
     """One task or contact: where its numbers go, and which of them are there already.
 
@@ -45,8 +69,8 @@ class Part:
         self.kept = None if kept is None else list(kept)
         self.torque = torque
         self.rows = described(task, torque)
-        self.changes = -1  # of the task, when its numbers were written
-        self._places: list[tuple[Array, ...]] = []
+        self.changes = self.assigned = -1  # of the task, when its numbers were written
+        self._places: list[_Place] = []
         self._law: VelocityLaw | AccelerationLaw | None = None
 
     def chosen(self, rows: NativeRows) -> list[int]:
@@ -63,35 +87,40 @@ class Part:
         k = len(self.chosen(rows))
         sizes = (_HEADER, k, k, k, *map(np.size, rows.numbers))
         ends = np.cumsum(sizes).tolist()
-        self._places.append(
-            tuple(memory[end - size : end] for end, size in zip(ends, sizes, strict=True))
+        header, weight, *rest = (
+            memory[end - size : end] for end, size in zip(ends, sizes, strict=True)
         )
+        self._places.append(_Place(header, weight, rest, [None] * len(rest)))
 
     def write(self, dt: float) -> bool:
         """Write the numbers of a task that was changed; False if it is another one now."""
         task, planned = self.task, self.rows
-        changes, found = task._changes, described(task, self.torque)
+        changes, assigned = task._changes, task._assigned
+        if changes == self.changes:  # only the target was set
+            found: Sequence[NativeRows] | None = task.native()
+        else:
+            found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
-        law = task.acceleration_law if self.torque else task.law
-        offset = 0
         for now, before, place in zip(found, planned, self._places, strict=True):
-            header, weight, bias, drift, *numbers = place
-            if (now[:3], len(now.numbers)) != (before[:3], len(numbers)):
+            if now[:3] != before[:3] or not place.write(now, self.kept):
                 return False
-            if law is not self._law:
-                header[:] = _header(law, now, dt)
-            k = len(now.entries)
-            rows = slice(None) if self.kept is None else self.kept
-            weight[:] = task.weight[offset : offset + k][rows]
-            bias[:], drift[:] = now.bias[rows], now.drift[rows]
-            for to, values in zip(numbers, now.numbers, strict=True):
-                if values.size != to.size:
-                    return False
-                to[:] = values
-            offset += k
-        self.changes, self._law = changes, law
+        if changes != self.changes:
+            self._write_law(found, dt)
+        self.changes, self.assigned = changes, assigned
         return True
+
+    def _write_law(self, found: Sequence[NativeRows], dt: float) -> None:
+        """Write the numbers of the law, and weights."""
+        task, offset = self.task, 0
+        law = task.acceleration_law if self.torque else task.law
+        for now, place in zip(found, self._places, strict=True):
+            if law is not self._law:
+                place.header[:] = _header(law, now, dt)
+            own = task.weight[offset : offset + len(now.entries)]
+            place.weight[:] = own if self.kept is None else own[self.kept]
+            offset += len(now.entries)
+        self._law = law
 
 
 def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:

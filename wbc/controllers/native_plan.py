@@ -8,63 +8,28 @@ outside its limits, is handed back: the same snapshot then goes through the Pyth
 
 from __future__ import annotations
 
-import operator
 import threading
 from collections.abc import Mapping, Sequence
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
 from wbc.constraints.limits import Limits
-from wbc.constraints.rows import Bounds
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.native_forces import TorqueRows, unbearable
-from wbc.controllers.native_memory import Answer, NativeMemory
+from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.native_parts import Part
-from wbc.controllers.plan import Assembled, Plan
-from wbc.laws import Residual
+from wbc.controllers.native_problem import Layout, NativeProblem
+from wbc.controllers.plan import Plan
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
-from wbc.qp.native_daqp import accepted
-from wbc.qp.problem import QP, Labels
-from wbc.qp.solution import Solution
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree
 from wbc.tasks.task import Task
-from wbc.validate import Array, read_only
+from wbc.validate import Array
 
-_NONE: Array = read_only(np.zeros(0))
-
-
-class NativeProblem(NamedTuple):
-    """A QP, what diagnostics want to know of the tasks, and maybe the QP's checked solution.
-
-    Attributes
-    ----------
-    assembled:
-        The QP as it is without margins.
-    bounds:
-        Its inequality rows at the torque level, else None.
-    matrix, offset:
-        Base forces and torques by the unknowns (nv, n), (nv,), at the torque level.
-    command:
-        Of the solution there: x (n,) that meets the base's dynamics to rounding, and torques.
-    """
-
-    assembled: Assembled
-    residuals: list[Residual]
-    bounds: Bounds | None
-    matrix: Array
-    offset: Array
-    solution: Solution | None
-    command: tuple[Array, Array] | None
-
-    @property
-    def qp(self) -> QP:
-        """Without rows of margins."""
-        return self.assembled.qp
+_LATER = object()  # of a snapshot that was not asked for anything yet
 
 
 class NativePlan:
@@ -91,7 +56,10 @@ class NativePlan:
         solver = backend if type(backend) is Daqp and direct_daqp().address else None
         self._solver = solver
         self._memory = NativeMemory(robot, tree, plan, parts, limits, dt, rows, solver)
-        self._ends = np.cumsum([len(task.rows) for task in tasks]).tolist()
+        ends = np.cumsum([0, *(len(task.rows) for task in tasks)]).tolist()
+        names = [task.name for task in tasks]
+        errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
+        self._layout = Layout(self._memory, errors, plan.labels[0], solver)
 
     @classmethod
     def of(
@@ -134,84 +102,56 @@ class NativePlan:
 
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
-        return dt == self._dt and all(map(operator.is_, self._limits, _read(limits)))
+        known, speed, acceleration, braking = self._limits
+        return (
+            dt == self._dt
+            and limits is known
+            and (
+                limits is None
+                or (
+                    limits.speed is speed
+                    and limits.acceleration is acceleration
+                    and limits.braking is braking
+                )
+            )
+        )
 
     def problem(
         self, snapshot: Snapshot, ramps: Mapping[str, float] = NO_RAMPS
     ) -> NativeProblem | None:
-        """Return the QP at ``snapshot``; None: to be done in Python.
+        """Return the QP at ``snapshot``, maybe solved; None: to be done in Python.
 
         ``ramps`` are the largest normal forces [N] of contacts that come or go.
         """
-        state = snapshot.native_state
-        if state is None:
+        begun = perf_counter()
+        known = snapshot.__dict__.get("native_state", _LATER)
+        if known is None:  # a copy from elsewhere
             return None
-        memory = self._memory
+        state = None if known is _LATER else known.array
         with self._lock:
             if not self._write(ramps):
                 return None
-            memory.state[:] = state.array[: memory.state.size]
-            memory.q[:] = snapshot.q
-            memory.v[:] = snapshot.v
-            start = perf_counter()
-            said, out = memory.call(snapshot.moving)
-            spent = perf_counter() - start  # setting up the QP takes a third of it
-        if said > 0:
-            return None
-        answer = memory.read(out)
-        solution = self._solution(answer, spent) if said == 0 else None
-        return self._read(answer, solution)
+            called = perf_counter()
+            said, out = self._memory.call(snapshot.q, snapshot.v, snapshot.moving, state)
+            done = perf_counter()
+            if said > 0:
+                return None
+            return NativeProblem(self._layout, out, begun, called, done, said == 0)
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
         forces = self._memory.forces
         for part in self._parts:
-            if part.task._changes != part.changes:
+            task = part.task
+            if task._changes != part.changes or task._assigned != part.assigned:
                 if forces is not None and part.held:
                     forces.stale = True
                 if not part.write(self._dt):
                     return False
         return forces is None or forces.write(ramps)
 
-    def _read(self, answer: Answer, solution: Solution | None) -> NativeProblem:
-        labels, rows = self._plan.labels[0], None
-        if self._memory.forces is not None:
-            rows = self._memory.forces.bounds(answer.C, answer.l, answer.u)
-            labels = Labels(labels.equality, rows.labels, labels.variables)
-        qp = QP(
-            answer.P,
-            answer.g,
-            answer.A,
-            answer.b,
-            answer.C,
-            answer.l,
-            answer.u,
-            answer.lower,
-            answer.upper,
-            labels,
-        )
-        begin, residuals = 0, []
-        errors = answer.errors.copy()  # may be kept longer
-        for end in self._ends:
-            residuals.append(Residual(errors[begin:end], _NONE, _NONE))
-            begin = end
-        assembled = Assembled(qp, float(answer.heaviest[0]))
-        command = None
-        if solution is not None and rows is not None:
-            command = np.concatenate((answer.exact, solution.x[6:])), answer.torque.copy()
-        matrix, offset = answer.D, answer.offset
-        return NativeProblem(assembled, residuals, rows, matrix, offset, solution, command)
 
-    def _solution(self, answer: Answer, spent: float) -> Solution | None:
-        """Return what DAQP answered if its residuals are small enough to need no second look."""
-        solver = self._solver
-        if solver is None:
-            return None
-        parts = (part.copy() for part in (answer.x, answer.y, answer.z, answer.z_box))
-        return accepted(parts, answer.found, solver.eps, spent, solver.name)
-
-
-def _read(limits: Limits | None) -> tuple[object, ...]:
+def _read(limits: Limits | None) -> tuple[Limits | None, Array | None, Array | None, str | None]:
     """Return what the core was told of the limits, to be compared by identity."""
     if limits is None:
         return (None, None, None, None)

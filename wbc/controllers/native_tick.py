@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from time import perf_counter
+from typing import Any
 
 from wbc.controllers.controller import Controller
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows
-from wbc.controllers.native_plan import NativePlan, NativeProblem
+from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.plan import Physics
 from wbc.controllers.tick import Tick
 from wbc.laws import Rows
@@ -37,24 +39,27 @@ class NativeController(Controller):
         found = self._native_problem(plan, snapshot)
         if found is None:
             return None
-        physics, qp, step_scale = self._native_physics(found, snapshot), found.qp, 1.0
-        if found.solution is not None:
-            ready = perf_counter() - found.solution.solve_time
+        if found.solved:
             # The core kept the box to the accuracy promised, far below what a command may exceed.
-            outcome = Outcome(qp, found.solution, qp, self.robot.nv, found.solution.solve_time, {})
-        else:
-            nv = self.robot.nv
-            held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
-            box = qp.lower[:nv], qp.upper[:nv]
-            problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
-            margins = None
-            if self.constraints:
-                margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
-            ready = perf_counter()
-            outcome, step_scale = self._attempt(problem, margins)
-            if not outcome.solved:  # the Python tick finds out why, and what is best then
-                return None
+            return self._native_tick(found, snapshot, self._deviations(found, snapshot))
+        physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
+        held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
+        box = qp.lower[:nv], qp.upper[:nv]
+        problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
+        margins = None
+        if self.constraints:
+            margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+        ready = perf_counter()
+        outcome, step_scale = self._attempt(problem, margins)
+        if not outcome.solved:  # the Python tick finds out why, and what is best then
+            return None
         return self._tick(snapshot, physics, found.residuals, outcome, step_scale, {}, start, ready)
+
+    def _deviations(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
+        """Return the errors if tasks report others than theirs: they are about their targets."""
+        if self._all_plain:
+            return {}
+        return {"errors": self._errors(snapshot, found.residuals)}
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         super()._plan(contacts)
@@ -71,6 +76,10 @@ class NativeController(Controller):
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
         """Return the QP of a tick."""
         return plan.problem(snapshot)
+
+    @abstractmethod
+    def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
+        """Return the tick of a QP that the core solved, with what is ``known`` of it besides."""
 
     @abstractmethod
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:

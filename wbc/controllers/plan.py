@@ -74,7 +74,7 @@ class Decision:
             np.concatenate((self.upper, upper)),
         )
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many unknowns there are, n."""
         return len(self.names)

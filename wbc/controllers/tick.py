@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Self
 
 from wbc.controllers.singular import Singularity
 from wbc.qp.conflict import irreducible
@@ -31,7 +32,11 @@ class Times:
         return self.tasks + self.assembly + self.solve
 
 
-@dataclass(frozen=True, slots=True)
+# What a tick of the native core reads when it is asked for.
+_LATER = frozenset(("errors", "solution", "qp", "times"))
+
+
+@dataclass(frozen=True)
 class Tick:
     """The answer of a controller at one snapshot.
 
@@ -70,6 +75,25 @@ class Tick:
     step_scale: float = 1.0
     slack: Mapping[str, float] = field(default_factory=dict)
     singular: Mapping[str, Singularity] = field(default_factory=dict)
+
+    @classmethod
+    def reading(cls, evidence: object, **known: Any) -> Self:
+        """Return a tick of what is known; errors and evidence are read from ``evidence`` later."""
+        tick = object.__new__(cls)
+        tick.__dict__.update(known, _evidence=evidence)
+        return tick
+
+    if not TYPE_CHECKING:  # a misspelt attribute is an error
+
+        def __getattr__(self, name):
+            evidence = self.__dict__.get("_evidence")
+            if evidence is None or name not in _LATER:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            value = self.__dict__[name] = getattr(evidence, name)
+            return value
+
+    def __getstate__(self) -> dict[str, object]:
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def __repr__(self) -> str:
         names = [*self.errors]

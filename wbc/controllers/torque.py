@@ -26,7 +26,8 @@ from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
 from wbc.controllers.native_forces import TorqueRows
-from wbc.controllers.native_plan import NativePlan, NativeProblem
+from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
 from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
@@ -232,9 +233,29 @@ class TorqueController(NativeController):
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
         return plan.problem(snapshot, self._ramps.most)
 
+    def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
+        velocity, torque = found.velocity, found.torque
+        bounds = self.torque_bounds
+        np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
+        self._last = Reaction(self.contact_forces, snapshot, found.forces)
+        return TorqueTick.reading(
+            found,
+            velocity=read_only(velocity),
+            status=Status.SOLVED,
+            policy=None,
+            step_scale=1.0,
+            slack={},
+            singular={},
+            torque=read_only(torque),
+            acceleration=read_only((velocity - snapshot.v) / self.dt),
+            reaction=self._last,
+            ramps=self._ramps.most,
+            **known,
+        )
+
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         forces = self.contact_forces
-        dynamics = TickDynamics(snapshot, forces, found.matrix, found.offset, None, found.command)
+        dynamics = TickDynamics(snapshot, forces, found.matrix, found.offset, None)
         return Physics(bounds=found.bounds, dynamics=dynamics)
 
     def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
@@ -286,10 +307,10 @@ class TorqueController(NativeController):
         known = {name: getattr(tick, name) for name in _FIELDS}
         dynamics = physics.dynamics or self._dynamics(snapshot)
         if tick.status is Status.SOLVED:
-            x, torque = dynamics.command or dynamics.commanded(tick.solution.x[: dynamics.size])
+            x = dynamics.exact(tick.solution.x[: dynamics.size])
         else:  # joints come to rest, on no ground that one could count on
             x = np.concatenate((tick.velocity, np.zeros(self.contact_forces.size)))
-            torque = dynamics.torques(x)
+        torque = dynamics.torques(x)
         velocity, f = x[: self.robot.nv], x[self.robot.nv :]
         torque = np.clip(torque, -self.torque_bounds, self.torque_bounds)
         errors = {  # of this decision: no state has a force

@@ -10,7 +10,7 @@ from wbc.controllers.tick import RELAX, Tick
 from wbc.validate import Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class TorqueTick(Tick):
     """The answer of a torque controller at one snapshot; ``velocity`` is v+, at the tick's end.
 

@@ -16,7 +16,7 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 2  # WBC_CORE_VERSION of source/core.h
+VERSION = 3  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long.
 _FUNCTIONS = {
     "wbc_state": 8,

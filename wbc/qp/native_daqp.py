@@ -7,9 +7,8 @@ answers with a solution whose residuals are small, or leaves the QP to the path 
 from __future__ import annotations
 
 import ctypes
-import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from time import perf_counter
 
@@ -70,8 +69,10 @@ class NativeDaqp:
         work = memory.ctypes.data, order.ctypes.data
         if self._call(ctypes.addressof(struct), *work, *self._last) != 0:
             return None
+        if not is_accurate(out[-4:].tolist(), self._eps):
+            return None
         parts = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
-        return accepted(parts, out[-4:], self._eps, perf_counter() - start, name)
+        return solution_of(parts, out[-4:], perf_counter() - start, name)
 
 
 def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
@@ -81,21 +82,23 @@ def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
     return numbers, 2 * n + m + k
 
 
-def accepted(
-    parts: Iterable[Array], found: Array, eps: float, spent: float, name: str
-) -> Solution | None:
-    """Return the core's answer as a solution if its residuals need no second look.
+def is_accurate(found: Sequence[float], eps: float) -> bool:
+    """Whether the three residuals that ``found`` begins with are below ``eps``; NaN is not."""
+    primal, dual, complementarity, *_ = found
+    return primal <= eps and dual <= eps and complementarity <= eps
+
+
+def solution_of(parts: Iterable[Array], found: Array, spent: float, name: str) -> Solution:
+    """Return the core's accurate answer as a solution.
 
     Parameters
     ----------
     parts:
-        x, y, z and z of the box; not asked for if the answer is none.
+        x, y, z and z of the box.
     found:
         (4,) primal, dual and complementarity residual, and iterations.
     """
     *residuals, iterations = found.tolist()
-    if not max(residuals) <= eps or math.isnan(sum(residuals)):
-        return None
     x, y, z, z_box = parts
     known = KktResiduals(*residuals)
     return Solution(x, y, z, z_box, Status.SOLVED, known, int(iterations), spent, name)

@@ -103,9 +103,13 @@ class NativeState(NamedTuple):
         place: slice = getattr(self.tree, name)
         return self.array[place].reshape(shape)
 
-    def com_and_inertia(self) -> tuple[Array, Array]:
-        """Return copies (3,) and (3, 3), which may be kept much longer than the whole."""
-        return self.array[:3].copy(), self.array[3:12].copy().reshape(3, 3)
+    def com(self) -> Array:
+        """Return a copy (3,), which may be kept much longer than the whole."""
+        return self.array[:3].copy()
+
+    def inertia(self) -> Array:
+        """Return a copy (3, 3)."""
+        return self.array[3:12].copy().reshape(3, 3)
 
     def momentum(self) -> Array:
         """Return a copy (6,)."""

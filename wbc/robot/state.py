@@ -37,34 +37,22 @@ class KinematicState:
         Velocity (nv,): base linear and angular in base axes, joint rates.
     moving:
         False if no velocity was measured (``v`` is then zero).
-    native_state:
-        What the native core found at this state; None where it is not used.
     """
 
     robot: KinematicTree
     q: Array
     v: Array
     moving: bool
-    com: Array
-    inertia: Array
-    native_state: NativeState | None
     _placements: dict[str, tuple[Array, Array]]
     _jacobians: dict[str, Array]
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
-        fields = self.__dict__  # past __setattr__, which would take as long as all the rest
-        fields["robot"], fields["q"], fields["v"] = robot, read_only(q), read_only(v)
-        fields["moving"], fields["_placements"], fields["_jacobians"] = moving, {}, {}
-        native = robot.native
-        if native is None:
-            data = robot.workspace.kinematics(self, q, v)
-            com, inertia = data.oYcrb[0].lever.copy(), np.array(data.Ig.inertia)
-            fields["native_state"] = None
-        else:  # all that a tick asks for, from one pass of the native core
-            fields["native_state"] = state = native.evaluate(q, v)
-            com, inertia = state.com_and_inertia()
-        fields["com"], fields["inertia"] = read_only(com), read_only(inertia)
-        fields["_sealed"] = True
+        q.flags.writeable = v.flags.writeable = False
+        self.__dict__.update(  # past __setattr__, which would take as long as all the rest
+            robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={}, _sealed=True
+        )
+        if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
+            self.__dict__.update(native_state=None, com=self.com, inertia=self.inertia)
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
@@ -75,11 +63,18 @@ class KinematicState:
         object.__setattr__(self, name, value)
 
     def __getstate__(self) -> dict[str, object]:  # elsewhere the native core may be another one
-        return self.__dict__ | {"native_state": None, "_motion": None}
+        known = {"com": self.com, "inertia": self.inertia}
+        return self.__dict__ | known | {"native_state": None, "_motion": None}
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
+
+    @cached_property
+    def native_state(self) -> NativeState | None:
+        """All that a tick asks for, from one pass of the native core; None where it is not used."""
+        native = self.robot.native
+        return None if native is None else native.evaluate(self.q, self.v)
 
     @cached_property
     def joint_positions(self) -> Array:
@@ -88,6 +83,12 @@ class KinematicState:
         return limits.joint_positions(self.q) if limits.unbounded else self.q[BASE_NQ:]
 
     # ------------------------------------------------------------------ momentum and CoM
+
+    @cached_property
+    def com(self) -> Array:
+        """CoM (3,) in the world [m]."""
+        state = self.native_state
+        return read_only(self._kinematics().oYcrb[0].lever.copy() if state is None else state.com())
 
     @cached_property
     def centroidal_map(self) -> Array:
@@ -124,6 +125,14 @@ class KinematicState:
         return read_only(np.linalg.solve(self.inertia, self.momentum[3:]))
 
     # ------------------------------------------------------------------ inertia
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
+        state = self.native_state
+        if state is not None:
+            return read_only(state.inertia())
+        return read_only(np.array(self._kinematics().Ig.inertia))
 
     def inertia_in(self, frame: str = WORLD) -> Array:
         """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame."""

@@ -214,7 +214,8 @@ class KinematicTree:
 
     def integrate(self, q: ArrayLike, v: ArrayLike, dt: float) -> Array:
         """Return the configuration (nq,) reached from ``q`` by the constant velocity ``v``."""
-        step = self.check_velocity(v) * finite_number("dt", dt)
+        step = self.check_velocity(v)
+        step *= finite_number("dt", dt)
         q = pin.integrate(self.model, self.check_configuration(q), step)
         return self.check_configuration(q)
 

@@ -11,8 +11,9 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import skew
+from wbc.tasks.keywords import Gains
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Gains, Task
+from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

@@ -11,7 +11,8 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
-from wbc.tasks.task import OF_ERRORS, LawKeywords, Task
+from wbc.tasks.keywords import OF_ERRORS, LawKeywords
+from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

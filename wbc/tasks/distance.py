@@ -10,7 +10,8 @@ import numpy as np
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Gains, Task
+from wbc.tasks.keywords import Gains
+from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

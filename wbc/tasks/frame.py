@@ -12,15 +12,17 @@ from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
 from wbc.spatial import skew
+from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Aim, Gains, Task
-from wbc.validate import Array
+from wbc.tasks.task import Aim, Task
+from wbc.validate import Array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 TURNS = ("rx", "ry", "rz")
+_STILL = read_only(np.zeros(3))
 
 
 class OrientationTask(Task):
@@ -60,7 +62,7 @@ class OrientationTask(Task):
         rotation = self._target(target, (3, 3))
         check_rotation(f"task {self.name!r}, target", rotation)
         self._set_rates((3,), rate, acceleration)
-        self._goal = rotation
+        self._assign(_goal=rotation)
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return log(target' R) [rad]."""
@@ -158,7 +160,7 @@ def native_orientation(
     See :func:`orientation_residual` and :func:`orientation_drift`.
     """
     numbers = target.ravel(), target_rate, target_acceleration
-    return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), np.zeros(3), np.zeros(3), numbers)
+    return NativeRows(Kind.ORIENTATION, frame, (0, 1, 2), _STILL, _STILL, numbers)
 
 
 def orientation_residual(

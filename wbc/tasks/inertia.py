@@ -20,8 +20,9 @@ from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
-from wbc.tasks.task import Gains, Task
-from wbc.validate import Array, finite_array, names_of, read_only
+from wbc.tasks.keywords import Gains
+from wbc.tasks.task import Task
+from wbc.validate import Array, finite_array, names_of, plain_copy, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -88,7 +89,11 @@ class InertiaTask(Task):
         self.frame = frame
         self.per_mass = per_mass
         scale = 1.0 / robot.mass if per_mass else 1.0
+        self._wanted: Array
+        self._bias: Array
+        self._drift: Array
         self._selection = read_only(scale * _selection(components))
+        self._entries, self._factors = tuple(range(len(components))), self._selection.ravel()
         self.set_target(target)
 
     @property
@@ -103,14 +108,20 @@ class InertiaTask(Task):
         acceleration: ArrayLike | None = None,
     ) -> None:
         """Set the wanted inertia [kg m^2] and, if it moves, rate and acceleration in that form."""
-        goal = vech_target(f"{self}, target", target, self.rows)
-        moving = (
-            None if one is None else vech_target(f"{self}, target {what}", one, self.rows)
-            for one, what in ((rate, "rate"), (acceleration, "acceleration"))
-        )
-        self._set_rates((6,), *moving)
-        self._goal, self._wanted = read_only(goal), self._selection @ goal
-        self._bias = read_only(-self._selection @ self.target_rate)
+        plain = plain_copy(target, (3, 3))  # in every tick: no words unless they are needed
+        if plain is not None and _is_symmetric(plain):
+            goal = vech(plain)
+        else:
+            goal = vech_target(f"{self}, target", target, self.rows)
+        if rate is not None:
+            rate = vech_target(f"{self}, target rate", rate, self.rows)
+        if acceleration is not None:
+            acceleration = vech_target(f"{self}, target acceleration", acceleration, self.rows)
+        if self._set_rates((6,), rate, acceleration):
+            bias = -self._selection @ self.target_rate
+            drift = -self._selection @ self.target_acceleration
+            self._assign(_bias=read_only(bias), _drift=read_only(drift))
+        self._assign(_goal=read_only(goal), _wanted=self._selection.dot(goal))
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
@@ -131,10 +142,8 @@ class InertiaTask(Task):
         if self.second_order or self.frame not in (WORLD, BASE):
             return None
         frame = None if self.frame == WORLD else BASE
-        index = tuple(range(len(self.rows)))
-        numbers = self._selection.ravel(), self._wanted
-        drift = -self._selection @ self.target_acceleration
-        return (NativeRows(Kind.INERTIA, frame, index, self._bias, drift, numbers),)
+        numbers = self._factors, self._wanted
+        return (NativeRows(Kind.INERTIA, frame, self._entries, self._bias, self._drift, numbers),)
 
     @property
     def reported_rows(self) -> tuple[str, ...]:
@@ -183,12 +192,18 @@ def _selection(components: Sequence[str]) -> Array:
     return FROBENIUS_ROWS[[COMPONENTS.index(component) for component in components]]
 
 
+def _is_symmetric(full: Array) -> bool:
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = full.tolist()
+    largest = max(map(abs, (xx, xy, xz, yx, yy, yz, zx, zy, zz)))
+    return max(abs(xy - yx), abs(xz - zx), abs(yz - zy)) <= 1e-9 * largest
+
+
 def vech_target(what: str, value: ArrayLike, components: Sequence[str]) -> Array:
     """Return a wanted inertia, given in any accepted form, as (6,) entries [kg m^2]."""
     shape = np.shape(value)
     if shape == (3, 3):
         full = finite_array(what, value, (3, 3))
-        if np.abs(full - full.T).max() > 1e-9 * np.abs(full).max():
+        if not _is_symmetric(full):
             raise InvalidInputError(f"{what}: an inertia matrix is symmetric, this one is not")
         return vech(full)
     if shape == (6,):

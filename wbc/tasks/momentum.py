@@ -12,7 +12,8 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import OF_ERRORS, Gains, Task
+from wbc.tasks.keywords import OF_ERRORS, Gains
+from wbc.tasks.task import Task
 from wbc.validate import Array, names_of
 
 if TYPE_CHECKING:

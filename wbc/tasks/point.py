@@ -14,7 +14,8 @@ from wbc.errors import UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.task import Aim, Gains, Task
+from wbc.tasks.keywords import Gains
+from wbc.tasks.task import Aim, Task
 from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
@@ -36,7 +37,11 @@ class PointTask(Task):
     ) -> None:
         axes = names_of("axes of a point", axes)
         super().__init__(robot, name, axes, **law)
+        self._bias: Array
+        self._drift: Array
         self._selected = axis_indices(axes)
+        self._entries = tuple(np.arange(3)[self._selected].tolist())
+        self._mass = read_only(np.array((robot.mass,)))
         self.set_target(target)
 
     def set_target(
@@ -47,8 +52,11 @@ class PointTask(Task):
     ) -> None:
         """Set target position (3,) [m] and, for a moving target, its velocity and acceleration."""
         place = self._target(target, (3,))
-        self._set_rates((3,), rate, acceleration)
-        self._goal, self._bias = place, read_only(-self.target_rate[self._selected])
+        if self._set_rates((3,), rate, acceleration):
+            rows = self._selected
+            bias, drift = -self.target_rate[rows], -self.target_acceleration[rows]
+            self._assign(_bias=read_only(bias), _drift=read_only(drift))
+        self._assign(_goal=place)
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m]."""
@@ -90,10 +98,8 @@ class PointTask(Task):
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
-        axes = tuple(np.arange(3)[self._selected].tolist())
-        numbers = self._goal, np.array((self.robot.mass,))
-        drift = -self.target_acceleration[self._selected]
-        return (NativeRows(Kind.POINT, frame, axes, self._bias, drift, numbers),)
+        numbers = self._goal, self._mass
+        return (NativeRows(Kind.POINT, frame, self._entries, self._bias, self._drift, numbers),)
 
     @abstractmethod
     def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:

@@ -14,7 +14,8 @@ from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
-from wbc.tasks.task import LawKeywords, Task
+from wbc.tasks.keywords import LawKeywords
+from wbc.tasks.task import Task
 from wbc.validate import Array, by_name, finite_number, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

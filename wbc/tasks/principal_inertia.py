@@ -12,7 +12,8 @@ from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import congruence, vech, vech_inverse
 from wbc.tasks.inertia import ALL, FROBENIUS_ROWS, curvature_bound
-from wbc.tasks.task import Gains, Task
+from wbc.tasks.keywords import Gains
+from wbc.tasks.task import Task
 from wbc.validate import Array, finite_array, read_only
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

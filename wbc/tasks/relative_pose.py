@@ -14,9 +14,9 @@ from wbc.robot import Robot, Snapshot
 from wbc.rotations import log_jacobian, log_rotation
 from wbc.spatial import skew
 from wbc.tasks.frame import TURNS, log_drift
+from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Gains
 from wbc.validate import Array, names_of
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypedDict, Unpack
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,8 +30,17 @@ from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
+from wbc.tasks.keywords import FIRST_ORDER, SECOND_ORDER, LawKeywords
 from wbc.tasks.sealed import Sealed, check_attribute
-from wbc.validate import Array, finite_array, finite_number, finite_vector, names_of, read_only
+from wbc.validate import (
+    Array,
+    finite_array,
+    finite_number,
+    finite_vector,
+    names_of,
+    plain_copy,
+    read_only,
+)
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -43,29 +53,9 @@ class Aim(NamedTuple):
     wanted: Array
 
 
-class LawKeywords(TypedDict, total=False):
-    """The entries of :class:`~wbc.laws.VelocityLaw` and :class:`~wbc.laws.AccelerationLaw`."""
-
-    gain: float
-    gain_per_second: float | None
-    lm_damping: float
-    singular_threshold: float
-    curvature_damping: bool
-    kp: float
-    kd: float | None
-
-
-class Gains(LawKeywords, total=False):
-    """Keywords that every kind of task hands on to :class:`Task`, which explains them."""
-
-    weight: ArrayLike
-    priority: int
-
-
-_FIRST_ORDER = frozenset(field.name for field in fields(VelocityLaw))
-_SECOND_ORDER = frozenset(field.name for field in fields(AccelerationLaw))
-# What acts on the error alone: of no use to tasks that are about a rate.
-OF_ERRORS = frozenset(("gain", "gain_per_second", "lm_damping", "curvature_damping", "kp"))
+@cache
+def _rest(shape: tuple[int, ...]) -> Array:
+    return read_only(np.zeros(shape))
 
 
 class Task(metaclass=Sealed):
@@ -120,6 +110,7 @@ class Task(metaclass=Sealed):
     target_acceleration: Array
     _goal: Array
     _changes = 0  # how often an attribute was set: what was read of the task before may be old
+    _assigned = 0  # how often only the target was
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
     _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
@@ -148,8 +139,8 @@ class Task(metaclass=Sealed):
             raise InvalidInputError(f"{self}, priority: {level:g} is not a whole number")
         self.priority = int(level)
         for key in law:
-            if key not in _FIRST_ORDER | _SECOND_ORDER:
-                known = {"weight", "priority", "name"} | _FIRST_ORDER | _SECOND_ORDER
+            if key not in FIRST_ORDER | SECOND_ORDER:
+                known = {"weight", "priority", "name"} | FIRST_ORDER | SECOND_ORDER
                 raise UnknownNameError(f"keyword of {self}", key, known)
         if law.get("gain_per_second") is not None and "gain" in law:
             raise InvalidInputError(f"{self}: give gain or gain_per_second, not both")
@@ -295,8 +286,8 @@ class Task(metaclass=Sealed):
                 " rate, which the velocity level meets at once; at the torque level it decays as"
                 " exp(-kd t): give kd, or leave this out"
             )
-        first = {key: value for key, value in changes.items() if key in _FIRST_ORDER}
-        second = {key: value for key, value in changes.items() if key in _SECOND_ORDER}
+        first = {key: value for key, value in changes.items() if key in FIRST_ORDER}
+        second = {key: value for key, value in changes.items() if key in SECOND_ORDER}
         try:
             law = replace(self.law, **first)
             acceleration_law = replace(self.acceleration_law, **second)
@@ -316,20 +307,33 @@ class Task(metaclass=Sealed):
         return read_only(vector)
 
     def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
-        return read_only(finite_array(f"{self}, {what}", value, shape))
+        plain = plain_copy(value, shape)  # in every tick: no words unless they are needed
+        if plain is None:
+            plain = finite_array(f"{self}, {what}", value, shape)
+        return read_only(plain)
+
+    def _assign(self, **values: Any) -> None:
+        """Set what a target is made of; past the check of names, which these are known to pass."""
+        own = self.__dict__
+        own.update(values)
+        own["_assigned"] = self._assigned + 1
 
     def _set_rates(
         self,
         shape: tuple[int, ...],
         rate: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
-    ) -> None:
-        """Check and set how the target moves; None is rest."""
-        rest = np.zeros(shape)
-        speed = self._target(rest if rate is None else rate, shape, "target rate")
-        push = rest if acceleration is None else acceleration
-        self.target_acceleration = self._target(push, shape, "target acceleration")
-        self.target_rate = speed
+    ) -> bool:
+        """Check and set how the target moves; None is rest. Return False if it rests as before."""
+        rest, own = _rest(shape), self.__dict__
+        speed = rest if rate is None else self._target(rate, shape, "target rate")
+        push = rest
+        if acceleration is not None:
+            push = self._target(acceleration, shape, "target acceleration")
+        if own.get("target_rate") is speed and own.get("target_acceleration") is push:
+            return False
+        self._assign(target_rate=speed, target_acceleration=push)
+        return True
 
     def _gradient(self, error: Array) -> Array:
         """Return weight^2 * error (k,): the gradient of the task's cost by its error."""

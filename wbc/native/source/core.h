@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 2
+#define WBC_CORE_VERSION 3
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -132,6 +132,7 @@ typedef struct {
     const double *cone;          /* (cones, forces), lower (cones), upper (cones) */
     const double *force_bound;   /* (2, forces): lower, upper */
     const double *joint_damping; /* (nv - 6) [N m s/rad] */
+    double *state;               /* what is found at a state that nobody has looked at */
     double *out;
     double *scratch;
     int64_t *order;       /* (2 n + cones + bounded), scratch too */
@@ -150,12 +151,13 @@ typedef struct {
     double *P, *A, *C, *g, *lower, *upper, *b, *l, *u;
     double *x, *y, *z, *z_box, *found; /* the answer; residuals (3) and iterations */
     double *D, *offset, *errors, *heaviest;
-    double *exact, *torque; /* (6), (nv - 6): see command in source/solve.c */
+    double *exact, *torque; /* (nv), (nv - 6): see command in source/solve.c */
 } wbc_qp;
 
 /* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. */
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
-/* Write the QP of a plain tick, or say why it is not one. */
+/* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
+ * without frames, or 0: then it is found here. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
 /* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations.

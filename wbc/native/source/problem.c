@@ -35,7 +35,7 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     qp->z = at, at += m;
     qp->z_box = at, at += n;
     qp->found = at, at += 4;
-    qp->exact = at, at += plan->torque ? 6 : 0;
+    qp->exact = at, at += plan->torque ? nv : 0;
     qp->torque = at;
 }
 
@@ -245,6 +245,10 @@ int is_qp(const wbc_qp *qp) {
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving) {
     const int64_t nv = plan->tree->nv;
+    if (!state) {
+        wbc_state(plan->tree, q, v, plan->state, plan->scratch, 0, 0, 0);
+        state = plan->state;
+    }
     double *frames = plan->scratch, *accelerations = frames + plan->frames * FRAME_SIZE(nv);
     double *motion = accelerations + 6 * plan->frames;
     double *J = motion + (plan->torque ? MOTION_SIZE(nv, plan->tree->joints) : 0);

@@ -237,7 +237,7 @@ static void residuals(const wbc_qp *qp, double *gradient) {
     for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
 }
 
-/* The base velocity that meets the base's dynamics at x to rounding, and the torques at that. */
+/* The velocity at x with a base's that meets its dynamics to rounding, and the torques at that. */
 static void command(const wbc_plan *plan, const wbc_qp *qp) {
     const int64_t n = qp->n, nv = plan->tree->nv;
     double L[36], missed[6];
@@ -256,6 +256,7 @@ static void command(const wbc_plan *plan, const wbc_qp *qp) {
         missed[i] /= L[6 * i + i];
         qp->exact[i] = qp->x[i] - missed[i];
     }
+    memcpy(qp->exact + 6, qp->x + 6, (nv - 6) * sizeof *qp->x);
     for (int64_t i = 6; i < nv; i++) {
         const double *row = qp->D + i * n;
         const double sum = dot(6, row, qp->exact) + dot(n - 6, row + 6, qp->x + 6);

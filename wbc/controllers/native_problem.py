@@ -1,0 +1,158 @@
+"""What the native core made of one snapshot: its QP, and maybe the QP's solution.
+
+All of it lies in one array. A tick needs the command alone, and most are never asked for more, so
+the rest becomes objects when it is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.constraints.rows import Bounds
+from wbc.controllers.native_memory import Answer, NativeMemory
+from wbc.controllers.plan import Assembled
+from wbc.controllers.tick import Times
+from wbc.laws import Residual
+from wbc.qp.daqp import Daqp
+from wbc.qp.native_daqp import is_accurate, solution_of
+from wbc.qp.problem import QP, Labels
+from wbc.qp.solution import Solution
+from wbc.validate import Array, read_only
+
+_NONE: Array = read_only(np.zeros(0))
+
+
+class Layout(NamedTuple):
+    """What is the same in every tick of a plan.
+
+    Attributes
+    ----------
+    errors:
+        Of each task, by name: where its error is among all.
+    labels:
+        Of the QP; at the torque level inequality rows have others, which contacts may change.
+    solver:
+        Whose settings the core solves with; None: it does not.
+    """
+
+    memory: NativeMemory
+    errors: dict[str, slice]
+    labels: Labels
+    solver: Daqp | None
+
+
+class NativeProblem:
+    """A QP, what diagnostics want to know of the tasks, and maybe the QP's checked solution.
+
+    Parameters
+    ----------
+    out:
+        What the core wrote: nobody else's.
+    begun, called, done:
+        When the tick began, when the core was called, and when it was done [s].
+    solving:
+        Whether the core says that it solved the QP.
+
+    Attributes
+    ----------
+    solved:
+        Whether the residuals of the solution are small enough to need no second look.
+    """
+
+    def __init__(
+        self, layout: Layout, out: Array, begun: float, called: float, done: float, solving: bool
+    ) -> None:
+        self._layout, self._out = layout, out
+        self._clock = begun, called, done
+        forces = layout.memory.forces
+        self._inequality = None if forces is None else forces.labels  # these of this tick
+        solver = layout.solver
+        self.solved = (
+            solving
+            and solver is not None
+            and is_accurate(out[layout.memory.found].tolist(), solver.eps)
+        )
+
+    @cached_property
+    def _answer(self) -> Answer:
+        return self._layout.memory.read(self._out)
+
+    # ------------------------------------------------------------------ the problem
+
+    @cached_property
+    def qp(self) -> QP:
+        """The QP without rows of margins."""
+        a, labels = self._answer, self._layout.labels
+        if self._inequality is not None:
+            labels = Labels(labels.equality, self._inequality, labels.variables)
+        return QP(a.P, a.g, a.A, a.b, a.C, a.l, a.u, a.lower, a.upper, labels)
+
+    @property
+    def assembled(self) -> Assembled:
+        """The same, as rows of margins are added to it."""
+        return Assembled(self.qp, float(self._answer.heaviest[0]))
+
+    @cached_property
+    def bounds(self) -> Bounds | None:
+        """The inequality rows at the torque level, else None."""
+        if self._inequality is None:
+            return None
+        return Bounds(self._inequality, self._answer.C, self._answer.l, self._answer.u)
+
+    @property
+    def matrix(self) -> Array:
+        """Base forces and torques by the unknowns (nv, n), at the torque level."""
+        return self._answer.D
+
+    @property
+    def offset(self) -> Array:
+        """The same at zero unknowns (nv,)."""
+        return self._answer.offset
+
+    @cached_property
+    def errors(self) -> dict[str, Array]:
+        """Error of each task, by name."""
+        every = self._answer.errors.copy()  # may be kept longer than the QP
+        return {name: every[where] for name, where in self._layout.errors.items()}
+
+    @property
+    def residuals(self) -> Sequence[Residual]:
+        """The errors of all tasks as residuals without derivatives."""
+        return [Residual(error, _NONE, _NONE) for error in self.errors.values()]
+
+    # ------------------------------------------------------------------ its solution
+
+    @cached_property
+    def solution(self) -> Solution | None:
+        """What DAQP answered; None if it was not asked, or its residuals are not small enough."""
+        solver, a = self._layout.solver, self._answer
+        if solver is None or not self.solved:
+            return None
+        _, called, done = self._clock
+        parts = (part.copy() for part in (a.x, a.y, a.z, a.z_box))
+        return solution_of(parts, a.found, done - called, solver.name)
+
+    @property
+    def velocity(self) -> Array:
+        """A copy of the command v+ (nv,): at the torque level with the base's dynamics met."""
+        return self._out[self._layout.memory.velocity].copy()
+
+    @property
+    def forces(self) -> Array:
+        """A copy of the contact forces (k,), in units of the QP."""
+        return self._out[self._layout.memory.contact_forces].copy()
+
+    @property
+    def torque(self) -> Array:
+        """A copy of the torques (nv - 6,) at the command [N m]."""
+        return self._out[self._layout.memory.torque].copy()
+
+    @property
+    def times(self) -> Times:
+        """The tick up to the core's call, and the call: setting up the QP is a third of it."""
+        begun, called, done = self._clock
+        return Times(called - begun, 0.0, done - called)
