@@ -159,7 +159,9 @@ def test_the_damping_is_above_half_of_the_curvature_left_out(
     np.testing.assert_allclose(found[first:], expected, atol=1e-4 * expected.max())
     assert (found[:first] == 0.0).all()
     P = task.law.rows(residual, task.weight, 0.005)
-    assert np.linalg.eigvalsh(np.diag(P.damping[first:]) - 0.25 * hessian).min() > -1e-9
+    # The same rounding, where the base moves straight and nothing is curved.
+    left = np.linalg.eigvalsh(np.diag(P.damping[first:]) - 0.25 * hessian).min()
+    assert left > -1e-7 * expected.max()
 
 
 def task_target(task: InertiaTask) -> np.ndarray:

@@ -132,8 +132,7 @@ class Controller(ABC):
         self.backend = backend_of(solver)
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
         self.on_failure = one_of("failure policy", on_failure, self._policies)
-        unlimited = np.full(robot.nv, np.inf)
-        self._no_box = read_only(-unlimited), read_only(unlimited)
+        self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
         self._verified = False  # whether the parts were seen to return what they should
         self._take(tasks, constraints, {} if slack is None else slack)
         self._plan(tuple(contacts))
@@ -176,7 +175,8 @@ class Controller(ABC):
         ControllerFailure
             The QP has no solution and the policy is ``raise``.
         """
-        check_snapshot(self.robot, snapshot)
+        if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
+            check_snapshot(self.robot, snapshot)
         if not self._verified:
             verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             self._verified = True
@@ -273,7 +273,6 @@ class Controller(ABC):
         self.contacts = contacts
         self._verified = False
         self._reports_residual = [type(task).deviation is Task.deviation for task in self._motion]
-        self._all_plain = all(self._reports_residual)
         self.slacks = Slacks(self._slack, contacts, self.constraints)
         self.plan = Plan.of(
             self._decision(),
@@ -320,12 +319,17 @@ class Controller(ABC):
             if step_scale < 1.0:
                 velocity = step_scale * velocity
         velocity.flags.writeable = False
+        errors = {}
+        for task, residual, plain in zip(
+            self._motion, residuals, self._reports_residual, strict=True
+        ):
+            errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
         solve = outcome.solve_time
         return Tick(
             velocity=velocity,
             status=outcome.solution.status,
             policy=policy,
-            errors=self._errors(snapshot, residuals),
+            errors=errors,
             solution=outcome.solution,
             qp=outcome.qp,
             times=Times(ready - start, perf_counter() - ready - solve, solve),
@@ -333,15 +337,6 @@ class Controller(ABC):
             slack=slack,
             singular=singular | outcome.singular,
         )
-
-    def _errors(self, snapshot: Snapshot, residuals: Sequence[Residual]) -> dict[str, Array]:
-        """Return what tasks report as their errors, by name."""
-        errors = {}
-        for task, residual, plain in zip(
-            self._motion, residuals, self._reports_residual, strict=True
-        ):
-            errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
-        return errors
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the command of the declared policy, within the limits' box, and what it misses."""

@@ -13,7 +13,6 @@ from wbc.controllers.plan import NO_PHYSICS, Physics
 from wbc.controllers.tick import Tick
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
-from wbc.qp.solution import Status
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import read_only
@@ -33,16 +32,7 @@ class KinematicController(NativeController):
         return NativePlan.of(self.robot, self.tasks, self.plan, self.limits, self.dt, backend)
 
     def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
-        return Tick.reading(
-            found,
-            velocity=read_only(found.velocity),
-            status=Status.SOLVED,
-            policy=None,
-            step_scale=1.0,
-            slack={},
-            singular={},
-            **known,
-        )
+        return Tick.reading(found, velocity=read_only(found.velocity), **known)
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         return NO_PHYSICS

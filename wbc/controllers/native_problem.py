@@ -6,7 +6,6 @@ the rest becomes objects when it is read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -119,10 +118,9 @@ class NativeProblem:
         every = self._answer.errors.copy()  # may be kept longer than the QP
         return {name: every[where] for name, where in self._layout.errors.items()}
 
-    @property
-    def residuals(self) -> Sequence[Residual]:
-        """The errors of all tasks as residuals without derivatives."""
-        return [Residual(error, _NONE, _NONE) for error in self.errors.values()]
+    def residual(self, name: str) -> Residual:
+        """Return the error of a task as a residual without derivatives."""
+        return Residual(self.errors[name], _NONE, _NONE)
 
     # ------------------------------------------------------------------ its solution
 

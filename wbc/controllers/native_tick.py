@@ -53,16 +53,22 @@ class NativeController(Controller):
         outcome, step_scale = self._attempt(problem, margins)
         if not outcome.solved:  # the Python tick finds out why, and what is best then
             return None
-        return self._tick(snapshot, physics, found.residuals, outcome, step_scale, {}, start, ready)
+        residuals = [found.residual(name) for name in found.errors]
+        return self._tick(snapshot, physics, residuals, outcome, step_scale, {}, start, ready)
 
     def _deviations(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
         """Return the errors if tasks report others than theirs: they are about their targets."""
-        if self._all_plain:
+        if not self._deviating:
             return {}
-        return {"errors": self._errors(snapshot, found.residuals)}
+        errors = dict(found.errors)
+        for task in self._deviating:
+            errors[task.name] = task.deviation(snapshot, found.residual(task.name))
+        return {"errors": errors}
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         super()._plan(contacts)
+        reports = zip(self._motion, self._reports_residual, strict=True)
+        self._deviating = [task for task, plain in reports if not plain]
         # Without margins in between, DAQP runs in the core as well.
         plain = self.formulation == "equality" and not self.constraints
         self._native = self._native_plan(self.backend if plain else None)

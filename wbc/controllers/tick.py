@@ -78,9 +78,10 @@ class Tick:
 
     @classmethod
     def reading(cls, evidence: object, **known: Any) -> Self:
-        """Return a tick of what is known; errors and evidence are read from ``evidence`` later."""
+        """Return a plain, solved tick; its errors and evidence are read from ``evidence`` later."""
         tick = object.__new__(cls)
-        tick.__dict__.update(known, _evidence=evidence)
+        plain = {"status": Status.SOLVED, "policy": None, "step_scale": 1.0}
+        tick.__dict__.update(plain, slack={}, singular={}, **known, _evidence=evidence)
         return tick
 
     if not TYPE_CHECKING:  # a misspelt attribute is an error

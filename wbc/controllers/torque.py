@@ -234,18 +234,12 @@ class TorqueController(NativeController):
         return plan.problem(snapshot, self._ramps.most)
 
     def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
-        velocity, torque = found.velocity, found.torque
-        bounds = self.torque_bounds
+        velocity, torque, bounds = found.velocity, found.torque, self.torque_bounds
         np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
         self._last = Reaction(self.contact_forces, snapshot, found.forces)
         return TorqueTick.reading(
             found,
             velocity=read_only(velocity),
-            status=Status.SOLVED,
-            policy=None,
-            step_scale=1.0,
-            slack={},
-            singular={},
             torque=read_only(torque),
             acceleration=read_only((velocity - snapshot.v) / self.dt),
             reaction=self._last,
@@ -254,15 +248,12 @@ class TorqueController(NativeController):
         )
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
-        forces = self.contact_forces
-        dynamics = TickDynamics(snapshot, forces, found.matrix, found.offset, None)
+        dynamics = TickDynamics(snapshot, self.contact_forces, found.matrix, found.offset, None)
         return Physics(bounds=found.bounds, dynamics=dynamics)
 
     def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
         """Return what forces and torques are by the unknowns."""
-        last = None
-        if self._force_tasks and self._last is not None:
-            last = self._last.wrenches()
+        last = self._last.wrenches() if self._force_tasks and self._last is not None else None
         return TickDynamics.at(snapshot, self.contact_forces, last)
 
     # ------------------------------------------------------------------ parts of the tick
@@ -294,8 +285,7 @@ class TorqueController(NativeController):
 
     def _without_least(self, problem: LevelProblem) -> LevelProblem:
         """Return the problem without least normal forces."""
-        bounds = problem.physics.bounds
-        if bounds is None:
+        if (bounds := problem.physics.bounds) is None:
             return problem
         lower, begin = bounds.lower.copy(), self._bounded.size
         lower[begin : begin + len(self.contact_forces.surfaces)] = -np.inf
@@ -310,9 +300,8 @@ class TorqueController(NativeController):
             x = dynamics.exact(tick.solution.x[: dynamics.size])
         else:  # joints come to rest, on no ground that one could count on
             x = np.concatenate((tick.velocity, np.zeros(self.contact_forces.size)))
-        torque = dynamics.torques(x)
+        torque = np.clip(dynamics.torques(x), -self.torque_bounds, self.torque_bounds)
         velocity, f = x[: self.robot.nv], x[self.robot.nv :]
-        torque = np.clip(torque, -self.torque_bounds, self.torque_bounds)
         errors = {  # of this decision: no state has a force
             task.name: self._unit * (row.matrix @ x - row.target)
             for task, row in zip(self._force_tasks, physics.forces, strict=True)
