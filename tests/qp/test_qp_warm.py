@@ -130,6 +130,26 @@ def test_nan_from_the_solver_never_leaves_as_solved(ticks, monkeypatch):
     assert solution.attempts == 4  # warm, by active set, cold, polished
 
 
+def test_where_it_stalls_the_active_set_method_comes_first(ticks, monkeypatch):
+    """What stalls once would stall in every tick: ProxQP is not asked again until DAQP fails."""
+    qps = list(ticks(seed=4, count=4, mi=25))
+    backend = ProxQP(max_iterations=1)
+    assert backend.solve(qps[0]).attempts == 2
+    solves = []
+    honest = Workspace.solve_cold
+    monkeypatch.setattr(Workspace, "solve_cold", lambda self: solves.append(1) or honest(self))
+    for qp in qps[1:3]:
+        assert backend.solve(qp).solved
+        np.testing.assert_allclose(backend.solve(qp).x, make_backend("daqp").solve(qp).x, atol=1e-6)
+    assert not solves
+    assert backend.solve(qps[1], workspace="another").solved
+    assert solves  # another name has not stalled
+    solves.clear()
+    _no_active_set(monkeypatch)
+    backend.solve(qps[3])
+    assert solves
+
+
 def test_an_active_set_method_saves_a_tick(ticks):
     qp = next(iter(ticks(seed=4, count=1)))
     solution = ProxQP(max_iterations=1).solve(qp)

@@ -32,7 +32,9 @@ _SURVIVING = 0.5
 _ROUNDING = 1e-13  # relative to the terms of a sum
 # Unknowns without bounds are assumed to stay within this multiple of the least violation's.
 REACH = 1e6
-_EPS, _MAX_ITERATIONS = 1e-8, 200
+_EPS = 1e-8
+# Of 378 QPs from wild states all got the same verdict with 15 iterations as with 200, at 0.8 ms.
+_MAX_ITERATIONS = 30
 # Larger conflicts are not reduced: each row costs one more linear program.
 MOST_ROWS = 80
 
