@@ -13,12 +13,13 @@ its ankle gives beyond the hip's reaction is what moves the CoP away from the le
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import casadi as ca
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.polygon import half_planes
+from wbc.polygon import half_planes, inset
 from wbc.rmp.balance.law import FREE, Bounds, Pendulum
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.planar import PlanarRmp
@@ -34,6 +35,8 @@ ANGLE_MARGIN = 1e-3
 # How much more than the brake can do is asked of a coordinate that it cannot stop in time: what is
 # lacking shows in the slack.
 INSIST = 2.0
+# Corners of a rectangle are square to this part, and its sides equal to this [m].
+SKEW = 1e-6
 # Deceleration that a leg is sure to have left, as a part of gravity.
 LEG_BRAKE = 0.5
 
@@ -176,7 +179,7 @@ def physical_rows(foot: FlatFoot, bounds: Bounds, normals: Array, offsets: Array
     """Return what no command may break: CoP in the polygon, friction, force along the leg.
 
     Forces are in parts of the weight, so that all rows are of one size. The friction cone is
-    replaced by the pyramid inside it.
+    replaced by the pyramid inside it. What friction gives about the vertical: :func:`torsion_rows`.
     """
     rows, weight = list[Row](), foot.model.mass * foot.model.gravity
     f, moment, height = foot.push / weight, foot.moment / weight, foot.com[2]
@@ -191,8 +194,47 @@ def physical_rows(foot: FlatFoot, bounds: Bounds, normals: Array, offsets: Array
             for sign in (1.0, -1.0):
                 label = f"friction {'+' if sign > 0 else '-'}{name}"
                 rows.append(Row(label, sign * f[axis] - slope * f[2], -ca.inf, 0.0))
+        rows += torsion_rows(foot, bounds, slope)
     low, high = bounds.leg_force
     return [*rows, Row("force along the leg", foot.force[2] / weight, low / weight, high / weight)]
+
+
+def torsion_rows(foot: FlatFoot, bounds: Bounds, slope: float) -> list[Row]:
+    """Return the torques about the vertical that friction holds; none for soles of other shapes.
+
+    With the CoP at a corner there is none: a sole that is not looked after turns about it and is
+    lost. A rectangle of half sides X, Y with pyramids of slope mu holds a torque t about its centre
+    while
+
+        |t_z| <= mu (X + Y) f_z - |Y f_x +- mu t_x| - |X f_y +- mu t_y|,    + for t_z > 0
+
+    (Caron, Pham and Nakamura, ICRA 2015), in the axes of its sides.
+    """
+    corners = inset(np.asarray(bounds.polygon), bounds.cop_margin)
+    sides = 0.5 * (np.roll(corners, -1, axis=0) - corners)
+    square = len(corners) == 4 and abs(sides[0] @ sides[1]) < SKEW * np.prod(_lengths(sides[:2]))
+    if not square or not np.allclose(sides[:2], -sides[2:], atol=SKEW):
+        return []
+    half = _lengths(sides[:2])
+    axes = sides[:2] / half[:, None]  # the second is to the left of the first
+    weight = foot.model.mass * foot.model.gravity
+    f, centre = foot.push / weight, np.append(corners.mean(axis=0), 0.0)
+    torque = ca.cross(foot.com - ca.DM(centre), f) + foot.moment / weight
+    along, about = ca.DM(axes) @ f[:2], ca.DM(axes) @ torque[:2]
+    most = slope * float(half.sum()) * f[2]
+    rows = []
+    for turn, first, second in product((1.0, -1.0), repeat=3):
+        used = turn * torque[2]
+        used += first * (half[1] * along[0] + turn * slope * about[0])
+        used += second * (half[0] * along[1] + turn * slope * about[1])
+        label = "torsion " + "".join("-+"[sign > 0.0] for sign in (turn, first, second))
+        rows.append(Row(label, used - most, -ca.inf, 0.0))
+    return rows
+
+
+def _lengths(vectors: Array) -> Array:
+    lengths: Array = np.linalg.norm(vectors, axis=1)
+    return lengths
 
 
 def elastic_rows(foot: FlatFoot, bounds: Bounds, dt: float) -> list[Row]:
