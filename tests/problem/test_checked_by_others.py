@@ -86,7 +86,6 @@ class Body:
         return found
 
 
-@cache
 def outcome(name: str) -> tuple[dict[str, Any], dict[str, np.ndarray], Body]:
     """Run a problem and return what its file says: summary, arrays, and the robot read again."""
     text, changed = TEXTS[name], dict[str, Any]()
@@ -164,8 +163,20 @@ def test_every_problem_is_checked_here() -> None:
 
 
 @pytest.mark.parametrize("name", MOVED)
-def test_com_inertia_and_motion_are_what_pinocchio_finds(name: str) -> None:
-    summary, arrays, body = outcome(name)
+def test_moved_robots_do_what_their_results_say(name: str) -> None:
+    """One test a problem: each is run once, whichever worker has it."""
+    said = outcome(name)
+    check_com_inertia_and_motion_by_pinocchio(*said)
+    check_joints_stay_within_what_the_urdf_allows(*said)
+    if TEXTS[name]["support"] != "floating":
+        check_feet_stand_still_and_the_com_is_over_them(name, *said)
+    if "constraints" in TEXTS[name]:
+        check_margins_are_kept_by_raw_shapes(name, *said)
+
+
+def check_com_inertia_and_motion_by_pinocchio(
+    summary: dict[str, Any], arrays: dict[str, np.ndarray], body: Body
+) -> None:
     dt = float(arrays["time"][1] - arrays["time"][0])
     for k in rows_of(arrays):
         body.place(arrays["q"][k])
@@ -190,9 +201,9 @@ def test_com_inertia_and_motion_are_what_pinocchio_finds(name: str) -> None:
         np.testing.assert_allclose(reading["reached"], reached, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", MOVED)
-def test_joints_stay_within_what_the_urdf_allows(name: str) -> None:
-    summary, arrays, body = outcome(name)
+def check_joints_stay_within_what_the_urdf_allows(
+    summary: dict[str, Any], arrays: dict[str, np.ndarray], body: Body
+) -> None:
     limits = body.limits()
     ranges = np.array(
         [[limits[str(j)][k] for k in ("lower", "upper")] for j in arrays["joint_names"]]
@@ -205,9 +216,9 @@ def test_joints_stay_within_what_the_urdf_allows(name: str) -> None:
     assert summary["joint_limits"]["smallest_margin"] == pytest.approx(left.min(), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", [name for name in MOVED if TEXTS[name]["support"] != "floating"])
-def test_feet_stand_still_and_the_com_is_over_them(name: str) -> None:
-    summary, arrays, body = outcome(name)
+def check_feet_stand_still_and_the_com_is_over_them(
+    name: str, summary: dict[str, Any], arrays: dict[str, np.ndarray], body: Body
+) -> None:
     anchors: dict[str, pin.SE3] = {}
     worst, stood = 0.0, ""
     for k in range(len(arrays["time"])):
@@ -229,13 +240,10 @@ def test_feet_stand_still_and_the_com_is_over_them(name: str) -> None:
     assert summary["slip"]["largest"] >= worst - 1e-6
 
 
-WATCHED = [name for name in MOVED if "constraints" in TEXTS[name]]
-
-
-@pytest.mark.parametrize("name", WATCHED)
-def test_margins_are_kept_by_raw_shapes(name: str) -> None:
+def check_margins_are_kept_by_raw_shapes(
+    name: str, _: dict[str, Any], arrays: dict[str, np.ndarray], body: Body
+) -> None:
     """Watched pairs of links, measured by Coal where the result says that they were nearest."""
-    _, arrays, body = outcome(name)
     folders = [str(parent) for parent in body.path.parents]
     shapes = pin.buildGeomFromUrdf(
         body.model, str(body.path), pin.GeometryType.COLLISION, package_dirs=folders

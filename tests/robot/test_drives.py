@@ -56,7 +56,8 @@ def test_what_an_mjcf_says_is_kept(leg: Path) -> None:
     data.qpos[7:] = [0.3, -0.5, 0.2]
     mujoco.mj_forward(model, data)
     M = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, M)
+    for row, unit in zip(M, np.eye(model.nv), strict=True):  # mj_fullM has changed its arguments
+        mujoco.mj_mulM(model, data, row, unit)
     q = robot.integrate(robot.postures["neutral"], [0, 0, 0, 0, 0, 0, 0.3, -0.5, 0.2], 1.0)
     found = robot.snapshot(q).mass_matrix[6:, 6:]
     np.testing.assert_allclose(found, M[6:, 6:], atol=1e-12)

@@ -70,7 +70,8 @@ def test_frames_are_where_mujoco_puts_them(
         np.testing.assert_allclose(here.rotation(body), found.xmat.reshape(3, 3), atol=1e-12)
     np.testing.assert_allclose(here.com, data.subtree_com[1], atol=1e-12)
     mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    for row, unit in zip(mass, np.eye(model.nv), strict=True):  # mj_fullM has changed its arguments
+        mujoco.mj_mulM(model, data, row, unit)
     np.testing.assert_allclose(here.mass_matrix[6:, 6:], mass[6:, 6:], atol=1e-12)
     assert robot.mass == pytest.approx(3.5)
     assert len(robot.collision_model.geometryObjects) == 4
