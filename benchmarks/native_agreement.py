@@ -7,6 +7,7 @@ above 1, and how many ticks the core handed over. Of self-collision, that of the
 distances and of their Jacobians (nothing where most shapes are no capsules).
 
     python benchmarks/native_agreement.py [--ticks 2000] [--robots g1 ...] [--seed 1]
+        [--of velocity torque pairs] [--state FILE.json]
 
 The same with the core under sanitizers (GCC):
 
@@ -21,6 +22,11 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 
 import argparse
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -33,7 +39,52 @@ from wbc.rotations import exp_rotation
 
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
 FIELDS = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
+WHAT = ("velocity", "torque", "pairs")
 EPISODE = 50
+
+
+@dataclass
+class Found:
+    """The largest difference of some ticks, and how many were compared and handed over."""
+
+    compared: int = 0
+    handed: int = 0
+    worst: float = 0.0
+
+    @property
+    def ticks(self) -> int:
+        return self.compared + self.handed
+
+    def add(self, difference: float | None) -> None:
+        """Count one tick; None: the core handed it over."""
+        one = Found(0, 1) if difference is None else Found(1, 0, difference)
+        self.join(one)
+
+    def join(self, other: "Found") -> None:
+        """Count what others found."""
+        self.compared += other.compared
+        self.handed += other.handed
+        self.worst = float(np.maximum(self.worst, other.worst))  # keeps NaN
+
+
+class Kept:
+    """What was found, in a file if there is one."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        there = json.loads(path.read_text()) if path is not None and path.exists() else {}
+        self._found = {key: Found(**one) for key, one in there.items()}
+
+    def of(self, key: str) -> Found:
+        """Return what was found under a key, to be counted on."""
+        return self._found.setdefault(key, Found())
+
+    def save(self) -> None:
+        """Write all of it by one rename."""
+        if self._path is not None:
+            beside = self._path.with_suffix(".part")
+            beside.write_text(json.dumps({key: asdict(one) for key, one in self._found.items()}))
+            beside.replace(self._path)
 
 
 def tasks_of(here: wbc.Snapshot, rng: np.random.Generator) -> list[wbc.Task]:
@@ -89,66 +140,82 @@ def difference(controller: Controller, here: wbc.Snapshot) -> float | None:
     return float(worst)
 
 
-def compare(name: str, level: type[Controller], ticks: int, seed: int) -> str:
-    """Return one line of the table."""
-    robot = wbc.Robot.load(name)
-    rng = np.random.default_rng([seed, sum(name.encode())])
-    standing = robot.snapshot(robot.posture("standing"))
-    worst, handed, compared = 0.0, 0, 0
-    for k in range(ticks):
-        if k % EPISODE == 0:
-            limits = wbc.Limits(robot) if rng.random() < 0.8 else None
-            contacts, tasks = contacts_of(standing, rng), tasks_of(standing, rng)
-            controller = level(robot, tasks, contacts=contacts, limits=limits, solver="daqp")
+def compare(robot: wbc.Robot, level: type[Controller], rng: np.random.Generator) -> Found:
+    """Compare the QPs of one episode."""
+    standing, found = robot.snapshot(robot.posture("standing")), Found()
+    limits = wbc.Limits(robot) if rng.random() < 0.8 else None
+    contacts, tasks = contacts_of(standing, rng), tasks_of(standing, rng)
+    controller = level(robot, tasks, contacts=contacts, limits=limits, solver="daqp")
+    for _ in range(EPISODE):
         size = 10.0 ** rng.uniform(-4, -1)
         q = robot.integrate(standing.q, size * rng.normal(size=robot.nv), 1.0)
         here = robot.snapshot(q, 10.0 ** rng.uniform(-1, 1) * size * rng.normal(size=robot.nv))
-        found = difference(controller, here)
-        handed += found is None
-        compared += found is not None
-        worst = max(worst, found or 0.0)
-    return f"| {name} | {level.__name__} | {compared} | {handed} | {worst:.1e} |"
+        found.add(difference(controller, here))
+    return found
 
 
-def compare_pairs(name: str, ticks: int, seed: int) -> str:
-    """Return one line of the table for the nearest pairs."""
-    robot, rng = wbc.Robot.load(name), np.random.default_rng(seed)
-    ours = wbc.SelfCollision(robot).model
-    if ours._native is None:
-        return f"| {name} | pairs | 0 | {ticks} | |"
-    os.environ[VARIABLE] = "off"
-    plain = wbc.Robot.load(name)
-    assert plain.native is None  # it keeps what it found when it was first asked
-    os.environ[VARIABLE] = "require"
-    theirs = CollisionModel(plain, ours.bodies, ours.pairs.tolist())
-    worst = 0.0
-    for _ in range(ticks):
+def compare_pairs(ours: CollisionModel, theirs: CollisionModel, rng: np.random.Generator) -> Found:
+    """Compare the nearest pairs of one episode, their distances and the Jacobians of these."""
+    robot, plain, found = ours.robot, theirs.robot, Found()
+    for _ in range(EPISODE):
         step = 10.0 ** rng.uniform(-3, 0.5) * rng.normal(size=robot.nv)
         q = robot.integrate(robot.posture("standing"), step, 1.0)
         here, there = robot.snapshot(q), plain.snapshot(q)
         a, b = ours.nearest(here, 25), theirs.nearest(there, 25)
         if not np.array_equal(a.pairs, b.pairs):  # ties: one of two that are as near
-            worst = max(worst, np.abs(np.sort(a.distance) - np.sort(b.distance)).max())
-            continue
-        worst = max(worst, np.abs(a.distance - b.distance).max())
-        worst = max(worst, np.abs(ours.rows(here, a) - theirs.rows(there, b)).max())
-    return f"| {name} | pairs | {ticks} | 0 | {worst:.1e} |"
+            worst = np.abs(np.sort(a.distance) - np.sort(b.distance)).max()
+        else:
+            rows = np.abs(ours.rows(here, a) - theirs.rows(there, b)).max()
+            worst = max(np.abs(a.distance - b.distance).max(), rows)
+        found.add(float(worst))
+    return found
+
+
+def episodes_of(name: str, what: str) -> Callable[[np.random.Generator], Found] | None:
+    """Return what compares one episode; None: the core takes none of them."""
+    robot = wbc.Robot.load(name)
+    if what != "pairs":
+        level = wbc.KinematicController if what == "velocity" else wbc.TorqueController
+        return partial(compare, robot, level)
+    ours = wbc.SelfCollision(robot).model
+    if ours._native is None:
+        return None
+    os.environ[VARIABLE] = "off"
+    plain = wbc.Robot.load(name)
+    assert plain.native is None  # it keeps what it found when it was first asked
+    os.environ[VARIABLE] = "require"
+    return partial(compare_pairs, ours, CollisionModel(plain, ours.bodies, ours.pairs.tolist()))
+
+
+def run(name: str, what: str, ticks: int, seed: int, kept: Kept) -> str:
+    """Return one line of the table; goes on where it was ended."""
+    known = kept.of(f"{name} {what} {seed}")
+    episode = None if known.ticks >= ticks else episodes_of(name, what)
+    while episode is not None and known.ticks < ticks:
+        number = known.ticks // EPISODE
+        rng = np.random.default_rng([seed, sum(f"{name} {what}".encode()), number])
+        known.join(episode(rng))
+        if number % 20 == 0 or known.ticks >= ticks:
+            kept.save()
+    return f"| {name} | {what} | {known.compared} | {known.handed} | {known.worst:.1e} |"
 
 
 def main() -> None:
     """Compare each robot at each level, and print what was found."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--ticks", type=int, default=2000, help="per robot and level")
+    parser.add_argument("--ticks", type=int, default=2000, help="per robot, of each")
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
+    parser.add_argument("--of", nargs="+", default=list(WHAT), choices=WHAT)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--state", type=Path, help="kept here, to go on after an end")
     options = parser.parse_args()
     os.environ[VARIABLE] = "require"
-    print("| robot | level | ticks compared | handed over | largest difference |")
+    kept = Kept(options.state)
+    print("| robot | of | compared | handed over | largest difference |")
     print("|---|---|---|---|---|")
     for name in options.robots:
-        for level in (wbc.KinematicController, wbc.TorqueController):
-            print(compare(name, level, options.ticks, options.seed), flush=True)
-        print(compare_pairs(name, options.ticks, options.seed), flush=True)
+        for what in options.of:
+            print(run(name, what, options.ticks, options.seed, kept), flush=True)
 
 
 if __name__ == "__main__":
