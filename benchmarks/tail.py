@@ -1,0 +1,123 @@
+"""The slowest ticks of a long loop, whether memory grows, and ticks with cold caches.
+
+The loop of tick.py, all of it timed in thread CPU time: targets, snapshot, tick, integration. In
+turns with it runs a fixed piece of arithmetic that takes about as long: how far its slow runs are
+from its median is what the machine alone does. Memory is read after a tenth of the ticks and at the
+end. Cold are ticks between which 32 MB of other memory are touched.
+
+    python benchmarks/tail.py [--ticks 1000000] [--robot g1] [--solver daqp] [--cold 500]
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
+
+import argparse
+import gc
+import sys
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+from tick import DT, make_run
+
+from wbc.native import status
+from wbc.robot import Robot
+from wbc.rotations import exp_rotation
+
+OTHER = 32 * 2**20  # bytes
+PERCENTILES = (50.0, 99.0, 99.9, 99.99)
+FREQUENCIES = 2 * np.pi * np.array([0.5, 0.25, 0.4])  # of the CoM [rad/s]
+
+
+class Loop:
+    """A closed loop with moving targets; ``body`` is one round of it."""
+
+    def __init__(self, robot: Robot, solver: str) -> None:
+        run = make_run(robot, solver, "equality")
+        self.robot, self.controller, self.q, self.v = robot, run.controller, run.q, run.v
+        self.start, self.failures = run.start, 0
+
+    def body(self, k: int) -> float:
+        """Run a tick; return the thread's CPU time of it [s]."""
+        inertia, com, torso, *_ = self.controller.tasks
+        t, (start_com, start_inertia, start_torso) = k * DT, self.start
+        wave = start_com + np.array([0.01, 0.02, -0.01]) * np.sin(FREQUENCIES * t)
+        shape = start_inertia * (1 + 0.05 * np.sin(np.pi * t))
+        turned = start_torso @ exp_rotation(np.array([0, 0.1, 0.2]) * np.sin(t))
+        begin = thread_time()
+        inertia.set_target(shape)
+        com.set_target(wave)
+        torso.set_target(turned)
+        tick = self.controller.step(self.robot.snapshot(self.q, self.v))
+        self.v = tick.velocity
+        self.q = self.robot.integrate(self.q, self.v, DT)
+        spent = thread_time() - begin
+        self.failures += not tick.ok
+        return spent
+
+
+class Work:
+    """The same arithmetic every time: what it takes longer now and then is the machine's."""
+
+    def __init__(self) -> None:
+        self._matrix = np.random.default_rng(0).normal(size=(35, 35))
+
+    def body(self) -> float:
+        """Return its CPU time [s]."""
+        begin, x = thread_time(), self._matrix
+        for _ in range(8):
+            x = self._matrix.dot(x)
+            x *= 1.0 / abs(x[0, 0])
+        return thread_time() - begin
+
+
+def memory() -> tuple[float, int]:
+    """Return resident memory [MB] and Python's allocated blocks."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20, sys.getallocatedblocks()
+
+
+def row(label: str, seconds: np.ndarray) -> str:
+    """Return one line of the table."""
+    found = np.percentile(seconds, PERCENTILES) * 1e6
+    cells = " | ".join(f"{one:.0f}" for one in found)
+    return f"| {label} | {cells} | {1e6 * seconds.max():.0f} | {found[2] / found[0]:.2f} |"
+
+
+def main() -> None:
+    """Run the loop and print what was found."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=1_000_000)
+    parser.add_argument("--robot", default="g1")
+    parser.add_argument("--solver", default="daqp")
+    parser.add_argument("--cold", type=int, default=500, help="ticks with cold caches")
+    options = parser.parse_args()
+    print(f"native core: {status().reason}")
+    loop, work = Loop(Robot.load(options.robot), options.solver), Work()
+    ticks, idle = np.zeros(options.ticks), np.zeros(options.ticks)
+    early, tenth = (0.0, 0), options.ticks // 10
+    for k in range(-200, options.ticks):
+        spent, alone = loop.body(k), work.body()
+        if k >= 0:
+            ticks[k], idle[k] = spent, alone
+        if k == tenth:
+            early = memory()
+    late = memory()
+    other, cold = np.zeros(OTHER // 8), np.zeros(options.cold)
+    for k in range(options.cold):
+        other += 1.0
+        cold[k] = loop.body(options.ticks + k)
+    heads = " | ".join(("median", *(f"p{one:g}" for one in PERCENTILES[1:]), "largest"))
+    print(f"| CPU time [us] | {heads} | p99.9 / median |\n|---|---:|---:|---:|---:|---:|---:|")
+    print(row(f"{options.robot}, {options.ticks} rounds of the loop", ticks))
+    print(row("fixed arithmetic beside it", idle))
+    print(row("rounds with cold caches", cold))
+    print(f"failed ticks: {loop.failures}")
+    print(f"resident memory {early[0]:.1f} MB after {tenth} rounds, {late[0]:.1f} MB at the end;")
+    print(f"Python's blocks {early[1]} and {late[1]}")
+
+
+if __name__ == "__main__":
+    main()
