@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
 from wbc.controllers.native_forces import NativeForces, TorqueRows
 from wbc.controllers.native_parts import Block, Part
 from wbc.controllers.plan import Plan
+from wbc.native import address
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.native_daqp import scratch_sizes
@@ -129,7 +129,7 @@ class NativeMemory:
         structs = (Block * len(blocks))(*blocks)
         self._arrays: tuple[Any, ...]  # the struct points at them
         self._arrays = (indices, self.number, joint, placement, starts, damping, limit)
-        first = (tree.address, ctypes.addressof(structs), *map(_address, self._arrays))
+        first = (tree.address, ctypes.addressof(structs), *map(address, self._arrays))
         level, counts, unit = self._level()
         settings = None
         if solver is not None:
@@ -137,7 +137,7 @@ class NativeMemory:
         call = (0, 0) if settings is None else (direct_daqp().address, ctypes.addressof(settings))
         numbers_of = (len(blocks), len(frames), costs, self.held, limits is not None)
         self.state = np.zeros(tree.frames)
-        place = (_address(self.state), 0, _address(scratch), _address(order))
+        place = (address(self.state), 0, address(scratch), address(order))
         every = (*first, *level, *place, *call, *numbers_of, *counts, dt, robot.mass, unit)
         self.struct = _Plan(*every)
         self._kept = structs, scratch, order, settings
@@ -145,7 +145,7 @@ class NativeMemory:
         function = tree.core.wbc_tick if settings is not None else tree.core.wbc_problem
         self._call: Any = function
         self._plan_address, self._state_address = ctypes.addressof(self.struct), place[0]
-        self._addresses = _address(self.q), _address(self.v)
+        self._addresses = address(self.q), address(self.v)
 
     def call(self, q: Array, v: Array, moving: bool, state: Array | None) -> tuple[int, Array]:
         """Run the core; return what it said and what it wrote.
@@ -158,8 +158,7 @@ class NativeMemory:
             self.state[:] = state[: self.state.size]
             known = self._state_address
         out = np.empty(self._end)
-        # The address in a fifth of the time that out.ctypes.data takes.
-        self.struct.out = ctypes.addressof(ctypes.c_char.from_buffer(out.data))
+        self.struct.out = address(out)
         return self._call(self._plan_address, known, *self._addresses, moving), out
 
     def read(self, out: Array) -> Answer:
@@ -228,14 +227,10 @@ class NativeMemory:
             return (0,) * 8, (0,) * 6, 1.0
         entries, motors = (forces.corners, forces.passive, forces.bounded), forces.most
         arrays = (*entries, motors, forces.cone, forces.limits, forces.joint_damping)
-        addresses = (ctypes.addressof(forces.structs), *map(_address, arrays))
+        addresses = (ctypes.addressof(forces.structs), *map(address, arrays))
         layout = forces.rows.forces
         counts = (1, layout.size, forces.count, forces.passive.size, forces.bounded.size)
         return addresses, (*counts, forces.cones), layout.unit
-
-
-def _address(array: NDArray[Any]) -> int:
-    return array.ctypes.data
 
 
 def _limit_array(limits: Limits | None, n: int) -> Array:

@@ -36,6 +36,8 @@ class NativeController(Controller):
     def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | None:
         """Return the command of a plain tick; None: not plain, or without a solution."""
         start = perf_counter()
+        if self.constraints and snapshot.native_state is None:  # margins look at it too
+            return None
         found = self._native_problem(plan, snapshot)
         if found is None:
             return None

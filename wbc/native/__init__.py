@@ -7,5 +7,6 @@ had), ``off``, or ``require`` (a typed error where it cannot); ``wbc doctor`` sa
 
 from wbc.native.build import NativeCoreError
 from wbc.native.library import VARIABLE, Core, core, mode, status
+from wbc.native.memory import address
 
-__all__ = ["VARIABLE", "Core", "NativeCoreError", "core", "mode", "status"]
+__all__ = ["VARIABLE", "Core", "NativeCoreError", "address", "core", "mode", "status"]

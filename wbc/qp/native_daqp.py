@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from wbc.native import VARIABLE, Core, core
+from wbc.native import VARIABLE, Core, address, core
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, Solution, Status
@@ -63,10 +63,10 @@ class NativeDaqp:
         size, integers = scratch_sizes(n, k, m)
         memory, order = np.empty(size), np.empty(integers, dtype=np.int64)
         out = np.empty(2 * n + k + m + 4)
-        at = out.ctypes.data
+        at = address(out)
         places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
-        struct = _Qp(n, k, m, *[array.ctypes.data for array in given], *places)
-        work = memory.ctypes.data, order.ctypes.data
+        struct = _Qp(n, k, m, *map(address, given), *places)
+        work = address(memory), address(order)
         if self._call(ctypes.addressof(struct), *work, *self._last) != 0:
             return None
         if not is_accurate(out[-4:].tolist(), self._eps):

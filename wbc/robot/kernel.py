@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.native import Core
+from wbc.native import Core, address
 from wbc.spatial import vech, vech_inverse
 from wbc.validate import Array, read_only
 
@@ -53,7 +53,7 @@ class NativeTree:
         armature, gravity = np.array(model.armature), np.array(model.gravity.linear)
         # The struct points at them.
         self._kept = integers, placement, axes, body, armature, gravity
-        addresses = [row.ctypes.data for row in (*integers, *self._kept[1:])]
+        addresses = list(map(address, (*integers, *self._kept[1:])))
         self._struct = _Tree(self.nv, self.joints, *addresses)
         self.address = ctypes.addressof(self._struct)
         nv, base = self.nv, 18
@@ -78,7 +78,7 @@ class NativeTree:
         """Return a frame, as states keep it."""
         joint, placement = frame_places(self.model, [index])
         out = np.empty(self.frame_size)
-        where, of, there, to = (array.ctypes.data for array in (state, joint, placement, out))
+        where, of, there, to = map(address, (state, joint, placement, out))
         self.core.wbc_frames(self.address, where, 1, of, there, to)
         return read_only(out)
 
@@ -132,7 +132,7 @@ class NativeState(NamedTuple):
         """Return what is known at the state's velocity (nv,) besides."""
         tree = self.tree
         out, scratch = np.empty(tree.motion_size), np.empty(9 * tree.joints + 6 * tree.nv)
-        addresses = (array.ctypes.data for array in (self.array, v, out, scratch))
+        addresses = map(address, (self.array, v, out, scratch))
         tree.core.wbc_motion(tree.address, *addresses)
         return NativeMotion(read_only(out), self.array, tree)
 
@@ -172,8 +172,8 @@ class NativeMotion(NamedTuple):
         tree, out = self.tree, np.empty(6)
         joint, placement = frame_places(tree.model, [index])
         arrays = self.state, self.array
-        state, motion = (array.ctypes.data for array in arrays)
-        of, there, to = (array.ctypes.data for array in (joint, placement, out))
+        state, motion = map(address, arrays)
+        of, there, to = map(address, (joint, placement, out))
         tree.core.wbc_drifts(tree.address, state, motion, 1, of, there, to)
         return read_only(out)
 
@@ -233,8 +233,8 @@ class NativePass:
         self._state = np.zeros(tree.frames + count * tree.frame_size)
         self._call: Any = tree.core.wbc_state
         arrays = self._q, self._v, self._state, self._scratch
-        addresses = [array.ctypes.data for array in arrays]
-        frames = self._joints.ctypes.data, self._placements.ctypes.data
+        addresses = list(map(address, arrays))
+        frames = address(self._joints), address(self._placements)
         self._arguments = (tree.address, *addresses, count, *frames)
 
 

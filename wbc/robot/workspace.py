@@ -41,6 +41,13 @@ class Workspace:
             self.kinematics_owner = owner
         return self.kinematics_data
 
+    def placed(self, owner: Any, q: Array) -> pin.Data:
+        """Return data holding the joints' placements at q, at least."""
+        if self.kinematics_owner is owner:
+            return self.kinematics_data
+        pin.forwardKinematics(self.model, self.scratch, q)
+        return self.scratch
+
     def rates(self, owner: Any, q: Array, v: Array) -> pin.Data:
         """Return data holding body velocities, and accelerations for zero joint acceleration."""
         if self._rates_owner is not owner:

@@ -176,7 +176,7 @@ class ShapePairs:
             for k in changed:
                 switches[k] = k not in active
             self._active = set(wanted)
-        data = robot.workspace.kinematics(snapshot, snapshot.q, snapshot.v)
+        data = robot.workspace.placed(snapshot, snapshot.q)
         pin.updateGeometryPlacements(robot.model, data, self._shapes, self._data)
         pin.computeDistances(self._shapes, self._data)
         if self._window is None:

@@ -11,6 +11,7 @@ import ctypes
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.native import address
 from wbc.robot.collision.covers import Covers
 from wbc.robot.kernel import NativeState
 from wbc.validate import Array
@@ -46,7 +47,7 @@ class NativePairs:
         self._made_of = covers, joints, pairs, solid
         self._kept = joints, covers.local, covers.sizes, pairs, solid.astype(np.int64)
         self._counts = len(joints), len(pairs)
-        self._addresses = [array.ctypes.data for array in self._kept]
+        self._addresses = list(map(address, self._kept))
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), self._made_of  # a copy reads its own arrays
@@ -62,9 +63,9 @@ class NativePairs:
         chosen = np.empty(pairs, dtype=np.int64)
         struct = self._struct(state)
         arrays = scratch, chosen, found
-        work, numbers, nearest = (array.ctypes.data for array in arrays)
+        work, numbers, nearest = map(address, arrays)
         k = state.tree.core.wbc_nearest(
-            ctypes.addressof(struct), state.array.ctypes.data, count, work, numbers, nearest
+            ctypes.addressof(struct), address(state.array), count, work, numbers, nearest
         )
         return None if k < 0 else (chosen[:k], found[: 7 * k].reshape(7, k))
 
@@ -79,9 +80,9 @@ class NativePairs:
         tree, out = state.tree, np.empty((len(pairs), state.tree.nv))
         struct = self._struct(state)
         arrays = [np.ascontiguousarray(array) for array in (pairs, normal, point)]
-        chosen, n, p = (array.ctypes.data for array in arrays)
-        where = ctypes.addressof(struct), tree.address, state.array.ctypes.data
-        tree.core.wbc_pair_rows(*where, len(pairs), chosen, n, p, out.ctypes.data)
+        chosen, n, p = map(address, arrays)
+        where = ctypes.addressof(struct), tree.address, address(state.array)
+        tree.core.wbc_pair_rows(*where, len(pairs), chosen, n, p, address(out))
         return out
 
     def _struct(self, state: NativeState) -> _Pairs:
