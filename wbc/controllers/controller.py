@@ -233,7 +233,7 @@ class Controller(ABC):
         kinds = motion_and_forces(tasks, type(self).__name__, self._bears)
         self._motion, self._force_tasks = kinds
         self.tasks, self.constraints = tuple(tasks), tuple(constraints)
-        self._slack = dict(slack)
+        self._slack = dict(slack) if isinstance(slack, Mapping) else slack  # refused with the plan
 
     # ------------------------------------------------------------------ what a level says
 
