@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.view.live.conftest import client_of
 from wbc.errors import InvalidInputError, WbcError
 from wbc.view.live import process
+from wbc.view.live.messages import Restart
 from wbc.view.live.process import HOST, free_place
 from wbc.view.live.viewer import Viewer
 
@@ -95,3 +97,15 @@ def test_without_viser_the_error_says_what_to_install(monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(WbcError, match=r"pip install 'wbc\[view\]'"):
         _ = wbc.view.Viewer
+
+
+def test_the_first_who_looks_sees_the_run_from_its_beginning(robot: wbc.Robot) -> None:
+    with Viewer(robot, clock=True, quiet=True) as viewer:
+        viewer.show(robot.posture("standing"))
+        assert viewer.next_request() is None
+        for asked in (Restart(), None):  # a second page, or a reload, disturbs nobody
+            with client_of(viewer.url) as client:
+                client.recv(timeout=20.0)
+                if asked is not None:
+                    viewer.wait_for_user(20.0)
+                assert viewer.next_request() == asked

@@ -26,7 +26,7 @@ from wbc.view.live.layers.pulls import PullLayer
 from wbc.view.live.layers.pushes import PushLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
-from wbc.view.live.messages import Cast, Frame, Replay, Request, Setup
+from wbc.view.live.messages import Cast, Frame, Replay, Request, Restart, Setup
 from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import Panel
 from wbc.view.live.process import Failed, Ready
@@ -69,6 +69,7 @@ class Page:
         self._layers_changed = self._seen_forces = False
         self._last: Shown | None = None
         self._panel_at = self._controls_at = 0.0
+        self._awaited = setup.clock
         shapes = RobotShapes(self._robot)
         q = self._robot.posture()
         low, high = shapes.extent(self._robot, q)
@@ -152,9 +153,16 @@ class Page:
                 while self._pipe.poll():
                     self.receive(self._pipe.recv())
             if self.server.get_clients():
+                self._welcome()
                 began = time.thread_time()
                 self.draw()
                 time.sleep((1.0 / SHARE - 1.0) * (time.thread_time() - began))
+
+    def _welcome(self) -> None:
+        """Let the run begin anew for the first who looks: it may be over by then."""
+        if self._awaited:
+            self._awaited = False
+            self.send(Restart())
 
     def receive(self, message: Frame | Cast | Replay) -> None:
         """Take note of a message."""
