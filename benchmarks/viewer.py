@@ -16,8 +16,9 @@ due, as a real one does; their time is that of the ticks without the sleep. The 
 all others: it stands for a browser, which is not what is measured.
 
 On a busy machine these ratios are noise of several percent. What the loop can lose in its own
-process is bounded without them: by the CPU time of update() and that of the viewer's threads, as if
-the loop had waited for all of it. What is drawn is drawn by another process.
+process is bounded without them: by the CPU time of update() and of the frames that the viewer's
+threads make, as if a loop that keeps its pace had waited for all of it. What is drawn is drawn by
+another process.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ import numpy as np
 from wbc.controllers import Controller
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
-from wbc.view.live.viewer import Viewer
+from wbc.view.live.viewer import PERIOD, Viewer
 
 ALONE, MADE, DRAWN = "nobody looks", "frames made", "frames drawn"
 WARM_UP = 0.2  # of a block: its first ticks, not measured
@@ -108,7 +109,7 @@ def measure(problem: Problem, blocks: int, ticks: int, paced: bool, update: floa
     """Print what the viewer costs, of which ``update`` [s] a tick is known."""
     controller, q = problem.executor().controller, problem.parts.start
     found: dict[str, list[tuple[float, float]]] = {ALONE: [], MADE: [], DRAWN: []}
-    threads: list[float] = []
+    frames: list[float] = []  # CPU time of each, in blocks whose frames are drawn
     with Viewer(problem.parts.robot, controller, quiet=True) as viewer, client(viewer.url):
         send: Callable[[object], None] = viewer._page.send
 
@@ -120,10 +121,11 @@ def measure(problem: Problem, blocks: int, ticks: int, paced: bool, update: floa
             for name in list(found)[:: 1 if k % 2 else -1]:
                 viewer._page.send = throw_away if name == MADE else send  # type: ignore[method-assign]
                 one = None if name == ALONE else viewer
-                before = threads_cpu(viewer)
+                before, made = threads_cpu(viewer), viewer._mailbox.taken_count
                 found[name].append(block(controller, q, ticks, one, paced))
                 if name == DRAWN:
-                    threads.append((threads_cpu(viewer) - before) / ticks)
+                    made = viewer._mailbox.taken_count - made
+                    frames.append((threads_cpu(viewer) - before) / max(made, 1))
         viewer._page.send = send  # type: ignore[method-assign]
     alone = np.array(found[ALONE])
     for name, times in found.items():
@@ -133,8 +135,12 @@ def measure(problem: Problem, blocks: int, ticks: int, paced: bool, update: floa
         print(
             f"  {name:12} {cpu:7.1f} us CPU a tick {more[0]}, {clock:7.1f} by the clock {more[1]}"
         )
-    most, tick = 1e6 * (float(np.median(threads)) + update), 1e6 * float(np.median(alone[:, 0]))
-    print(f"  in the loop's process at most {most:.1f} us a tick ({100.0 * most / tick:.2f} %)")
+    frame, tick = float(np.median(frames)), float(np.median(alone[:, 0]))
+    most = update + frame * (controller.dt if paced else tick) / PERIOD
+    print(
+        f"  in the loop's process: {1e6 * frame:.0f} us CPU a frame, at most {1e6 * most:.1f} us a"
+        f" tick ({100.0 * most / tick:.2f} %)"
+    )
 
 
 def threads_cpu(viewer: Viewer) -> float:
