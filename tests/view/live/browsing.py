@@ -76,9 +76,9 @@ class Live:
         return next(one for one in self.viewer.controller.tasks if one.name == name)
 
 
-def opened(browser: Any, live: Live) -> Any:
+def opened(browser: Any, live: Live, size: Any = SIZE) -> Any:
     """Open the page, and wait until it shows the robot."""
-    page = browser.new_page(viewport=SIZE)
+    page = browser.new_page(viewport=size)
     page.set_default_timeout(1e3 * PATIENCE)
     page.goto(live.viewer.url)
     page.get_by_text("left_sole, right_sole").first.wait_for()

@@ -23,6 +23,7 @@ from tests.view.live.browsing import (
 
 pytestmark = needs_browser
 
+SMALL = {"width": 700, "height": 300}
 PROBLEM = """
 robot: hoap2_like
 start: {posture: standing}
@@ -113,7 +114,8 @@ def test_reload_and_two_browsers(page: Any, live: Live, browser: Any) -> None:
     ticks = live.session.ticks
     page.reload()
     page.get_by_text("left_sole, right_sole").first.wait_for()
-    other = opened(browser, live)
+    page.set_viewport_size(SMALL)  # two pages are drawn by software at once
+    other = opened(browser, live, SMALL)
     assert abs(time_on(other) - time_on(page)) < 30.0
     other.close()
     assert live.becomes(lambda: live.session.ticks > ticks + 100)

@@ -32,7 +32,7 @@ from wbc.view.live.process import HOST, Failed, PageProcess, free_place, require
 from wbc.view.live.steering import Steering
 from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of
 
-PERIOD = 1.0 / 30.0  # s between frames
+PERIOD = 1.0 / 25.0  # s between frames
 CLOSING = 2.0  # s to wait for the threads
 
 
@@ -59,7 +59,7 @@ class Viewer:
         viewer.update(snapshot, tick)         # in a control loop, once per tick
 
     The page is served by a process of its own. :meth:`update` stores one reference and never
-    waits; about thirty times a second the latest is sent, and what came between is dropped. The
+    waits; about 25 times a second the latest is sent, and what came between is dropped. The
     page may be closed, reloaded or opened twice: the loop does not notice.
 
     Parameters
