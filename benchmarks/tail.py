@@ -96,7 +96,7 @@ def main() -> None:
     options = parser.parse_args()
     print(f"native core: {status().reason}")
     loop, work = Loop(Robot.load(options.robot), options.solver), Work()
-    ticks, idle = np.zeros(options.ticks), np.zeros(options.ticks)
+    ticks, idle = np.ones((2, options.ticks))  # not zeros: memory that is there from the start
     early, tenth = (0.0, 0), options.ticks // 10
     for k in range(-200, options.ticks):
         spent, alone = loop.body(k), work.body()

@@ -102,8 +102,8 @@ class Part:
             found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
-        for now, before, place in zip(found, planned, self._places, strict=True):
-            if now[:3] != before[:3] or not place.write(now, self.kept):
+        for k, now in enumerate(found):
+            if now[:3] != planned[k][:3] or not self._places[k].write(now, self.kept):
                 return False
         if changes != self.changes:
             self._write_law(found, dt)
