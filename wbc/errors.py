@@ -67,6 +67,8 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     hint = f"; did you mean {folded[nearest]!r}?" if likeness >= 0.5 else ""
     if not known:
         return f"{hint} (there are none to choose from)"
+    if hint and not listed:
+        return hint
     shown = ", ".join(known[:listed])
     more = f", and {len(known) - listed} more" if len(known) > listed else ""
     return f"{hint} (choose from: {shown}{more})"

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
+from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
 from wbc.robot import Robot
 from wbc.robot.collision import (
@@ -476,3 +477,23 @@ def test_half_a_disabled_pair_is_refused(robot_named, tmp_path: Path) -> None:
     other = Robot.load(copy, srdf=srdf)
     with pytest.raises(ModelError, match="link2"):
         select_pairs(other, robot_bodies(other))
+
+
+def test_a_robot_without_pairs_has_nothing_to_keep_apart(tmp_path: Path) -> None:
+    """Two links with a joint between them: neighbours are no pair."""
+    inertial = (
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        "</inertial>"
+    )
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    path = tmp_path / "two.urdf"
+    path.write_text(
+        f'<robot name="two"><link name="a">{inertial}{ball}</link><link name="b">{inertial}{ball}'
+        '</link><joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    robot = Robot.load(path, base="floating")
+    margins = SelfCollision(robot)
+    assert not margins.model.labels
+    rows = margins.rows(robot.snapshot(robot.posture("neutral")), 0.005)
+    assert rows.matrix.shape == (0, robot.nv)

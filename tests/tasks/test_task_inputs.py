@@ -130,7 +130,7 @@ def test_assigning_is_setting_with_its_checks(robot_named: Callable[[str], Robot
 
 def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -> None:
     task = ComTask(robot_named("hoap2_like"), np.zeros(3))
-    with pytest.raises(InvalidInputError, match="no attribute 'wieght'; did you mean 'weight'"):
+    with pytest.raises(InvalidInputError, match=r"no attribute 'wieght'; did you mean 'weight'\?$"):
         task.wieght = 5.0
     task.weight = 5.0
     assert (task.weight == 5.0).all()

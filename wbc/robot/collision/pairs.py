@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, ModelError
 from wbc.robot.collision.model import CollisionModel
@@ -139,7 +140,7 @@ class _Candidates:
     def refine(self) -> dict[Pair, str]:
         """Give finer shapes to the pairs that need them; return those that touch, and how."""
         distance, touching = self._distance, {}
-        near = (distance[0] < self._clearance) | ((distance[1:] < 0.0).mean(axis=0) >= ALWAYS)
+        near = (distance[0] < self._clearance) | self._almost_always_touching()
         shapes = FinerShapes(self._robot, self._bodies) if near.any() else None
         for k in np.flatnonzero(near).tolist():
             pair = self._pairs[k]
@@ -160,9 +161,14 @@ class _Candidates:
             distance[:, k] = self._measured(model).min(axis=1)
         return touching
 
+    def _almost_always_touching(self) -> NDArray[np.bool_]:
+        """Return which pairs do in random postures; without pairs there are no postures."""
+        samples = self._distance[1:]
+        return np.count_nonzero(samples < 0.0, axis=0) >= ALWAYS * max(len(samples), 1)
+
     def unfit(self, never_closer: float | None) -> dict[Pair, str]:
         """Return the pairs that random postures speak against, and why."""
-        touches = (self._distance[1:] < 0.0).mean(axis=0) >= ALWAYS
+        touches = self._almost_always_touching()
         reasons = {self._pairs[k]: "almost always touching" for k in np.flatnonzero(touches)}
         if never_closer is not None:
             far = self._distance.min(axis=0) > never_closer
