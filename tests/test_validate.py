@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError
-from wbc.validate import finite_array, finite_number, finite_vector
+from wbc.validate import finite_array, finite_number, finite_vector, plain_copy
 
 COMPLEX = (1j, 1.0 + 0j, np.complex128(1.0))
 
@@ -42,3 +42,16 @@ def test_many_large_numbers_are_accepted_each_by_itself() -> None:
 def test_what_is_not_finite_is_named_first() -> None:
     with pytest.raises(InvalidInputError, match=r"x: NaN or infinite at \(0,\), \(2,\);"):
         finite_vector("x", [np.nan, 1e60, np.inf], 3)
+
+
+def test_a_quick_look_passes_plain_arrays_alone() -> None:
+    x = np.arange(6.0).reshape(3, 2).T
+    copied = plain_copy(x, (2, 3))
+    assert copied is not None
+    assert not np.shares_memory(copied, x)
+    assert copied.flags.c_contiguous
+    np.testing.assert_array_equal(copied, x)
+    bad = np.array([1.0, np.nan]), np.array([np.inf, 0.0]), np.array([1e200, 0.0])
+    others = [1.0, 2.0], np.arange(2), np.ones(2, dtype=np.float32), np.ones(3), np.ones(2) + 0j
+    for value in (*bad, *others):
+        assert plain_copy(value, (2,)) is None

@@ -480,6 +480,34 @@ def test_copies_have_memory_of_their_own(how, native, rng) -> None:
     np.testing.assert_allclose(again.jacobian("left_hand"), here.jacobian("left_hand"), atol=1e-12)
 
 
+@direct
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_tick_that_nobody_has_read_keeps_its_evidence(how, native) -> None:
+    """Copied before it is read, and read after its targets and another tick have come."""
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    com = ComTask(robot, here.com + 0.01)
+    momentum = MomentumTask(robot, np.ones(6), weight=0.1)
+    tasks = [com, momentum, PostureTask(robot, here.q)]
+    controller = controller_of(robot, tasks, support(here, "double"))
+    expected = Controller._step(controller, here)
+    tick = controller.step(here)
+    twin = how(tick)
+    com.set_target(here.com)
+    momentum.set_target(np.zeros(6))
+    controller.step(here)
+    for one in (tick, twin):
+        assert type(one) is Tick
+        assert one.times.total > 0.0
+        assert one.solution.solved
+        np.testing.assert_allclose(one.qp.g, expected.qp.g, atol=1e-10)
+        np.testing.assert_allclose(one.solution.x, tick.velocity, rtol=0.0, atol=0.0)
+        for name, error in expected.errors.items():
+            np.testing.assert_allclose(one.errors[name], error, atol=1e-12)
+    with pytest.raises(AttributeError, match="no attribute 'velocities'"):
+        _ = tick.velocities
+
+
 def test_threads_may_share_a_controller(native, rng) -> None:
     robot = native("hoap2_like")
     states = [robot.snapshot(*random_state(robot, rng)) for _ in range(20)]
