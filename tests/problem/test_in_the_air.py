@@ -178,3 +178,25 @@ def test_forces_ramp_where_phases_change(tmp_path: Path, ramp: float) -> None:
         force[first + ticks :] == 0.0
     ).all()
     assert not ticks or loads[0] > 0.5 * force[first - 1]
+
+
+def test_a_fall_of_30_cm_is_landed_softly() -> None:
+    """The ground pushes with less than 4 weights in any mean over 10 ms."""
+    overrides = {"phases.rise.duration": 0.01, "phases.rise.ramp": 0.01, "stop.accept": {}}
+    one = load_problem(PROBLEMS / "drop_g1.yaml", overrides)
+    assert isinstance(one, Problem)
+    result = one.simulate()
+    assert result.status.good, result.reason
+    model, arrays = one.parts.robot.model, result.arrays
+    weight = 9.81 * pin.computeTotalMass(model)
+    force = np.linalg.norm(
+        (arrays["forces/left_sole"] + arrays["forces/right_sole"])[:, :3], axis=1
+    )
+    means = np.convolve(force, np.full(5, 0.2), "valid") / weight
+    landed = result.run.history.time[result.run.history.phase == "land"][0]
+    # It has fallen by 0.3 m and by what its legs drew in: 0.3 m take 0.247 s.
+    assert 0.247 < landed < 0.30
+    assert 2.5 < means.max() < 4.0
+    data, k = model.createData(), int(np.flatnonzero(result.run.history.phase == "settle")[-1])
+    pin.centerOfMass(model, data, arrays["q"][k], arrays["v"][k])
+    assert data.com[0][2] > 0.3 and np.abs(data.vcom[0]).max() < 0.5  # on its feet, at rest
