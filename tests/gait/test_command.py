@@ -44,6 +44,27 @@ def test_the_reach_of_a_leg_is_that_of_its_links(robot_named: Load) -> None:
     assert legs.width == pytest.approx(0.078)
 
 
+def test_weak_knees_walk_on_straighter_legs(robot_named: Load) -> None:
+    """Romeo's thigh and shank are equally long: its knee bears W l/2 sin(q/2) at l cos(q/2)."""
+    robot = robot_named("romeo")
+    legs, knee = Legs.of(robot), robot.limits.names.index("LKneePitch")
+    half = math.asin(0.8 * robot.limits.effort[knee] / (robot.weight * legs.length / 2.0))
+    least = legs.length * math.cos(half)
+    assert least <= legs.bearing_length <= least + 0.01  # the knee is looked at every few degrees
+    hip = legs.hip_height + GaitSettings.of(legs).height - legs.com_height
+    assert hip == pytest.approx(legs.bearing_length) and hip > legs.hip_height
+    strong = Legs.of(robot_named("g1_27"))
+    assert strong.bearing_length < 0.5 * strong.length
+
+
+def test_slow_hips_turn_slowly(robot_named: Load) -> None:
+    legs = Legs.of(robot_named("romeo"))
+    limits = CommandLimits.of(legs, GaitSettings.of(legs))
+    admitted = limits.admit(0.0, 0.0, 0.5)
+    assert "speed at which hips turn" in admitted.reason
+    assert admitted.velocity.yaw_rate == pytest.approx(0.08, abs=0.01)  # 0.32 rad/s in the URDF
+
+
 def test_a_walker_says_what_it_cannot_do(
     robot_named: Load, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -78,7 +78,8 @@ class CommandLimits:
     def of(cls, legs: Legs, gait: GaitSettings) -> CommandLimits:
         """Return the limits of legs that walk so.
 
-        In a walk at v a foot goes 2 v T in the single support, on a minimum-jerk way.
+        In a walk at v a foot goes 2 v T in the single support, on a minimum-jerk way; likewise it
+        turns.
         """
         T, reach = gait.times.total, legs.reach(gait.height)
         per_speed = 2.0 * T / gait.single
@@ -90,15 +91,19 @@ class CommandLimits:
             / (PEAK_ACCELERATION * per_speed),
         }
         limiting = min(able, key=lambda key: able[key])
-        turn = min(MOST_TURN, legs.turn)
+        turning = {
+            "turn of the feet in one step": min(MOST_TURN, legs.turn) / T,
+            "speed at which hips turn": legs.turn_speed / (PEAK * per_speed - 1.0),
+        }
+        slowest = min(turning, key=lambda key: turning[key])
         apart = gait.width + SIDEWAYS * reach
         sideways = able | {"reach of the legs": SIDEWAYS * reach / (2.0 * T)}
         least = min(sideways, key=lambda key: sideways[key])
         return cls(
             able[limiting],
             sideways[least],
-            turn / T,
-            (limiting, least, "turn of the feet in one step"),
+            turning[slowest],
+            (limiting, least, slowest),
             2.0 * reach,
             apart,
         )

@@ -14,6 +14,8 @@ from wbc.validate import check_fields
 GRAVITY = 9.81
 # The hip's height over the ankle, in parts of the leg's length: knees stay bent in a long step.
 BENT = 0.905
+# Likewise, at most: for the sake of weak knees.
+TALLEST = 0.97
 # Times in units of the pendulum's time constant 1/omega, lengths in units of the CoM's height.
 # A foot's peak acceleration goes with the inverse square of its time in the air, and moves the
 # pressure by that moment: so double support is short.
@@ -111,5 +113,10 @@ class GaitSettings:
 
 
 def default_height(legs: Legs) -> float:
-    """Return a height of the CoM at which knees are bent [m], no higher than when standing."""
-    return legs.com_height + min(0.0, BENT * legs.length - legs.hip_height)
+    """Return a height of the CoM at which knees are bent [m], no higher than when standing.
+
+    But high enough for one knee to bear the robot, as far as the length of the leg allows.
+    """
+    hip = min(BENT * legs.length, legs.hip_height)
+    hip = max(hip, min(legs.bearing_length, TALLEST * legs.length))
+    return legs.com_height + hip - legs.hip_height

@@ -48,6 +48,10 @@ class Legs:
         Likewise, by the hip's torque against the leg's inertia [m/s^2].
     turn:
         How far a foot can be turned about the vertical, either way [rad].
+    turn_speed:
+        At which a foot can be turned so [rad/s].
+    bearing_length:
+        Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
     """
 
     length: float
@@ -58,6 +62,8 @@ class Legs:
     swing_speed: float
     swing_acceleration: float
     turn: float
+    turn_speed: float
+    bearing_length: float
 
     @classmethod
     def of(cls, robot: Robot) -> Legs:
@@ -73,7 +79,7 @@ class Legs:
         found = [_leg(robot, side) for side in SIDES]
         places = [snapshot.position(robot.feet[side].frame) for side in SIDES]
         soles = [np.ptp(robot.feet[side].polygon[:, 1]) for side in SIDES]
-        least = np.min(found, axis=0).tolist()
+        least, bearing = np.min(found, axis=0).tolist(), float(np.max(found, axis=0)[-1])
         return cls(
             length=least[0],
             hip_height=least[1],
@@ -83,6 +89,8 @@ class Legs:
             swing_speed=least[2],
             swing_acceleration=least[3],
             turn=least[4],
+            turn_speed=least[5],
+            bearing_length=bearing,
         )
 
     def reach(self, com_height: float) -> float:
@@ -140,8 +148,8 @@ def _chain(robot: Robot, side: str) -> list[int]:
     return joints
 
 
-def _leg(robot: Robot, side: str) -> tuple[float, float, float, float, float]:
-    """Return length, hip height, swing speed, swing acceleration and turn of one leg."""
+def _leg(robot: Robot, side: str) -> tuple[float, ...]:
+    """Return what :class:`Legs` has of one leg: from its length to its bearing length."""
     joints = leg_joints(robot, side)
     if len(joints) < 3:
         raise InvalidInputError(
@@ -149,8 +157,8 @@ def _leg(robot: Robot, side: str) -> tuple[float, float, float, float, float]:
             " takes a hip, a knee and an ankle"
         )
     snapshot = robot.snapshot(robot.postures[STANDING])
-    lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}
-    knee = max(lengths, key=lambda joint: float(np.ptp(lengths[joint])))
+    lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}  # angle, length
+    knee = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
     J = snapshot.jacobian(robot.feet[side].frame)
     forwards = max(hips, key=lambda k: abs(float(J[0, k])))
@@ -159,12 +167,26 @@ def _leg(robot: Robot, side: str) -> tuple[float, float, float, float, float]:
     inertia = float(snapshot.mass_matrix[forwards, forwards])
     limits, at = robot.limits, float(snapshot.joint_positions[turning])
     return (
-        float(lengths[knee].max()),
+        float(lengths[knee][1].max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(limits.velocity[hip]) * lever,
         SHARE * float(limits.effort[hip]) / inertia * lever,
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
+        SHARE * float(limits.velocity[turning]),
+        _bearing_length(robot, knee, *lengths[knee]),
     )
+
+
+def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> float:
+    """Return from which length of the leg on its knee bears the weight [m]; see :class:`Legs`.
+
+    By virtual work a knee at angle q bears F with the torque F dL/dq.
+    """
+    effort = float(robot.limits.effort[int(robot.model.idx_vs[knee]) - BASE_NV])
+    torque = robot.weight * np.abs(np.gradient(lengths, angles))
+    weak = lengths[torque > SHARE * effort]
+    able = lengths[lengths > weak.max()] if weak.size else lengths
+    return float(able.min()) if able.size else float(lengths.max())
 
 
 def _leg_vectors(robot: Robot, joints: Sequence[int], configurations: Iterable[Array]) -> Array:
@@ -176,11 +198,12 @@ def _leg_vectors(robot: Robot, joints: Sequence[int], configurations: Iterable[A
     return np.array(found)
 
 
-def _lengths(robot: Robot, joints: Sequence[int], joint: int) -> Array:
-    """Return the leg's lengths over the range of one of its joints."""
+def _lengths(robot: Robot, joints: Sequence[int], joint: int) -> tuple[Array, Array]:
+    """Return angles over the range of one of its joints, and the leg's lengths there."""
     limits, k = robot.limits, int(robot.model.idx_vs[joint]) - BASE_NV
     bent = np.tile(robot.postures[STANDING], (SAMPLES, 1))
     angles = np.linspace(max(limits.lower[k], -np.pi), min(limits.upper[k], np.pi), SAMPLES)
     for q, angle in zip(bent, angles.tolist(), strict=True):
         limits.set_joint(q, limits.names[k], angle)
-    return np.array([np.linalg.norm(vector) for vector in _leg_vectors(robot, joints, bent)])
+    vectors = _leg_vectors(robot, joints, bent)
+    return angles, np.asarray(np.linalg.norm(vectors, axis=1))
