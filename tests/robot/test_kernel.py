@@ -126,6 +126,17 @@ def test_each_thread_has_its_own_memory(monkeypatch) -> None:
     assert found[0].tree is mine.tree
 
 
+def test_a_stone_is_known_too(tmp_path, monkeypatch) -> None:
+    """Nothing that turns changes its inertia: what is left of that is rounding."""
+    path = tmp_path / "stone.urdf"
+    path.write_text(
+        '<robot name="stone"><link name="stone"><inertial><mass value="2"/><inertia ixx="1" ixy="0"'
+        ' ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>'
+    )
+    monkeypatch.setenv(VARIABLE, "require")
+    assert Robot.load(path, base="floating").native is not None
+
+
 def test_a_core_that_is_wrong_is_refused_with_a_warning(monkeypatch, caplog) -> None:
     """As if a compiler had got one body's inertia wrong by a thousandth."""
     right = kernel._body

@@ -17,6 +17,8 @@ from wbc.validate import Array
 
 # What the core and Pinocchio may differ by, relative to the largest entry.
 AGREEMENT = 1e-10
+# Quantities below this are judged as if they were as large: a ball's inertia changes by rounding.
+ROUNDED = 1e-4
 
 
 def native_tree(name: str, work: Workspace) -> NativeTree | None:
@@ -108,6 +110,6 @@ def _difference(ours: Array, theirs: Sequence[Array]) -> float:
     for wanted in theirs:
         got = ours[begin : begin + np.size(wanted)].reshape(np.shape(wanted))
         begin += np.size(wanted)
-        difference = np.abs(got - wanted).max() / max(np.abs(wanted).max(), 1e-9)
+        difference = np.abs(got - wanted).max() / max(np.abs(wanted).max(), ROUNDED)
         worst = float(np.maximum(worst, difference))
     return worst
