@@ -6,6 +6,10 @@ grows without end: k' = M g e, e the distance from the toes (paper 4.2). The pre
 can turn about its CoM: until, moved at 1 rad/s at the velocity level with the CoM at rest, joints
 and margins leave less than 90 % of that rate. The lean in physics ends when the CoM is 5 mm off.
 
+Soles end in corners of different length, and ground that gives shares the load among all that are
+near: the CoP comes to rest some millimetres behind the foremost. So there are two predictions: from
+the sole's foremost edge, and from where the CoP really is while the lean begins.
+
     python benchmarks/lean.py [--robots g1] [--beyond 0.01 0.02 0.03 0.04]
 """
 
@@ -29,6 +33,7 @@ from wbc.validate import Array
 FEET = ("left", "right")
 RATE = 1.0  # rad/s at which the robot turns about its CoM to find out how far it can
 SHORT = 0.9  # part of it below which it has come to its limits
+BEGIN = (0.1, 0.3)  # s, between the settling of the contacts and the end of the shortest lean
 HELD = 5e-3  # m that the CoM may be off
 DEEPER = 0.06  # m below the standing CoM: straight knees leave nothing to turn with
 # The capsule about the G1's pelvis is wider than the pelvis: thighs pass it in every bow.
@@ -90,18 +95,23 @@ def range_of_turn(robot: wbc.Robot, q: Array) -> float:
     return turned
 
 
-def predicted(robot: wbc.Robot, q: Array, angle: float) -> float:
-    """Return how long the pendulum leans like this [s], its wheel free to turn by ``angle``."""
+def predicted(robot: wbc.Robot, q: Array, angle: float, beyond: float) -> float:
+    """Return how long the pendulum leans [s], its CoM ``beyond`` its foot [m].
+
+    Its wheel is free to turn by ``angle`` [rad].
+    """
     start = robot.snapshot(q)
-    beyond = start.com[0] - support_polygon(start, FEET)[:, 0].max()
     leg = np.hypot(beyond, start.com[2])
     theta, radius = np.arccos(beyond / leg), np.sqrt(start.inertia[1, 1] / robot.mass)
     law = StaticLean(PlanarRmp(robot.mass), theta, leg, radius, Bounds(wheel_angle=angle))
     return law.time_left((0.0, theta, leg, 0.0, radius), np.zeros(5))
 
 
-def held(robot: wbc.Robot, q: Array) -> float:
-    """Return for how long the CoM stays where it is, in physics [s]."""
+def held(robot: wbc.Robot, q: Array) -> tuple[float, float]:
+    """Return for how long the CoM stays where it is, in physics [s], and how far beyond the CoP.
+
+    The latter is the mean while the lean begins [m].
+    """
     start, dt = robot.snapshot(q), 0.002
     law = AccelerationLaw.capture_point(float(start.com[2]), 3.0)
     limits = wbc.Limits(robot)
@@ -121,9 +131,12 @@ def held(robot: wbc.Robot, q: Array) -> float:
     )
     plant = Plant(robot, dt=dt)
     plant.reset(q)
+    arms = []
     while np.linalg.norm(plant.com - start.com) < HELD and plant.time < 10.0:
         plant.step(controller.step(plant.snapshot()).torque)
-    return plant.time
+        if BEGIN[0] < plant.time < BEGIN[1] and plant.cop is not None:
+            arms.append(plant.com[0] - plant.cop[0])
+    return plant.time, float(np.mean(arms))
 
 
 if __name__ == "__main__":
@@ -136,9 +149,12 @@ if __name__ == "__main__":
         for beyond in given.beyond:
             q = leaning(robot, beyond)
             angle = range_of_turn(robot, q)
-            theory, found = predicted(robot, q, angle), held(robot, q)
+            found, arm = held(robot, q)
+            edge, real = (predicted(robot, q, angle, by) for by in (beyond, arm))
             print(
-                f"{name:8} CoM {1e3 * beyond:3.0f} mm beyond the toes: turns by {angle:.2f} rad,"
-                f" {theory:.3f} s predicted, {found:.3f} s held ({found / theory - 1.0:+.1%})",
+                f"{name:8} CoM {1e3 * beyond:3.0f} mm beyond the toes, {1e3 * arm:4.1f} beyond the"
+                f" CoP: turns by {angle:.2f} rad, held for {found:.3f} s; predicted"
+                f" {edge:.3f} s from the edge ({found / edge - 1.0:+.1%}),"
+                f" {real:.3f} s from the CoP ({found / real - 1.0:+.1%})",
                 flush=True,
             )
