@@ -6,12 +6,21 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from wbc.gait.adaptation import StepBounds, StepPlan, StepWeights, adapt_step, step_qp
+from wbc.gait.adaptation import Reach, StepBounds, StepPlan, StepWeights, adapt_step, step_qp
 from wbc.gait.dcm import StepTimes, VrpSegment, dcm_offsets
 
 OMEGA, TIMES = 3.9, StepTimes(0.4, 0.05)
 STEP = np.array((0.3, -0.2))
-BOUNDS = StepBounds(np.array((-0.5, -0.5)), np.array((0.5, -0.1)), 0.1, 0.5, np.array((0.05, 0.02)))
+ANYWHERE = Reach(STEP, np.zeros(2), 1e3)
+BOUNDS = StepBounds(
+    np.array((-0.5, -0.5)),
+    np.array((0.5, -0.1)),
+    0.1,
+    0.5,
+    np.array((0.05, 0.02)),
+    ANYWHERE,
+    0.2,
+)
 
 
 def nominal(left: float) -> StepPlan:
@@ -40,17 +49,21 @@ def test_the_qp_is_solved(seed: int) -> None:
     rng = np.random.default_rng(seed)
     left = float(rng.uniform(0.15, 0.4))
     dcm = steady_dcm(left) + rng.normal(scale=0.08, size=2)
-    qp = step_qp(dcm, nominal(left), BOUNDS, OMEGA, TIMES.double, StepWeights())
+    reach = Reach(np.array((-0.1, -0.2)), np.array((1.0, 0.1)), 40.0)
+    bounds = BOUNDS._replace(reach=reach, about=left) if seed % 2 else BOUNDS
+    qp = step_qp(dcm, nominal(left), bounds, OMEGA, TIMES.double, StepWeights())
+    met = {"type": "eq", "fun": lambda x: qp.A @ x - qp.b, "jac": lambda x: qp.A}
+    kept = {"type": "ineq", "fun": lambda x: qp.u - qp.C @ x, "jac": lambda x: -qp.C}
     found = minimize(
         lambda x: 0.5 * x @ qp.P @ x + qp.g @ x,
         np.clip(np.zeros(7), qp.lower, qp.upper),
         jac=lambda x: qp.P @ x + qp.g,
         bounds=list(zip(qp.lower, qp.upper, strict=True)),
-        constraints={"type": "eq", "fun": lambda x: qp.A @ x - qp.b, "jac": lambda x: qp.A},
+        constraints=[met, kept],
         method="SLSQP",
         options={"maxiter": 500, "ftol": 1e-14},
     )
-    plan = adapt_step(dcm, nominal(left), BOUNDS, OMEGA, TIMES.double)
+    plan = adapt_step(dcm, nominal(left), bounds, OMEGA, TIMES.double)
     np.testing.assert_allclose(plan.place, found.x[:2], atol=2e-5)
     assert math.exp(OMEGA * (plan.left - left)) == pytest.approx(found.x[2], abs=2e-4)
 
@@ -65,6 +78,75 @@ def test_what_is_planned_is_where_the_pendulum_goes() -> None:
     shift = VrpSegment(np.zeros(2), plan.place, TIMES.double)
     back = shift.dcm_before(plan.place + plan.offset, TIMES.double, OMEGA)
     np.testing.assert_allclose(moving, back, atol=1e-9)
+
+
+def test_the_sole_does_less_the_less_time_is_left() -> None:
+    """The pendulum, with the VRP where it is planned, is where the next step begins: exactly."""
+    dcm = steady_dcm(0.25) + (0.06, -0.02)
+    plan = adapt_step(dcm, nominal(0.25), BOUNDS, OMEGA, TIMES.double)
+    assert plan.vrp[0] == pytest.approx(BOUNDS.sole[0])  # all that the sole can do
+    assert plan.left < 0.24  # though a linearisation at 0.25 s would have it do more
+    ahead = plan.vrp + math.exp(OMEGA * plan.left) * (dcm - plan.vrp)
+    shift = VrpSegment(np.zeros(2), plan.place, TIMES.double)
+    back = shift.dcm_before(plan.place + plan.offset, TIMES.double, OMEGA)
+    np.testing.assert_allclose(ahead, back, atol=1e-9)
+
+
+def least_jerk(way: float, rate: float, T: float) -> np.ndarray:
+    """Return the accelerations on the quintic from a rate to rest, by its six conditions."""
+    powers = np.arange(6)
+    rows = np.zeros((6, 6))
+    for k, t in enumerate((0.0, T)):
+        rows[k] = t**powers
+        rows[2 + k, 1:] = powers[1:] * t ** powers[:-1]
+        rows[4 + k, 2:] = powers[2:] * powers[1:-1] * t ** powers[:-2]
+    curve = np.polynomial.Polynomial(np.linalg.solve(rows, (0.0, way, rate, 0.0, 0.0, 0.0)))
+    return np.asarray(curve.deriv(2)(np.linspace(0.0, T, 2001)))
+
+
+@pytest.mark.parametrize(("time", "rate"), [(0.1, 0.0), (0.3, 0.0), (0.2, 1.7)])
+def test_the_reach_is_where_least_jerk_takes_the_acceleration_given(
+    time: float, rate: float
+) -> None:
+    a = 40.0
+    h, c = Reach(np.zeros(2), np.array((rate, 0.0)), a).rows(time)
+    most, _, least, _ = h * time + c  # of u and -u
+    if rate == 0.0:
+        assert np.abs(least_jerk(most, 0.0, time)).max() == pytest.approx(a, rel=1e-5)
+        assert least == most
+    middle = 0.5 * (most - least)
+    stopping = np.abs(least_jerk(middle, rate, time)).max()
+    assert stopping == pytest.approx(1.5 * rate / time, rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_foot_is_between_its_bounds_from_the_least_time_on(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    reach = Reach(rng.normal(scale=0.3, size=2), rng.normal(size=2), 30.0)
+    least = reach.least_time(BOUNDS.lower, BOUNDS.upper)
+    stop = 1.5 * np.abs(reach.rate).max() / 30.0
+
+    def can(time: float) -> bool:
+        h, c = reach.rows(time)
+        most = h * time + c
+        return bool((most[:2] >= BOUNDS.lower).all() and (-most[2:] <= BOUNDS.upper).all())
+
+    assert all(can(time) for time in np.linspace(least + 1e-6, least + 1.0, 50))
+    assert least == pytest.approx(stop) or not can(least - 1e-6)
+
+
+def test_a_foot_that_is_far_off_takes_its_time() -> None:
+    """Though it should land at once, it may not: a swing that fails is worse than a late one."""
+    behind = Reach(STEP - (0.6, 0.0), np.zeros(2), 40.0)
+    bounds = BOUNDS._replace(reach=behind, about=0.3)
+    dcm = steady_dcm(0.3) + (0.05, -0.1)
+    hasty = adapt_step(dcm, nominal(0.3), BOUNDS, OMEGA, TIMES.double)
+    plan = adapt_step(dcm, nominal(0.3), bounds, OMEGA, TIMES.double)
+    assert plan.left > hasty.left + 0.02
+    h, c = behind.rows(0.3)
+    sigma = math.exp(OMEGA * (plan.left - 0.3))
+    ways = np.concatenate((plan.place, -plan.place))
+    assert (ways <= h * (0.3 + (sigma - 1.0) / OMEGA) + c + 1e-7).all()
 
 
 @pytest.mark.parametrize("push", [(1.0, 0.0), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0)])

@@ -65,6 +65,8 @@ class CommandLimits:
         Longest step [m].
     apart:
         Farthest that feet are apart sideways [m].
+    swing:
+        Largest acceleration of a foot in the air [m/s^2].
     """
 
     forwards: float
@@ -73,6 +75,7 @@ class CommandLimits:
     why: tuple[str, str, str]
     step: float
     apart: float
+    swing: float
 
     @classmethod
     def of(cls, legs: Legs, gait: GaitSettings) -> CommandLimits:
@@ -106,6 +109,7 @@ class CommandLimits:
             (limiting, least, slowest),
             2.0 * reach,
             apart,
+            legs.swing_acceleration,
         )
 
     def admit(self, vx: float, vy: float, yaw_rate: float) -> Admitted:

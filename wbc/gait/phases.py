@@ -50,6 +50,11 @@ class Measured(NamedTuple):
         """Between the feet (3,) [m]."""
         return np.asarray(0.5 * (self.places["left"] + self.places["right"]))
 
+    @property
+    def normal(self) -> Array:
+        """Of both soles, on average (3,); no unit vector."""
+        return np.asarray(0.5 * (self.rotations["left"] + self.rotations["right"])[:, 2])
+
 
 @dataclass(frozen=True)
 class Standing:

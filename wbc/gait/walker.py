@@ -57,6 +57,8 @@ BESIDE = 0.03
 TURN_UP = 2.0
 # The CoM's height follows the ground as a critically damped spring of this rate, in units of omega.
 FOLLOW = 3.0
+# How much the sole that bears counts for the slope of the ground: it may be on an edge.
+LEVELLING = 0.2
 FRICTION = FrictionCone()
 
 
@@ -134,6 +136,7 @@ class Walker:
         now = Measured.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
         self._ground = Motion.rest(np.array((now.middle[2],)))
+        self._normal = _unit(now.normal)
         self._whole_body = WholeBody(
             start,
             self.heading,
@@ -233,7 +236,7 @@ class Walker:
         self._ground = Motion(z + z1 * self.dt, z1, z2)
         height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
-        pressure = np.append(self._within(vrp, now), z)
+        pressure = np.append(self._within(vrp, now), reference.ground)
         self._whole_body.lead(pressure, height, self.heading, turn)
 
     def _within(self, vrp: Array, now: Measured) -> Array:
@@ -265,6 +268,7 @@ class Walker:
             if self.wanted.at_rest:
                 return phase
             support = other(first_swing(self.wanted))
+            self._normal = _unit(now.normal)
             self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
             time = SHIFT / self.gait.omega
             return DoubleSupport(support, now.middle[:2], time, time)
@@ -291,11 +295,13 @@ class Walker:
     def _lifted(self, phase: DoubleSupport, now: Measured) -> SingleSupport:
         """Return the single support that begins."""
         foot, gait = other(phase.support), self.gait
+        sole = now.rotations[phase.support][:, 2]  # it has settled now
+        self._normal = _unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
         place, yaw = now.places[foot], yaw_of(now.rotations[foot])
         swing = SwingFoot(
             Motion.rest(np.array((place[0], place[1], yaw))),
             float(place[2]),
-            now.rotations[phase.support][:, 2],
+            self._normal,
             gait.clearance,
             DESCENT * gait.height * gait.omega,
         )
@@ -314,6 +320,10 @@ class Walker:
             return DoubleSupport(foot, start, time, time, halts=True)
         duration = gait.double + min(max(phase.left, 0.0), gait.double)
         return DoubleSupport(foot, start, duration, duration)
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _half_sizes(robot: Robot) -> dict[str, Array]:
