@@ -21,7 +21,7 @@ from wbc.validate import Array
 SHORTEST, LONGEST = 0.45, 1.3
 # How much of the hips' acceleration a foot in the air may count on when it must hurry: more than
 # all, as pelvis and trunk give way too. Of 100 N pushes on a G1 those towards the standing foot are
-# lost at 0.5; 1.0 and 1.5 differ little.
+# lost at 0.5.
 HASTE = 1.5
 # How far in the sole the pressure may be counted on, in parts of its half size.
 SOLE_SHARE = 0.6
