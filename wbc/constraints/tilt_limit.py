@@ -17,8 +17,7 @@ from wbc.validate import Array, finite_number, finite_vector, read_only
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
-# rad/s^2: what the ground lets a humanoid's trunk be braked by; at 5 it begins to brake so early
-# that a push is not met, at 60 the feet tip.
+# rad/s^2: what the ground lets a humanoid's trunk be braked by; of 10 to 40 what suited pushes.
 TILT_BRAKING = 20.0
 UPRIGHT = 1e-6  # sine of the tilt below which it has no direction
 
