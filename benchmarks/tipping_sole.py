@@ -180,7 +180,7 @@ def main() -> None:
         law = body.law(options.dt)
         law = MomentumQp(
             SolidRmp(body.mass),
-            replace(law.bounds, cop_margin=margin),
+            replace(law.bounds, cop_margin=margin, torsion=True),
             law.com,
             law.radii,
             dt=options.dt,

@@ -223,5 +223,8 @@ def test_shares_change_smoothly_in_a_phase_and_rest_without_the_contact(tmp_path
         shares.append(task.target[0] / task.target.sum())
         tick_now = controller.step(here)
     np.testing.assert_allclose(shares, [0.5, 0.625, 0.75], atol=1e-12)
+    assert tick_now.ok and tick_now.errors["t"].any()  # the right sole's force goes by a ramp
+    for _ in range(30):  # 0.06 s, the ramp takes 0.05
+        tick_now = controller.step(here)
     assert tick_now.ok and not tick_now.errors["t"].any()  # of the left sole alone: it rests
     assert Stop(**one.spec.whole_stop.model_dump()).duration == pytest.approx(0.14)

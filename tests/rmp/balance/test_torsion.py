@@ -44,7 +44,7 @@ def corner_forces_exist(corners: np.ndarray, axes: np.ndarray, wrench: np.ndarra
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_rows_hold_exactly_where_corners_can_hold_the_wrench(turn: float) -> None:
     foot = FlatFoot(SolidRmp(35.0))
-    bounds = Bounds(polygon=rectangle(turn), friction=FRICTION, cop_margin=MARGIN)
+    bounds = Bounds(polygon=rectangle(turn), friction=FRICTION, cop_margin=MARGIN, torsion=True)
     normals, offsets = half_planes(bounds.polygon)
     # the pyramid along world axes is another one on a turned sole
     rows = [row for row in physical_rows(foot, bounds, normals, offsets - MARGIN)

@@ -194,7 +194,7 @@ def physical_rows(foot: FlatFoot, bounds: Bounds, normals: Array, offsets: Array
             for sign in (1.0, -1.0):
                 label = f"friction {'+' if sign > 0 else '-'}{name}"
                 rows.append(Row(label, sign * f[axis] - slope * f[2], -ca.inf, 0.0))
-        rows += torsion_rows(foot, bounds, slope)
+        rows += torsion_rows(foot, bounds, slope) if bounds.torsion else []
     low, high = bounds.leg_force
     return [*rows, Row("force along the leg", foot.force[2] / weight, low / weight, high / weight)]
 

@@ -36,6 +36,11 @@ class Bounds:
         standing pendulum absorbs it costs M omega ``cop_margin``.
     friction:
         Largest |horizontal| / vertical ground force, > 0.
+    torsion:
+        Whether the law of pushes also keeps the ground's torque about the vertical within what
+        friction at the corners of a rectangle holds: for real soles, which else are turned away
+        where they are loaded at a corner. The CoP then may alternate by millimetres from command to
+        command. It is not judged.
     leg_force:
         (least, greatest) force along the leg [N]; a leg that only pushes has 0 as the least.
     leg_length:
@@ -58,6 +63,7 @@ class Bounds:
     polygon: ArrayLike | None = None
     cop_margin: float = 1e-3
     friction: float = FREE
+    torsion: bool = False
     leg_force: tuple[float, float] = (0.0, FREE)
     leg_length: tuple[float, float] = (1e-3, FREE)
     wheel_torque: float = FREE
