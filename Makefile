@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo view test docs fuzz soak mutation lint lowest bench clean
+.PHONY: demo view test test-slow docs fuzz soak mutation lint lowest bench clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/wbc run problems/astronaut_expand.yaml --output result.json --plot result.png
@@ -14,7 +14,11 @@ view: $(VENV)/view.stamp
 	$(BIN)/wbc view problems/astronaut_expand.yaml
 
 test: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto -m "not slow"
+
+# Those that take more than 1.5 s each: whole runs, searches, robots, campaigns.
+test-slow: $(VENV)/dev.stamp
+	$(BIN)/python -m pytest -n auto -m slow
 
 # The documentation site, into build/site; a warning is an error.
 docs: $(VENV)/dev.stamp

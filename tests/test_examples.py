@@ -36,6 +36,7 @@ def test_all_are_listed_and_tested() -> None:
         assert text.startswith('"""') and 15 <= text.count("\n") <= 90, name
 
 
+@pytest.mark.slow
 def test_walk(capsys: pytest.CaptureFixture[str]) -> None:
     first, beyond, _, _, told, end = outcome("walk", capsys).splitlines()
     assert first.endswith("all of it") and "is beyond the" in beyond
@@ -98,6 +99,7 @@ def test_obstacles(capsys: pytest.CaptureFixture[str]) -> None:
     assert number(text, "hand off by # mm") > 20.0  # it went away for the ball
 
 
+@pytest.mark.slow
 def test_priorities(capsys: pytest.CaptureFixture[str]) -> None:
     shared, left, right = outcome("priorities", capsys).splitlines()
     assert number(shared, "one level: left misses by # mm") > 5.0
@@ -137,6 +139,7 @@ def test_analyse_recording(capsys: pytest.CaptureFixture[str]) -> None:
     assert number(text, "CoP at least # mm inside") > 10.0
 
 
+@pytest.mark.slow
 def test_pendulum_law(capsys: pytest.CaptureFixture[str]) -> None:
     text = outcome("pendulum_law", capsys)
     assert number(text, "with reaction mass # N s") > 1.2 * number(text, "ankle # N s")
@@ -147,6 +150,7 @@ def test_pendulum_law(capsys: pytest.CaptureFixture[str]) -> None:
     assert "complete" not in third
 
 
+@pytest.mark.slow
 def test_push_standing(capsys: pytest.CaptureFixture[str]) -> None:
     text = outcome("push_standing", capsys)
     assert number(text, "forward, # times M omega d") == 0.8

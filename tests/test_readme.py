@@ -47,6 +47,7 @@ def test_there_are_problems() -> None:
     assert {ROOT / problem for problem in COMMANDS} <= set(PROBLEMS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
 def test_every_problem_says_what_it_is_for_and_is_valid(path: Path) -> None:
     assert path.read_text(encoding="utf-8").startswith("# ")

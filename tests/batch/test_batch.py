@@ -28,6 +28,7 @@ def alone(campaign: Campaign) -> list[Row]:
     return [run_row(run, campaign.texts[run.problem]) for run in campaign.runs]
 
 
+@pytest.mark.slow
 def test_interrupted_and_killed_in_processes_it_ends_with_every_row_once(
     campaign: Path, tmp_path: Path
 ) -> None:
@@ -67,6 +68,7 @@ def cluster() -> Iterator[LocalCluster]:
         yield cluster
 
 
+@pytest.mark.slow
 def test_on_a_cluster_of_which_a_worker_is_killed_it_ends_with_every_row_once(
     campaign: Path, tmp_path: Path, cluster: LocalCluster
 ) -> None:
@@ -130,6 +132,7 @@ def test_a_row_of_a_simulation_and_of_a_pendulum(tmp_path: Path) -> None:
     assert leant["status"] == "completed" and "worst_leg" in leant
 
 
+@pytest.mark.slow
 def test_a_table_has_the_types_of_its_rows(tmp_path: Path) -> None:
     rows = [
         {"run": 0, "gain": 1, "mixed": 1, "list": [1.0, 2.0], "solved": True, "text": "a"},

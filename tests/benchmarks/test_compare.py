@@ -10,6 +10,7 @@ def outcome(code: int = 0, **entries: object) -> Outcome:
     return Outcome(code, {name: np.atleast_1d(value) for name, value in entries.items()}, "")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not (HERE / ".git").exists(), reason="needs the repository's history")
 def test_a_revision_agrees_with_itself(capsys) -> None:
     with files_of("HEAD") as tree:

@@ -19,6 +19,7 @@ def bolt() -> Robot:
     return Robot.load(library_robots.folder() / "bolt_description/robots/bolt.urdf")
 
 
+@pytest.mark.slow
 def test_a_margin_that_raw_shapes_break_is_found(bolt: Robot) -> None:
     margins = SelfCollision(bolt, margin=0.01)
     raw = library_robots.RawShapes(bolt, margins)

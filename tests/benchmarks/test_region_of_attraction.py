@@ -80,6 +80,7 @@ def test_distance_from_rest_is_the_largest_of_its_parts() -> None:
     assert rest_error(twin[None], REST)[0] == 0.0
 
 
+@pytest.mark.slow
 def test_what_is_attracted_is_what_the_torque_can_turn_back(square: Region) -> None:
     place = Z * np.column_stack(
         (np.cos(square.starts[:, 2]) * np.cos(square.starts[:, 3]), np.sin(square.starts[:, 3]))

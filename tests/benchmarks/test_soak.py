@@ -35,6 +35,7 @@ def broken(record: Record) -> list[str]:
     return [example["text"] for example in record.examples if "slow" not in example["kind"]]
 
 
+@pytest.mark.slow
 def test_no_rule_is_broken() -> None:
     record = Record(seed=3)
     soak(record, TICKS)

@@ -293,6 +293,7 @@ def test_python_m_wbc_is_wbc() -> None:
     assert answer.stdout == f"wbc {wbc.__version__}\n"
 
 
+@pytest.mark.slow
 def test_pairs_in_contact_by_design_are_listed_by_a_command_and_in_every_result(
     tmp_path: Path,
 ) -> None:

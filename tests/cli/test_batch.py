@@ -25,6 +25,7 @@ def run(folder: Path, *options: object, text: str = CAMPAIGN) -> Result:
     return CliRunner().invoke(app, ["batch", str(path), *map(str, options)])
 
 
+@pytest.mark.slow
 def test_ended_by_ctrl_c_it_goes_on_to_one_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -67,6 +68,7 @@ def test_ended_by_ctrl_c_it_goes_on_to_one_table(
     )
 
 
+@pytest.mark.slow
 def test_a_table_that_cannot_be_saved_is_saved_elsewhere_and_the_runs_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -95,6 +97,7 @@ def test_checked_only(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.p*rtial*"))
 
 
+@pytest.mark.slow
 def test_what_only_together_is_wrong_is_named_in_table_and_exit_code(tmp_path: Path) -> None:
     """Every value is fine with the first of the others, the last two together are not."""
     text = (

@@ -88,6 +88,7 @@ def test_stdin_is_a_problem_file(tmp_path: Path) -> None:
     assert "expected keys" in command("check", "-", stdin="[1]").stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 @pytest.mark.parametrize(
     ("words", "offered"),

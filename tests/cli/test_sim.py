@@ -33,6 +33,7 @@ def command(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 def test_it_stands_and_writes_what_others_read(file: Path, tmp_path: Path) -> None:
     npz, summary, table = (tmp_path / f"push.{end}" for end in ("npz", "json", "csv"))
     picture = tmp_path / "push.png"

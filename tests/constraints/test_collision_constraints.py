@@ -79,6 +79,7 @@ def run(control, q, ticks: int, after=None):
         yield tick, q
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solver", "formulation"), [("proxqp", "equality"), ("daqp", "equality"), ("proxqp", "reduced")]
 )
@@ -394,6 +395,7 @@ def raw_distance(robot: Robot, q, first: str, second: str) -> float:
     return max(min(found), 0.0)
 
 
+@pytest.mark.slow
 def test_talos_feet_do_not_pass_through_each_other(robot_named) -> None:
     """Right foot held, left pulled over it: their capsules meet when standing, the feet do not."""
     robot = robot_named("talos")
@@ -416,6 +418,7 @@ def test_talos_feet_do_not_pass_through_each_other(robot_named) -> None:
     assert raw_distance(robot, end, *links) == 0.0  # without margins they do
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27", "talos", "icub", "romeo"])
 def test_no_pair_is_left_unwatched_silently(name, robot_named, monkeypatch, tmp_path) -> None:
     """Every pair is watched, or named with its reason, which the raw shapes confirm."""

@@ -25,6 +25,7 @@ def inside(robot: Robot, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(lower, upper)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [-1, 1])
 def test_full_speed_at_a_limit_stops_there(robot: Robot, rng, direction: int) -> None:
     """The greediest command allowed, tick after tick: an adversary no task can exceed."""

@@ -46,6 +46,7 @@ class WrenchController(Controller):
         return np.concatenate([contact.residual(snapshot).jacobian for contact in self.contacts])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
 @pytest.mark.parametrize("levels", [1, 2])
 @pytest.mark.parametrize("margins", [False, True])

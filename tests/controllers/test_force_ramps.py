@@ -121,6 +121,7 @@ def jumps(ticks: list, begin: float) -> float:
     return float(np.abs(np.diff(torques, axis=0)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", [Integrated, Simulated])
 def test_a_foot_is_lifted_and_put_down_without_jumps(loop: type, robot_named: Load) -> None:
     """The normal force changes by m g / TICKS a tick, 13 N, at no lever above 0.4 m.

@@ -95,6 +95,7 @@ def scene(robot: Robot, kind: str, gain: float) -> tuple[Task, list[Task], str]:
     return task, [task, weak], "floating"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(HANDS))
 @pytest.mark.parametrize("kind", ["posture", "com", "hand", "turn", "inertia"])
 def test_nothing_overshoots(robot_named, name, kind) -> None:
@@ -136,6 +137,7 @@ def far_hand(robot: Robot, gains: tuple[float, float, float] = (0.5, 0.5, 0.5)) 
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [(0.5, 0.5, 0.5), (0.4, 0.8, 0.05)])
 def test_what_is_out_of_reach_is_missed_as_before(robot_named, gains) -> None:
     robot: Robot = robot_named("hoap2_like")

@@ -47,6 +47,7 @@ def pointing(robot: Robot, angles: np.ndarray) -> GlobalShaping:
     return GlobalShaping(robot, tasks, [held])
 
 
+@pytest.mark.slow
 def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> None:
     """A limb that begins more than half a turn from its angle ends at the wrong limit.
 
@@ -68,6 +69,7 @@ def test_the_known_best_of_four_thousand_valleys(star: Robot, monkeypatch) -> No
     assert spread.best.cost > 1.2 * least  # at least one limb is at the wrong limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["floating", "double"])
 def test_hops_do_not_depend_on_who_searches(robot_named, mode: str) -> None:
     """More starts than are spread, and an end by patience: three processes find what one does."""

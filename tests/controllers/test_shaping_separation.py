@@ -61,6 +61,7 @@ def shaping_of(robot: Robot, tasks: Sequence[Task], *constraints: Constraint) ->
     return GlobalShaping(robot, tasks, contacts, constraints=constraints)
 
 
+@pytest.mark.slow
 def test_small_without_touching_itself(robot_named) -> None:
     """The best of all postures has its arms in its body; the best of those allowed does not."""
     robot = robot_named("hoap2_like")
@@ -89,6 +90,7 @@ def kept_cost(task: InertiaTask, robot: Robot, q: np.ndarray) -> float:
     return 0.5 * task.gain * float(error @ error)
 
 
+@pytest.mark.slow
 def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
     robot = robot_named("hoap2_like")
     shaping = shaping_of(robot, [small(robot)], SelfCollision(robot))
@@ -122,6 +124,7 @@ def obstacles() -> dict[str, Obstacle]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(obstacles()))
 def test_obstacles_are_kept_clear_of(robot_named, name: str) -> None:
     robot = robot_named("hoap2_like")
@@ -341,6 +344,7 @@ def test_what_the_search_cannot_keep_is_refused(robot_named) -> None:
         shaping_of(robot, [small(robot)], PositionBox.height(other, 0.1))
 
 
+@pytest.mark.slow
 def test_limits_come_before_standing(robot_named) -> None:
     """On the way back to standing, joints stay in the limits asked for."""
     robot = robot_named("hoap2_like")

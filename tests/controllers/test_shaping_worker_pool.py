@@ -26,6 +26,7 @@ def shaping_of(robot: Robot) -> GlobalShaping:
                                              frame="base", per_mass=True)])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_answers_do_not_depend_on_who_searched(robot_named) -> None:
     robot = robot_named("hoap2_like")
     shaping, q = shaping_of(robot), robot.posture()
@@ -142,6 +143,7 @@ def test_a_search_that_was_begun_and_lost_is_repeated(robot_named, monkeypatch) 
     assert [c.cost for c in outcome.candidates] == [c.cost for c in expected.candidates]
 
 
+@pytest.mark.slow
 def test_nobody_waits_for_a_process_that_was_killed(robot_named, pools) -> None:
     """It dies amid a search; what it was at is done here, and all that comes after."""
     robot = robot_named("hoap2_like")
@@ -194,6 +196,7 @@ def test_the_others_end_with_the_search(robot_named, pools) -> None:
     assert not any(process.is_alive() for process in pool.processes)
 
 
+@pytest.mark.slow
 def test_a_script_without_the_guard_is_told_and_answered(tmp_path: Path) -> None:
     """The others load the script again; what they then are asked for is refused by Python."""
     script = tmp_path / "script.py"

@@ -211,6 +211,7 @@ def test_a_straight_arm_below_a_trunk_that_stays(
     assert max(speeds[threshold]) < 1.0 / threshold
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KNEES)
 def test_nothing_jumps_on_the_way_into_a_singularity(name: str, robot_named: Load) -> None:
     """Across the threshold and to straight knees: halving the steps halves what the command does.

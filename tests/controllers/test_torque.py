@@ -152,6 +152,7 @@ def test_what_cannot_be_kept_gives_way_by_name(robot_named: Load) -> None:
     assert (np.abs(tick.torque) <= robot.limits.effort).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
 def test_every_command_is_finite_and_inside_the_torque_bounds(
     solver: str, robot_named: Load

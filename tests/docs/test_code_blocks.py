@@ -63,6 +63,7 @@ def test_every_block_says_what_it_is(path: Path) -> None:
         assert (language == "py") == bool(title), "py is code of others, and says whose"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", pages_with("python"), ids=named)
 def test_python_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "problems").symlink_to(ROOT / "problems")
@@ -86,6 +87,7 @@ def test_code_of_others_compiles(path: Path) -> None:
         assert compile(block, named(path), "exec").co_names, block
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", pages_with("yaml"), ids=named)
 def test_problems_are_valid(path: Path, tmp_path: Path) -> None:
     yaml = YAML(typ="safe")

@@ -80,10 +80,12 @@ def rotation(robot: wbc.Robot, rounds: Rounds, steps: int) -> np.ndarray:
     return turned.as_rotvec(degrees=True)
 
 
+@pytest.mark.slow
 def test_a_plan_turns_as_far_as_asked(robot: wbc.Robot, pitch: Rounds) -> None:
     np.testing.assert_allclose(rotation(robot, pitch, 400), [0.0, 18.0, 0.0], atol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_shipped_turns_are_quarter_turns(axis: str) -> None:
     problem = load_problem(PROBLEMS / f"turn_{axis}_hoap2.yaml")
@@ -112,6 +114,7 @@ def test_a_plan_keeps_limits_and_distances(robot: wbc.Robot, pitch: Rounds) -> N
     assert (pitch.coefficients[:, still] == 0.0).all()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_turned_is_said(robot: wbc.Robot) -> None:
     with pytest.raises(NoTurnError, match="give more cycles"):
         # Joints that turn about y alone cannot turn the robot about x.
@@ -123,6 +126,7 @@ def test_what_cannot_be_turned_is_said(robot: wbc.Robot) -> None:
         plan_turn(robot, [0.0, 0.3, 0.0], joints=("*wing*",))
 
 
+@pytest.mark.slow
 def test_a_shipped_turn_is_commanded_without_momentum() -> None:
     """By ticks of 5 ms, without the margin between bodies, which takes the time."""
     problem = load_problem(PROBLEMS / "turn_z_hoap2.yaml", {"constraints": {}})

@@ -27,6 +27,7 @@ def walked(walker: wbc.gait.Walker, plant: Plant, duration: float) -> tuple[floa
     return relaxed / ticks, ticks
 
 
+@pytest.mark.slow
 def test_g1_walks_and_stops(robot_named: Load) -> None:
     robot = robot_named("g1_27")
     walker, plant = wbc.gait.Walker(robot), Plant(robot, friction=0.7)
@@ -58,6 +59,7 @@ def test_without_forces_feet_land_when_they_should(robot_named: Load) -> None:
     assert isinstance(walker.phase, DoubleSupport | SingleSupport)
 
 
+@pytest.mark.slow
 def test_a_step_that_is_not_known_is_felt(robot_named: Load) -> None:
     """The foot lands early on 4 mm, and the CoM goes on above it."""
     robot = robot_named("hoap2_like")

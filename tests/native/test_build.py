@@ -52,6 +52,7 @@ def why() -> str:
     return reason
 
 
+@pytest.mark.slow
 @compiles
 def test_it_is_compiled_once_and_then_found(cache: Path, monkeypatch) -> None:
     first = core()
@@ -146,6 +147,7 @@ def test_a_cache_that_others_may_write_to(cache: Path) -> None:
     assert "can be written to by others" in why()
 
 
+@pytest.mark.slow
 @compiles
 @pytest.mark.parametrize("damage", ["truncated", "changed", "no checksum", "another library"])
 def test_a_poisoned_build_is_not_loaded(damage: str, cache: Path) -> None:
@@ -167,12 +169,14 @@ def test_a_poisoned_build_is_not_loaded(damage: str, cache: Path) -> None:
     assert path.read_bytes() == content  # compilers give the same bits for the same source
 
 
+@pytest.mark.slow
 @compiles
 def test_a_library_of_another_version_is_not_used(monkeypatch) -> None:
     monkeypatch.setattr(library, "VERSION", 10**6)
     assert "is of version" in why()
 
 
+@pytest.mark.slow
 @compiles
 def test_what_a_wheel_carries_is_used_without_a_compiler(tmp_path: Path, monkeypatch) -> None:
     folder = tmp_path / "package"
@@ -185,6 +189,7 @@ def test_what_a_wheel_carries_is_used_without_a_compiler(tmp_path: Path, monkeyp
     assert found.path == folder / "_core.here.so"
 
 
+@pytest.mark.slow
 @compiles
 @pytest.mark.parametrize("damage", ["no library", "other sources"])
 def test_what_a_wheel_carries_is_not_used_if_it_does_not_fit(
@@ -205,6 +210,7 @@ def test_what_a_wheel_carries_is_not_used_if_it_does_not_fit(
     assert found.path.parent.parent == cache
 
 
+@pytest.mark.slow
 @compiles
 def test_processes_that_build_at_once(cache: Path) -> None:
     """All end with the same whole build, and leave nothing beside it."""
@@ -233,6 +239,7 @@ def test_flags_and_compiler_decide_on_the_build(monkeypatch, tmp_path: Path) -> 
     assert len(keys) == 4
 
 
+@pytest.mark.slow
 @compiles
 def test_the_source_is_plain_c99_without_warnings(tmp_path: Path) -> None:
     """And has no memory of its own: no symbol of the library can be written to."""

@@ -162,6 +162,7 @@ def test_every_problem_is_checked_here() -> None:
     assert len(MOVED) >= 17 and len(SIMULATED) >= 3 and len(PENDULUMS) >= 13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVED)
 def test_moved_robots_do_what_their_results_say(name: str) -> None:
     """One test a problem: each is run once, whichever worker has it."""
@@ -302,6 +303,7 @@ def check_margins_are_kept_by_raw_shapes(
 # -------------------------------------------------------------------- robots that are simulated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIMULATED)
 def test_simulated_robots_obey_their_motors_the_ground_and_gravity(name: str) -> None:
     summary, arrays, body = outcome(name)
@@ -337,6 +339,7 @@ def test_simulated_robots_obey_their_motors_the_ground_and_gravity(name: str) ->
 # ----------------------------------------------------------------------------------- pendulums
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PENDULUMS)
 def test_pendulums_obey_newton_and_their_bounds(name: str) -> None:
     """CoM against its velocity, force against its change: trapezoids and differences."""

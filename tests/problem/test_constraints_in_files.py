@@ -148,6 +148,7 @@ def test_mistakes(name: str, tmp_path: Path) -> None:
     assert said in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_problem_that_ships_keeps_every_margin() -> None:
     path = Path(__file__).parents[2] / "problems" / "safe_reach_g1.yaml"
     result = load_problem(path).run()

@@ -118,6 +118,7 @@ def test_the_history_is_a_motion_that_may_be_made(one: Problem, result: Result) 
     assert (history.tick_time > 0.0).all()
 
 
+@pytest.mark.slow
 def test_a_run_can_be_repeated_and_the_seed_matters(
     one: Problem, result: Result, tmp_path: Path
 ) -> None:
@@ -258,6 +259,7 @@ def test_without_a_posture_there_is_no_result(
     assert "beyond its limit" in answer.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "overrides",
     [

@@ -58,6 +58,7 @@ def least_room(one: Problem, q: np.ndarray, margins: dict[str, float]) -> dict[s
     }
 
 
+@pytest.mark.slow
 def test_the_search_and_the_motion_keep_what_the_file_says(tmp_path: Path) -> None:
     one = problem(tmp_path)
     told = one.run()
@@ -101,6 +102,7 @@ def test_mistakes_are_named(tmp_path: Path, old: str, new: str, words: str) -> N
     assert words in str(error.value)
 
 
+@pytest.mark.slow
 def test_the_shipped_problem_folds_its_arms_without_touching(tmp_path: Path) -> None:
     """Two starts are enough; without the margins the best posture has its arms in its chest."""
     quick = {"controller.starts": 2, "controller.workers": 1}

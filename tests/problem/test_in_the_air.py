@@ -180,6 +180,7 @@ def test_forces_ramp_where_phases_change(tmp_path: Path, ramp: float) -> None:
     assert not ticks or loads[0] > 0.5 * force[first - 1]
 
 
+@pytest.mark.slow
 def test_a_fall_of_30_cm_is_landed_softly() -> None:
     """The ground pushes with less than 4 weights in any mean over 10 ms."""
     overrides = {"phases.rise.duration": 0.01, "phases.rise.ramp": 0.01, "stop.accept": {}}

@@ -261,6 +261,7 @@ assert "HighSpec" in json_schema()["$defs"]
 """
 
 
+@pytest.mark.slow
 def test_a_new_kind_of_task_is_its_file_and_nothing_else(tmp_path: Path) -> None:
     shutil.copytree(
         Path(wbc.__file__).parent, tmp_path / "wbc", ignore=shutil.ignore_patterns("__pycache__")

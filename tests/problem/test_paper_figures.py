@@ -90,6 +90,7 @@ def scipy_error(robot: Robot, start: np.ndarray, target: np.ndarray) -> float:
     return float(np.sqrt(2.0 * found.fun * scale))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIG7)
 def test_fig7_moves_the_com_over_fixed_feet(name: str) -> None:
     problem = load_problem(PROBLEMS / f"{name}.yaml")

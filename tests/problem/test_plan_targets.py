@@ -111,6 +111,7 @@ def test_tasks_have_the_targets_of_the_plan(folder: Path) -> None:
     assert phases.ramps_over == one.parts.plan.ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "wanted"),
     [

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PROBLEMS = Path(__file__).resolve().parents[2] / "problems"
 SCRIPT = """
 import hashlib, sys
@@ -39,6 +41,7 @@ def runs(seed: int, **environment: str) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_identical_runs_have_identical_bits() -> None:
     first = runs(0, PYTHONHASHSEED="1")
     second = runs(1, PYTHONHASHSEED="2", PYTHONMALLOC="malloc")

@@ -55,6 +55,7 @@ def shiko(request: pytest.FixtureRequest) -> Shiko:
     return Shiko(request.param)
 
 
+@pytest.mark.slow
 def test_it_runs_as_a_whole(shiko: Shiko) -> None:
     result = shiko.result
     assert result.status == "accepted", result.reason

@@ -35,6 +35,7 @@ def walker_in(problem: Problem) -> Walker:
     return walker_of(problem.spec, problem.parts)
 
 
+@pytest.mark.slow
 def test_it_walks_and_says_what_was_beyond_the_legs(tmp_path: Path) -> None:
     one = problem(tmp_path)
     result = one.simulate()

@@ -13,6 +13,7 @@ from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import EulerSolidRmp, SolidRmp
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", (PlanarRmp, SolidRmp, EulerSolidRmp))
 def test_compiled_functions_agree(kind: type[PlanarRmp], tmp_path: Path) -> None:
     model = kind(20.0)

@@ -22,6 +22,7 @@ TUMBLING = np.array((*LEG, 0, 0, 0, 1, *RADII, *LEG_RATE, 1.0, 4.0, 0.5, *RADII_
 TUMBLING_ANGLES = np.array((*LEG, 0, 0, 0, *RADII, *LEG_RATE, -4.0, 1.0, 0.5, *RADII_RATE))
 
 
+@pytest.mark.slow
 def test_the_group_step_keeps_energy_and_momentum() -> None:
     """Rounding of 20,000 steps adds up to some 1e-14 of the start. Runge and Kutta's error does
     not stay there, and grows near the angles' singular orientation."""

@@ -97,6 +97,7 @@ def test_the_bulge_of_a_boxs_capsule_is_known() -> None:
     assert fit.bulge == pytest.approx(bulge, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "fit"), [("romeo", "capsule"), ("icub", "hull")])
 def test_every_vertex_of_a_robot_is_inside(name: str, fit: str, robot_named, monkeypatch) -> None:
     monkeypatch.setenv(fitting.CACHE_VARIABLE, "off")

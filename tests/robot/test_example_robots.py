@@ -136,6 +136,7 @@ def test_no_file_is_left_out() -> None:
     assert len(named) == sum(map(len, (HUMANOIDS, QUADRUPEDS, ARMS, NO_FEET, REFUSED)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_humanoids_stand_on_two_feet(name: str) -> None:
     robot = load(name)
@@ -151,6 +152,7 @@ def test_humanoids_stand_on_two_feet(name: str) -> None:
         assert 0.1 < longest < 0.35  # m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUADRUPEDS)
 def test_quadrupeds_stand_on_points(name: str) -> None:
     robot = load(name)

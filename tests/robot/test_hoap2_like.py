@@ -334,6 +334,7 @@ def test_links_do_not_touch_in_the_zero_posture(
     assert touching(model, shapes, pin.neutral(model), range(2, 100)) == set()
 
 
+@pytest.mark.slow
 def test_a_link_clears_the_next_but_one(model: pin.Model, shapes: pin.GeometryModel) -> None:
     """Within the joints' ranges, even across the coincident axes of a hip, shoulder or ankle.
 

@@ -33,6 +33,7 @@ def both(name: str, monkeypatch) -> tuple[Robot, Robot]:
     return robots[0], robots[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_quantity_is_that_of_the_python_path(name: str, rng, monkeypatch) -> None:
     """Sums in another order: 1e-12 of the largest entry."""

@@ -36,6 +36,7 @@ def numbers(element, key, default) -> np.ndarray:
     return np.array((default if element is None else element.get(key, default)).split(), float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", URDFS, ids=lambda path: f"{path.parents[1].name}/{path.name}")
 def test_every_links_mesh_is_at_its_joint(path: Path) -> None:
     """Or nearly: within 13 cm, and 3 cm on average; turned by 90 degrees they are not."""
@@ -96,6 +97,7 @@ def test_the_sub_meshes_of_icubs_foot_keep_their_own_vertices(robot_named) -> No
         assert abs(foot.vertices[:, 2].min()) < 1e-3  # it stands on the ground
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("urdf", "link", "mesh_area"),
     [

@@ -307,6 +307,7 @@ def test_a_robot_does_not_change(hoap: Robot) -> None:
         hoap.postures["standing"] = hoap.posture()  # type: ignore[index]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "again", [copy.copy, copy.deepcopy, lambda r: pickle.loads(pickle.dumps(r))]
 )

@@ -101,11 +101,13 @@ def test_what_is_known_is_not_tried_again_and_what_is_not_of_the_grid_is_left_ou
     assert again == whole and not nothing  # nor is anything loaded
 
 
+@pytest.mark.slow
 def test_the_outcomes_do_not_depend_on_the_processes() -> None:
     grid, trial = PushGrid(5, RATIOS, failures=1), Ellipse(but=((0.0, 1.0),))
     assert run_campaign(grid, trial, workers=2) == run_campaign(grid, trial)
 
 
+@pytest.mark.slow
 def test_what_a_process_cannot_load_or_survive_is_told() -> None:
     with pytest.raises(InvalidInputError, match="this cannot be pushed"):
         run_campaign(PushGrid(2, RATIOS), refused, workers=2)
@@ -115,6 +117,7 @@ def test_what_a_process_cannot_load_or_survive_is_told() -> None:
     assert {one.ratio for one in recorded} <= {0.8, 1.0} and recorded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_it_ends_when_asked_with_what_there_is(workers: int) -> None:
     recorded: list[PushOutcome] = []

@@ -36,6 +36,7 @@ def standing(robot: Robot) -> wbc.TorqueController:
     )
 
 
+@pytest.mark.slow
 def test_it_stands_and_what_is_planned_is_what_acts(humanoid: Robot) -> None:
     plant = Plant(humanoid, dt=DT)
     last = None

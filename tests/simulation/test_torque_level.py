@@ -55,6 +55,7 @@ def test_forward_dynamics_give_the_acceleration_of_the_tick(
         np.testing.assert_allclose(found, tick.acceleration, atol=1e-8 * size)
 
 
+@pytest.mark.slow
 def test_every_humanoid_stands_without_a_gain(humanoid: Robot) -> None:
     """Default gains, weights and contacts; the ground is MuJoCo's."""
     robot = humanoid

@@ -106,6 +106,7 @@ def test_frames_see_the_same_tensor(robot: Robot, rng, random_snapshot) -> None:
         np.testing.assert_allclose(R @ here.inertia_in(frame) @ R.T, here.inertia, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
 @pytest.mark.parametrize("factors", [(3, 3, 3), (0.05, 0.05, 3), (3, 3, 0.05), (1.1, 1.1, 1.1)])
 def test_targets_out_of_reach_do_not_make_it_chatter(name, factors, robot_named) -> None:

@@ -109,6 +109,7 @@ def test_symbolic_errors_are_the_residuals(case: str, robot_named: Load, rng) ->
         np.testing.assert_allclose(found, task.residual(here).error, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "keys"),
     [

@@ -75,6 +75,7 @@ def assert_close(actual: np.ndarray, expected: np.ndarray, scale: float) -> None
     np.testing.assert_allclose(actual, expected, rtol=0, atol=RELATIVE * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS)
 def test_jacobian_and_drift(
     maker: Callable[[Robot, Snapshot, str], Task],

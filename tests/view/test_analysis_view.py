@@ -51,6 +51,7 @@ def test_plots_hold_the_series(still: RmpSeries) -> None:
     assert titles == ["a)  0.00 s", "b)  1.00 s", "c)  1.99 s"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize("snapshots", [6, 10])
 def test_no_text_overlaps(still: RmpSeries, snapshots: int) -> None:

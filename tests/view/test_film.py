@@ -31,6 +31,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
     return load_problem(path).run()
 
 
+@pytest.mark.slow
 def test_a_film_is_as_long_as_the_run_and_always_the_same(result: Result, tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     for name in ("a.gif", "b.gif"):

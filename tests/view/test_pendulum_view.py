@@ -109,6 +109,7 @@ def require_apart(figure: Figure) -> None:
         assert box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_texts_keep_apart_and_legends_hide_no_line(case: str) -> None:
     figure = pendulum_figure(CASES[case], "A title")

@@ -10,6 +10,7 @@ BALL = ellipsoid(np.array([0.3, 0.2, 0.1]))
 MESH = Mesh("ball", BALL.vertices, BALL.faces, (1.0, 0.0, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", [0.01, 0.03, 0.1])
 def test_no_corner_moves_farther_than_a_cell(cell: float) -> None:
     made = simplified(MESH, cell)

@@ -43,6 +43,7 @@ def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(style, "DPI", 40)
 
 
+@pytest.mark.slow
 def test_everything_is_drawn(robot: Robot, arrays: Arrays, tmp_path) -> None:
     figure = simulation_figure(robot, arrays, title="push: stood")
     titles = {axes.get_title() or axes.get_title(loc="left") for axes in figure.axes}
@@ -61,6 +62,7 @@ def test_everything_is_drawn(robot: Robot, arrays: Arrays, tmp_path) -> None:
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_noise_of_a_robot_that_stands_does_not_fill_the_axes(robot: Robot, arrays: Arrays) -> None:
     noise = 1e-5 * np.random.default_rng(0).standard_normal((ROWS, 3))
     still = {**arrays, "com": arrays["com"] + noise, "tilt": 1e-4 * np.abs(noise[:, 0]),

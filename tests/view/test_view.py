@@ -71,6 +71,7 @@ def figure(robot: Robot, run: Run) -> Figure:
     return run_figure(robot, run, title="Reaching out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", MAGIC)
 def test_a_figure_is_written_in_each_format(figure: Figure, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"
@@ -96,6 +97,7 @@ def test_both_ends_are_drawn_with_their_semi_axes(robot: Robot, run: Run, figure
     assert labels == ["about a₁", "about a₂", "about a₃"]
 
 
+@pytest.mark.slow
 def test_the_panels_show_the_robot_and_fill_it(figure: Figure) -> None:
     for axes in figure.axes[:2]:
         (image,) = axes.get_images()

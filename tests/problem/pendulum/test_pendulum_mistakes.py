@@ -129,6 +129,7 @@ def test_the_examples_themselves_are_valid(tmp_path: Path) -> None:
         assert load_problem(path).run().status.good
 
 
+@pytest.mark.slow
 def test_an_infeasible_plan_names_what_is_in_the_way(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
     path.write_text(PLAN.replace("fly: {duration: 0.3", "fly: {duration: 2.0"))
@@ -150,6 +151,7 @@ def test_a_plan_that_ipopt_cannot_start_is_typed(tmp_path: Path) -> None:
         problem.run()
 
 
+@pytest.mark.slow
 def test_checking_a_plan_with_absurd_numbers_ends(tmp_path: Path) -> None:
     """At 10^6 turns a second no integration gets from one knot to the next."""
     path = tmp_path / "p.yaml"

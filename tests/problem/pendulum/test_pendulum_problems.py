@@ -23,6 +23,7 @@ def load(name: str, **overrides: object) -> PendulumProblem:
     return problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_laws_stand_until_the_end_and_within_tolerance(name: str) -> None:
     result = load(name).run()
@@ -34,6 +35,7 @@ def test_laws_stand_until_the_end_and_within_tolerance(name: str) -> None:
     assert all(room > -1e-6 for key, room in result.measures.items() if key.startswith("margin"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLANS)
 def test_plans_stand_their_check(name: str) -> None:
     result = load(name).run()
@@ -125,6 +127,7 @@ def test_measures_are_of_the_end_and_history_reaches_it() -> None:
     assert result.measures["worst_leg"] == pytest.approx(np.abs(q[:, 1] - 1.43).max(), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_broken_bound_is_no_success() -> None:
     result = load("rmp_lqr_solid", **{"bounds.wheel_angle": 0.5}).run()
     assert result.status is PendulumStatus.NOT_REACHED
@@ -140,6 +143,7 @@ SPINNING = {
 }
 
 
+@pytest.mark.slow
 def test_a_body_that_tumbles_has_not_the_spin_that_was_wanted() -> None:
     """About the middle axis, with an error of a millionth: it turns over after a while."""
     calm = load("rmp_spin", **SPINNING, **{"law.spin": 2.2}).run()

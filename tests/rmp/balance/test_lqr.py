@@ -111,6 +111,7 @@ def with_inertia(law: Lqr, offset: Array) -> object:
     return Deceived()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mass", "inertia"), [*itertools.product((0.8, 1.2), (0.8, 1.2))])
 @pytest.mark.parametrize(
     ("kind", "foot"), [*itertools.product(("planar", "solid"), (False, True))], ids=str
@@ -144,6 +145,7 @@ def test_it_holds_with_wrong_mass_and_inertia(
     assert run.cop_violation < (1e-9 if foot else 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["planar point", "solid point", "planar foot", "solid foot"])
 def test_it_recovers_from_a_push_to_where_it_was(case: str) -> None:
     law = CASES[case]()

@@ -155,6 +155,7 @@ def test_fallback_holds_the_cop_within_the_foot_near_rest() -> None:
 # ------------------------------------------------------------------ pushes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(BODIES))
 def test_nine_tenths_of_the_bound_with_a_wheel_are_survived_all_around(name: str) -> None:
     law, limits = body(name)
@@ -170,6 +171,7 @@ def test_nine_tenths_of_the_bound_with_a_wheel_are_survived_all_around(name: str
         assert margins["friction"] > 0.0
 
 
+@pytest.mark.slow
 def test_there_are_no_holes_below_the_bound() -> None:
     law, limits = body("g1")
     for k in (0, 3):
@@ -178,6 +180,7 @@ def test_there_are_no_holes_below_the_bound() -> None:
             assert found.survived, f"{share} of the bound toward {limits.directions[k]}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [33.0, 37.0])
 def test_another_mass_than_believed_makes_no_difference_but_in_height(mass: float) -> None:
     law, limits = body("g1")
@@ -208,6 +211,7 @@ def test_nothing_is_survived_far_beyond_the_bound() -> None:
     assert not found.survived
 
 
+@pytest.mark.slow
 def test_bisection_finds_the_bound_along_the_axes_whichever_way() -> None:
     """Single runs beyond the bound are luck: mirror images once gave 17.06 and 17.99 N s."""
     law, limits = body("g1")
@@ -218,6 +222,7 @@ def test_bisection_finds_the_bound_along_the_axes_whichever_way() -> None:
     assert 0.99 * bound < found[0] < 1.05 * bound
 
 
+@pytest.mark.slow
 def test_toward_corners_both_motors_work() -> None:
     """More than one motor could ever catch, with a limit for the torque about the push's axis."""
     law, limits = body("g1")

@@ -76,6 +76,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "q", "v", "wanted"), CASES)
 @pytest.mark.parametrize("ground", [True, False], ids=["foot", "flight"])
 def test_spin_momentum_and_work(

@@ -100,6 +100,7 @@ def test_momentum_and_com_are_the_chain_of_integrators_that_the_law_is_built_on(
 # ------------------------------------------------------------------ how far it catches
 
 
+@pytest.mark.slow
 def test_nearly_all_leans_that_any_law_could_catch_are_caught(law: PointStabiliser) -> None:
     for turn in np.radians((0.0, 30.0, 90.0, 200.0)):
         lean = 0.97 * LIMIT * np.array((np.cos(turn), np.sin(turn)))

@@ -34,6 +34,7 @@ def until_saturated(law: StaticLean, q: Array, v: Array, longest: float) -> Simu
     return simulate(law, q, v, longest, bounds=law.bounds, fallen=0.0, stop=stop)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [2.0, 80.0])
 @pytest.mark.parametrize("degrees", [70.0, 84.0, 100.0])
 def test_the_leg_stays_until_the_wheel_is_at_its_limit(mass: float, degrees: float) -> None:
@@ -55,6 +56,7 @@ def test_the_leg_stays_until_the_wheel_is_at_its_limit(mass: float, degrees: flo
         assert abs(run.com()[0][:, 0]).min() > 0.09
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", [RATE, ANGLE])
 @pytest.mark.parametrize("degrees", [75.0, 85.0, 95.0, 110.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -44,6 +44,7 @@ def lean_of(run: Simulation) -> Array:
     return np.abs((run.q[:, 1] + np.pi / 2) % (2 * np.pi) - np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("ratio", [0.14, 0.05])
 def test_from_rest_hanging_to_rest_upright(body: str, ratio: float) -> None:
@@ -72,6 +73,7 @@ def test_from_rest_hanging_to_rest_upright(body: str, ratio: float) -> None:
 
 
 # The weakest torques for commands every 4 and 10 ms: 0.005, and 3 (w dt)^2.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "ratio", "dt"),
     [
@@ -161,6 +163,7 @@ def test_region_of_attraction() -> None:
         assert bool(run.v[-1, 1] < 0.0) is holds
 
 
+@pytest.mark.slow
 def test_other_plants_and_starts() -> None:
     """Mass 20 percent off, and starts that already swing or spin round."""
     law, q = make("humanoid", 0.14)

@@ -41,6 +41,7 @@ def corner_forces_exist(corners: np.ndarray, axes: np.ndarray, wrench: np.ndarra
     return found.status == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_rows_hold_exactly_where_corners_can_hold_the_wrench(turn: float) -> None:
     foot = FlatFoot(SolidRmp(35.0))
@@ -73,6 +74,14 @@ def test_rows_hold_exactly_where_corners_can_hold_the_wrench(turn: float) -> Non
         possible = corner_forces_exist(corners, axes, np.concatenate((force, torque)))
         assert possible is (worst < 0.0)
         seen[possible] += 1
+
+
+def test_rows_are_there_where_they_are_asked_for() -> None:
+    foot = FlatFoot(SolidRmp(35.0))
+    for asked, count in ((False, 0), (True, 8)):
+        bounds = Bounds(polygon=rectangle(0.0), friction=FRICTION, torsion=asked)
+        rows = physical_rows(foot, bounds, *half_planes(bounds.polygon))
+        assert sum(row.label.startswith("torsion") for row in rows) == count
 
 
 def test_only_rectangles_have_such_rows() -> None:

@@ -15,6 +15,7 @@ FLIGHTS = [name for name in EXAMPLES if name.startswith("hop")]
 Planned = Callable[[str], Plan]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_are_in_order_between_knots(name: str, planned: Planned) -> None:
     # Finer than any point the programme looks at: four times, not at halves alone.

@@ -151,6 +151,7 @@ def check(path: Path, srdf: Path | None = None) -> None:
         assert robot.mass == pytest.approx(sum(float(m.get("value", "0")) for m in masses))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["urdf", "mjcf", "srdf"])
 @pytest.mark.filterwarnings("ignore")
 def test_mutated_files_end_in_typed_errors(tmp_path: Path, kind: str) -> None:

@@ -119,6 +119,7 @@ def test_it_needs_nothing_else_and_no_text_gets_out(page: str) -> None:
     assert len(data_of(page)["plots"]) == 4
 
 
+@pytest.mark.slow
 def test_ten_seconds_take_less_than_ten_megabytes_and_long_runs_no_more(result: Result) -> None:
     """The robot with the finest meshes; its replay, without plots, which are 0.1 MB each."""
     robot = Robot.load("g1")

@@ -95,7 +95,7 @@ class PendulumSpec(Section):
     """[m/s^2], downward."""
     start: PendulumStartSpec | None = None
     """Where it starts, under a law."""
-    bounds: Annotated[dict[str, Any], KeysOf(Bounds, polygon=_Polygon)] = Field(
+    bounds: Annotated[dict[str, Any], KeysOf(Bounds, polygon=_Polygon, torsion=bool)] = Field(
         default_factory=dict
     )
     """What it may do, under a law, which respects it; the simulation judges by it."""
