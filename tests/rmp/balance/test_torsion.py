@@ -6,9 +6,11 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
+from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.rmp.balance.foot import FlatFoot, physical_rows, torsion_rows
 from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.solid import SolidRmp
 
 FRICTION, MARGIN = 0.8, 0.004
@@ -82,6 +84,13 @@ def test_rows_are_there_where_they_are_asked_for() -> None:
         bounds = Bounds(polygon=rectangle(0.0), friction=FRICTION, torsion=asked)
         rows = physical_rows(foot, bounds, *half_planes(bounds.polygon))
         assert sum(row.label.startswith("torsion") for row in rows) == count
+
+
+@pytest.mark.parametrize("given", [{"friction": np.inf}, {"polygon": [(-1, -1), (1, -1), (0, 1)]}])
+def test_where_they_cannot_be_they_are_not_left_out_silently(given: dict) -> None:
+    asked = {"polygon": rectangle(0.0), "friction": FRICTION, "wheel_torque": 50.0, "torsion": True}
+    with pytest.raises(InvalidInputError, match="torsion needs a finite friction and a rectang"):
+        MomentumQp(SolidRmp(35.0), Bounds(**asked | given), (0.0, 0.0, 0.7), (0.3, 0.3, 0.3))
 
 
 def test_only_rectangles_have_such_rows() -> None:

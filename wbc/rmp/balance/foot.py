@@ -35,6 +35,7 @@ ANGLE_MARGIN = 1e-3
 # How much more than the brake can do is asked of a coordinate that it cannot stop in time: what is
 # lacking shows in the slack.
 INSIST = 2.0
+TORSION = "torsion "  # what labels of such rows begin with
 # Corners of a rectangle are square to this part, and its sides equal to this [m].
 SKEW = 1e-6
 # Deceleration that a leg is sure to have left, as a part of gravity.
@@ -227,7 +228,7 @@ def torsion_rows(foot: FlatFoot, bounds: Bounds, slope: float) -> list[Row]:
         used = turn * torque[2]
         used += first * (half[1] * along[0] + turn * slope * about[0])
         used += second * (half[0] * along[1] + turn * slope * about[1])
-        label = "torsion " + "".join("-+"[sign > 0.0] for sign in (turn, first, second))
+        label = TORSION + "".join("-+"[sign > 0.0] for sign in (turn, first, second))
         rows.append(Row(label, used - most, -ca.inf, 0.0))
     return rows
 

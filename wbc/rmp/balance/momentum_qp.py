@@ -13,7 +13,7 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.qp import QP, Backend, Labels, make_backend
 from wbc.rmp.balance.capture import CaptureGains, beyond_reserve, braking_debt, nearest, wanted_cmp
-from wbc.rmp.balance.foot import FlatFoot, box, elastic_rows, physical_rows
+from wbc.rmp.balance.foot import TORSION, FlatFoot, box, elastic_rows, physical_rows
 from wbc.rmp.balance.law import FREE, Bounds, Command
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp
@@ -205,6 +205,10 @@ class _Program:
         foot, bounds = FlatFoot(law.model), law.bounds
         normals, offsets = half_planes(np.asarray(bounds.polygon))
         rows = physical_rows(foot, bounds, normals, offsets - bounds.cop_margin)
+        if bounds.torsion and not any(row.label.startswith(TORSION) for row in rows):
+            raise InvalidInputError(
+                "bounds: torsion needs a finite friction and a rectangular polygon"
+            )
         rows += elastic_rows(foot, bounds, dt)
         g, most = law.model.gravity, bounds.wheel_torque
         inertia = law.model.mass / 3.0 * (np.sum(radii**2) - radii**2)
