@@ -29,7 +29,7 @@ class ForcesLayer(Layer):
 
     def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
         super().__init__(scene, size)
-        self._weight = robot.mass * float(np.linalg.norm(robot.model.gravity.linear))
+        self._weight = robot.weight
         self._arrows = self.arrows("arrows", GREEN, shaft=0.007, head=0.018, length=0.04)
         self._cones = dict[str, Any]()
         self._friction = dict[str, FrictionCone]()
