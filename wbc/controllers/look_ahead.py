@@ -91,9 +91,7 @@ def solve_with_look_ahead(
     return outcome, 1.0 if kept else margins.step_scale(outcome.velocity)
 
 
-def solve_with_cuts(
-    solve: Solve, margins: MarginRows, rounds: int = ROUNDS
-) -> tuple[Outcome, list[Bounds], bool]:
+def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bounds], bool]:
     """Return the outcome with margins kept where it leads, and the rows that this took.
 
     After the last round, or when a QP has no solution, the outcome is returned as it is: at the
@@ -102,7 +100,7 @@ def solve_with_cuts(
     """
     rows = list(margins.parts)
     outcome = solve(stack(rows), None)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         if not outcome.solved:
             return outcome, rows, False
         found = margins.violated(outcome.velocity)

@@ -82,17 +82,17 @@ class Answer(NamedTuple):
 class NativeMemory:
     """Arrays and structures that the core reads, and what it is called with.
 
-    Attributes
-    ----------
-    velocity, contact_forces, torque, found:
-        Where these are in what the core writes: see :class:`Answer`.
-
     Parameters
     ----------
     rows:
         What the torque level adds; None at the velocity level.
     solver:
         DAQP's settings, if the core is to solve the QP too.
+
+    Attributes
+    ----------
+    velocity, contact_forces, torque, found:
+        Where these are in what the core writes: see :class:`Answer`.
     """
 
     def __init__(
