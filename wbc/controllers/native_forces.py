@@ -58,6 +58,8 @@ class NativeForces:
 
     Attributes
     ----------
+    arrays:
+        All of them, by the names of ``wbc_plan`` in source/core.h.
     stale:
         Whether a contact was changed since the cones were written.
     """
@@ -89,6 +91,15 @@ class NativeForces:
         self.cones = len(cones.labels)
         self.cone = np.concatenate((cones.matrix.ravel(), cones.lower, cones.upper))
         self.labels = rows.labels + cones.labels
+        self.arrays = {
+            "corner": self.corners,
+            "passive": self.passive,
+            "with_bound": self.bounded,
+            "torque_bound": self.most,
+            "cone": self.cone,
+            "force_bound": self.limits,
+            "joint_damping": self.joint_damping,
+        }
         self._ramps: Mapping[str, float] = {}
         self.stale = False
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
 from wbc.controllers.native_forces import NativeForces, TorqueRows
@@ -93,6 +94,12 @@ class NativeMemory:
     ----------
     velocity, contact_forces, torque, found:
         Where these are in what the core writes: see :class:`Answer`.
+    size:
+        How many numbers it writes.
+    arrays:
+        What it reads and works in, by the names of ``wbc_plan`` in source/core.h.
+    tree, blocks:
+        The structs that it reads besides, but for the forces'.
     """
 
     def __init__(
@@ -106,7 +113,7 @@ class NativeMemory:
         rows: TorqueRows | None,
         solver: Daqp | None,
     ) -> None:
-        self._tree = tree
+        self.tree = tree
         frames, index, blocks = self._plan_blocks(parts)
         joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
         self.forces = None
@@ -126,25 +133,46 @@ class NativeMemory:
         scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving))
         order = np.zeros(integers, dtype=np.int64)
         self._cut(costs)
-        structs = (Block * len(blocks))(*blocks)
-        self._arrays: tuple[Any, ...]  # the struct points at them
-        self._arrays = (indices, self.number, joint, placement, starts, damping, limit)
-        first = (tree.address, ctypes.addressof(structs), *map(address, self._arrays))
-        level, counts, unit = self._level()
-        settings = None
-        if solver is not None:
-            settings = direct_daqp().settings(solver.eps, solver.max_iterations)
-        call = (0, 0) if settings is None else (direct_daqp().address, ctypes.addressof(settings))
-        numbers_of = (len(blocks), len(frames), costs, self.held, limits is not None)
+        self.blocks = (Block * len(blocks))(*blocks)
         self.state = np.zeros(tree.frames)
-        place = (address(self.state), 0, address(scratch), address(order))
-        every = (*first, *level, *place, *call, *numbers_of, *counts, dt, robot.mass, unit)
-        self.struct = _Plan(*every)
-        self._kept = structs, scratch, order, settings
+        self.arrays: dict[str, NDArray[Any]] = {  # the struct points at them
+            "index": indices,
+            "number": self.number,
+            "frame_joint": joint,
+            "frame_placement": placement,
+            "start": starts,
+            "damping": damping,
+            "limit": limit,
+            "state": self.state,
+            "scratch": scratch,
+            "order": order,
+        }
+        self.struct = _Plan(
+            tree=tree.address,
+            block=ctypes.addressof(self.blocks),
+            blocks=len(blocks),
+            frames=len(frames),
+            costs=costs,
+            held=self.held,
+            limited=limits is not None,
+            dt=dt,
+            mass=robot.mass,
+            unit=1.0,
+        )
+        if self.forces is not None:
+            self._add_level(self.forces)
+        for name, array in self.arrays.items():
+            setattr(self.struct, name, address(array))
+        self._settings = None
+        if solver is not None:
+            self._settings = direct_daqp().settings(solver.eps, solver.max_iterations)
+            self.struct.quadprog = direct_daqp().address
+            self.struct.settings = ctypes.addressof(self._settings)
         self.q, self.v = np.zeros(robot.nq), np.zeros(robot.nv)
-        function = tree.core.wbc_tick if settings is not None else tree.core.wbc_problem
+        function = tree.core.wbc_problem if solver is None else tree.core.wbc_tick
         self._call: Any = function
-        self._plan_address, self._state_address = ctypes.addressof(self.struct), place[0]
+        self._plan_address = ctypes.addressof(self.struct)
+        self._state_address = address(self.state)
         self._addresses = address(self.q), address(self.v)
 
     def call(self, q: Array, v: Array, moving: bool, state: Array | None) -> tuple[int, Array]:
@@ -157,7 +185,7 @@ class NativeMemory:
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_address
-        out = np.empty(self._end)
+        out = np.empty(self.size)
         self.struct.out = address(out)
         return self._call(self._plan_address, known, *self._addresses, moving), out
 
@@ -202,35 +230,32 @@ class NativeMemory:
 
     def _cut(self, costs: int) -> None:
         """Set where the fields of :class:`Answer` lie: as in lay_out of source/problem.c."""
-        n, k, m, nv = self.n, self.k, self.m, self._tree.nv
+        n, k, m, nv = self.n, self.k, self.m, self.tree.nv
         D = nv if self.forces is not None else 0
         sizes = [n * n, k * n, m * n, D * n, D, n, n, n, k, m, m, costs, 1, n, k, m, n, 4]
         sizes += [nv, nv - 6] if D else [0, 0]
         ends = np.cumsum(sizes).tolist()
         self._places = places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
-        self._end = ends[-1]
+        self.size = ends[-1]
         x, self.found, exact, self.torque = (places[k] for k in (13, 17, 18, 19))
         self.velocity = exact if D else slice(x.start, x.start + nv)
         self.contact_forces = slice(x.start + nv, x.stop)
 
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return how many numbers setting up the QP needs."""
-        tree = self._tree
+        tree = self.tree
         work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 13 * tree.joints + 6 * tree.nv)
         motion = tree.motion_size if self.forces is not None else 0
         return frames * (tree.frame_size + 6) + motion + work
 
-    def _level(self) -> tuple[tuple[int, ...], tuple[int, ...], float]:
-        """Return addresses, counts and unit of the torque level, or zeros."""
-        forces = self.forces
-        if forces is None:
-            return (0,) * 8, (0,) * 6, 1.0
-        entries, motors = (forces.corners, forces.passive, forces.bounded), forces.most
-        arrays = (*entries, motors, forces.cone, forces.limits, forces.joint_damping)
-        addresses = (ctypes.addressof(forces.structs), *map(address, arrays))
-        layout = forces.rows.forces
-        counts = (1, layout.size, forces.count, forces.passive.size, forces.bounded.size)
-        return addresses, (*counts, forces.cones), layout.unit
+    def _add_level(self, forces: NativeForces) -> None:
+        """Add what the torque level needs to the arrays and to the struct."""
+        self.arrays |= forces.arrays
+        struct, layout = self.struct, forces.rows.forces
+        struct.force, struct.bearing = ctypes.addressof(forces.structs), forces.count
+        struct.torque, struct.forces, struct.unit = 1, layout.size, layout.unit
+        struct.passives, struct.bounded = forces.passive.size, forces.bounded.size
+        struct.cones = forces.cones
 
 
 def _limit_array(limits: Limits | None, n: int) -> Array:

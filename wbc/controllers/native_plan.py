@@ -100,6 +100,11 @@ class NativePlan:
     def __reduce__(self) -> tuple[object, ...]:
         return type(self).of, self._made_of  # a copy has memory of its own
 
+    @property
+    def memory(self) -> NativeMemory:
+        """What the core reads and works in."""
+        return self._memory
+
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
         known, speed, acceleration, braking = self._limits

@@ -24,6 +24,11 @@ class NativeController(Controller):
 
     _native: NativePlan | None = None
 
+    @property
+    def native(self) -> NativePlan | None:
+        """What the core computes plain ticks by; None: all are computed in Python."""
+        return self._native
+
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command; what the core does not know goes through the Python tick."""
         plan = self._native

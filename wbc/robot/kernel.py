@@ -23,20 +23,25 @@ from wbc.validate import Array, read_only
 # Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
 KEPT = 32
 REVOLUTE, PRISMATIC, CONTINUOUS = 1, 2, 3  # as in source/core.h
+_ARRAYS = ("parent", "kind", "iq", "iv", "placement", "axis", "body", "armature", "gravity")
 
 
 class _Tree(ctypes.Structure):
     """``wbc_tree`` of source/core.h."""
 
     _fields_ = [("nv", ctypes.c_int64), ("joints", ctypes.c_int64)] + [
-        (name, ctypes.c_void_p)
-        for name in ("parent", "kind", "iq", "iv", "placement", "axis", "body")
-        + ("armature", "gravity")
+        (name, ctypes.c_void_p) for name in _ARRAYS
     ]
 
 
 class NativeTree:
-    """A model as the core sees it; does not change, threads share it."""
+    """A model as the core sees it; does not change, threads share it.
+
+    Attributes
+    ----------
+    arrays:
+        What the core reads of it, by the names of ``wbc_tree`` in source/core.h.
+    """
 
     def __init__(self, core: Core, model: pin.Model) -> None:
         self.core = core
@@ -51,10 +56,10 @@ class NativeTree:
         placement = np.array([_flat(pose) for pose in model.jointPlacements])
         body = np.array([_body(model.inertias[j]) for j in joints])
         armature, gravity = np.array(model.armature), np.array(model.gravity.linear)
+        every = (*integers, placement, axes, body, armature, gravity)
         # The struct points at them.
-        self._kept = integers, placement, axes, body, armature, gravity
-        addresses = list(map(address, (*integers, *self._kept[1:])))
-        self._struct = _Tree(self.nv, self.joints, *addresses)
+        self.arrays: dict[str, NDArray[Any]] = dict(zip(_ARRAYS, every, strict=True))
+        self._struct = _Tree(self.nv, self.joints, *map(address, every))
         self.address = ctypes.addressof(self._struct)
         nv, base = self.nv, 18
         self.com_jacobian = slice(base + 6 * nv, base + 9 * nv)
