@@ -38,6 +38,7 @@ FLOORS = {
     "view": 6,
     "batch": 6,
     "bench": 6,
+    "codegen": 6,
     "cli": 6,
     "__main__": 6,
 }

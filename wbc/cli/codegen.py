@@ -1,62 +1,134 @@
-"""``wbc codegen``: a pendulum's equations of motion as C."""
+"""``wbc codegen``: the controller of a problem, or a pendulum's equations of motion, as C."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from enum import StrEnum
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line
+from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.options import Assign, overrides_of
 
 if TYPE_CHECKING:
     from wbc.rmp.pendulum import ReactionMassPendulum
 
 
-class Model(StrEnum):
-    """Which pendulum."""
-
-    PLANAR = "planar"
-    SOLID = "solid"
-    EULER = "euler"
+PENDULUMS = ("planar", "solid", "euler")
 
 
 def codegen(
-    model: Annotated[
-        Model,
-        typer.Argument(help="planar, solid (orientation by quaternion) or euler (by angles)."),
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A problem file; or a pendulum: planar, solid (orientation by quaternion) or euler"
+            " (by angles).",
+            metavar="PROBLEM.yaml|PENDULUM",
+        ),
     ],
-    mass: Annotated[float, typer.Option(help="Mass of the pendulum, in kg.")],
-    gravity: Annotated[float, typer.Option(help="Gravity, in m/s^2.")] = 9.81,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder to write into; it must exist.")
-    ] = Path("."),
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder to write into; made for a problem, . by default for a pendulum.",
+        ),
+    ] = None,
+    assign: Assign = None,
+    ticks: Annotated[
+        int | None, typer.Option(help="Ticks recorded of a problem, 200 by default.", min=1)
+    ] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass of the pendulum, in kg.")] = None,
+    gravity: Annotated[
+        float | None, typer.Option(help="Gravity of the pendulum, 9.81 m/s^2 by default.")
+    ] = None,
     function: Annotated[
         list[str] | None,
-        typer.Option(help="Write this function only, as in mass_matrix; repeatable."),
+        typer.Option(help="Of a pendulum this function only, as in mass_matrix; repeatable."),
     ] = None,
     compiler: Annotated[
         str | None,
-        typer.Option(help="C compiler, such as cc: compile too, and compare with CasADi."),
+        typer.Option(
+            help="C compiler, such as cc: compile a pendulum too, and compare with CasADi."
+        ),
     ] = None,
 ) -> None:
-    """Write a pendulum's equations of motion as C, with a header; compile and compare them."""
-    with errors_in_one_line():
-        from wbc.rmp.functions import compile_c, export_c, largest_difference
-        from wbc.rmp.planar import PlanarRmp
-        from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+    """Write the controller of a problem as C: the native core, its plan, and a recorded run.
 
-        kinds: dict[Model, Callable[[float, float], ReactionMassPendulum]]
-        kinds = {Model.PLANAR: PlanarRmp, Model.SOLID: SolidRmp, Model.EULER: EulerSolidRmp}
-        pendulum = kinds[model](mass, gravity)
-        source = export_c(pendulum, output, function or None)
-        typer.echo(f"{source} and {source.with_suffix('.h').name}")
-        names = function or list(pendulum.functions)
-        for name in names:
-            typer.echo(f"  {pendulum.functions[name]}")
-        if compiler is not None:
-            library = compile_c(source, compiler)
-            difference = largest_difference(pendulum, library, names)
-            typer.echo(f"{library}: differs from CasADi by {difference:.1e} at most (relative)")
+    Or a pendulum's equations of motion, with a header; compile and compare them.
+    """
+    with errors_in_one_line():
+        of_problem = {"--set": assign, "--ticks": ticks}
+        of_pendulum = {
+            "--mass": mass,
+            "--gravity": gravity,
+            "--function": function,
+            "--compiler": compiler,
+        }
+        if what in PENDULUMS:
+            _refuse(of_problem, "a problem", what)
+            _pendulum(
+                what,
+                mass,
+                9.81 if gravity is None else gravity,
+                output or Path("."),
+                function,
+                compiler,
+            )
+        else:
+            _refuse(of_pendulum, "a pendulum", what)
+            _problem(Path(what), output, assign, ticks or 200)
+
+
+def _refuse(options: Mapping[str, object], kind: str, what: str) -> None:
+    from wbc.errors import InvalidInputError
+
+    for name, given in options.items():
+        if given is not None:
+            raise InvalidInputError(f"{name}: belongs to {kind}, and {what} is none")
+
+
+def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: int) -> None:
+    from wbc.codegen import export_problem
+    from wbc.errors import InvalidInputError, UnknownNameError
+
+    if not path.suffix and not path.exists():
+        raise UnknownNameError("problem file or pendulum", str(path), PENDULUMS)
+    if folder is None:
+        raise InvalidInputError("a problem is written into a folder of its own: give --output")
+    made = export_problem(path, folder, overrides_of(assign), ticks)
+    if made.solver is not None:
+        print_note(f"solved by daqp, as C is, not by {made.solver}")
+    count = len(made.recording.ticks)
+    typer.echo(f"written  {folder}: the controller, and {count} ticks of Python to compare with")
+    typer.echo(f"now try  make -C {folder} run DAQP=/path/to/daqp")
+
+
+def _pendulum(
+    model: str,
+    mass: float | None,
+    gravity: float,
+    output: Path,
+    function: list[str] | None,
+    compiler: str | None,
+) -> None:
+    from wbc.errors import InvalidInputError
+    from wbc.rmp.functions import compile_c, export_c, largest_difference
+    from wbc.rmp.planar import PlanarRmp
+    from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+
+    if mass is None:
+        raise InvalidInputError(f"{model}: give --mass, in kg")
+    kinds: dict[str, Callable[[float, float], ReactionMassPendulum]]
+    kinds = {"planar": PlanarRmp, "solid": SolidRmp, "euler": EulerSolidRmp}
+    pendulum = kinds[model](mass, gravity)
+    source = export_c(pendulum, output, function or None)
+    typer.echo(f"{source} and {source.with_suffix('.h').name}")
+    names = function or list(pendulum.functions)
+    for name in names:
+        typer.echo(f"  {pendulum.functions[name]}")
+    if compiler is not None:
+        library = compile_c(source, compiler)
+        difference = largest_difference(pendulum, library, names)
+        typer.echo(f"{library}: differs from CasADi by {difference:.1e} at most (relative)")

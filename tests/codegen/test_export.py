@@ -1,0 +1,218 @@
+"""The exported C, compiled and run as a program of its own, against the ticks of plain Python."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import daqp
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from wbc.cli import app
+from wbc.codegen import CodegenError, export_problem
+from wbc.codegen.targets import targets_of, task_parts
+from wbc.native import VARIABLE
+from wbc.native.build import COMPILERS
+from wbc.problem import load_problem
+
+compiles = pytest.mark.skipif(
+    not any(shutil.which(name) for name in COMPILERS), reason="no C compiler here"
+)
+AGREES = 1e-9  # as main.c demands; rounding of two paths was 1e-13 at most
+VELOCITY = """
+robot: hoap2_like
+support: double
+tasks:
+  shape: {type: inertia, components: [xx, zz], target: {scale: 1.2}, ramp: 0.2, per_mass: true}
+  com: {type: com, axes: [x, y], target: {offset: [0.01, 0.0, 0.0]}, ramp: 0.3, weight: 10}
+  hand: {type: frame, frame: left_hand, control: pose, target: {position: {offset: [0.1, 0, 0]}}}
+  trunk: {type: frame, frame: base, control: orientation, target: start, weight: 0.5}
+  spin: {type: momentum, components: angular, weight: 0.1}
+  posture: {type: posture, target: start, weight: 0.05}
+controller: {solver: daqp}
+stop: {duration: 1.0}
+"""
+TORQUE = """
+robot: {model: hoap2_like, armature: 0.003}
+support: double
+tasks:
+  com: {type: com, axes: [x, y], target: start, law: capture_point, weight: 30}
+  height: {type: com, axes: [z], target: {offset: [0, 0, -0.02]}, ramp: 0.1, kp: 50}
+  trunk: {type: frame, frame: base, control: orientation, target: start, kp: 50}
+  posture: {type: posture, kp: 30, weight: 0.3}
+controller: {level: torque, dt: 0.002, solver: daqp, friction: 0.6}
+simulation: {duration: 0.2}
+"""
+LEVELS = {"velocity": VELOCITY, "torque": TORQUE}
+TICKS = 60
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "problem.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders of exports, compiled where that is possible."""
+    made = {}
+    for level, text in LEVELS.items():
+        folder = tmp_path_factory.mktemp(level)
+        export_problem(write(folder, text), folder / "c", ticks=TICKS)
+        made[level] = folder / "c"
+    return made
+
+
+def build(folder: Path) -> None:
+    """Compile a folder with the DAQP that Python has, and what it wants of Python as stubs."""
+    library = Path(daqp.__file__)
+    listed = subprocess.run(["nm", "-D", "-u", library], capture_output=True, text=True, check=True)
+    names = [line.split()[-1] for line in listed.stdout.splitlines()]
+    stubs = "".join(f"char {name}[4096];\n" for name in names if name.lstrip("_").startswith("Py"))
+    (folder / "stubs.c").write_text(stubs)
+    subprocess.run(["cc", "-w", "-c", "stubs.c"], cwd=folder, check=True)
+    linked = f"{folder / 'stubs.o'} {library} -Wl,-rpath,{library.parent}"
+    warn = "-std=c99 -O1 -ffp-contract=off -Wall -Wextra -Wpedantic -Werror"
+    command = ["make", "replay", f"CFLAGS={warn}", f"DAQP_LIBS={linked}"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def replay(folder: Path, recording: str = "recording.txt") -> subprocess.CompletedProcess[str]:
+    command = ["./replay", recording]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.slow
+@compiles
+@pytest.mark.parametrize("level", LEVELS)
+def test_c_commands_what_python_does(level: str, exports: dict[str, Path]) -> None:
+    folder = exports[level]
+    build(folder)
+    done = replay(folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"{TICKS} ticks")
+    # What it is compared with decides: another last number is a difference, fewer are no recording.
+    text = (folder / "recording.txt").read_text()
+    last = text.rsplit(maxsplit=1)[-1]
+    other = float.hex(float.fromhex(last) + 1e-6)
+    (folder / "other.txt").write_text(text.removesuffix(f"{last}\n") + other)
+    assert replay(folder, "other.txt").returncode == 1
+    (folder / "short.txt").write_text(text[: len(text) // 2])
+    short = replay(folder, "short.txt")
+    assert short.returncode == 2
+    assert "the recording ends in tick" in short.stderr
+    (folder / "robot.txt").write_text(text.replace("wbc recording 1 60 ", "wbc recording 1 60 1"))
+    assert replay(folder, "robot.txt").returncode == 2
+    assert replay(folder, "nowhere.txt").returncode == 2
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_what_was_recorded_is_what_plain_python_commands(
+    level: str, exports: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recording's commands come from the core; NumPy's tick at its states gives the same."""
+    lines = (exports[level] / "recording.txt").read_text().splitlines()[1:]
+    ticks = [np.array([float.fromhex(one) for one in line.split()]) for line in lines]
+    monkeypatch.setenv(VARIABLE, "off")
+    problem = load_problem(exports[level].parent / "problem.yaml")
+    run = problem.simulate if level == "torque" else problem.run
+    seen, moved = [], []
+
+    def show(now, controller) -> None:
+        assert controller.robot.native is None
+        tick = now.tick
+        command = [tick.velocity, tick.torque] if level == "torque" else [tick.velocity]
+        told = [targets_of(part) for part in task_parts(controller)]
+        targets = [values for one in told for values in one]
+        seen.append(np.concatenate((now.snapshot.q, now.snapshot.v, *targets, *command)))
+        moved.append(targets[0])
+
+    run(cancelled=lambda: len(seen) >= TICKS, show=show)
+    assert len(ticks) == len(seen) == TICKS
+    for recorded, plain in zip(ticks, seen, strict=True):
+        # States are those of two runs, so that rounding adds up.
+        assert np.allclose(recorded, plain, rtol=1e-7, atol=1e-7)
+    assert np.allclose(ticks[0], seen[0], rtol=AGREES, atol=AGREES)
+    if level == "velocity":
+        assert not np.allclose(moved[0], moved[-1], rtol=1e-3)  # targets of the replay move
+
+
+PARTS = {
+    "posture: {type: posture, target: start, weight: 0.05}": {
+        "posture: {type: posture, target: start, weight: 0.05, priority: 1}": "levels of priority",
+        "posture: {type: posture, target: start, singular_threshold: 0.1}": "singular_threshold of",
+    },
+    "per_mass: true": {
+        "second_order: true": "second_order of task 'shape'",
+        "frame: left_hand": "task 'shape', a InertiaTask of a kind",
+    },
+    "stop: {duration: 1.0}": {
+        "constraints: {body: {type: self_collision}}": "constraints .'body'",
+        "limits: {braking: bounded}": "the braking 'bounded'",
+        "phases: {one: {duration: 1, support: double}}": "phases",
+    },
+    "controller: {solver: daqp}": {
+        "controller: {formulation: reduced}": "formulation 'reduced'",
+        "controller: {method: pseudo_inverse}": "controller.method",
+    },
+}
+REFUSED = [(old, new, said) for old, by in PARTS.items() for new, said in by.items()]
+
+
+@pytest.mark.parametrize(("old", "new", "said"), REFUSED, ids=[said for *_, said in REFUSED])
+def test_what_the_core_does_not_know_is_named(
+    old: str, new: str, said: str, tmp_path: Path
+) -> None:
+    assert VELOCITY.count(old) == 1
+    path = write(tmp_path, re.sub(r", ramp: [\d.]+", "", VELOCITY.replace(old, new)))
+    with pytest.raises(CodegenError, match=said):
+        export_problem(path, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_tick_that_needs_python_is_named(tmp_path: Path) -> None:
+    """A joint beyond its limit is brought back by Python alone."""
+    sensors = "simulation: {duration: 0.2, sensors: {position_noise: 0.5}}"
+    path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors))
+    with pytest.raises(CodegenError, match="a joint is outside its limits"):
+        export_problem(path, tmp_path / "c")
+
+
+def test_without_the_core_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "off")
+    with pytest.raises(CodegenError, match="WBC_NATIVE=off"):
+        export_problem(write(tmp_path, VELOCITY), tmp_path / "c")
+
+
+def test_command_line(tmp_path: Path) -> None:
+    path = write(tmp_path, VELOCITY.replace("solver: daqp", "solver: proxqp"))
+    folder = tmp_path / "c"
+    done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(folder), "--ticks", "3"])
+    assert done.exit_code == 0, done.output
+    assert "not by proxqp" in done.output
+    assert {"Makefile", "README.md", "main.c", "plan.c", "recording.txt"} < set(os.listdir(folder))
+    header = (folder / "plan.h").read_text()
+    for name in ("WBC_HAND_POSITION", "WBC_HAND_ORIENTATION", "WBC_CONTACT_LEFT_SOLE"):
+        assert f"{name} = " in header
+    assert (folder / "recording.txt").read_text().startswith("wbc recording 1 3 ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["planar"], "give --mass"),
+        (["planar", "--mass", "20", "--ticks", "3"], "--ticks: belongs to a problem"),
+        (["mine.yaml", "--mass", "20"], "--mass: belongs to a pendulum"),
+        (["mine.yaml"], "give --output"),
+        (["planer", "-o", "here"], "did you mean 'planar'"),
+    ],
+)
+def test_mistakes_on_the_command_line(arguments: list[str], said: str) -> None:
+    done = CliRunner().invoke(app, ["codegen", *arguments])
+    assert done.exit_code == 1
+    assert said in done.output

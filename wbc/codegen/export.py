@@ -1,0 +1,90 @@
+"""The folder that ``wbc codegen PROBLEM.yaml`` writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from wbc.codegen.known import CodegenError
+from wbc.codegen.recording import Recording, check_kind, record
+from wbc.codegen.texts import plan_header, plan_source, recording_text
+from wbc.native.fingerprint import FLAGS
+from wbc.native.fingerprint import SOURCE as CORE
+from wbc.problem import Problem, load_problem
+
+SOURCE = Path(__file__).parent / "source"
+SOLVER = "controller.solver"
+
+
+class Export(NamedTuple):
+    """What was written.
+
+    Attributes
+    ----------
+    solver:
+        The problem's own, if that is not DAQP, which the C calls.
+    """
+
+    folder: Path
+    recording: Recording
+    solver: str | None
+
+
+def export_problem(
+    path: Path, folder: Path, overrides: Mapping[str, Any] | None = None, ticks: int = 200
+) -> Export:
+    """Write the controller of a problem file as C, with an example that ticks against Python.
+
+    Parameters
+    ----------
+    folder:
+        Is made if need be; files of an earlier export are replaced.
+    overrides:
+        Values by key path that replace the file's.
+    ticks:
+        Recorded of the problem's run, at most: it may end before.
+
+    Raises
+    ------
+    CodegenError
+        The problem is made of something that the native core does not know, named.
+    ProblemFileError
+        The file is wrong.
+    OSError
+        A file cannot be written.
+    """
+    overrides = overrides or {}
+    problem = _load(path, overrides)
+    solver = str(problem.spec.controller.model_dump()["solver"])
+    if solver != "daqp":
+        problem = _load(path, {**overrides, SOLVER: "daqp"})
+    recording = record(problem, ticks)
+    title = _title(problem, recording)
+    texts = {
+        "plan.h": plan_header(recording, title),
+        "plan.c": plan_source(recording, title),
+        "recording.txt": recording_text(recording),
+    }
+    for file in sorted(SOURCE.iterdir()):
+        texts[file.name] = file.read_text(encoding="utf-8").replace("@FLAGS@", " ".join(FLAGS))
+    for file in sorted(CORE.iterdir()):
+        texts[f"core/{file.name}"] = file.read_text(encoding="utf-8")
+    (folder / "core").mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return Export(folder, recording, None if solver == "daqp" else solver)
+
+
+def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:
+    problem = load_problem(path, overrides)
+    if not isinstance(problem, Problem):
+        raise CodegenError(f"{path}: a pendulum's problem; try wbc codegen planar or solid")
+    check_kind(problem)
+    return problem
+
+
+def _title(problem: Problem, recording: Recording) -> str:
+    """Return what the files are about, as a comment of C takes it."""
+    name, robot = problem.source.name, recording.controller.robot.name
+    return f"{name} for {robot}; made by wbc codegen, do not edit.".replace("*/", "* /")

@@ -1,0 +1,92 @@
+"""What of a controller the native core does not know, by name: there is no Python to hand it to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from wbc.controllers import Controller
+from wbc.controllers.native_parts import described
+from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.native_tick import NativeController
+from wbc.controllers.torque import TorqueController
+from wbc.errors import WbcError
+from wbc.native import status
+from wbc.qp.daqp import Daqp
+from wbc.qp.daqp_direct import direct_daqp
+from wbc.tasks import InertiaTask
+from wbc.tasks.force_task import ForceTask
+from wbc.tasks.task import Task
+
+
+class CodegenError(WbcError):
+    """A controller that cannot be written out as C; the message names what is in the way."""
+
+
+class Known(NamedTuple):
+    """What the core computes ticks by, and the settings that it solves QPs with."""
+
+    plan: NativePlan
+    solver: Daqp
+
+
+def known(controller: Controller) -> Known:
+    """Return what the core computes every tick of a controller by.
+
+    Raises
+    ------
+    CodegenError
+        It does not know all parts of it.
+    """
+    reason, solver = _unknown(controller), controller.backend
+    if reason is None and isinstance(controller, NativeController) and isinstance(solver, Daqp):
+        plan = controller.native
+        if plan is not None:
+            return Known(plan, solver)
+        reason = "one of its contacts or joints"
+    raise CodegenError(f"the exported C does not know {reason}")
+
+
+def _unknown(controller: Controller) -> str | None:
+    """Return what the core does not know, in words; None if nothing is found."""
+    if controller.robot.native is None:
+        raise CodegenError(f"the export is made by the native core, and it does not run: {_why()}")
+    if not direct_daqp().address:
+        raise CodegenError(f"the exported C calls DAQP, and {direct_daqp().reason}")
+    if type(controller.backend) is not Daqp:
+        return f"the solver {controller.backend.name!r}; set controller.solver to daqp"
+    if controller.formulation != "equality":
+        return f"the formulation {controller.formulation!r}; leave it out"
+    if controller.constraints:
+        names = ", ".join(repr(one.name) for one in controller.constraints)
+        return f"constraints ({names}); leave them out"
+    if len(controller.plan.levels) > 1:
+        lower = [repr(task.name) for task in controller.tasks if task.priority > 0]
+        return f"levels of priority ({', '.join(lower)}); give weights instead"
+    if controller.plan.soft:
+        names = ", ".join(repr(one.name) for one in controller.plan.soft)
+        return f"contacts that may give way: {names}; leave their slack out"
+    if controller.limits is not None and controller.limits.braking != "free":
+        return f"the braking {controller.limits.braking!r} of limits; set it to free"
+    torque = isinstance(controller, TorqueController)
+    for task in (*controller.tasks, *controller.plan.held.contacts):
+        if isinstance(task, ForceTask) or described(task, torque) is None:
+            return _of_task(task, torque)
+    return None
+
+
+def _of_task(task: Task, torque: bool) -> str:
+    """Return why a task is not known."""
+    what = f"task {task.name!r}"
+    if isinstance(task, ForceTask):
+        return f"{what}, which is about forces"
+    if not torque and task.singular_threshold > 0.0:
+        return f"the singular_threshold of {what}; leave it out"
+    if isinstance(task, InertiaTask) and task.second_order:
+        return f"second_order of {what}; leave it out"
+    if task.native() is None:
+        return f"{what}, a {type(task).__name__} of a kind that is computed in Python"
+    return f"the law of {what}"
+
+
+def _why() -> str:
+    return f"{status().reason} (see wbc doctor)"

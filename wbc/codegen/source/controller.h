@@ -1,0 +1,57 @@
+/* The controller of one problem, in C: no Python, no allocation of its own, no globals.
+ *
+ *     static wbc_controller c;
+ *     if (wbc_start(&c) != DONE) ...
+ *     every WBC_DT seconds:
+ *         wbc_set_target(&c, WBC_COM, com, com_velocity, 0);
+ *         if (wbc_control(&c, q, v, &command) != DONE) ...
+ *
+ * Units are SI. q: base position, base quaternion x y z w, joints; v: the base's linear and angular
+ * velocity in the base's axes, joint rates; the order of the joints: wbc_joint_names.
+ */
+#ifndef WBC_CONTROLLER_H
+#define WBC_CONTROLLER_H
+
+#include "plan.h"
+
+/* A controller and its memory. It points into itself: start it where it stays, do not copy it. */
+typedef struct {
+    wbc_plan plan;
+    double number[WBC_NUMBERS], state[WBC_STATE], out[WBC_OUT], scratch[WBC_SCRATCH], settings[64];
+    int64_t order[WBC_ORDER];
+} wbc_controller;
+
+typedef struct {
+    double velocity[WBC_NV];       /* at the end of the tick */
+    double torque[WBC_NV - 6];     /* within its bounds; zeros if the problem is not about torques */
+} wbc_command;
+
+/* Besides core.h's enum handed_over: UNSOLVED, OUTSIDE_LIMITS, HALF_A_TURN, NOT_FINITE. */
+enum { OTHER_DAQP = -2, NO_TARGET = -3 };
+
+/* Begin with the targets that the problem had in its first tick. OTHER_DAQP: what is linked is not
+ * the version that the core knows. */
+int wbc_start(wbc_controller *c);
+
+/* Say what a task, or where a contact, should be, and at which rate and acceleration; 0: zeros.
+ *
+ *     WBC_KIND_...       target                                rate, acceleration
+ *     POINT              position (3), world axes              (3)
+ *     ORIENTATION        rotation (3, 3), local to world       angular (3), world axes
+ *     INERTIA_ENTRIES    inertia xx xy xz yy yz zz             (6)
+ *     JOINTS             positions of all joints               (WBC_NV - 6)
+ *     MOMENTUM_ENTRIES   linear, angular (6)                   rate only (6)
+ *     CONTACT            position (3), rotation (3, 3)         none
+ *
+ * Of a task that is about a part of these, the other entries are not looked at. What is not finite
+ * makes wbc_control say NOT_FINITE. NO_TARGET: there is no such part, or it has no target. */
+int wbc_set_target(wbc_controller *c, int part, const double *target, const double *rate,
+                   const double *acceleration);
+/* How many numbers each of these has; NO_TARGET as above. */
+int wbc_target_sizes(int part, int sizes[3]);
+
+/* Compute the command at a measured state; v may be 0: no velocity was measured. Its KKT residuals
+ * were checked against WBC_EPS. All but DONE: there is no command, and the caller must have one. */
+int wbc_control(wbc_controller *c, const double q[WBC_NQ], const double *v, wbc_command *command);
+
+#endif
