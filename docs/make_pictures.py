@@ -50,6 +50,8 @@ MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
 RADII = (0.3, 0.3, 0.3)  # m
 # Shiko [s]: standing, squat, over the right foot, left leg half way, at its top, stomp, other leg.
 SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
+HOP = {"stands": 0.0, "crouches": 0.9, "takes off": 1.12, "flies": 1.33, "lands": 1.51}
+HOP |= {"gives way": 1.7, "rises": 2.1, "stands again": 2.7}
 MEASURED = (0.0, 2.0, 4.0, 5.0, 6.0, 6.84, 12.3)
 
 
@@ -98,6 +100,18 @@ def simulation_picture(name: str, width: int = 1400) -> None:
     result = shipped(name).simulate()
     plot_simulation(result.robot, result.arrays, place(name), title=f"{name}: {result.reason}")
     smaller(name, width=width)
+
+
+def strip_picture(name: str, moments: Mapping[str, float], view: View) -> None:
+    """Draw a simulation at some moments [s], side by side."""
+    result = shipped(name).simulate()
+    rows = np.searchsorted(result.arrays["time"], list(moments.values()))
+    poses = {
+        f"{called}: {at:.2f} s": result.arrays["q"][row]
+        for (called, at), row in zip(moments.items(), rows, strict=True)
+    }
+    plot_robot(result.robot, poses, place(name), view=view)
+    smaller(name, width=1800)
 
 
 def shiko_picture(name: str) -> None:
@@ -193,6 +207,7 @@ PICTURES: Mapping[str, Callable[[str], None]] = {
     "track_squat_g1": simulation_picture,
     "lean_beyond_g1": simulation_picture,
     "drop_g1": simulation_picture,
+    "hop_g1": partial(strip_picture, moments=HOP, view=View.of("60,10")),
     "shiko_torque_hoap2": measured_picture,
     "turn_x_hoap2": turn_picture,
     "turn_y_hoap2": turn_picture,

@@ -181,6 +181,38 @@ def test_forces_ramp_where_phases_change(tmp_path: Path, ramp: float) -> None:
 
 
 @pytest.mark.slow
+def test_a_planned_hop_flies_as_planned_and_is_landed() -> None:
+    """Feet clear 10 cm, the CoM rises by what its take-off says, nothing turns on the way."""
+    overrides = {"phases.rise.duration": 1.1, "stop.accept": {}}
+    one = load_problem(PROBLEMS / "hop_g1.yaml", overrides)
+    assert isinstance(one, Problem) and one.parts.plan is not None
+    result = one.simulate()
+    assert result.status.good, result.reason
+    model, arrays = one.parts.robot.model, result.arrays
+    data, time = model.createData(), arrays["time"]
+    force = (arrays["forces/left_sole"] + arrays["forces/right_sole"])[:, 2]
+    com, soles = [], []
+    for q in arrays["q"]:
+        pin.centerOfMass(model, data, q)
+        pin.updateFramePlacements(model, data)
+        com.append(data.com[0].copy())
+        soles.append(
+            [data.oMf[model.getFrameId(f"{s}_sole")].translation[2] for s in ("left", "right")]
+        )
+    height, clear = np.array(com)[:, 2], np.array(soles).min(axis=1)
+    assert clear.max() > 0.10
+    flying = np.flatnonzero(force <= 0.0)
+    flying = flying[(time[flying] > 1.0) & (time[flying] < 1.7)]
+    t = time[flying] - time[flying[0]]
+    a, v = np.polyfit(t, height[flying], 2)[:2]
+    assert 2.0 * a == pytest.approx(-9.81, rel=0.01)  # nothing holds it
+    planned = one.parts.plan.at(np.array((1.12,))).com_velocity[0, 2]
+    assert v == pytest.approx(planned, rel=0.1) and 0.36 < t[-1] < 0.42
+    weight = 9.81 * pin.computeTotalMass(model)
+    assert np.convolve(force, np.full(5, 0.2), "valid").max() < 4.0 * weight
+
+
+@pytest.mark.slow
 def test_a_fall_of_30_cm_is_landed_softly() -> None:
     """The ground pushes with less than 4 weights in any mean over 10 ms."""
     overrides = {"phases.rise.duration": 0.01, "phases.rise.ramp": 0.01, "stop.accept": {}}

@@ -32,6 +32,13 @@ tasks:
 controller: {level: torque, solver: daqp}
 simulation: {duration: 0.5}
 """
+AWAY_AND_BACK = """\
+phases:
+  one: {duration: 0.1}
+  two: {duration: 0.1, tasks: {com: {active: false}}}
+  three: {duration: 0.1, tasks: {com: {active: true}}}
+  four: {duration: 0.3}
+"""
 
 
 @pytest.fixture
@@ -130,7 +137,13 @@ def test_tasks_have_the_targets_of_the_plan(folder: Path) -> None:
         ("com, target: {plan: lean.yaml, begins: 0.05}, kp",
          "frame, frame: torso, control: position, target: {plan: lean.yaml}, kp",
          "plan: unknown key"),
-        ("simulation: {duration: 0.5}", "phases: {one: {duration: 0.5}}", "run without phases"),
+        ("simulation: {duration: 0.5}", "phases: {one: {duration: 0.3}}",
+         "after the run (all phases"),
+        ("simulation: {duration: 0.5}", "phases: {one: {duration: 0.5, support: left}}",
+         "the same feet in all phases"),
+        ("simulation: {duration: 0.5}",
+         "phases: {one: {duration: 0.5, tasks: {com: {target: start}}}}",
+         "the task follows a plan"),
     ],
 )  # fmt: skip
 def test_mistakes(folder: Path, old: str, new: str, wanted: str) -> None:
@@ -145,7 +158,25 @@ def test_a_phase_cannot_begin_to_follow_a_plan(folder: Path) -> None:
         "simulation: {duration: 0.5}",
         "phases: {one: {duration: 0.5, tasks: {com: {target: {plan: lean.yaml}}}}}",
     )
-    assert "in a run without phases" in complaint_of(folder, text)
+    assert "from the start on: give it in the section tasks" in complaint_of(folder, text)
+
+
+def test_a_plan_is_followed_through_phases(folder: Path) -> None:
+    phases = "phases: {one: {duration: 0.2}, two: {duration: 0.3}}"
+    whole = problem(folder).simulate().arrays
+    parted = problem(folder, TRACK.replace("simulation: {duration: 0.5}", phases)).simulate().arrays
+    # The second phase changes nothing: rounding only.
+    np.testing.assert_allclose(parted["q"], whole["q"], atol=1e-9)
+
+
+def test_a_task_that_comes_back_has_the_target_of_the_plan(folder: Path) -> None:
+    one = problem(folder, TRACK.replace("simulation: {duration: 0.5}", AWAY_AND_BACK))
+    assert one.parts.plan is not None
+    executor, start = one.executor(), one.parts.robot.snapshot(one.parts.start)
+    com = next(task for task in one.parts.tasks if task.name == "com")
+    for tick in (0, 60, 110, 160):  # one in each phase, of 2 ms
+        executor.update(tick, start)
+        np.testing.assert_array_equal(com.target, one.parts.plan.at(0.002 * tick).com)
 
 
 def test_a_plan_for_another_robot_is_refused_with_the_numbers(folder: Path) -> None:

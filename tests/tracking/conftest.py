@@ -1,5 +1,6 @@
 """A humanoid, and a plan made from its own pendulum."""
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -56,3 +57,20 @@ def crouch() -> Plan:
 @pytest.fixture
 def plan() -> Plan:
     return crouch()
+
+
+@cache
+def hopping() -> Plan:
+    own = pendulum_of(standing())
+    soles = own.soles(FEET)
+    schedule = (
+        Phase("off", 0.3, soles, 6),
+        Phase("fly", (0.02, 0.1), None, 3),
+        Phase("land", 0.3, soles, 6),
+    )
+    return solve(crouching(own, schedule=schedule, goal=replace(own.rest, momentum=None)))
+
+
+@pytest.fixture
+def hop() -> Plan:
+    return hopping()

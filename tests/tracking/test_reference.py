@@ -53,6 +53,25 @@ def test_the_cop_is_that_of_newton_and_euler(reference: PlanReference, plan: Pla
     np.testing.assert_allclose(target.momentum[:, :3], mass * target.com_velocity, rtol=1e-12)
 
 
+def test_a_flight_is_a_throw_and_its_cop_goes_to_the_landing(hop: Plan, start: Snapshot) -> None:
+    reference = PlanReference(hop, start, flights=True)
+    off, fly, _ = hop.durations
+    away, back = off + STEP, off + fly - STEP  # within the flight
+    inside = np.linspace(away, back, 9)
+    target = reference.at(inside)
+    g = np.array((0.0, 0.0, -hop.problem.gravity))
+    np.testing.assert_allclose(target.com_acceleration, np.tile(g, (9, 1)), atol=1e-9)
+    t = inside[:, None] - away
+    thrown = target.com[0] + t * target.com_velocity[0] + 0.5 * t**2 * g
+    # Straight lines between samples: g/8 of their distance squared.
+    np.testing.assert_allclose(target.com, thrown, atol=2e-6)
+    cop = reference.at(np.array((off - STEP, off + fly + STEP))).cop
+    part = (inside - off) / fly
+    np.testing.assert_allclose(
+        target.cop, (1.0 - part[:, None]) * cop[0] + part[:, None] * cop[1], atol=1e-3
+    )
+
+
 def test_it_begins_as_the_robot_stands(reference: PlanReference, start: Snapshot) -> None:
     first = reference.at(BEGINS)
     np.testing.assert_allclose(first.com, start.com, atol=1e-8)

@@ -18,11 +18,12 @@ from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
 from wbc.problem.levels import REMEDY, TORQUE
 from wbc.problem.mistakes import Misplaced, Mistakes, complaints
-from wbc.problem.plan_targets import refuse_plan
+from wbc.problem.plan_targets import refuse_course
 from wbc.problem.section import KnownKeys
 from wbc.problem.source import Source
 from wbc.problem.spec import PhaseSpec, PhaseTaskSpec, ProblemSpec
 from wbc.problem.support import contacts_of, slack_by_frame
+from wbc.problem.targets import FromPlan
 from wbc.problem.task_spec import TaskSpec
 from wbc.robot import Snapshot
 from wbc.run.phases import Change, Phase
@@ -146,8 +147,8 @@ class _Planner:
         spec = self._merged(("phases", phase, "tasks", name), self._specs[name], given)
         if spec is None:
             return {}
-        refuse_plan(spec.target if "target" in given else None)
         if "target" in given:
+            refuse_course(spec.target, self._specs[name].target)
             _check_feet_below(spec, self._start, contacts)
         spec.check_change(self._specs[name])
         self._built[name] = spec.build(name, self._start)
@@ -197,7 +198,8 @@ class _Planner:
         at_once = before is not None and (
             (joint in held_joints(robot, before)) != (joint in held_joints(robot, contacts))
         )
-        goal = built.goal if active and (given or not was_active) else None
+        follows = isinstance(self._specs[name].target, FromPlan)
+        goal = built.goal if active and (given or not was_active) and not follows else None
         return Change(goal, built.weight if active else None, at_once)
 
     def _carrier(self, name: str) -> int | None:

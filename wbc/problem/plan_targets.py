@@ -13,6 +13,7 @@ from wbc.constraints import Contact
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.reading import read_source
 from wbc.problem.spec import ProblemSpec
+from wbc.problem.support import contacts_of
 from wbc.problem.targets import FromPlan, LoopTarget
 from wbc.robot import Snapshot
 from wbc.run.ramps import TargetedTask
@@ -88,17 +89,31 @@ def follow_plan(
     return led, reference
 
 
-def refuse_plan(target: object) -> None:
-    """Refuse a target of a phase that would follow a plan or a loop.
+def refuse_course(target: object, before: object) -> None:
+    """Refuse a target of a phase that would follow a plan or a loop, or that would leave a plan.
+
+    Parameters
+    ----------
+    target, before:
+        In the phase, and until then.
 
     Raises
     ------
     Misplaced
         It would.
     """
-    if isinstance(target, FromPlan | LoopTarget):
-        what = "a plan is followed" if isinstance(target, FromPlan) else "a loop is gone round"
-        raise Misplaced(f"{what} from the start on, in a run without phases", "target")
+    if isinstance(target, LoopTarget):
+        raise Misplaced("a loop is gone round from the start on, in a run without phases", "target")
+    if isinstance(target, FromPlan):
+        raise Misplaced(
+            "a plan is followed from the start on: give it in the section tasks", "target"
+        )
+    if isinstance(before, FromPlan):
+        raise Misplaced(
+            "the task follows a plan, in all phases in which it is active; give active: false, and"
+            " another task this target",
+            "target",
+        )
 
 
 def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: Mistakes) -> None:
@@ -108,7 +123,7 @@ def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: 
             if not isinstance(spec.tasks[name].target, LoopTarget) or one.course is None:
                 continue
             if spec.phases is not None:
-                refuse_plan(spec.tasks[name].target)
+                refuse_course(spec.tasks[name].target, None)
             lasts, duration = one.course.duration, spec.whole_stop.duration
             if lasts > duration + spec.controller.dt:
                 section = "simulation" if spec.controller.level == "torque" else "stop"
@@ -131,21 +146,29 @@ def _reference(
     Raises
     ------
     WbcError
-        No such plan, one that is not for this robot or longer than the run, or a run with phases.
+        No such plan, one that is not for this robot or longer than the run, or that flies where no
+        phase lets go of the ground.
     """
-    if spec.phases is not None:
-        refuse_plan(wanted)
     feet = held_feet(contacts)
     if not feet:
         raise Misplaced("a plan needs feet on the ground; give support: double, left or right")
+    flights = False
+    for name, phase in (spec.phases or {}).items():
+        if phase.support == "floating":
+            flights = True
+        elif phase.support is not None and held_feet(contacts_of(phase.support, start)) != feet:
+            raise Misplaced(
+                f"a plan is followed on the same feet in all phases but flights, and phase {name!r}"
+                " has others"
+            )
     plan = read_plan(folder / Path(wanted.plan).expanduser())
-    reference = PlanReference(plan, start, feet=feet, begins=wanted.begins)
+    reference = PlanReference(plan, start, feet=feet, begins=wanted.begins, flights=flights)
     duration = spec.whole_stop.duration
     if reference.ends > duration + spec.controller.dt:
         section = "simulation" if spec.controller.level == "torque" else "stop"
+        where = f"{section}.duration" if spec.phases is None else "all phases"
         raise Misplaced(
-            f"the plan ends at {reference.ends:g} s, after the run ({section}.duration,"
-            f" {duration:g} s)"
+            f"the plan ends at {reference.ends:g} s, after the run ({where}, {duration:g} s)"
         )
     return reference
 

@@ -161,8 +161,9 @@ class PhaseExecutor:
             one = self._targeted[name]
             one.set_target(*MinimumJerk(target, target, 1.0, one.space).at(0.0))
         moving = (one.moving(start) for one in tasks)
-        self._moving = [one for one in moving if one is not None]
-        self.ramps_over = max((one.course.duration for one in self._moving), default=0.0)
+        self._lasting = [one for one in moving if one is not None]  # from the start to their end
+        self._moving: list[MovingTarget] = []  # within a phase
+        self.ramps_over = max((one.course.duration for one in self._lasting), default=0.0)
         if move_world is not None:
             move_world(0.0)
         first, *self._coming = phases
@@ -204,7 +205,8 @@ class PhaseExecutor:
                 if reason is not None:
                     self.complaint = f"phase {phase.name!r} cannot begin: {reason}"
                     return None
-            self._move_targets(np.inf)  # what the last phase moved is at its end, and rests
+            for moving in self._moving:  # what the last phase moved is at its end, and rests
+                moving.move_to(np.inf)
             self._moving = []
             tasks = self._changed(phase, snapshot)
             self._change_controller(self.controller, tasks, contacts, snapshot)
@@ -230,7 +232,7 @@ class PhaseExecutor:
         )
 
     def _move_targets(self, time: float) -> None:
-        for moving in self._moving:
+        for moving in (*self._lasting, *self._moving):
             moving.move_to(time)
 
     def _changed(self, phase: Phase, snapshot: Snapshot) -> list[Task]:

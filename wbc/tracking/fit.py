@@ -27,7 +27,7 @@ class PlanMismatchError(InvalidInputError):
     """A plan that is not for this robot: of another mass or place, or on other soles."""
 
 
-def check_fit(plan: Plan, start: Snapshot, feet: Iterable[str]) -> None:
+def check_fit(plan: Plan, start: Snapshot, feet: Iterable[str], *, flights: bool = False) -> None:
     """Refuse a plan that the robot cannot follow on its feet.
 
     Parameters
@@ -35,20 +35,23 @@ def check_fit(plan: Plan, start: Snapshot, feet: Iterable[str]) -> None:
     start:
         The robot at rest, before the plan begins.
     feet:
-        That stand, all the time.
+        That stand, all the time but for flights.
+    flights:
+        Whether the feet leave the ground where the plan does, and come back to where they stood.
 
     Raises
     ------
     PlanMismatchError
-        Another mass or gravity, a first CoM far from the robot's, another inertia, a flight, or
-        supports outside the soles; the message has the numbers of all that do not fit.
+        Another mass or gravity, a first CoM far from the robot's, another inertia, a flight where
+        none may be, or supports outside the soles; the message has the numbers of all that do not
+        fit.
     InvalidInputError
         Soles that are not on the ground.
     UnknownNameError
         The robot has no such foot.
     """
     polygon = sole_polygon(start, feet)
-    found = [*_of_the_body(plan, start), *_of_the_ground(plan, polygon)]
+    found = [*_of_the_body(plan, start), *_of_the_ground(plan, polygon, flights)]
     if found:
         raise PlanMismatchError(
             f"the plan is not for {start.robot.name} as it stands: {'; '.join(found)}; plan with"
@@ -106,10 +109,11 @@ def _of_the_inertia(first: Trajectory, start: Snapshot) -> Iterator[str]:
         )
 
 
-def _of_the_ground(plan: Plan, polygon: Array) -> Iterator[str]:
+def _of_the_ground(plan: Plan, polygon: Array, flights: bool) -> Iterator[str]:
     for phase in plan.problem.schedule:
         if phase.support is None:
-            yield f"phase {phase.name!r} is a flight, and the feet stay on the ground here"
+            if not flights:
+                yield f"phase {phase.name!r} is a flight, and the feet stay on the ground here"
             continue
         out = -float(polygon_margin(polygon, np.array(phase.support)).min())
         if out > OUTSIDE:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
 from wbc.rotations import rotations_from
 from wbc.spatial import COLUMNS, ROWS, vech
@@ -61,23 +60,25 @@ class PlanReference:
 
     Before the plan begins the targets are those of ``start``, at rest: a plan may begin elsewhere,
     such as where a push leaves the robot. After its end they are its last places. The plan is
-    sampled every millisecond, and linear between.
+    sampled every millisecond, and linear between. In a flight there is no CoP: its target goes
+    from where it was to where it will be.
 
     Parameters
     ----------
-    plan:
-        Without a flight.
     start:
         The robot at rest, where it stands; see :func:`wbc.tracking.fit.check_fit`.
     feet:
-        That stand, all the time.
+        That stand, all the time but for flights.
     begins:
         When the plan begins [s].
+    flights:
+        Whether feet leave the ground in the plan's flights, and come back to where they stood: the
+        one who holds them sees to it. Otherwise a plan with a flight is refused.
 
     Raises
     ------
     PlanMismatchError
-        A plan for another robot, place or soles, or with a flight.
+        A plan for another robot, place or soles, or with a flight where none may be.
     InvalidInputError
         Soles that are not on the ground, or a time that is negative.
     UnknownNameError
@@ -85,9 +86,15 @@ class PlanReference:
     """
 
     def __init__(
-        self, plan: Plan, start: Snapshot, *, feet: Iterable[str] = DOUBLE, begins: float = 0.0
+        self,
+        plan: Plan,
+        start: Snapshot,
+        *,
+        feet: Iterable[str] = DOUBLE,
+        begins: float = 0.0,
+        flights: bool = False,
     ) -> None:
-        check_fit(plan, start, feet)
+        check_fit(plan, start, feet, flights=flights)
         self.plan = plan
         self.begins = finite_number("plan reference, begins", begins, least=0.0)
         count = max(int(np.ceil(plan.duration / STEP)), 1)
@@ -132,8 +139,6 @@ def _row(**given: ArrayLike) -> Array:
 
 def _table(motion: Trajectory, mass: float) -> Array:
     """Return what is sampled, side by side (n, 42)."""
-    if np.isnan(motion.cop).any():
-        raise InvalidInputError("plan reference: a moment in flight has no CoP")
     inertia, rate, acceleration = inertia_motion(motion, mass)
     columns = {
         "com": motion.com,
@@ -141,12 +146,19 @@ def _table(motion: Trajectory, mass: float) -> Array:
         "com_acceleration": motion.com_acceleration,
         "momentum": np.hstack((mass * motion.com_velocity, motion.momentum)),
         "momentum_rate": np.hstack((mass * motion.com_acceleration, motion.momentum_rate)),
-        "cop": np.column_stack((motion.cop, np.zeros(len(motion.time)))),
+        "cop": np.column_stack((_through_flights(motion), np.zeros(len(motion.time)))),
         "inertia": inertia,
         "inertia_rate": rate,
         "inertia_acceleration": acceleration,
     }
     return np.hstack([columns[name] for name in _SIZES])
+
+
+def _through_flights(motion: Trajectory) -> Array:
+    """Return the CoP (n, 2), on a straight line where there is none."""
+    known = np.isfinite(motion.cop).all(axis=1)
+    time = motion.time
+    return np.column_stack([np.interp(time, time[known], one[known]) for one in motion.cop.T])
 
 
 def inertia_motion(motion: Trajectory, mass: float) -> tuple[Array, Array, Array]:
