@@ -21,9 +21,9 @@ ACTIVE_SET_ITERATIONS = 300
 # The same for QPs that come once and are asked for nowhere else: relaxed ones of 120 unknowns took
 # up to 996 in 10,000 ticks from wild states, and a few all.
 ONE_OFF_ITERATIONS = 1000
-# Cap on the outer iterations of warm solves where the time is bounded: most take 1 to 3. Cold ones
+# Cap on the outer iterations of warm solves: most take 1 to 3, and 20 took up to 49 ms. Cold ones
 # keep theirs: capped at 8, a hard sequence became a cold solve in every tick, 1.4 ms for 0.3.
-QUICK_ITERATIONS = 8
+WARM_ITERATIONS = 8
 
 
 class ProxQP:
@@ -36,8 +36,9 @@ class ProxQP:
     a solution within 100 eps: a robot that stands still for want of 1e-7 rad/s is worse off, and
     the residuals tell; (6) return a status that says what was found. The workspace of a failed tick
     is dropped, so a failure cannot affect the next tick. Where ProxQP ran into its cap, the next
-    QPs of that name go to the active-set method first, until it fails: what stalls once, stalls in
-    every tick, for milliseconds each. Between calls nothing is kept but that and the warm start.
+    QPs of that name go to the active-set method first, then to step (3) if it calls them
+    infeasible, until both fail: what stalls once, stalls in every tick, for milliseconds each.
+    Between calls nothing is kept but that and the warm start.
 
     Parameters
     ----------
@@ -45,8 +46,8 @@ class ProxQP:
         Accuracy: a solution is accepted when every KKT residual is below eps (1 + the largest term
         it is made of); about one tick in a thousand with active limits everywhere needs step (4).
     max_iterations:
-        Cap on ProxQP's outer iterations, per attempt. Ticks take 2-10; of 2870 cold solves none
-        needed more than 30. A higher cap only prolongs infeasible ticks.
+        Cap on ProxQP's outer iterations, per cold attempt. Ticks take 2-10; of 2870 cold solves
+        none needed more than 30. A higher cap only prolongs infeasible ticks.
     warm:
         False: every solve is cold, as a stateless solver would be.
 
@@ -78,8 +79,8 @@ class ProxQP:
             contact sets of equal size need two names. None: a QP that will not come again; it is
             solved by the active-set method, which starts from nothing in a third of the time.
         quick:
-            Give up after step (2), at a lower cap of iterations when warm and without a search for
-            the rows in conflict: for who knows what to do instead, in bounded time.
+            Give up after step (2), without a search for the rows in conflict: for who knows what
+            to do instead, in bounded time.
 
         Raises
         ------
@@ -90,10 +91,14 @@ class ProxQP:
         check_qp(qp)
         if workspace is None:
             return self._solve_actively(qp, check, self._one_off)
+        exact = None
         if workspace in self._stalled:
-            exact = check.accept(qp, self._active_set.answer(qp), 2)
-            if exact is not None:
-                return exact
+            exact = self._active_set.answer(qp)
+            settled = check.accept(qp, exact, 2)
+            if settled is None and exact.claim is Status.INFEASIBLE:
+                settled = check.refute(qp, exact, 2)
+            if settled is not None:
+                return settled
             self._stalled.remove(workspace)
         key = (workspace, qp.g.size, qp.b.size, qp.u.size)
         last = self._workspaces.pop(key, None)
@@ -105,11 +110,10 @@ class ProxQP:
         if accepted is None and quick:
             return self._solve_actively(qp, check, self._active_set, 2)
         if accepted is None:
-            return self._retry(qp, check, raw, cold=last is None)
+            return self._retry(qp, check, raw, exact, cold=last is None)
         if self.warm:
             self._workspaces[key] = native
-            if quick:
-                native.cap(QUICK_ITERATIONS)
+            native.cap(min(WARM_ITERATIONS, self.max_iterations))
         return accepted
 
     def _solve_actively(
@@ -120,10 +124,15 @@ class ProxQP:
         nearly = replace(check, eps=NEARLY * self.eps)
         return nearly.accept(qp, exact, attempts) or check.judge(qp, exact, attempts)
 
-    def _retry(self, qp: QP, check: SolveCheck, raw: RawSolution, cold: bool) -> Solution:
+    def _retry(
+        self, qp: QP, check: SolveCheck, raw: RawSolution, exact: RawSolution | None, cold: bool
+    ) -> Solution:
         """Solve by other means what was not solved, or return a status that says why not."""
-        exact = self._active_set.answer(qp)
-        settled = check.accept(qp, exact, 2) or check.refute(qp, raw, 2)
+        settled = None
+        if exact is None:
+            exact = self._active_set.answer(qp)
+            settled = check.accept(qp, exact, 2)
+        settled = settled or check.refute(qp, raw, 2)
         if settled is not None:
             return settled
         if not cold:
