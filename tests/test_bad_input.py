@@ -148,14 +148,28 @@ def test_nothing_floats_that_is_bolted(robot_named, caplog: pytest.LogCaptureFix
     assert "floats" not in caplog.text
 
 
-def test_a_weight_may_be_switched_off_later(robot_named) -> None:
+@pytest.mark.parametrize("aloud", [True, False])
+def test_a_task_may_be_switched_off_later(robot_named, caplog, aloud: bool) -> None:
+    """By an assignment, which a user may not have meant, or on purpose; the CoM then is free."""
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture())
-    tasks = [ComTask(robot, here.com), PostureTask(robot, here.q)]
-    made = KinematicController(robot, tasks, contacts=support(here, "double"))
-    tasks[0].weight = 0.0
-    made.set_contacts(support(here, "left"))
-    assert made.step(here).ok
+    com = ComTask(robot, here.com + (0.0, 0.0, -0.05))
+    made = KinematicController(
+        robot, [com, PostureTask(robot, here.q)], contacts=support(here, "double")
+    )
+    assert np.abs(made.step(here).velocity).max() > 0.01
+    with caplog.at_level(logging.WARNING):
+        if aloud:
+            com.weight = 0.0
+            com.weight = 0.0  # said once
+        else:
+            com.switch_off()
+    assert caplog.text.count("'com': its weight is set to 0") == aloud
+    tick = made.step(here)
+    assert tick.ok
+    assert np.abs(tick.velocity).max() < 1e-9  # rad/s: solver's rounding
+    com.weight = 1.0
+    assert np.abs(made.step(here).velocity).max() > 0.01
 
 
 def test_a_constraint_with_robot_and_name_is_enough(robot_named) -> None:

@@ -26,6 +26,7 @@ from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.parts import (
+    check_list,
     check_parts,
     check_snapshot,
     held_by,
@@ -82,8 +83,7 @@ class Controller(ABC):
         Factors on the damping, so that it is 1/2 damping * sum of weight * v^2: a joint of weight
         10 moves a tenth as much as one of weight 1 that serves as well. By name or pattern
         (``{"*wrist*": 10, "base": 100}``, later entries win, all others 1), or (nv,). They decide
-        what the tasks leave open, and nothing if a posture task leaves nothing open: give that
-        task ``joints``, or raise ``damping`` towards the squares of the tasks' weights.
+        what tasks leave open: beside a posture task of all joints, nothing at usual damping.
     on_failure:
         What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
         (half the measured velocity, within limits), ``"closest"`` (within limits, missing the other
@@ -162,6 +162,7 @@ class Controller(ABC):
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
         """Change what is held: :meth:`change` for contacts alone."""
+        check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
 
     def step(self, snapshot: Snapshot) -> Tick:
@@ -342,9 +343,8 @@ class Controller(ABC):
         """Return the command of the declared policy, within the limits' box, and what it misses."""
         nv = self.robot.nv
         if self.on_failure == "closest":
-            qp = outcome.first
-            found = least_infeasible(qp)
-            return found.x[:nv], {**slacks_of(qp, found.x), **found.slack}
+            found = least_infeasible(outcome.first)
+            return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, *outcome.box), {}
         return np.zeros(nv), {}

@@ -40,7 +40,7 @@ def refuse_idle(tasks: Sequence[Task]) -> None:
         if not task.weight.any():
             raise InvalidInputError(
                 f"controller: {task} has no weight and would do nothing; leave it out, or give it"
-                " a weight (one may be set to 0 later, to switch a task off)"
+                " a weight (switch_off() of a task does that later)"
             )
 
 
@@ -86,7 +86,7 @@ def check_parts(
         ("contacts", contacts, Task),
         ("constraints", constraints, Constraint),
     ):
-        _check_list(kind, given, wanted)
+        check_list(kind, given, wanted)
     for contact in contacts:
         if isinstance(contact, ForceTask):
             raise InvalidInputError(
@@ -190,7 +190,8 @@ def one_of(kind: str, value: str, choices: Sequence[str]) -> str:
     return value
 
 
-def _check_list(kind: str, given: Any, wanted: type) -> None:
+def check_list(kind: str, given: Any, wanted: type) -> None:
+    """Refuse what is no list of parts; :class:`~wbc.errors.InvalidInputError` says what it is."""
     what = "Task objects" if wanted is Task else "Constraint objects"
     if isinstance(given, wanted):
         raise InvalidInputError(f"controller, {kind}: expected a list, got one; write [...]")

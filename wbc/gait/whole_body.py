@@ -136,7 +136,7 @@ class WholeBody:
             **settings,
         )
         for task in self._swing.values():
-            task.weight = 0.0
+            task.switch_off()
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:
@@ -148,7 +148,7 @@ class WholeBody:
         feet = tuple(feet)
         self.controller.set_contacts(self._held(snapshot, feet), ramp=ramp)
         for foot in feet:
-            self._swing[foot].weight = 0.0
+            self._swing[foot].switch_off()
 
     def swing(self, foot: str, pose: FootPose) -> None:
         """Lead a foot through the air."""

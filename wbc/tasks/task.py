@@ -32,11 +32,11 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.tasks.keywords import FIRST_ORDER, SECOND_ORDER, LawKeywords
 from wbc.tasks.sealed import Sealed, check_attribute
+from wbc.tasks.weights import checked_weight, warn_if_lost
 from wbc.validate import (
     Array,
     finite_array,
     finite_number,
-    finite_vector,
     names_of,
     plain_copy,
     read_only,
@@ -157,7 +157,9 @@ class Task(metaclass=Sealed):
     def __setattr__(self, name: str, value: object) -> None:
         check_attribute(self, name)
         if name == "weight":
-            value = self._checked_weight(value)
+            value = checked_weight(str(self), value, len(self.rows))
+            if "weight" in self.__dict__:
+                warn_if_lost(str(self), self.weight, value)
         object.__setattr__(self, name, value)
         self.__dict__["_changes"] = self._changes + 1
 
@@ -169,6 +171,11 @@ class Task(metaclass=Sealed):
 
         @weight.setter
         def weight(self, value: ArrayLike) -> None: ...
+
+    def switch_off(self) -> None:
+        """Set the weight to 0 on purpose: the task does nothing until it is given one again."""
+        self.__dict__["weight"] = read_only(np.zeros(len(self.rows)))
+        self.__dict__["_changes"] = self._changes + 1
 
     @property
     def target(self) -> Array:
@@ -296,15 +303,6 @@ class Task(metaclass=Sealed):
         if law.gain == 0.0 and not self._may_rest:
             raise InvalidInputError(f"{self}, gain: must be greater than 0, got 0")
         self.law, self.acceleration_law = law, acceleration_law
-
-    def _checked_weight(self, weight: Any) -> Array:
-        what = f"{self}, weight"
-        size = len(self.rows)
-        one = not isinstance(weight, Iterable) or getattr(weight, "ndim", 1) == 0
-        vector = finite_vector(what, [weight] * size if one else weight, size)
-        if (vector < 0.0).any():
-            raise InvalidInputError(f"{what}: must not be negative, got {weight!r}")
-        return read_only(vector)
 
     def _target(self, value: ArrayLike, shape: tuple[int, ...], what: str = "target") -> Array:
         plain = plain_copy(value, shape)  # in every tick: no words unless they are needed

@@ -1,0 +1,36 @@
+"""A task's weight: checked when it is set, and not lost by mistake."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from typing import Any
+
+from wbc.errors import InvalidInputError
+from wbc.validate import Array, finite_vector, read_only
+
+
+def checked_weight(task: str, weight: Any, size: int) -> Array:
+    """Return factors (size,) on a task's rows, of one for all or one each.
+
+    Raises
+    ------
+    InvalidInputError
+        Not numbers, not as many, or negative.
+    """
+    what = f"{task}, weight"
+    one = not isinstance(weight, Iterable) or getattr(weight, "ndim", 1) == 0
+    vector = finite_vector(what, [weight] * size if one else weight, size)
+    if (vector < 0.0).any():
+        raise InvalidInputError(f"{what}: must not be negative, got {weight!r}")
+    return read_only(vector)
+
+
+def warn_if_lost(task: str, before: Array, weight: Array) -> None:
+    """Say that a task that did something does nothing from now on."""
+    if before.any() and not weight.any():
+        logging.getLogger(__name__).warning(
+            "%s: its weight is set to 0, so that it does nothing until it has one again;"
+            " switch_off() does that without this warning",
+            task,
+        )
