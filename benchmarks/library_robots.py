@@ -19,23 +19,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import process_time
 
-import coal
 import numpy as np
-import pinocchio as pin
 from random_ticks import SUPPORTS, inside, random_tasks
+from raw_shapes import RawShapes
 
 from wbc.constraints import Contact, Limits, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
-from wbc.robot.collision.bodies import named_shapes
 from wbc.robot.library import find_robot
 from wbc.robot.postures import stands
 
 DT = 0.005
 EPISODE = 100
 MARGIN = 0.01
-ROUNDING = 1e-6  # m: of Coal's distances
 SIDES = {"left", "right"}
 
 
@@ -73,51 +70,6 @@ def draw(robot: Robot, target: Path) -> None:
     from wbc.view import plot_robot
 
     plot_robot(robot, {"standing": robot.posture()}, target)
-
-
-class RawShapes:
-    """The shapes of a robot's files, placed by Pinocchio and measured by Coal."""
-
-    def __init__(self, robot: Robot, margins: SelfCollision) -> None:
-        self.robot, self.data = robot, robot.model.createData()
-        named = {name: shape for name, _, shape in named_shapes(robot)}
-        for shape in named.values():
-            shape.geometry.computeLocalAABB()
-        names = list(named)
-        self.shapes = list(named.values())
-        self.centres = np.array([shape.geometry.aabb_center for shape in self.shapes])
-        radii = np.array([shape.geometry.aabb_radius for shape in self.shapes])
-        kept: dict[tuple[int, int], float] = {}  # the least margin of two shapes' parts
-        for label, margin in zip(margins.model.labels, margins.margins, strict=True):
-            a, b = (names.index(body.partition("/")[0]) for body in label.split(" vs "))
-            kept[a, b] = min(kept.get((a, b), np.inf), float(margin))
-        self.pairs = np.array(list(kept))
-        self.margins = np.array(list(kept.values()))
-        self.reach = radii[self.pairs].sum(axis=1) + self.margins
-
-    def broken(self, q: np.ndarray) -> tuple[float, str]:
-        """Return by how much a margin is broken [m] at most, and by which pair; 0 if none is."""
-        pin.forwardKinematics(self.robot.model, self.data, q)
-        poses = [self.data.oMi[shape.parentJoint] * shape.placement for shape in self.shapes]
-        centres = [pose.act(c) for pose, c in zip(poses, self.centres, strict=True)]
-        first, second = np.array(centres)[self.pairs.T]
-        worst = 0.0, ""
-        for k in np.flatnonzero(np.linalg.norm(first - second, axis=1) < self.reach):
-            one, two = ((self.shapes[i], poses[i]) for i in self.pairs[k])
-            solids = [
-                (shape.geometry, coal.Transform3s(p.rotation, p.translation))
-                for shape, p in (one, two)
-            ]
-            request = coal.CollisionRequest()
-            request.security_margin = float(self.margins[k]) - ROUNDING
-            if not coal.collide(*solids[0], *solids[1], request, coal.CollisionResult()):
-                continue
-            found = coal.distance(
-                *solids[0], *solids[1], coal.DistanceRequest(), coal.DistanceResult()
-            )
-            lacking = float(self.margins[k] - found), f"{one[0].name} vs {two[0].name}"
-            worst = max(worst, lacking)
-        return worst
 
 
 def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:

@@ -5,8 +5,8 @@ the base), 2 ms of delay, and masses 10 % off: how it ended, how far feet moved 
 and as measured, the largest error of CoM and raised feet, the CoP's distance from the planned one
 (99 % of the ticks, and the largest; a foot that lands makes spikes of some milliseconds), the
 largest ground force of a step of the physics, of a mean over 10 ms and over 50 ms, and the ticks in
-which something gave way. Errors are of the true states; of feet that only some rows of a task lead,
-as in a fall, they say nothing.
+which something gave way. Errors are of the true states; what a file does not lead has none ("-"):
+feet count if all rows of their places are led whenever any is, which is not so in a fall.
 
     python benchmarks/motions.py problems/shiko_torque_hoap2.yaml [...] [--seeds 10]
 """
@@ -99,7 +99,7 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
     true = [robot.snapshot(q) for q in arrays["q"][: len(measured)]]
     feet = []
     for name in robot.feet:
-        if f"{name} foot" in errors:
+        if f"{name} foot" in errors and led_all_the_way(problem, f"{name} foot"):
             off = [s.position(robot.feet[name].frame) for s in true]
             off = np.array(off) - [s.position(robot.feet[name].frame) for s in measured]
             feet.append(errors[f"{name} foot"][:, :3] + off)
@@ -123,6 +123,12 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
     }
 
 
+def led_all_the_way(problem: Problem, task: str) -> bool:
+    """Return whether all rows of a foot's place have weight in each phase in which any has."""
+    weights = [phase.changes[task].weight for phase in problem.parts.phases]
+    return all(weight is None or bool((weight[:3] > 0.0).all()) for weight in weights)
+
+
 def largest(errors: np.ndarray | None) -> float:
     """Return the largest norm of a row; NaN where a task was off."""
     if errors is None or not np.isfinite(errors).any():
@@ -138,7 +144,10 @@ def main(paths: list[Path], seeds: int) -> None:
             assert isinstance(problem, Problem)
             result, forces = simulated(problem)
             found = figures(problem, result, forces)
-            told = "  ".join(f"{name} {value:6.2f}" for name, value in found.items())
+            told = "  ".join(
+                f"{name} {value:6.2f}" if np.isfinite(value) else f"{name}      -"
+                for name, value in found.items()
+            )
             name = f"seed {seed}" if seed else "exact"
             print(f"  {name:8} {told}  {result.status.value}: {result.reason}", flush=True)
 

@@ -4,8 +4,12 @@ Every trial has sensor noise of 1e-3 rad and 0.05 rad/s on joints and base, 2 ms
 masses that are wrong by up to 10 % (by the seed). Trials run in processes; each is a line of a
 journal, and what is there already is not run again; a journal of other settings is refused.
 
-    python benchmarks/walking.py JOURNAL.jsonl [--only speed push ground schedule] [--seeds 10]
-        [--workers 2]
+The group ``meshes`` measures the shapes of the robot's files against each other every 20 ms, with
+and without a ``SelfCollision`` constraint: told is the least distance, of pairs that are more than
+2 cm apart when the robot stands.
+
+    python benchmarks/walking.py JOURNAL.jsonl [--only speed push ground schedule meshes]
+        [--seeds 10] [--workers 2]
 """
 
 import os
@@ -21,8 +25,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from raw_shapes import RawShapes
 
 import wbc
+from wbc.constraints import SelfCollision
 from wbc.controllers import Controller
 from wbc.gait import Velocity, Walker
 from wbc.gait.commanded import CommandedWalk, TimedCommand
@@ -50,6 +56,10 @@ PUSHED, FORCE, LASTING = 0.5, 100.0, 0.2
 # What trials depend on beside their own numbers.
 MADE_OF = {"wbc": wbc.__version__, "dt": DT, "armature": ARMATURE, "push": (FORCE, LASTING)}
 MOMENT = 1.0  # s to wait for what came of a trial
+# Every how many ticks raw shapes are measured, and how far apart pairs stand that count [m].
+MEASURED, STANDS = 10, 0.02
+MARGIN = 5e-3  # m, of the constraint
+GROUPS = ("speed", "push", "ground", "schedule", "meshes")
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,8 @@ class Trial:
         (angle [rad], part of the step in which it begins), or None.
     ground:
         ``level``, ``steps``, or slopes and friction: (along x, along y, friction).
+    bodies:
+        Whether they are kept apart by a constraint.
     """
 
     group: str
@@ -74,6 +86,7 @@ class Trial:
     steps: int | None = STEPS
     push: tuple[float, float] | None = None
     ground: tuple[float, float, float] | str = "level"
+    bodies: bool = False  # kept apart
 
     @property
     def key(self) -> str:
@@ -100,8 +113,14 @@ def trials(seeds: int) -> Iterator[Trial]:
         for name, ground in GROUND.items():
             yield Trial("ground", name, "g1", seed, walk, 20, None, ground)
         yield Trial("schedule", "60 s", "g1", seed, SCHEDULE, None)
+        for robot in MESHES:
+            for bodies in (False, True):
+                walk = ((0.2, SPEED[robot], 0.0, 0.0),)
+                name = "kept apart" if bodies else "not kept apart"
+                yield Trial("meshes", name, robot, seed, walk, 10, bodies=bodies)
 
 
+MESHES = ("g1", "talos", "hoap2_like")
 TILT = math.tan(math.radians(6.0))
 GROUND: dict[str, tuple[float, float, float] | str] = {
     "up 6 deg": (TILT, 0.0, 0.8),
@@ -163,7 +182,9 @@ def walked(trial: Trial) -> dict[str, Any]:
     plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=ModelMismatch(mass=mass))
     # The soles lie flat on the ground.
     plant.reset(turned_with(robot.posture("standing"), terrain.normal))
-    walker = Walker(robot, dt=DT)
+    margins = [SelfCollision(robot, margin=MARGIN)] if trial.bodies else []
+    walker = Walker(robot, constraints=margins, dt=DT)
+    nearest = Nearest(robot) if trial.group == "meshes" else None
     commands = [TimedCommand(at, Velocity(*velocity)) for at, *velocity in trial.commands]
     walk = CommandedWalk(walker, commands, lambda: plant.contact_forces)
     end = commands[-1].at + 3.0 if trial.steps is None else MOST
@@ -185,6 +206,8 @@ def walked(trial: Trial) -> dict[str, Any]:
     try:
         for now in simulate(walker.controller, plant, end, update=lead):
             ticks, relaxed = ticks + 1, relaxed + bool(now.tick.policy)
+            if nearest is not None and ticks % MEASURED == 0:
+                nearest.look(plant.state()[0])
         stood, reason = now.verdict.stood, now.verdict.reason
     except SimulationError as error:
         stood, reason = False, str(error)
@@ -200,7 +223,21 @@ def walked(trial: Trial) -> dict[str, Any]:
         "speed": float(np.linalg.norm(way[:2])) / max(plant.time, DT),
         "heading": walker.heading,
         "relaxed": relaxed / max(ticks, 1),
+        **({} if nearest is None else {"nearest": nearest.least[0], "pair": nearest.least[1]}),
     }
+
+
+class Nearest:
+    """The least distance of a robot's bodies over a walk, by the shapes of its files."""
+
+    def __init__(self, robot: wbc.Robot) -> None:
+        self.raw = RawShapes(robot, SelfCollision(robot, margin=MARGIN))
+        self.apart = self.raw.distances(robot.posture("standing")) > STANDS
+        self.least = math.inf, ""
+
+    def look(self, q: np.ndarray) -> None:
+        """Take note of a configuration."""
+        self.least = min(self.least, self.raw.nearest(q, self.apart))
 
 
 def walk_in_processes(wanted: Sequence[Trial], size: int) -> Iterator[dict[str, Any]]:
@@ -233,8 +270,10 @@ def table(rows: list[dict[str, Any]]) -> str:
         speed = float(np.mean([row["speed"] for row in found]))
         relaxed = float(np.mean([row["relaxed"] for row in found]))
         share = f"{stood}/{len(found)}"
+        near = min((row["nearest"], row["pair"]) for row in found) if group == "meshes" else None
+        told = "" if near is None else f"  nearest {1e3 * near[0]:.1f} mm: {near[1]}"
         lines.append(
-            f"{group:9} {robot:11} {name:20} {share:>9} {speed:6.2f} {100 * relaxed:8.3f}%"
+            f"{group:9} {robot:11} {name:20} {share:>9} {speed:6.2f} {100 * relaxed:8.3f}%{told}"
         )
     return "\n".join(lines)
 
@@ -242,7 +281,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("journal", type=Path)
-    parser.add_argument("--only", nargs="+", default=["speed", "push", "ground", "schedule"])
+    parser.add_argument("--only", nargs="+", default=list(GROUPS), choices=GROUPS)
     parser.add_argument("--robots", nargs="+", default=list(SPEED))
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)

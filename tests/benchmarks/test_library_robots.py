@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import coal
+import numpy as np
 import pinocchio as pin
 import pytest
 
@@ -38,6 +39,20 @@ def test_a_margin_that_raw_shapes_break_is_found(bolt: Robot) -> None:
         placed += [shapes[name].geometry, coal.Transform3s(pose.rotation, pose.translation)]
     meeting = coal.collide(*placed, coal.CollisionRequest(), coal.CollisionResult())
     assert meeting > 0
+
+
+def test_the_nearest_pair_is_that_of_all_distances(bolt: Robot) -> None:
+    raw = library_robots.RawShapes(bolt, SelfCollision(bolt, margin=0.01))
+    random = np.random.default_rng(4)
+    for _ in range(10):
+        q = bolt.posture("standing")
+        q[7:] += random.normal(scale=0.3, size=bolt.nq - 7)
+        among = random.random(len(raw.pairs)) < 0.5
+        all_of_them = raw.distances(q)
+        found, pair = raw.nearest(q, among)
+        k = int(np.flatnonzero(among)[all_of_them[among].argmin()])
+        assert found == max(all_of_them[k], 0.0)
+        assert pair == raw.label(k) or found == 0.0  # several may meet
 
 
 def test_random_ticks_keep_the_margins_of_bolt(bolt: Robot) -> None:
