@@ -150,6 +150,53 @@ def test_where_it_stalls_the_active_set_method_comes_first(ticks, monkeypatch):
     assert solves
 
 
+def _counted(monkeypatch):
+    """Return the list to which ProxQP's solves are added as they are made."""
+    solves = []
+    for name in ("solve_cold", "solve_warm"):
+        honest = getattr(Workspace, name)
+
+        def counted(self, *qp, honest=honest, name=name):
+            solves.append(name)
+            return honest(self, *qp)
+
+        monkeypatch.setattr(Workspace, name, counted)
+    return solves
+
+
+def _beyond_its_box(qp):
+    """The QP with an equality row that no point of its box meets."""
+    row = np.zeros((1, qp.g.size))
+    row[0, 0] = 1.0
+    names = {"lower": np.full(qp.g.size, -1.0), "upper": np.full(qp.g.size, 1.0)}
+    return QP.build(P=qp.P, g=qp.g, A=row, b=[2.0], **names)
+
+
+def test_in_bounded_time_proxqp_is_not_asked_for_what_has_no_solution(ticks, monkeypatch):
+    """From nothing it would take all its iterations: an active-set method says no at once."""
+    solves, backend = _counted(monkeypatch), ProxQP()
+    first, second = ticks(seed=4, count=2, mi=25)
+    for _ in range(3):
+        assert not backend.solve(_beyond_its_box(first), quick=True).solved
+    assert solves == []
+    for qp in (first, second):
+        solution = backend.solve(qp, quick=True)
+        assert solution.solved
+        np.testing.assert_allclose(solution.x, make_backend("daqp").solve(qp).x, atol=1e-6)
+    assert solves == ["solve_cold", "solve_warm"]
+
+
+def test_in_bounded_time_what_stalls_is_left_to_the_active_set_method(ticks, monkeypatch):
+    """Whatever follows: a QP without solution is no reason to ask what stalled."""
+    solves, backend = _counted(monkeypatch), ProxQP(max_iterations=1)
+    first, second = ticks(seed=4, count=2, mi=25)
+    assert backend.solve(first, quick=True).solved
+    assert solves == ["solve_cold"]
+    assert not backend.solve(_beyond_its_box(first), quick=True).solved
+    assert backend.solve(second, quick=True).solved
+    assert solves == ["solve_cold"]
+
+
 def test_an_active_set_method_saves_a_tick(ticks):
     qp = next(iter(ticks(seed=4, count=1)))
     solution = ProxQP(max_iterations=1).solve(qp)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import replace
 from time import perf_counter
+from typing import NamedTuple
 
 from wbc.qp.daqp import Daqp
 from wbc.qp.kkt import SolveCheck
@@ -24,6 +25,19 @@ ONE_OFF_ITERATIONS = 1000
 # Cap on the outer iterations of warm solves: most take 1 to 3, and 20 took up to 49 ms. Cold ones
 # keep theirs: capped at 8, a hard sequence became a cold solve in every tick, 1.4 ms for 0.3.
 WARM_ITERATIONS = 8
+
+
+class _Attempt(NamedTuple):
+    """What ProxQP answered, what is accepted of it, and whether it started from nothing."""
+
+    accepted: Solution | None
+    raw: RawSolution
+    cold: bool
+
+    @property
+    def capped(self) -> bool:
+        """Whether it ran into its cap of iterations."""
+        return self.raw.claim is Status.ITERATION_LIMIT
 
 
 class ProxQP:
@@ -79,8 +93,9 @@ class ProxQP:
             contact sets of equal size need two names. None: a QP that will not come again; it is
             solved by the active-set method, which starts from nothing in a third of the time.
         quick:
-            Give up after step (2), without a search for the rows in conflict: for who knows what
-            to do instead, in bounded time.
+            Give up after step (2), without a search for the rows in conflict, and before ProxQP is
+            asked from nothing for what has no solution: for who knows what to do instead, in
+            bounded time.
 
         Raises
         ------
@@ -91,6 +106,8 @@ class ProxQP:
         check_qp(qp)
         if workspace is None:
             return self._solve_actively(qp, check, self._one_off)
+        if quick:
+            return self._solve_quickly(qp, check, workspace)
         exact = None
         if workspace in self._stalled:
             exact = self._active_set.answer(qp)
@@ -100,21 +117,43 @@ class ProxQP:
             if settled is not None:
                 return settled
             self._stalled.remove(workspace)
-        key = (workspace, qp.g.size, qp.b.size, qp.u.size)
+        attempt = self._attempt(qp, check, workspace)
+        if attempt.accepted is not None:
+            return attempt.accepted
+        if attempt.capped and self.warm:
+            self._stalled.add(workspace)
+        return self._retry(qp, check, attempt.raw, exact, cold=attempt.cold)
+
+    def _solve_quickly(self, qp: QP, check: SolveCheck, workspace: Hashable) -> Solution:
+        """Solve in bounded time.
+
+        A QP without solution takes ProxQP 15 to 20 ms from nothing, and the active-set method half
+        a millisecond: where there is no warm start it is asked first whether there is one.
+        """
+        exact, stalled = None, workspace in self._stalled
+        if stalled or _key(workspace, qp) not in self._workspaces:
+            exact = self._solve_actively(qp, check, self._active_set)
+            if stalled or not exact.solved:
+                return exact
+        attempt = self._attempt(qp, check, workspace)
+        if attempt.accepted is not None:
+            return attempt.accepted
+        exact = exact or self._solve_actively(qp, check, self._active_set, 2)
+        if attempt.capped and exact.solved and self.warm:  # it was ProxQP, not the QP
+            self._stalled.add(workspace)
+        return exact
+
+    def _attempt(self, qp: QP, check: SolveCheck, workspace: Hashable) -> _Attempt:
+        """Ask ProxQP, warm if it can be; a workspace is kept while its answers are accepted."""
+        key = _key(workspace, qp)
         last = self._workspaces.pop(key, None)
         native = last or Workspace.create(qp, self.eps, self.max_iterations)
         raw = native.solve_cold() if last is None else native.solve_warm(qp)
         accepted = check.accept(qp, raw)
-        if accepted is None and raw.claim is Status.ITERATION_LIMIT and self.warm:
-            self._stalled.add(workspace)
-        if accepted is None and quick:
-            return self._solve_actively(qp, check, self._active_set, 2)
-        if accepted is None:
-            return self._retry(qp, check, raw, exact, cold=last is None)
-        if self.warm:
+        if accepted is not None and self.warm:
             self._workspaces[key] = native
             native.cap(min(WARM_ITERATIONS, self.max_iterations))
-        return accepted
+        return _Attempt(accepted, raw, cold=last is None)
 
     def _solve_actively(
         self, qp: QP, check: SolveCheck, solver: Daqp, attempts: int = 1
@@ -148,3 +187,8 @@ class ProxQP:
             or nearly.accept(qp, raw, 4)
             or replace(check, explain=False).judge(qp, polished, 4)  # refuted it was not
         )
+
+
+def _key(workspace: Hashable, qp: QP) -> tuple[Hashable, int, int, int]:
+    """Return what a warm start is kept for."""
+    return workspace, qp.g.size, qp.b.size, qp.u.size
