@@ -6,8 +6,13 @@ neighbours' published figures for the same job without an inertia task are in do
 
 Solvers and formulations are interleaved, block by block, so that a drift of the machine's speed
 hits all alike. Medians are wall time; p99 is thread CPU time, which other processes do not disturb.
+Every round is a process of its own: where memory happens to lie is a part of the noise.
 
     python benchmarks/tick.py [--robot g1] [--ticks 2000] [--solvers proxqp daqp]
+        [--output benchmarks/RESULTS.md] [--history ticks.jsonl]
+
+A history has a line of figures for each run; a run is compared with the last one before it of the
+same robot, machine and core: see wbc/bench/compare.py. The exit code is 3 if a tick is slower.
 """
 
 import os
@@ -16,16 +21,27 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads
 
 import argparse
 import json
-import platform
+import shlex
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter, thread_time
+from typing import Any
 
 import numpy as np
 
+from wbc.bench.compare import Verdict
+from wbc.bench.history import FORMAT, NothingToCompareError, changes_since, last_like
+from wbc.bench.measure import reference_time
+from wbc.bench.page import put_section
+from wbc.bench.summary import machine
+from wbc.bench.tables import Table
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller
+from wbc.native import core
+from wbc.problem.provenance import version_of, versions
 from wbc.qp.backend import installed_solvers
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation
@@ -52,6 +68,7 @@ class Run:
     cpu: list[float] = field(default_factory=list)
     stages: list[tuple[float, ...]] = field(default_factory=list)
     com_error: list[float] = field(default_factory=list)
+    units: list[float] = field(default_factory=list)  # of blocks, by the fixed computation around
     failures: int = 0
 
     def advance(self) -> None:
@@ -79,18 +96,11 @@ class Run:
         self.q = self.robot.integrate(self.q, self.v, DT)
         self.ticks += 1
 
-    def summary(self) -> dict[str, float]:
-        """Return medians and tails [us], failures, and errors [mm] as a check of the work."""
-        stages = np.median(np.array(self.stages), axis=0) * 1e6
-        return {
-            "median": float(np.median(self.wall) * 1e6),
-            "p99 (cpu)": float(np.percentile(self.cpu, 99) * 1e6),
-            **dict(zip(STAGES, stages.tolist(), strict=True)),
-            "com rms mm": float(np.sqrt(np.mean(np.square(self.com_error))) * 1e3),
-            "foot slip mm": 1e3
-            * max(c.slip(self.robot.snapshot(self.q)) for c in self.controller.contacts),
-            "failures": self.failures,
-        }
+    def told(self) -> dict[str, Any]:
+        """Return everything that was measured."""
+        slips = [one.slip(self.robot.snapshot(self.q)) for one in self.controller.contacts]
+        names = ("wall", "cpu", "stages", "com_error", "units", "failures")
+        return {name: getattr(self, name) for name in names} | {"slip": max(slips)}
 
 
 def make_run(robot: Robot, solver: str, formulation: str) -> Run:
@@ -126,29 +136,116 @@ def torso_frame(robot: Robot) -> str:
     return names[0] if names else "base"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--robot", default="g1")
-    parser.add_argument("--ticks", type=int, default=2000)
-    parser.add_argument("--solvers", nargs="+", default=["proxqp", "daqp"])
-    parser.add_argument("--output", type=Path, help="write the figures as JSON")
-    options = parser.parse_args()
-    robot = Robot.load(options.robot)
-    solvers = [name for name in options.solvers if name in installed_solvers()]
+def run_round(robot: Robot, solvers: list[str], ticks: int) -> dict[str, Any]:
+    """Return what is measured in this process, by kind of tick."""
     runs = [make_run(robot, s, f) for s in solvers for f in ("equality", "reduced")]
-    for _ in range(-(-(WARM_UP + options.ticks) // BLOCK)):
+    before = reference_time()
+    for _ in range(-(-(WARM_UP + ticks) // BLOCK)):
         for run in runs:
             for _ in range(BLOCK):
                 run.advance()
-    rows = {run.label: run.summary() for run in runs}
-    print(f"{robot.name}, nv {robot.nv}, double support; us per tick, {platform.machine()}")
-    columns = list(next(iter(rows.values())))
-    print(f"{'':20s}" + "".join(f"{name:>13s}" for name in columns))
-    for label, row in rows.items():
-        print(f"{label:20s}" + "".join(f"{row[name]:13.3g}" for name in columns))
+            after = reference_time()
+            if run.cpu:
+                run.units.append(2.0 * float(np.median(run.cpu[-BLOCK:])) / (before + after))
+            before = after
+    return {run.label: run.told() for run in runs}
+
+
+def summary(rounds: list[dict[str, Any]], label: str) -> dict[str, Any]:
+    """Return medians and tails [us], failures, and errors [mm] as a check of the work."""
+    mine = [one[label] for one in rounds]
+    wall, cpu, stages, error = (
+        np.concatenate([one[name] for one in mine])
+        for name in ("wall", "cpu", "stages", "com_error")
+    )
+    middle = 1e6 * np.median(stages, axis=0)
+    return {
+        "median": float(np.median(wall) * 1e6),
+        "p99 (cpu)": float(np.percentile(cpu, 99) * 1e6),
+        **dict(zip(STAGES, middle.tolist(), strict=True)),
+        "com rms mm": float(np.sqrt(np.mean(np.square(error))) * 1e3),
+        "foot slip mm": 1e3 * max(one["slip"] for one in mine),
+        "failures": sum(one["failures"] for one in mine),
+        "passes": [float(np.median(one["units"])) for one in mine],
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robot", default="g1")
+    parser.add_argument("--ticks", type=int, default=2000)
+    parser.add_argument("--rounds", type=int, default=10, help="processes that share the ticks")
+    parser.add_argument("--solvers", nargs="+", default=["proxqp", "daqp"])
+    parser.add_argument("--output", type=Path, help="put the table here, between its marks")
+    parser.add_argument("--history", type=Path, help="compare with its last run, and add this one")
+    parser.add_argument("--round", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    solvers = [name for name in options.solvers if name in installed_solvers()]
+    robot = Robot.load(options.robot)
+    share = -(-options.ticks // options.rounds)
+    if options.round:
+        print(json.dumps(run_round(robot, solvers, options.ticks)))
+        return 0
+    command = [sys.executable, __file__, "--round", "--robot", options.robot]
+    command += ["--ticks", str(share), "--solvers", *solvers]
+    rounds = []
+    for _ in range(options.rounds):
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+        rounds.append(json.loads(done.stdout))
+    figures = {
+        "format": FORMAT,
+        "robot": robot.name,
+        "core": core() is not None,
+        "machine": machine(),
+        "versions": {**versions(), "daqp": version_of("daqp")},
+        "command": shlex.join(["python", "benchmarks/tick.py", *sys.argv[1:]]),
+        "rounds": options.rounds,
+        "ticks": {label: summary(rounds, label) for label in rounds[0]},
+    }
+    text = section(figures, robot.nv, options.rounds * share)
+    print(text)
     if options.output:
-        options.output.write_text(json.dumps(rows, indent=2))
+        put_section(options.output, "ticks", text)
+    return added(options.history, figures) if options.history else 0
+
+
+def section(figures: dict[str, Any], nv: int, ticks: int) -> str:
+    """Return the figures as a section of a page."""
+    rows = {
+        label: {name: value for name, value in one.items() if name != "passes"}
+        for label, one in figures["ticks"].items()
+    }
+    header = ["us per tick", *next(iter(rows.values()))]
+    cells = [[label, *(f"{one:.3g}" for one in row.values())] for label, row in rows.items()]
+    how = "with the native core" if figures["core"] else "in plain Python"
+    told = ", ".join(f"{name} {one}" for name, one in figures["versions"].items())
+    return "\n\n".join(
+        [
+            "## One tick by stages",
+            Table(f"{figures['robot']}, nv {nv}, both feet held, {how}", header, cells).markdown(),
+            f"{ticks} ticks each in {figures['rounds']} processes, in turns of {BLOCK}, on"
+            f" {figures['machine']}; {told}. Command: `{figures['command']}`.",
+        ]
+    )
+
+
+def added(path: Path, figures: dict[str, Any]) -> int:
+    """Compare figures with the last of a history and add them; return 3 if a tick is slower."""
+    changes = {}
+    try:
+        changes = changes_since(last_like(path, figures), figures)
+    except NothingToCompareError as reason:
+        print(f"\nnot compared: {reason}")
+    for label, one in changes.items():
+        print(
+            f"{label}: {one.ratio:.2f} of the time before ({one.low:.2f} to {one.high:.2f}),"
+            f" {one.verdict}"
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(figures) + "\n")
+    return 3 if any(one.verdict == Verdict.SLOWER for one in changes.values()) else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

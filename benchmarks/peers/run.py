@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.bench.page import put_section
 from wbc.bench.summary import machine
 from wbc.robot import Robot
 
@@ -33,7 +34,6 @@ DT = {"velocity": 0.005, "torque": 0.002}
 WARM_UP, BLOCK = 200, 50
 ROBOT = "g1"
 FEET, TRUNK = ("left_ankle_roll_link", "right_ankle_roll_link"), "torso_link"
-BEGIN, END = "<!-- peers -->", "<!-- /peers -->"
 # Of each level: label, environment, script, arguments.
 LOOPS = {
     "velocity": (
@@ -176,15 +176,16 @@ def race(level: str, ticks: int, only: list[str] | None) -> tuple[list[str], dic
     job = write_job(BUILD / level, DT[level])
     chosen = [one for one in LOOPS[level] if not only or one[1] in only]
     missing = {one[1] for one in chosen if one[1] != "wbc" and not (BUILD / one[1]).is_dir()}
-    if missing:
-        print(f"left out: {', '.join(sorted(missing))}; make them with environments.sh")
     loops = [Loop.start(*one, job) for one in chosen if one[1] not in missing]
     for block in range(-(-(WARM_UP + ticks) // BLOCK)):
         for loop in loops[block % len(loops) :] + loops[: block % len(loops)]:
             loop.run(BLOCK, warm=block * BLOCK >= WARM_UP)
     for loop in loops:
         loop.process.communicate()
-    return rows(loops), {name: one for loop in loops for name, one in loop.versions.items()}
+    table = rows(loops)
+    if missing:
+        table += ["", f"Left out: {', '.join(sorted(missing))}; environments.sh makes them."]
+    return table, {name: one for loop in loops for name, one in loop.versions.items()}
 
 
 def main() -> None:
@@ -206,10 +207,7 @@ def main() -> None:
     )
     print("\n".join(told))
     if options.output:
-        page = options.output.read_text(encoding="utf-8") if options.output.exists() else ""
-        head, _, rest = page.partition(BEGIN)
-        whole = "\n".join((head + BEGIN, "", *told, "", END + rest.partition(END)[2]))
-        options.output.write_text(whole, encoding="utf-8")
+        put_section(options.output, "peers", "\n".join(told))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
@@ -96,19 +96,34 @@ def _change(
         nan = float("nan")
         reason = f"needs {PASSES} passes each, has {before.size} and {after.size}"
         return Change(eps, solver, Verdict.UNKNOWN, nan, nan, nan, success, reason)
+    found = time_ratio(before, after)
+    verdict = found.verdict
+    if success[1] != success[0]:
+        verdict = Verdict.FAILS_MORE if success[1] < success[0] else Verdict.FAILS_LESS
+    return Change(eps, solver, verdict, found.ratio, found.low, found.high, success)
+
+
+class TimeRatio(NamedTuple):
+    """Time now over time then, the interval that it lies in, and what that means."""
+
+    ratio: float
+    low: float
+    high: float
+    verdict: Verdict
+
+
+def time_ratio(before: Array, after: Array) -> TimeRatio:
+    """Compare passes (r,), each the logarithm of a time in units of the fixed computation's."""
     middle = float(after.mean() - before.mean())
     scatter = before.var(ddof=1) / before.size + after.var(ddof=1) / after.size
     wide = float(stdtrit(before.size + after.size - 2, CONFIDENCE)) * math.sqrt(scatter)
     low, high = middle - wide, middle + wide
     verdict = Verdict.SAME
-    if success[1] != success[0]:
-        verdict = Verdict.FAILS_MORE if success[1] < success[0] else Verdict.FAILS_LESS
-    elif low > math.log(LEAST):
+    if low > math.log(LEAST):
         verdict = Verdict.SLOWER
     elif high < -math.log(LEAST):
         verdict = Verdict.FASTER
-    ratio, low, high = (math.exp(one) for one in (middle, low, high))
-    return Change(eps, solver, verdict, ratio, low, high, success)
+    return TimeRatio(math.exp(middle), math.exp(low), math.exp(high), verdict)
 
 
 def _success(figures: list[Mapping[str, Any]]) -> float:

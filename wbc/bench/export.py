@@ -20,7 +20,7 @@ from wbc.qp.qpsolvers_backend import OneSided
 NAME = "wbc_sequences"
 TEST_SET = '''"""QPs of whole-body control, recorded by wbc bench.
 
-Run it by: qpbenchmark --results-path results.csv {name}.py run
+Run it by: qpbenchmark --results-path results.csv {name}.py run --author YOU
 """
 
 from pathlib import Path

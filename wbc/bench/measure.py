@@ -102,7 +102,7 @@ def _turned(order: range, by: int) -> list[int]:
 
 def _pass(sequence: QpSequence, name: str, eps: float) -> _Pass:
     candidate = make_candidate(name, eps)
-    before = _reference()
+    before = reference_time()
     times, answers = [], list[RawSolution]()
     with _no_collection():
         for qp in sequence.qps:
@@ -110,7 +110,7 @@ def _pass(sequence: QpSequence, name: str, eps: float) -> _Pass:
             raw = candidate.answer(qp)
             times.append(thread_time() - start)
             answers.append(raw)
-    reference = 0.5 * (before + _reference())
+    reference = 0.5 * (before + reference_time())
     residuals, success = [], []
     for qp, raw in zip(sequence.qps, answers, strict=True):
         parts = (raw.x, raw.y, raw.z, raw.z_box)
@@ -143,7 +143,7 @@ def _joined(key: tuple[QpSequence, str, float], passes: Sequence[_Pass]) -> Meas
     )
 
 
-def _reference() -> float:
+def reference_time() -> float:
     """Return how long a fixed computation takes now, of the kind that QP solvers do [s]."""
     matrix = np.eye(40) + 0.01
     right: Array = np.ones(40)

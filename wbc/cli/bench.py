@@ -25,6 +25,7 @@ BENCH_EXIT_CODES = (
     " usage; 3 some solver is slower, or solves less, than in the earlier figures."
 )
 TEXTS = (".json", ".md", ".html")
+SECTION = "solvers"  # of a page that has marks for it
 ENDINGS = (*TEXTS, ".png", ".svg", ".pdf")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -53,7 +54,11 @@ def bench(
     repeats: Annotated[int, typer.Option(help="Passes over every sequence.", min=1)] = 5,
     output: Annotated[
         list[Path] | None,
-        typer.Option("--output", "-o", help="Write .json, .md, .html or a picture; repeatable."),
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write .json, .md (if it has marks, its section), .html, a picture; repeatable.",
+        ),
     ] = None,
     compare: Annotated[
         Path | None, typer.Option(help="Figures of an earlier run (.json): what is slower now?")
@@ -163,6 +168,7 @@ def _export(folder: Path, sequences: list[QpSequence], quiet: bool) -> None:
         typer.echo(f"written  {', '.join(map(str, files))}")
         typer.echo(
             f"now try  cd {folder} && qpbenchmark --results-path results.csv {files[1].name} run"
+            " --author YOU"
         )
 
 
@@ -209,6 +215,7 @@ def _write_all(places: list[Path], summary: dict[str, Any], changes: Sequence[Ch
 
 
 def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
+    from wbc.bench.page import has_section, with_section
     from wbc.bench.tables import html_page, markdown
     from wbc.files import write_whole
     from wbc.run.saving import json_text
@@ -218,6 +225,9 @@ def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> No
             text = json_text(summary)
         case ".md":
             text = markdown(summary, changes)
+            page = path.read_text(encoding="utf-8") if path.exists() else ""
+            if has_section(page, SECTION):
+                text = with_section(page, SECTION, text)
         case _:
             with TemporaryDirectory() as folder:
                 picture = Path(folder) / "bench.png"

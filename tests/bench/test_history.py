@@ -1,0 +1,64 @@
+"""A history of ticks: the last run alike counts, noise is no change, what is none is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.bench.compare import Verdict
+from wbc.bench.history import FORMAT, NothingToCompareError, changes_since, last_like
+from wbc.errors import InvalidInputError
+
+
+def figures(seed: int, slower: float = 1.0, rounds: int = 5, **others: Any) -> dict[str, Any]:
+    """Return what benchmarks/tick.py would write, with noise of 3 %."""
+    noise = np.exp(0.03 * np.random.default_rng(seed).standard_normal(rounds))
+    ticks = {"daqp equality": {"passes": (0.05 * slower * noise).tolist()}}
+    same = {"format": FORMAT, "robot": "g1", "core": True, "machine": "this"}
+    return {**same, "rounds": rounds, "ticks": ticks, **others}
+
+
+def written(path: Path, *runs: dict[str, Any]) -> Path:
+    path.write_text("".join(f"{json.dumps(one)}\n" for one in runs))
+    return path
+
+
+def test_noise_is_no_change_and_a_change_is_one() -> None:
+    told = {}
+    for factor in (1.0, 1.3, 0.75):
+        found = [
+            changes_since(figures(2 * k), figures(2 * k + 1, factor))["daqp equality"].verdict
+            for k in range(200)
+        ]
+        told[factor] = found
+    assert set(told[1.0]) == {Verdict.SAME}
+    assert told[1.3].count(Verdict.SLOWER) > 190 and Verdict.FASTER not in told[1.3]
+    assert told[0.75].count(Verdict.FASTER) > 190 and Verdict.SLOWER not in told[0.75]
+
+
+def test_the_last_run_alike_is_taken(tmp_path: Path) -> None:
+    runs = figures(0), figures(1), figures(2, core=False), figures(3, machine="that")
+    path = written(tmp_path / "h.jsonl", *runs)
+    assert last_like(path, figures(9)) == runs[1]
+    assert last_like(path, figures(9, core=False)) == runs[2]
+    with pytest.raises(NothingToCompareError, match="no earlier run with robot talos"):
+        last_like(path, figures(9, robot="talos"))
+    with pytest.raises(NothingToCompareError, match="no earlier run"):
+        last_like(tmp_path / "none.jsonl", figures(9))
+
+
+def test_too_few_rounds_and_other_ticks_are_said() -> None:
+    with pytest.raises(NothingToCompareError, match="needs 3 rounds each, has 2"):
+        changes_since(figures(0, rounds=2), figures(1))
+    with pytest.raises(NothingToCompareError, match="other ticks: daqp equality"):
+        changes_since(figures(0), figures(1, ticks={"new": {"passes": [1e-5] * 5}}))
+
+
+@pytest.mark.parametrize("line", ["", "[1]", "{}", '{"format": "other"}', "{"])
+def test_what_is_no_history_is_refused(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "h.jsonl"
+    path.write_text(f"{json.dumps(figures(0, machine='that'))}\n{line}\n")
+    with pytest.raises(InvalidInputError, match=r"h\.jsonl:2: is no line"):
+        last_like(path, figures(1))
