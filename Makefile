@@ -57,7 +57,7 @@ lowest:
 		--editable '.[robots,plot,sim,view,batch,cluster,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
 	build/lowest/bin/python -m pytest -n auto
 
-# Ticks, solvers and the loop beside its neighbours, each into its section of the page of results.
+# Solvers, the loop beside its neighbours, campaigns and ticks, each into its section of the page of results.
 # Neighbours get environments of their own first (TSID is compiled, which takes twelve minutes);
 # those that cannot be made are left out, by name. The error 3 in the end: ticks are slower than in
 # the run before.
@@ -66,6 +66,7 @@ bench: $(VENV)/dev.stamp
 	$(BIN)/wbc bench --ticks 100 --output $(RESULTS)
 	-PYTHON=$(CURDIR)/$(BIN)/python bash benchmarks/peers/environments.sh
 	$(BIN)/python benchmarks/peers/run.py --output $(RESULTS)
+	$(BIN)/python benchmarks/campaign.py --only scaling --output $(RESULTS)
 	$(BIN)/python benchmarks/tick.py --output $(RESULTS) --history build/ticks.jsonl
 
 clean:

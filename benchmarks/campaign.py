@@ -8,6 +8,7 @@ W workers N runs of t seconds take about N max((t + o) / W, s), where o is what 
 between runs, and s what this process spends on each row.
 
     python benchmarks/campaign.py [--runs 1000] [--kills 3] [--workers 2]
+    python benchmarks/campaign.py --only scaling --output benchmarks/RESULTS.md
 """
 
 import argparse
@@ -25,8 +26,12 @@ import numpy as np
 
 from wbc.batch import BatchProgress, load_campaign, read_rows, run_batch
 from wbc.batch.row import Row, run_row
+from wbc.bench.page import put_section
+from wbc.bench.summary import machine
+from wbc.bench.tables import Table
 from wbc.journal import Journal
 
+COMMAND = "python benchmarks/campaign.py --only scaling --output benchmarks/RESULTS.md"
 LOOK = 0.05  # s between looks at the rows there are
 STAND = """\
 robot: hoap2_like
@@ -106,8 +111,8 @@ def on_cluster(file: Path, runs: int) -> Path:
     return table
 
 
-def scaling(folder: Path, file: Path, most: int) -> None:
-    """Measure the rate by the number of processes, and what this process spends on a row."""
+def scaling(folder: Path, file: Path, most: int) -> str:
+    """Return the rate by the number of processes, and what this process spends on a row."""
     campaign = load_campaign(file)
     text = campaign.texts["stand"]
     cpu = []
@@ -116,7 +121,8 @@ def scaling(folder: Path, file: Path, most: int) -> None:
         run_row(run, text)
         cpu.append(time.thread_time() - start)
     work = float(np.median(cpu))
-    print(f"  CPU time of a run alone: {1e3 * work:.1f} ms (loading and running)")
+    header = ("processes", "runs per s", "inside a run [ms]", "between runs", "own CPU per row")
+    cells = list[list[str]]()
     own = between = 0.0
     for workers in range(1, most + 1):
         stamps: list[float] = []
@@ -140,17 +146,21 @@ def scaling(folder: Path, file: Path, most: int) -> None:
         each = (later[-1] - later[0]) / (len(later) - 1)
         inside = float(np.median([row["wall_seconds"] for row in rows]))
         between = workers * each - inside
-        print(
-            f"  {workers} workers: {1 / each:.1f} runs per s; of a worker's time per run"
-            f" {1e3 * inside:.1f} ms inside the run, {1e3 * between:.1f} ms between;"
-            f" this process {1e3 * own:.2f} ms of CPU per row"
-        )
+        times = [f"{1e3 * one:.3g}" for one in (inside, between, own)]
+        cells.append([str(workers), f"{1 / each:.1f}", *times])
+    load = "" if not hasattr(os, "getloadavg") else f", load {os.getloadavg()[0]:.0f}"
+    lines = [
+        Table(f"Campaigns by processes, on {os.cpu_count()} cores{load}", header, cells).markdown(),
+        f"Runs of {1e3 * work:.0f} ms of CPU (loading the small humanoid, 4 ticks), by the clock;"
+        " own: of the campaign's process.",
+    ]
     for count, seconds, crowd in ((100_000, 5.0, 100), (100_000, 5.0, 1000)):
         took = count * max((seconds + between) / crowd, own)
-        print(
-            f"  extrapolated: {count:,} runs of {seconds:g} s on {crowd} workers:"
-            f" {took / 3600:.2g} h (this process alone would need {count * own / 3600:.2g} h)"
+        lines.append(
+            f"Extrapolated: {count:,} runs of {seconds:g} s on {crowd} workers take"
+            f" {took / 3600:.2g} h; the campaign's own process needs {count * own / 3600:.2g} h."
         )
+    return "\n\n".join([*lines, f"{machine()}. Command: `{COMMAND}`."])
 
 
 def main() -> None:
@@ -158,19 +168,26 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1000, help="a multiple of 5")
     parser.add_argument("--kills", type=int, default=3)
     parser.add_argument("--workers", type=int, default=2, help="most of the measured scaling")
+    parser.add_argument("--only", choices=("processes", "cluster", "scaling"))
+    parser.add_argument("--output", type=Path, help="put the scaling here, between its marks")
     options = parser.parse_args()
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "stand.yaml").write_text(STAND)
         for kind in ("processes", "cluster"):
             (folder / f"{kind}.yaml").write_text(CAMPAIGN % (options.runs // 5))
-        print("two processes", flush=True)
         file = folder / "processes.yaml"
-        check(run_killed(file, options.runs, options.kills, "--workers", "2"), options.runs)
-        print("a cluster of two workers", flush=True)
-        check(on_cluster(folder / "cluster.yaml", options.runs), options.runs)
-        print("scaling", flush=True)
-        scaling(folder, file, options.workers)
+        if options.only in (None, "processes"):
+            print("two processes", flush=True)
+            check(run_killed(file, options.runs, options.kills, "--workers", "2"), options.runs)
+        if options.only in (None, "cluster"):
+            print("a cluster of two workers", flush=True)
+            check(on_cluster(folder / "cluster.yaml", options.runs), options.runs)
+        if options.only in (None, "scaling"):
+            text = scaling(folder, file, options.workers)
+            print(text)
+            if options.output:
+                put_section(options.output, "campaigns", text)
 
 
 if __name__ == "__main__":

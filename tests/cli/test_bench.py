@@ -56,13 +56,13 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
 
 def test_a_page_with_a_place_for_it_keeps_the_rest(tmp_path: Path) -> None:
     page = tmp_path / "RESULTS.md"
-    page.write_text("# Ours\n\n<!-- solvers -->\nold\n<!-- /solvers -->\n\nby hand\n")
+    page.write_text("# Ours\n\n<!-- solvers -->\nof yesterday\n<!-- /solvers -->\n\nby hand\n")
     for _ in range(2):
         assert run(*SMALL, "--quiet", "-o", page).exit_code == 0
     text = page.read_text()
     assert text.startswith("# Ours\n\n<!-- solvers -->\n\n## Solvers\n")
     assert text.endswith("<!-- /solvers -->\n\nby hand\n")
-    assert "old" not in text and text.count("### All sequences") == 1
+    assert "yesterday" not in text and text.count("### All sequences") == 1
 
 
 def test_figures_that_cannot_be_saved_are_saved_elsewhere(
