@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,11 +13,35 @@ from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
+from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.pairs import BY_DESCRIPTION
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
+
+
+class WatchedPairs(NamedTuple):
+    """What the native core must know to keep pairs of bodies apart.
+
+    Attributes
+    ----------
+    kept:
+        (N,) distance that each pair keeps, skin included [m].
+    shorter:
+        (N,) length of the shorter body of each pair [m].
+    rows:
+        How many pairs get one.
+    acceleration:
+        (nv - 6,) of the joints that braking may count on, or None.
+    """
+
+    pairs: NativePairs
+    kept: Array
+    shorter: Array
+    rows: int
+    acceleration: Array | None
+    braking: BrakingParameters
 
 
 class SelfCollision(Margin):
@@ -119,6 +143,14 @@ class SelfCollision(Margin):
     def has_more(self, distances: Distances) -> bool:
         """Whether there are pairs without rows."""
         return distances.keys.size < len(self.model.pairs)
+
+    def watched(self) -> WatchedPairs | None:
+        """Return what the native core needs to make the rows; None: it does not know the bodies."""
+        model = self.model
+        if model.native is None or not len(model.pairs):
+            return None
+        law = self.count, self._joint_acceleration, self.braking
+        return WatchedPairs(model.native, self._kept, model.shorter, *law)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from wbc.constraints.collision import SelfCollision
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows
 from wbc.controllers.native_plan import NativePlan
@@ -28,8 +29,11 @@ class KinematicController(NativeController):
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return task.law.rows(residual, task.weight, self.dt)
 
-    def _native_plan(self, backend: Backend | None) -> NativePlan | None:
-        return NativePlan.of(self.robot, self.tasks, self.plan, self.limits, self.dt, backend)
+    def _native_plan(
+        self, backend: Backend | None, margin: SelfCollision | None
+    ) -> NativePlan | None:
+        tasks = self.robot, self.tasks, self.plan
+        return NativePlan.of(*tasks, self.limits, self.dt, backend, None, margin)
 
     def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
         return Tick.reading(found, velocity=read_only(found.velocity), **known)

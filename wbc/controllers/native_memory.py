@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
 from wbc.controllers.native_forces import NativeForces, TorqueRows
+from wbc.controllers.native_margin import NativeMargin
 from wbc.controllers.native_parts import Block, Part
 from wbc.controllers.plan import Plan
 from wbc.native import address
@@ -32,7 +33,7 @@ class _Plan(ctypes.Structure):
             for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
             + ("start", "damping", "limit", "force", "corner", "passive", "with_bound")
             + ("torque_bound", "cone", "force_bound", "joint_damping", "state", "out", "scratch")
-            + ("order", "quadprog", "settings")
+            + ("order", "margin", "quadprog", "settings")
         ),
         *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
         *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
@@ -56,6 +57,8 @@ class Answer(NamedTuple):
         DAQP's answer, and its residuals and iterations (4,).
     exact, torque:
         v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
+    clearance, chosen:
+        Of the margin's rows, the last of C [m], and the numbers of their pairs.
     """
 
     P: Array
@@ -78,6 +81,8 @@ class Answer(NamedTuple):
     found: Array
     exact: Array
     torque: Array
+    clearance: Array
+    chosen: Array
 
 
 class NativeMemory:
@@ -87,6 +92,8 @@ class NativeMemory:
     ----------
     rows:
         What the torque level adds; None at the velocity level.
+    margin:
+        Between the robot's bodies; None: no rows of it.
     solver:
         DAQP's settings, if the core is to solve the QP too.
 
@@ -111,9 +118,10 @@ class NativeMemory:
         limits: Limits | None,
         dt: float,
         rows: TorqueRows | None,
+        margin: NativeMargin | None,
         solver: Daqp | None,
     ) -> None:
-        self.tree = tree
+        self.tree, self.margin = tree, margin
         frames, index, blocks = self._plan_blocks(parts)
         joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
         self.forces = None
@@ -131,7 +139,7 @@ class NativeMemory:
         largest = max((block.rows for block in blocks), default=0)
         solving, integers = scratch_sizes(self.n, self.k, self.m)
         scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving))
-        order = np.zeros(integers, dtype=np.int64)
+        order = np.zeros(max(integers, 0 if margin is None else margin.pairs), dtype=np.int64)
         self._cut(costs)
         self.blocks = (Block * len(blocks))(*blocks)
         self.state = np.zeros(tree.frames)
@@ -161,6 +169,8 @@ class NativeMemory:
         )
         if self.forces is not None:
             self._add_level(self.forces)
+        if margin is not None:
+            self.struct.margin = margin.address
         for name, array in self.arrays.items():
             setattr(self.struct, name, address(array))
         self._settings = None
@@ -223,10 +233,11 @@ class NativeMemory:
     def _size(self, plan: Plan, held: int) -> None:
         """Set the sizes of the QP: n unknowns, k equalities, m inequality rows."""
         forces = self.forces
-        self.held, self.n, self.k, self.m = held, plan.decision.size, held, 0
+        self.held, self.n, self.k = held, plan.decision.size, held
+        self.m = 0 if self.margin is None else self.margin.rows
         if forces is not None:
             self.k += forces.passive.size
-            self.m = forces.bounded.size + forces.cones
+            self.m += forces.bounded.size + forces.cones
 
     def _cut(self, costs: int) -> None:
         """Set where the fields of :class:`Answer` lie: as in lay_out of source/problem.c."""
@@ -234,6 +245,7 @@ class NativeMemory:
         D = nv if self.forces is not None else 0
         sizes = [n * n, k * n, m * n, D * n, D, n, n, n, k, m, m, costs, 1, n, k, m, n, 4]
         sizes += [nv, nv - 6] if D else [0, 0]
+        sizes += [0, 0] if self.margin is None else 2 * [self.margin.rows]
         ends = np.cumsum(sizes).tolist()
         self._places = places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
         self.size = ends[-1]
@@ -245,6 +257,10 @@ class NativeMemory:
         """Return how many numbers setting up the QP needs."""
         tree = self.tree
         work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 13 * tree.joints + 6 * tree.nv)
+        if self.margin is not None:
+            pairs = 9 * (self.margin.bodies + self.margin.pairs)
+            there = 3 * tree.nv + 4 * tree.joints
+            work = max(work, self.margin.rows * (tree.nv + 7) + there + pairs)
         motion = tree.motion_size if self.forces is not None else 0
         return frames * (tree.frame_size + 6) + motion + work
 

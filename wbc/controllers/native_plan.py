@@ -14,9 +14,11 @@ from time import perf_counter
 
 import numpy as np
 
+from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.native_forces import TorqueRows, unbearable
+from wbc.controllers.native_margin import NativeMargin
 from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.native_parts import Part
 from wbc.controllers.native_problem import Layout, NativeProblem
@@ -48,14 +50,16 @@ class NativePlan:
         dt: float,
         backend: Backend | None,
         rows: TorqueRows | None,
+        constraint: SelfCollision | None,
+        margin: NativeMargin | None,
     ) -> None:
         tasks = [part.task for part in parts if not part.held]
-        self._made_of = robot, tasks, plan, limits, dt, backend, rows
+        self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
         self._plan, self._parts, self._dt, self._lock = plan, parts, dt, threading.Lock()
         self._limits = _read(limits)
-        solver = backend if type(backend) is Daqp and direct_daqp().address else None
-        self._solver = solver
-        self._memory = NativeMemory(robot, tree, plan, parts, limits, dt, rows, solver)
+        solver = backend if type(backend) is Daqp and solves(backend) else None
+        self.margin = margin
+        self._memory = NativeMemory(robot, tree, plan, parts, limits, dt, rows, margin, solver)
         ends = np.cumsum([0, *(len(task.rows) for task in tasks)]).tolist()
         names = [task.name for task in tasks]
         errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
@@ -71,6 +75,7 @@ class NativePlan:
         dt: float,
         backend: Backend | None = None,
         rows: TorqueRows | None = None,
+        constraint: SelfCollision | None = None,
     ) -> NativePlan | None:
         """Return the plan of plain ticks, or None: the core is not there, or does not know all.
 
@@ -80,6 +85,8 @@ class NativePlan:
             What solves the QP as it is; DAQP is called by the core itself. None: it does not.
         rows:
             What the torque level adds; None at the velocity level.
+        constraint:
+            What is kept apart by the core itself, which solves the QP then; None: nothing is.
         """
         passes = robot.native
         if passes is None or len(plan.levels) > 1 or plan.soft:
@@ -95,7 +102,10 @@ class NativePlan:
             parts.append(Part(contact, chosen, held=True, torque=torque))
         if any(part.rows is None for part in parts):
             return None
-        return cls(robot, passes.tree, plan, parts, limits, dt, backend, rows)
+        margin = None if constraint is None else NativeMargin.of(constraint, passes.tree)
+        if constraint is not None and margin is None:
+            return None
+        return cls(robot, passes.tree, plan, parts, limits, dt, backend, rows, constraint, margin)
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self).of, self._made_of  # a copy has memory of its own
@@ -110,6 +120,7 @@ class NativePlan:
         known, speed, acceleration, braking = self._limits
         return (
             dt == self._dt
+            and (self.margin is None or self.margin.serves())
             and limits is known
             and (
                 limits is None
@@ -154,6 +165,11 @@ class NativePlan:
                 if not part.write(self._dt):
                     return False
         return forces is None or forces.write(ramps)
+
+
+def solves(backend: Backend) -> bool:
+    """Whether the core can call a solver itself."""
+    return type(backend) is Daqp and bool(direct_daqp().address)
 
 
 def _read(limits: Limits | None) -> tuple[Limits | None, Array | None, Array | None, str | None]:

@@ -68,7 +68,7 @@ class NativeProblem:
         self._layout, self._out = layout, out
         self._clock = begun, called, done
         forces = layout.memory.forces
-        self._inequality = None if forces is None else forces.labels  # these of this tick
+        self._forced = None if forces is None else forces.labels  # these of this tick
         solver = layout.solver
         self.solved = (
             solving
@@ -84,10 +84,13 @@ class NativeProblem:
 
     @cached_property
     def qp(self) -> QP:
-        """The QP without rows of margins."""
-        a, labels = self._answer, self._layout.labels
-        if self._inequality is not None:
-            labels = Labels(labels.equality, self._inequality, labels.variables)
+        """The QP; rows of margins are in it where the core made them."""
+        a, labels, margin = self._answer, self._layout.labels, self._layout.memory.margin
+        rows = self._forced or ()
+        if margin is not None:
+            rows += margin.labels(a.chosen)
+        if rows:
+            labels = Labels(labels.equality, rows, labels.variables)
         return QP(a.P, a.g, a.A, a.b, a.C, a.l, a.u, a.lower, a.upper, labels)
 
     @property
@@ -98,9 +101,9 @@ class NativeProblem:
     @cached_property
     def bounds(self) -> Bounds | None:
         """The inequality rows at the torque level, else None."""
-        if self._inequality is None:
+        if self._forced is None:
             return None
-        return Bounds(self._inequality, self._answer.C, self._answer.l, self._answer.u)
+        return Bounds(self._forced, self._answer.C, self._answer.l, self._answer.u)
 
     @property
     def matrix(self) -> Array:

@@ -6,10 +6,12 @@ from abc import abstractmethod
 from time import perf_counter
 from typing import Any
 
+from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
 from wbc.controllers.levels import LevelProblem, Outcome
 from wbc.controllers.look_ahead import MarginRows
-from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.native_margin import only_self_collision
+from wbc.controllers.native_plan import NativePlan, solves
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.plan import Physics
 from wbc.controllers.tick import Tick
@@ -41,14 +43,17 @@ class NativeController(Controller):
     def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | None:
         """Return the command of a plain tick; None: not plain, or without a solution."""
         start = perf_counter()
-        if self.constraints and snapshot.native_state is None:  # margins look at it too
-            return None
+        margin_is_theirs = plan.margin is not None
+        if self.constraints and not margin_is_theirs and snapshot.native_state is None:
+            return None  # margins look at it too
         found = self._native_problem(plan, snapshot)
         if found is None:
             return None
         if found.solved:
             # The core kept the box to the accuracy promised, far below what a command may exceed.
             return self._native_tick(found, snapshot, self._deviations(found, snapshot))
+        if margin_is_theirs:
+            return None
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
         held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
@@ -76,14 +81,22 @@ class NativeController(Controller):
         super()._plan(contacts)
         reports = zip(self._motion, self._reports_residual, strict=True)
         self._deviating = [task for task, plain in reports if not plain]
-        # Without margins in between, DAQP runs in the core as well.
-        plain = self.formulation == "equality" and not self.constraints
-        self._native = self._native_plan(self.backend if plain else None)
+        # With no margins but one that the core knows, DAQP runs in the core as well.
+        plain, margin = self.formulation == "equality" and not self.constraints, None
+        if self.formulation == "equality" and solves(self.backend):
+            margin = only_self_collision(self.constraints, self.slacks)
+        if margin is not None:
+            self._native = self._native_plan(self.backend, margin)
+            if self._native is not None:
+                return
+        self._native = self._native_plan(self.backend if plain else None, None)
 
     # ------------------------------------------------------------------ what a level says
 
     @abstractmethod
-    def _native_plan(self, backend: Backend | None) -> NativePlan | None:
+    def _native_plan(
+        self, backend: Backend | None, margin: SelfCollision | None
+    ) -> NativePlan | None:
         """Return the plan for the core; None: its ticks are not plain."""
 
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.contact_forces import ContactForces, Reaction
@@ -222,13 +223,15 @@ class TorqueController(NativeController):
         forces = [task.force_rows(dynamics) for task in self._force_tasks]
         return Physics([held], bounds, forces=forces, rest=rest, dynamics=dynamics)
 
-    def _native_plan(self, backend: Backend | None) -> NativePlan | None:
+    def _native_plan(
+        self, backend: Backend | None, margin: SelfCollision | None
+    ) -> NativePlan | None:
         if self._force_tasks:
             return None
         limits = self._bounded, self._most, self._torque_labels
         rows = TorqueRows(self.contact_forces, self._passive, *limits)
         tasks = self.robot, self._motion, self.plan
-        return NativePlan.of(*tasks, self.limits, self.dt, backend, rows)
+        return NativePlan.of(*tasks, self.limits, self.dt, backend, rows, margin)
 
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
         return plan.problem(snapshot, self._ramps.most)

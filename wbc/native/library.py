@@ -16,7 +16,7 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 3  # WBC_CORE_VERSION of source/core.h
+VERSION = 4  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long.
 _FUNCTIONS = {
     "wbc_state": 8,
@@ -26,7 +26,8 @@ _FUNCTIONS = {
     "wbc_problem": 5,
     "wbc_tick": 5,
     "wbc_solve_qp": 5,
-    "wbc_nearest": 6,
+    "wbc_nearest": 7,
+    "wbc_measure": 6,
     "wbc_pair_rows": 8,
 }
 
@@ -63,6 +64,7 @@ class Core:
         self.wbc_tick: Any = library.wbc_tick
         self.wbc_solve_qp: Any = library.wbc_solve_qp
         self.wbc_nearest: Any = library.wbc_nearest
+        self.wbc_measure: Any = library.wbc_measure
         self.wbc_pair_rows: Any = library.wbc_pair_rows
 
 

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 3
+#define WBC_CORE_VERSION 4
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -69,25 +69,42 @@ int wbc_motion(const wbc_tree *tree, const double *state, const double *v, doubl
 int wbc_drifts(const wbc_tree *tree, const double *state, const double *motion, int64_t count,
                const int64_t *joint, const double *placement, double *out);
 
-/* Bodies on joints, in capsules, and the pairs of them that are to be kept apart. */
+/* Convex bodies on joints: hulls of corners with a radius, each in a capsule that is itself of two
+ * corners and of one; and the pairs of them that are to be kept apart. */
 typedef struct {
     int64_t nv, joints, bodies, pairs;
-    const int64_t *joint; /* (bodies) */
-    const double *local;  /* (bodies, 3, 3) columns: start, unit direction, middle; joint's axes */
-    const double *size;   /* (bodies, 3): length, radius, radius of a ball about the middle */
-    const int64_t *pair;  /* (pairs, 2) */
-    const int64_t *solid; /* (pairs): whether a body of it is no capsule, but covered by one */
+    const int64_t *joint;  /* (bodies) */
+    const double *local;   /* (bodies, 3, 3) columns: start, unit direction, middle; joint's axes */
+    const double *size;    /* (bodies, 3): length, radius, radius of a ball about the middle */
+    const int64_t *pair;   /* (pairs, 2) */
+    const int64_t *solid;  /* (pairs): whether a body of it is no capsule, but covered by one */
+    const int64_t *common; /* (pairs): the last joint that carries both */
+    const int64_t *first;  /* (bodies + 1): where a body's corners begin */
+    const double *corner;  /* (3, corners) of all, joint's axes */
+    const double *rounding; /* (bodies): about the hull of the corners */
 } wbc_pairs;
 
-/* Write the numbers, increasing, of the count nearest pairs of capsules and of all solids that may
- * be as near, and what is nearest (7, k): distance, normal to the first, point on the first; of
- * solids, of their covers. Returns k; -1: to be done in Python. scratch holds 9 numbers a body and
- * 9 a pair, chosen one and nearest seven a pair. */
-int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, double *scratch,
-                int64_t *chosen, double *nearest);
+/* Write the numbers, increasing, of the count pairs of least distance, less kept (pairs) if that is
+ * not 0, and of these (7, count): distance, normal to the first, point on the first. Returns 0; -1:
+ * to be done in Python. scratch holds 9 numbers a body and 9 a pair. */
+int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                double *scratch, int64_t *chosen, double *nearest);
+/* Write (7, k) of k pairs. Returns 0; -1: to be done in Python. */
+int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,
+                double *scratch, double *nearest);
 /* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */
 int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state, int64_t k,
                   const int64_t *chosen, const double *normal, const double *point, double *rows);
+
+/* A margin between those pairs: wbc/constraints/margin.py and collision.py. */
+typedef struct {
+    const wbc_pairs *of;
+    const double *kept;         /* (pairs): distance, skin included */
+    const double *shorter;      /* (pairs): length of the shorter body */
+    const double *acceleration; /* (nv - 6) of joints that braking may count on, or 0 */
+    int64_t rows;               /* pairs that get one, those of least clearance */
+    double deceleration, gain, recovery, recovery_speed;
+} wbc_margin;
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
@@ -135,7 +152,8 @@ typedef struct {
     double *state;               /* what is found at a state that nobody has looked at */
     double *out;
     double *scratch;
-    int64_t *order;       /* (2 n + cones + bounded), scratch too */
+    int64_t *order;       /* (2 n + k + m), (pairs) of a margin at least; scratch too */
+    const wbc_margin *margin; /* rows behind all others, or 0 */
     const void *quadprog; /* DAQP's function, or 0 */
     void *settings;       /* and its settings */
     int64_t blocks, frames, costs, held, limited;
@@ -152,10 +170,13 @@ typedef struct {
     double *x, *y, *z, *z_box, *found; /* the answer; residuals (3) and iterations */
     double *D, *offset, *errors, *heaviest;
     double *exact, *torque; /* (nv), (nv - 6): see command in source/solve.c */
+    double *clearance, *chosen; /* of the margin's rows, and numbers of their pairs */
 } wbc_qp;
 
-/* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. */
-enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3 };
+/* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. NOT_MEASURED: of
+ * some pair; LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. */
+enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
+                   NOT_MEASURED = 4, LEADS_INSIDE = 5 };
 /* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
  * without frames, or 0: then it is found here. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,

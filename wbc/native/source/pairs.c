@@ -1,8 +1,8 @@
-/* The nearest pairs of capsules and spheres on a robot, and how their distances change: what
- * wbc/robot/collision says, but for other shapes. Of these, which a capsule covers, the pairs that
- * may be among the nearest are returned too, to be measured by who can.
+/* The nearest pairs of convex bodies on a robot, and how their distances change: what
+ * wbc/robot/collision says. Capsules are measured as segments, others by corners.
  */
 #include "core.h"
+#include "convex.h"
 #include "linear.h"
 
 #include <string.h>
@@ -34,8 +34,10 @@ static double within(double x, double length) {
     return least < length ? least : length;
 }
 
-/* Ericson, Real-Time Collision Detection (2005), sec. 5.1.9; false where the axes touch. */
-static int measure(const wbc_pairs *of, const double *placed, int64_t pair, double *found) {
+/* Of two capsules. Ericson, Real-Time Collision Detection (2005), sec. 5.1.9; false where the axes
+ * touch. */
+static int measure_capsules(const wbc_pairs *of, const double *placed, int64_t pair,
+                            double *found) {
     const int64_t first = of->pair[2 * pair], second = of->pair[2 * pair + 1];
     const double *A = placed + PLACED * first, *B = placed + PLACED * second;
     const double *a = A + DIRECTION, *b = B + DIRECTION;
@@ -55,6 +57,31 @@ static int measure(const wbc_pairs *of, const double *placed, int64_t pair, doub
         found[1 + i] = apart[i] / distance;
         found[4 + i] = A[i] + s * a[i] - own[RADIUS] * found[1 + i];
     }
+    return 1;
+}
+
+/* Of any two bodies, by their corners; false: see convex_distance. */
+static int measure_hulls(const wbc_pairs *of, const double *state, const double *placed,
+                         int64_t pair, double *found) {
+    const double *rotations = state + ROTATIONS(of->nv);
+    const double *origins = state + ORIGINS(of->nv, of->joints), *origin[2];
+    convex hull[2];
+    double there[3], guess[3];
+    for (int k = 0; k < 2; k++) {
+        const int64_t body = of->pair[2 * pair + k], begin = of->first[body];
+        hull[k].corner = of->corner + begin, hull[k].stride = of->first[of->bodies];
+        hull[k].n = of->first[body + 1] - begin;
+        hull[k].R = rotations + 9 * of->joint[body];
+        origin[k] = origins + 3 * of->joint[body];
+    }
+    const int64_t first = of->pair[2 * pair], second = of->pair[2 * pair + 1];
+    for (int i = 0; i < 3; i++) {
+        there[i] = origin[1][i] - origin[0][i];
+        guess[i] = placed[PLACED * first + MIDDLE + i] - placed[PLACED * second + MIDDLE + i];
+    }
+    if (!convex_distance(hull, hull + 1, there, guess, found, found + 1, found + 4)) return 0;
+    found[0] -= of->rounding[first] + of->rounding[second];
+    for (int i = 0; i < 3; i++) found[4 + i] += origin[0][i] - of->rounding[first] * found[1 + i];
     return 1;
 }
 
@@ -82,67 +109,95 @@ static double smallest(double *values, int64_t n, int64_t k) {
     return values[k];
 }
 
-/* Measure the capsules whose balls are no farther than limit and that are not yet; false: see
- * measure. Those not measured are infinitely far. */
-static int measure_near(const wbc_pairs *of, const double *placed, const double *lower,
-                        double limit, double *found) {
-    for (int64_t p = 0; p < of->pairs; p++)
-        if (!of->solid[p] && lower[p] <= limit && found[FOUND * p] == INFINITY &&
-            !measure(of, placed, p, found + FOUND * p))
-            return 0;
+/* Lower bounds by the balls round the bodies; false: one is not a number. */
+static int bound_by_balls(const wbc_pairs *of, const double *placed, const double *kept,
+                          double *lower) {
+    for (int64_t p = 0; p < of->pairs; p++) {
+        const int64_t a = of->pair[2 * p], b = of->pair[2 * p + 1];
+        const double *A = placed + PLACED * a + MIDDLE, *B = placed + PLACED * b + MIDDLE;
+        const double x = A[0] - B[0], y = A[1] - B[1], z = A[2] - B[2];
+        lower[p] = sqrt(x * x + y * y + z * z) - of->size[SIZES * a + REACH] -
+                   of->size[SIZES * b + REACH] - (kept ? kept[p] : 0.0);
+        if (!(lower[p] < INFINITY)) return 0;
+    }
     return 1;
 }
 
-int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, double *scratch,
-                int64_t *chosen, double *nearest) {
-    double *placed = scratch, *lower = placed + PLACED * of->bodies;
-    double *sorted = lower + of->pairs, *found = sorted + of->pairs;
-    int64_t capsules = 0, measured = 0, k = 0;
+int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                double *scratch, int64_t *chosen, double *nearest) {
+    const int64_t pairs = of->pairs;
+    double *placed = scratch, *lower = placed + PLACED * of->bodies, *sorted = lower + pairs;
+    double *found = sorted + pairs, limit;
+    int64_t k = 0, beyond = 0;
+    if (count < 1 || pairs < count) return -1;
     place_bodies(of, state, placed);
-    for (int64_t p = 0; p < of->pairs; p++) {
-        const int64_t a = of->pair[2 * p], b = of->pair[2 * p + 1];
-        double apart[3];
-        for (int i = 0; i < 3; i++)
-            apart[i] = placed[PLACED * a + MIDDLE + i] - placed[PLACED * b + MIDDLE + i];
-        lower[p] = sqrt(dot3(apart, apart)) - of->size[SIZES * a + REACH] - of->size[SIZES * b + REACH];
-        if (!(lower[p] < INFINITY)) return -1;
-        if (!of->solid[p]) sorted[capsules++] = lower[p];
-        found[FOUND * p] = INFINITY;
-    }
-    if (count < 1 || capsules < count) return -1;
-    /* Count pairs that are near by their balls bound how far the nearest can be. */
-    if (!measure_near(of, placed, lower, smallest(sorted, capsules, count - 1), found)) return -1;
+    if (!bound_by_balls(of, placed, kept, lower)) return -1;
+    memcpy(sorted, lower, pairs * sizeof *lower);
+    limit = smallest(sorted, pairs, count - 1);
+    for (int64_t p = 0; p < pairs; p++) found[FOUND * p] = INFINITY;
+    /* Count pairs that are near by their balls bound how far the nearest can be; then all that
+     * may be as near are measured. */
     for (int round = 0; round < 2; round++) {
-        measured = 0;
-        for (int64_t p = 0; p < of->pairs; p++)
-            if (!of->solid[p] && found[FOUND * p] < INFINITY) sorted[measured++] = found[FOUND * p];
-        const double farthest = smallest(sorted, measured, count - 1);
-        if (round == 0) {
-            if (!measure_near(of, placed, lower, farthest, found)) return -1;
-            continue;
+        int64_t measured = 0;
+        for (int64_t p = 0; p < pairs; p++) {
+            double *own = found + FOUND * p;
+            const double less = kept ? kept[p] : 0.0;
+            if (lower[p] > limit) continue;
+            if (own[0] == INFINITY) {
+                /* Axes of covers that touch say nothing, those of capsules have no direction. */
+                const int has_axes = measure_capsules(of, placed, p, own);
+                if (!has_axes && !of->solid[p]) return -1;
+                if (of->solid[p]) {
+                    if (round && has_axes && own[0] - less > limit) {
+                        own[0] = INFINITY;
+                        continue;
+                    }
+                    if (!measure_hulls(of, state, placed, p, own)) return -1;
+                }
+            }
+            sorted[measured++] = own[0] - less;
         }
-        for (int64_t p = 0; p < of->pairs; p++) {
-            if (of->solid[p] && lower[p] <= farthest && !measure(of, placed, p, found + FOUND * p))
-                found[FOUND * p] = -INFINITY; /* the capsules' axes touch: as near as can be */
-            if (found[FOUND * p] <= farthest) chosen[k++] = p;
-        }
+        limit = smallest(sorted, measured, count - 1);
+    }
+    for (int64_t p = 0; p < pairs; p++) { /* of those as far as the farthest, the first */
+        const double own = found[FOUND * p] - (kept ? kept[p] : 0.0);
+        beyond += own < limit;
+    }
+    beyond = count - beyond;
+    for (int64_t p = 0; p < pairs && k < count; p++) {
+        const double own = found[FOUND * p] - (kept ? kept[p] : 0.0);
+        if (own < limit || (own == limit && beyond-- > 0)) chosen[k++] = p;
     }
     for (int64_t i = 0; i < k; i++)
         for (int r = 0; r < FOUND; r++) nearest[r * k + i] = found[FOUND * chosen[i] + r];
-    return (int)k;
+    return k == count ? 0 : -1;
 }
 
-/* Add the line of force [n, p x n] times the twists of what moves a joint. */
-static void add_line(const wbc_tree *tree, const double *state, int64_t joint, const double *n,
-                     const double *arm, double sign, double *row) {
+int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,
+                double *scratch, double *nearest) {
+    place_bodies(of, state, scratch);
+    for (int64_t i = 0; i < k; i++) {
+        const int64_t p = chosen[i];
+        double found[FOUND];
+        if (!(of->solid[p] ? measure_hulls(of, state, scratch, p, found)
+                           : measure_capsules(of, scratch, p, found)))
+            return -1;
+        for (int r = 0; r < FOUND; r++) nearest[r * k + i] = found[r];
+    }
+    return 0;
+}
+
+/* Add the line of force [n, p x n] times the twists of what moves a joint and not another above. */
+static void add_line(const wbc_tree *tree, const double *state, int64_t joint, int64_t above,
+                     const double *n, const double *arm, double sign, double *row) {
     const int64_t nv = tree->nv;
     const double *T = state + TWISTS(nv);
-    for (int64_t j = joint; j > 0; j = tree->parent[j]) {
+    for (int64_t j = joint; j > above; j = tree->parent[j]) {
         const int64_t first = j == 1 ? 0 : tree->iv[j], last = j == 1 ? 6 : first + 1;
         for (int64_t c = first; c < last; c++) {
             double sum = 0.0;
             for (int i = 0; i < 3; i++) sum += n[i] * T[i * nv + c] + arm[i] * T[(3 + i) * nv + c];
-            row[c] += sign * sum;
+            row[c] = sign * sum;
         }
     }
 }
@@ -151,12 +206,12 @@ int wbc_pair_rows(const wbc_pairs *of, const wbc_tree *tree, const double *state
                   const int64_t *chosen, const double *normal, const double *point, double *rows) {
     memset(rows, 0, k * tree->nv * sizeof *rows);
     for (int64_t i = 0; i < k; i++) {
-        const int64_t *pair = of->pair + 2 * chosen[i];
-        double n[3], p[3], arm[3];
+        const int64_t *pair = of->pair + 2 * chosen[i], above = of->common[chosen[i]];
+        double n[3], p[3], arm[3], *row = rows + i * tree->nv;
         for (int r = 0; r < 3; r++) n[r] = normal[r * k + i], p[r] = point[r * k + i];
         cross3(p, n, arm);
-        add_line(tree, state, of->joint[pair[0]], n, arm, 1.0, rows + i * tree->nv);
-        add_line(tree, state, of->joint[pair[1]], n, arm, -1.0, rows + i * tree->nv);
+        add_line(tree, state, of->joint[pair[0]], above, n, arm, 1.0, row);
+        add_line(tree, state, of->joint[pair[1]], above, n, arm, -1.0, row);
     }
     return 0;
 }

@@ -3,6 +3,7 @@
  * wbc/controllers/torque.py.
  */
 #include "problem.h"
+#include "margin.h"
 #include "rows.h"
 
 #include <string.h>
@@ -14,7 +15,7 @@ static const double NO_LIMIT = 1e150; /* as LARGEST in wbc/qp/problem.py */
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
-    const int64_t m = plan->bounded + plan->cones, D = plan->torque ? nv : 0;
+    const int64_t m = plan->bounded + plan->cones + margin_rows(plan), D = plan->torque ? nv : 0;
     double *at = plan->out;
     qp->n = n, qp->k = k, qp->m = m;
     qp->P = at, at += n * n;
@@ -36,7 +37,9 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     qp->z_box = at, at += n;
     qp->found = at, at += 4;
     qp->exact = at, at += plan->torque ? nv : 0;
-    qp->torque = at;
+    qp->torque = at, at += plan->torque ? nv - 6 : 0;
+    qp->clearance = at, at += margin_rows(plan);
+    qp->chosen = at;
 }
 
 /* P += J' J on and above the diagonal, g -= J' wanted, rows (nv) weighted already */
@@ -268,6 +271,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (!add_block(plan, block, &at, J, &qp, &damping)) return HALF_A_TURN;
+    if (plan->margin && !add_margin(plan, state, v, J, &qp)) return NOT_MEASURED;
     for (int64_t i = 0; i < qp.n; i++) {
         qp.P[i * qp.n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
         if (plan->torque && i < nv) qp.g[i] -= plan->damping[i] * v[i];

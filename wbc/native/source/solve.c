@@ -9,7 +9,7 @@
  * KKT residuals are those of the full QP: what wbc/qp/kkt.py computes.
  */
 #include "linear.h"
-#include "problem.h"
+#include "margin.h"
 
 #include <string.h>
 
@@ -304,5 +304,9 @@ int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving) {
     const int found = wbc_problem(plan, state, q, v, moving);
-    return found == DONE ? wbc_solve(plan) : found;
+    if (found != DONE) return found;
+    const int said = wbc_solve(plan);
+    wbc_qp qp;
+    lay_out(plan, &qp);
+    return said == DONE && plan->margin && leads_inside(plan, q, &qp) ? LEADS_INSIDE : said;
 }

@@ -7,8 +7,8 @@
  *     linear  = m u + w x h        angular = h x u + I w
  *     dI/dt   = [w] I - I [w] + 2 (u.h) 1 - u h' - h u'          (paper eqs. 24-27)
  */
-#include "core.h"
 #include "linear.h"
+#include "tree.h"
 
 #ifndef WBC_SOURCE
 #define WBC_SOURCE ""
@@ -110,22 +110,68 @@ static void move(int64_t nv, int64_t k, const double *axis, int turns, const dou
     for (int i = 0; i < 6; i++) state[INERTIA_JACOBIAN(nv) + i * nv + k] = dI[i];
 }
 
-int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
-              double *scratch, int64_t frames, const int64_t *joint, const double *placement) {
-    const int64_t n = tree->joints, nv = tree->nv;
-    double *R = state + ROTATIONS(nv), *origins = state + ORIGINS(nv, n);
-    double *arms = scratch, *composite = scratch + 3 * n, base[3], com[3], moved[10], local[9];
+void place_joints(const wbc_tree *tree, const double *q, double *state, double *arms) {
+    const int64_t n = tree->joints;
+    double *R = state + ROTATIONS(tree->nv), *origins = state + ORIGINS(tree->nv, n);
+    double *base = origins + 3, local[9];
     for (int i = 0; i < 9; i++) R[i] = i % 4 == 0;
     for (int i = 0; i < 3; i++) origins[i] = arms[i] = arms[3 + i] = 0.0;
     from_quaternion(q + 3, local);
     product3(tree->placement + 12, local, R + 9);
     times3(tree->placement + 12, q, base);
     for (int i = 0; i < 3; i++) base[i] += tree->placement[21 + i];
-    for (int64_t j = 2; j < n; j++) place(tree, j, q, R, arms);
-    for (int64_t j = 1; j < n; j++) {
+    for (int64_t j = 2; j < n; j++) {
+        place(tree, j, q, R, arms);
         for (int i = 0; i < 3; i++) origins[3 * j + i] = base[i] + arms[3 * j + i];
-        weigh(tree->body + 10 * j, R + 9 * j, arms + 3 * j, composite + 10 * j);
     }
+}
+
+/* p, quaternion q x y z w: moved by velocity u and angular velocity w in its own axes, for 1. */
+static void integrate_base(const double *from, const double *u, const double *w, double *to) {
+    const double angle = sqrt(dot3(w, w)), square = angle * angle, half = 0.5 * angle;
+    const int small = angle < 1e-2; /* there the series are exact to rounding */
+    const double s = small ? 0.5 - square / 48.0 + square * square / 3840.0 : sin(half) / angle;
+    const double one = small ? 0.5 - square / 24.0 + square * square / 720.0
+                             : 2.0 * s * s; /* (1 - cos) / angle^2 */
+    const double two = small ? 1.0 / 6.0 - square / 120.0 + square * square / 5040.0
+                             : (angle - sin(angle)) / (square * angle);
+    const double x = s * w[0], y = s * w[1], z = s * w[2], r = cos(half), *q = from + 3;
+    double turn[3], twice[3], path[3], R[9];
+    cross3(w, u, turn);
+    cross3(w, turn, twice);
+    for (int i = 0; i < 3; i++) turn[i] = u[i] + one * turn[i] + two * twice[i];
+    from_quaternion(q, R);
+    times3(R, turn, path);
+    for (int i = 0; i < 3; i++) to[i] = from[i] + path[i];
+    to[3] = q[3] * x + q[0] * r + q[1] * z - q[2] * y;
+    to[4] = q[3] * y + q[1] * r + q[2] * x - q[0] * z;
+    to[5] = q[3] * z + q[2] * r + q[0] * y - q[1] * x;
+    to[6] = q[3] * r - q[0] * x - q[1] * y - q[2] * z;
+    const double norm = sqrt(dot3(to + 3, to + 3) + to[6] * to[6]);
+    for (int i = 3; i < 7; i++) to[i] /= norm;
+}
+
+void integrate(const wbc_tree *tree, const double *q, const double *step, double *out) {
+    integrate_base(q, step, step + 3, out);
+    for (int64_t j = 2; j < tree->joints; j++) {
+        const double *from = q + tree->iq[j], by = step[tree->iv[j]];
+        double *to = out + tree->iq[j];
+        if (tree->kind[j] == CONTINUOUS) {
+            const double c = cos(by), s = sin(by);
+            to[0] = from[0] * c - from[1] * s, to[1] = from[1] * c + from[0] * s;
+        } else
+            to[0] = from[0] + by;
+    }
+}
+
+int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
+              double *scratch, int64_t frames, const int64_t *joint, const double *placement) {
+    const int64_t n = tree->joints, nv = tree->nv;
+    const double *R = state + ROTATIONS(nv), *base = state + ORIGINS(nv, n) + 3;
+    double *arms = scratch, *composite = scratch + 3 * n, com[3], moved[10];
+    place_joints(tree, q, state, arms);
+    for (int64_t j = 1; j < n; j++)
+        weigh(tree->body + 10 * j, R + 9 * j, arms + 3 * j, composite + 10 * j);
     for (int64_t j = n - 1; j > 1; j--)
         for (int i = 0; i < 10; i++) composite[10 * tree->parent[j] + i] += composite[10 * j + i];
 

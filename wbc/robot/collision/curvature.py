@@ -38,6 +38,11 @@ class CurvatureBounds:
         (N, 2) indices of bodies.
     moves:
         (N, nv) 1 where a velocity moves one of a pair's bodies and not the other.
+
+    Attributes
+    ----------
+    shorter:
+        (N,) length of the shorter body of each pair [m].
     """
 
     def __init__(self, bodies: Sequence[Body], pairs: Index, moves: Array) -> None:
@@ -47,7 +52,7 @@ class CurvatureBounds:
         self._carries = moves[:, :3].copy() if moves[:, :3].any() else None
         self._pairs = pairs
         lengths = np.array([body.length for body in bodies])
-        self._shorter = lengths[pairs].min(axis=1)  # (N,) length of the shorter body [m]
+        self.shorter = lengths[pairs].min(axis=1)
         self._joints = np.array([body.joint for body in bodies])
         self._radii = np.array([body.shape.radius for body in bodies])
         flat = np.array([isinstance(body.shape, HalfSpace) for body in bodies])
@@ -66,7 +71,7 @@ class CurvatureBounds:
     def quick(self, pairs: Index | None, step: Array) -> Array:
         """Return the bound (k,) [m] by lengths, of all pairs if None, for a ``step`` (nv,)."""
         angle, curvature = self._angles(pairs, step)
-        curvature += chosen_of(self._shorter, pairs) * angle
+        curvature += chosen_of(self.shorter, pairs) * angle
         return curvature
 
     def tight(
@@ -81,7 +86,7 @@ class CurvatureBounds:
         """
         chosen = None if len(pairs) == len(self._pairs) else pairs
         angle, curvature = self._angles(chosen, step)
-        bound = chosen_of(self._shorter, chosen) * angle
+        bound = chosen_of(self.shorter, chosen) * angle
         bound += curvature
         unsure = np.flatnonzero(bound > clearance)
         if unsure.size:

@@ -102,14 +102,25 @@ class CollisionModel:
         most = 2 * np.count_nonzero(solid) > len(solid)
         self._candidates = CANDIDATES_OF_SOLIDS if most else CANDIDATES
         self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
-        self._native = None  # the core knows capsules: of no use where most shapes are others
-        if not most and not self._covers.flat.size:
-            self._native = NativePairs(self._covers, joints, self.pairs, solid)
+        self._native = None  # the core knows no half-spaces
+        if not self._covers.flat.size:
+            parents = [0, *map(int, list(robot.model.parents)[1:])]
+            self._native = NativePairs(self._covers, self.bodies, self.pairs, solid, parents)
 
     def __repr__(self) -> str:
         return (
             f"CollisionModel({self.robot.name}, bodies={len(self.bodies)}, pairs={len(self.pairs)})"
         )
+
+    @property
+    def native(self) -> NativePairs | None:
+        """The pairs as the native core reads them; None: there are half-spaces."""
+        return self._native
+
+    @property
+    def shorter(self) -> Array:
+        """Length of the shorter body of each pair (N,) [m]."""
+        return self._curvature.shorter
 
     def place(self, body: int, rotation: Array, origin: Array) -> None:
         """Move a body of joint 0: its shape's frame is put at ``rotation``, ``origin`` (world)."""
@@ -118,12 +129,19 @@ class CollisionModel:
         R = finite_array("rotation", rotation, (3, 3))
         p = finite_array("origin", origin, (3,))
         self._covers.place(body, R, p)
-        self._curvature.place(body, self.bodies[body].shape.core @ R.T + p)
+        core = self.bodies[body].shape.core @ R.T + p
+        self._curvature.place(body, core)
+        if self._native is not None:
+            self._native.place(body, core)
         if self._solids is not None:
             self._solids.place(body, (R, p))
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing."""
+        if self._native is not None and snapshot.native_state is not None:
+            found = self._native.measure(snapshot.native_state, pairs)
+            if found is not None:
+                return _pair_distances(snapshot, pairs, found)
         return _pair_distances(snapshot, *self._measured(snapshot, None, pairs, len(pairs)))
 
     def nearest(self, snapshot: Snapshot, count: int | None = None) -> PairDistances:
@@ -132,10 +150,10 @@ class CollisionModel:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
-        if self._native is not None and snapshot.native_state is not None and count < total:
+        if self._native is not None and snapshot.native_state is not None and total:
             nearest = self._native.nearest(snapshot.native_state, count)
             if nearest is not None:
-                return _pair_distances(snapshot, *self._completed(snapshot, *nearest, count))
+                return _pair_distances(snapshot, *nearest)
         tried = self._candidates * count
         if tried >= total:
             return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))
@@ -193,15 +211,6 @@ class CollisionModel:
     def _or_all(self, pairs: Index) -> Index | None:
         """Return the numbers of some pairs, which increase; None if these are all."""
         return None if len(pairs) == len(self.pairs) else pairs
-
-    def _completed(
-        self, snapshot: Snapshot, pairs: Index, found: Array, count: int
-    ) -> tuple[Index, Array]:
-        """Return the ``count`` nearest among pairs, with solids measured exactly too."""
-        where, numbers = self._solids_among(pairs)
-        if self._solids is not None and where.size:
-            found[:, where] = self._solids.measure(snapshot, numbers)
-        return (pairs, found) if len(pairs) == count else _least(pairs, found, count)
 
     def _measured(
         self,

@@ -1,19 +1,21 @@
-"""The nearest pairs of capsules in the native core; pairs of other shapes are handed on.
+"""Pairs of convex bodies in the native core: the nearest, their distances and Jacobians.
 
 One call looks at the balls round all bodies and measures what may be among the nearest, as
-:class:`~wbc.robot.collision.covers.Covers` does by arrays.
+:class:`~wbc.robot.collision.covers.Covers` does by arrays; capsules as segments, others by corners.
 """
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.native import address
 from wbc.robot.collision.covers import Covers
-from wbc.robot.kernel import NativeState
+from wbc.robot.collision.shapes import Body
+from wbc.robot.kernel import NativeState, NativeTree
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
@@ -25,6 +27,7 @@ class _Pairs(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("nv", "joints", "bodies", "pairs")),
         *((name, ctypes.c_void_p) for name in ("joint", "local", "size", "pair", "solid")),
+        *((name, ctypes.c_void_p) for name in ("common", "first", "corner", "rounding")),
     ]
 
 
@@ -34,40 +37,81 @@ class NativePairs:
     Parameters
     ----------
     covers:
-        Capsules and balls round the bodies.
+        Capsules and balls round the bodies, none of which is a half-space.
     pairs:
         (N, 2) indices of bodies.
     solid:
         (N,) whether a body of the pair is no capsule.
+    parents:
+        Of each joint; they come before their children.
+
+    Attributes
+    ----------
+    counts:
+        Of bodies and of pairs.
     """
 
     def __init__(
-        self, covers: Covers, joints: Index, pairs: Index, solid: NDArray[np.bool_]
+        self,
+        covers: Covers,
+        bodies: Sequence[Body],
+        pairs: Index,
+        solid: NDArray[np.bool_],
+        parents: Sequence[int],
     ) -> None:
-        self._made_of = covers, joints, pairs, solid
-        self._kept = joints, covers.local, covers.sizes, pairs, solid.astype(np.int64)
-        self._counts = len(joints), len(pairs)
+        self._made_of = covers, bodies, pairs, solid, parents
+        joints = np.array([body.joint for body in bodies], dtype=np.int64)
+        both = joints[pairs].tolist()
+        common = np.array([_common(parents, a, b) for a, b in both], dtype=np.int64)
+        cores = [body.shape.core for body in bodies]
+        self._first = np.cumsum([0, *map(len, cores)], dtype=np.int64)
+        self._corner = np.ascontiguousarray(np.concatenate(cores).T)
+        rounding = np.array([body.shape.radius for body in bodies])
+        capsules = covers.local, covers.sizes
+        corners = self._first, self._corner, rounding
+        self._kept = (joints, *capsules, pairs, solid.astype(np.int64), common, *corners)
+        self.counts = len(joints), len(pairs)
         self._addresses = list(map(address, self._kept))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), self._made_of  # a copy reads its own arrays
+        return type(self)._with_corners, (*self._made_of, self._corner)  # arrays of its own
+
+    @classmethod
+    def _with_corners(cls, *parts: object) -> NativePairs:
+        *made_of, corner = parts
+        made = cls(*made_of)  # type: ignore[arg-type]
+        made._corner[:] = corner
+        return made
+
+    def place(self, body: int, core: Array) -> None:
+        """Set the corners (k, 3) of a body of joint 0 in the world."""
+        self._corner[:, self._first[body] : self._first[body + 1]] = core.T
 
     def nearest(self, state: NativeState, count: int) -> tuple[Index, Array] | None:
-        """Return the ``count`` nearest pairs of capsules and all others that may be as near.
+        """Return the ``count`` nearest pairs.
 
-        Their numbers, increasing, and what is nearest (7, k), of solids between their covers. None
-        where axes touch, or where there are not so many pairs of capsules.
+        Their numbers, increasing, and what is nearest (7, k). None where some bodies touch: how
+        deep they are inside each other is not known here.
         """
-        bodies, pairs = self._counts
-        scratch, found = np.empty(9 * (bodies + pairs)), np.empty(7 * pairs)
-        chosen = np.empty(pairs, dtype=np.int64)
-        struct = self._struct(state)
-        arrays = scratch, chosen, found
-        work, numbers, nearest = map(address, arrays)
-        k = state.tree.core.wbc_nearest(
-            ctypes.addressof(struct), address(state.array), count, work, numbers, nearest
-        )
-        return None if k < 0 else (chosen[:k], found[: 7 * k].reshape(7, k))
+        bodies, pairs = self.counts
+        scratch, found = np.empty(9 * (bodies + pairs)), np.empty((7, count))
+        chosen = np.empty(count, dtype=np.int64)
+        struct = self.struct(state.tree)
+        arrays = state.array, scratch, chosen, found
+        at, work, numbers, nearest = map(address, arrays)
+        core = state.tree.core
+        said = core.wbc_nearest(ctypes.addressof(struct), at, count, 0, work, numbers, nearest)
+        return None if said else (chosen, found)
+
+    def measure(self, state: NativeState, pairs: Index) -> Array | None:
+        """Return what is nearest (7, k) of some pairs; None: see :meth:`nearest`."""
+        scratch, found = np.empty(9 * self.counts[0]), np.empty((7, len(pairs)))
+        struct = self.struct(state.tree)
+        arrays = state.array, np.ascontiguousarray(pairs), scratch, found
+        at, numbers, work, nearest = map(address, arrays)
+        call = state.tree.core.wbc_measure
+        said = call(ctypes.addressof(struct), at, len(pairs), numbers, work, nearest)
+        return None if said else found
 
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
         """Return the derivatives (k, nv) of distances by v.
@@ -78,12 +122,20 @@ class NativePairs:
             (3, k): unit vectors from the second body to the first, and points on the first.
         """
         tree, out = state.tree, np.empty((len(pairs), state.tree.nv))
-        struct = self._struct(state)
+        struct = self.struct(tree)
         arrays = [np.ascontiguousarray(array) for array in (pairs, normal, point)]
         chosen, n, p = map(address, arrays)
         where = ctypes.addressof(struct), tree.address, address(state.array)
         tree.core.wbc_pair_rows(*where, len(pairs), chosen, n, p, address(out))
         return out
 
-    def _struct(self, state: NativeState) -> _Pairs:
-        return _Pairs(state.tree.nv, state.tree.joints, *self._counts, *self._addresses)
+    def struct(self, tree: NativeTree) -> ctypes.Structure:
+        """Return what the core is told; who keeps it keeps these pairs."""
+        return _Pairs(tree.nv, tree.joints, *self.counts, *self._addresses)
+
+
+def _common(parents: Sequence[int], a: int, b: int) -> int:
+    """Return the last joint that carries both."""
+    while a != b:
+        a, b = (parents[a], b) if a > b else (a, parents[b])
+    return a

@@ -1,0 +1,144 @@
+/* The margin between a robot's bodies: the law of wbc/constraints/margin.py, at the torque level
+ * within the reach that wbc/controllers/reachable.py says, and the look-ahead of
+ * wbc/controllers/look_ahead.py up to where a cut is needed, which is made in Python.
+ */
+#include "margin.h"
+#include "linear.h"
+#include "tree.h"
+
+#include <string.h>
+
+/* As in wbc/constraints/margin.py. */
+static const double SKIN = 1e-4, USED = 0.5e-4, ROUNDING = 1e-7, INTERIOR = 1e-3, PART = 0.01;
+static const double LEVER = 1.0, ABLE = 1e-6;
+static const double MARGIN_BRAKING = 20.0;                    /* wbc/controllers/reachable.py */
+static const double RECOVERY_FACTOR = 1e2, LIGHTEST = 1e-6;   /* wbc/controllers/plan.py */
+
+static double smaller(double a, double b) { return a < b ? a : b; }
+
+/* The speed at which a clearance may be used up: see stopping_speed in wbc/braking.py. */
+static double approach(const wbc_plan *plan, const double *row, double clearance) {
+    const wbc_margin *margin = plan->margin;
+    const int64_t n = plan->tree->nv - 6;
+    const double dt = plan->dt, left = clearance > 0.0 ? clearance : 0.0;
+    double deceleration = margin->deceleration, able = 0.0;
+    if (margin->acceleration) {
+        for (int64_t j = 0; j < n; j++) able += fabs(row[6 + j]) * margin->acceleration[j];
+        if (able > ABLE) deceleration = smaller(able, deceleration);
+    }
+    const double braked = 2.0 * left / (sqrt(2.0 * left / deceleration + dt * dt) + dt);
+    return smaller(braked, margin->gain / dt * left);
+}
+
+/* A dominating cost that asks a row for a rate. */
+static void push(const wbc_plan *plan, const double *row, double rate, const wbc_qp *qp) {
+    const int64_t nv = plan->tree->nv, n = qp->n;
+    const double heaviest = *qp->heaviest > LIGHTEST ? *qp->heaviest : LIGHTEST;
+    const double weight = RECOVERY_FACTOR * heaviest; /* squared */
+    for (int64_t i = 0; i < nv; i++) {
+        if (row[i] == 0.0) continue;
+        for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += weight * row[i] * row[j];
+        qp->g[i] -= weight * rate * row[i];
+    }
+}
+
+int add_margin(const wbc_plan *plan, const double *state, const double *v, double *scratch,
+               const wbc_qp *qp) {
+    const wbc_margin *margin = plan->margin;
+    const int64_t nv = plan->tree->nv, n = qp->n, k = margin->rows, before = qp->m - k;
+    double *nearest = scratch, *rows = nearest + 7 * k, *work = rows + k * nv;
+    const double now = plan->torque ? MARGIN_BRAKING * plan->dt : INFINITY;
+    int64_t *chosen = plan->order;
+    if (wbc_nearest(margin->of, state, k, margin->kept, work, chosen, nearest) != 0) return 0;
+    wbc_pair_rows(margin->of, plan->tree, state, k, chosen, nearest + k, nearest + 4 * k, rows);
+    for (int64_t i = 0; i < k; i++) {
+        const double *row = rows + i * nv, clearance = nearest[i] - margin->kept[chosen[i]];
+        const double reach = plan->torque ? dot(nv, row, v) + now : INFINITY;
+        double *to = qp->C + (before + i) * n, least = -approach(plan, row, clearance);
+        if (clearance < 0.0) { /* less than the skin is no violation */
+            const double lost = -SKIN - clearance > 0.0 ? -SKIN - clearance : 0.0;
+            least = smaller(margin->recovery / plan->dt * lost, margin->recovery_speed);
+        }
+        if (least > 0.0) {
+            push(plan, row, smaller(least, reach), qp);
+            least = -smaller(INTERIOR, PART * least);
+        }
+        memcpy(to, row, nv * sizeof *to);
+        memset(to + nv, 0, (n - nv) * sizeof *to);
+        qp->l[before + i] = smaller(least, reach), qp->u[before + i] = INFINITY;
+        qp->clearance[i] = clearance, qp->chosen[i] = (double)chosen[i];
+    }
+    return 1;
+}
+
+/* By how much the joints down to each turn at most over a step: 0 of the world, then sums. */
+static void add_turns(const wbc_tree *tree, const double *step, double *turns) {
+    turns[0] = 0.0;
+    turns[1] = fabs(step[3]) + fabs(step[4]) + fabs(step[5]);
+    for (int64_t j = 2; j < tree->joints; j++)
+        turns[j] = turns[tree->parent[j]] + fabs(step[tree->iv[j]]);
+}
+
+/* How far a pair may end below its linear prediction: quick in wbc/robot/collision/curvature.py. */
+static double bend(const wbc_margin *margin, int64_t pair, const double *step,
+                   const double *turns) {
+    const wbc_pairs *of = margin->of;
+    const int64_t *both = of->pair + 2 * pair, common = of->common[pair];
+    const double angle =
+        turns[of->joint[both[0]]] + turns[of->joint[both[1]]] - 2.0 * turns[common];
+    double lever = LEVER * angle; /* while the base slides, its turn curves the path */
+    if (common == 0) lever += fabs(step[0]) + fabs(step[1]) + fabs(step[2]);
+    return 0.5 * lever * angle + margin->shorter[pair] * angle;
+}
+
+/* The pairs that have to be measured where a step leads; returns how many, -1: any may come. */
+static int64_t watched(const wbc_plan *plan, const wbc_qp *qp, const double *step, double *turns,
+                       int64_t *pairs) {
+    const wbc_margin *margin = plan->margin;
+    const int64_t nv = plan->tree->nv, k = margin->rows, before = qp->m - k;
+    double farthest = -INFINITY, way = 0.0;
+    int64_t count = 0;
+    for (int64_t i = 0; i < k; i++)
+        if (qp->clearance[i] > farthest) farthest = qp->clearance[i];
+    for (int64_t j = 0; j < nv; j++) way += fabs(step[j]);
+    if (k < margin->of->pairs && LEVER * way > farthest) return -1;
+    add_turns(plan->tree, step, turns);
+    for (int64_t i = 0; i < k; i++) {
+        const int64_t pair = (int64_t)qp->chosen[i];
+        const double change = dot(nv, qp->C + (before + i) * qp->n, step);
+        if (qp->clearance[i] + change - bend(margin, pair, step, turns) < -USED)
+            pairs[count++] = pair;
+    }
+    return count;
+}
+
+/* The clearance that a pair had before; infinite without a row. */
+static double clearance_of(const wbc_qp *qp, int64_t rows, double pair) {
+    for (int64_t i = 0; i < rows; i++)
+        if (qp->chosen[i] == pair) return qp->clearance[i];
+    return INFINITY;
+}
+
+int leads_inside(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
+    const wbc_margin *margin = plan->margin;
+    const wbc_tree *tree = plan->tree;
+    const int64_t nv = tree->nv, rows = margin->rows;
+    double *step = plan->scratch, *turns = step + nv, *there = turns + tree->joints;
+    double *arms = there + 2 * nv, *nearest = arms + 3 * tree->joints, *work = nearest + 7 * rows;
+    int64_t *pairs = plan->order;
+    for (int64_t i = 0; i < nv; i++) step[i] = plan->dt * qp->x[i];
+    int64_t k = watched(plan, qp, step, turns, pairs);
+    if (k == 0) return 0;
+    integrate(tree, q, step, there);
+    place_joints(tree, there, plan->state, arms);
+    if (k < 0) {
+        k = rows;
+        if (wbc_nearest(margin->of, plan->state, k, margin->kept, work, pairs, nearest)) return 1;
+    } else if (wbc_measure(margin->of, plan->state, k, pairs, work, nearest))
+        return 1;
+    for (int64_t i = 0; i < k; i++) {
+        const double start = clearance_of(qp, rows, (double)pairs[i]) - ROUNDING;
+        if (nearest[i] - margin->kept[pairs[i]] < smaller(-USED, start)) return 1;
+    }
+    return 0;
+}
