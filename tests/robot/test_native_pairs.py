@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from tests.conftest import ROBOTS, load, random_state
 from wbc.native import VARIABLE, status
@@ -75,6 +76,68 @@ def test_the_same_pairs_at_random_states(name: str, rng, monkeypatch) -> None:
     states = [random_state(plain, rng) for _ in range(15)]
     inside = sum(assert_same(*models, states, count) for count in (1, 7, 25, len(pairs)))
     assert inside > 10
+
+
+def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
+    """Corners prove the distance: none of one hull is beyond a plane, none of the other before it.
+
+    Between these planes it can be no less, between the points found no more. coal stops within its
+    tolerance of 1e-7 m.
+    """
+    fast, plain = both("hoap2_like", monkeypatch)
+    bodies = []
+    for joint in range(1, fast.model.njoints):
+        place, size = 0.1 * rng.normal(size=3), rng.uniform(0.01, 0.1)
+        points = place + size * rng.normal(size=(40, 3))
+        shapes = (
+            Hull(points[ConvexHull(points).vertices], 0.01),
+            Hull.box([size, 0.05, 0.02], place),
+            Capsule.of(place, place + size, 0.03),
+            Capsule.sphere(place, 0.03),
+        )
+        bodies.append(Body(str(joint), "base", joint, shapes[joint % 4]))
+    pairs = random_pairs(bodies, rng, 150)
+    models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
+    certified = handed = 0
+    for _ in range(20):
+        q, _ = random_state(plain, rng)
+        here, there = fast.snapshot(q), plain.snapshot(q)
+        R, p = here.joint_placements
+        expected = models[1].measure(there, np.arange(len(pairs)))
+        for k, (a, b) in enumerate(pairs):
+            found = models[0]._native.measure(here.native_state, np.array([k]))
+            if found is None:  # the cores touch
+                thickness = sum(bodies[i].shape.radius for i in (a, b))
+                assert expected.distance[k] < 1e-6 - thickness
+                handed += 1
+                continue
+            distance, n, point = found[0, 0], found[1:4, 0], found[4:, 0]
+            ahead = [
+                bodies[i].shape.core @ R[bodies[i].joint].T + p[bodies[i].joint] for i in (a, b)
+            ]
+            gap = (ahead[0] @ n).min() - (ahead[1] @ n).max()
+            radii = bodies[a].shape.radius, bodies[b].shape.radius
+            assert distance == pytest.approx(gap - sum(radii), abs=2e-10)
+            assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-12)
+            assert (ahead[0] @ n).min() - radii[0] == pytest.approx(point @ n, abs=2e-10)
+            assert distance == pytest.approx(expected.distance[k], abs=3e-7)
+            certified += 1
+    assert certified > 1500
+    assert handed > 20
+
+
+def test_pairs_as_far_as_the_farthest_do_not_hide_nearer_ones(monkeypatch) -> None:
+    """Three of the same distance come first, one that is nearer last."""
+    fast, _ = both("hoap2_like", monkeypatch)
+    here = fast.snapshot(fast.posture())
+    own = Body("own", "base", 1, Capsule.sphere([0.0, 0.0, 0.0], 0.01))
+    centre = here.joint_placements[1][1]
+    places = [[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3], [0.1, 0.0, 0.0]]
+    others = [Body("", "", 0, Capsule.sphere(centre + place, 0.01)) for place in places]
+    model = CollisionModel(fast, [own, *others], [(0, k) for k in range(1, 5)])
+    found = model.nearest(here, 2)
+    assert found.pairs.tolist() == [0, 3]
+    np.testing.assert_allclose(found.distance, [0.28, 0.08], atol=1e-12)
 
 
 def test_bodies_that_are_moved_from_outside(rng, monkeypatch) -> None:
