@@ -25,6 +25,7 @@ class NativeController(Controller):
     """A controller whose plain ticks are set up, and maybe solved, by the native core."""
 
     _native: NativePlan | None = None
+    _second: NativePlan | None = None  # without margins, where the first has one
 
     @property
     def native(self) -> NativePlan | None:
@@ -43,17 +44,18 @@ class NativeController(Controller):
     def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | None:
         """Return the command of a plain tick; None: not plain, or without a solution."""
         start = perf_counter()
-        margin_is_theirs = plan.margin is not None
-        if self.constraints and not margin_is_theirs and snapshot.native_state is None:
+        if self.constraints and plan.margin is None and snapshot.native_state is None:
             return None  # margins look at it too
         found = self._native_problem(plan, snapshot)
+        if plan.margin is not None and (found is None or not found.solved):
+            # Where an answer leads inside, rows are added by Python.
+            second = self._second
+            return None if second is None else self._native_step(second, snapshot)
         if found is None:
             return None
         if found.solved:
             # The core kept the box to the accuracy promised, far below what a command may exceed.
             return self._native_tick(found, snapshot, self._deviations(found, snapshot))
-        if margin_is_theirs:
-            return None
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
         held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
@@ -85,11 +87,12 @@ class NativeController(Controller):
         plain, margin = self.formulation == "equality" and not self.constraints, None
         if self.formulation == "equality" and solves(self.backend):
             margin = only_self_collision(self.constraints, self.slacks)
-        if margin is not None:
-            self._native = self._native_plan(self.backend, margin)
-            if self._native is not None:
-                return
+        self._second = None
         self._native = self._native_plan(self.backend if plain else None, None)
+        if margin is not None and self._native is not None:
+            first = self._native_plan(self.backend, margin)
+            if first is not None:
+                self._native, self._second = first, self._native
 
     # ------------------------------------------------------------------ what a level says
 
