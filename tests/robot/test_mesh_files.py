@@ -220,3 +220,30 @@ def test_obj_with_several_materials_and_negative_numbers(tmp_path: Path) -> None
     path.write_text("v 0 0 0\nv 1 0 0\nf 1 2 3\n")
     with pytest.raises(ModelError, match="corner without a vertex"):
         read_mesh(path)
+
+
+HUGE = {
+    "urdf": """<robot name="r"><link name="b"><inertial><mass value="1"/>
+        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+        <TAG><geometry><mesh filename="ball.stl"/></geometry></TAG></link></robot>""",
+    "xml": """<mujoco><asset><mesh name="m" file="ball.stl"/></asset><worldbody><body name="b">
+        <freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+        <geom type="mesh" mesh="m"/></body></worldbody></mujoco>""",
+}
+
+
+@pytest.mark.parametrize("kind", HUGE)
+def test_meshes_of_a_million_triangles_are_refused_by_their_size(tmp_path: Path, kind: str) -> None:
+    (tmp_path / f"r.{kind}").write_text(HUGE[kind].replace("TAG", "collision"))
+    with (tmp_path / "ball.stl").open("wb") as file:
+        file.truncate(84 + 50 * 10**6)  # binary STL: 50 bytes a triangle
+    robot = Robot.load(tmp_path / f"r.{kind}")
+    with pytest.raises(ModelError, match=r"ball\.stl: 47 MB, larger than 32 MB"):
+        _ = robot.collision_model
+
+
+def test_a_huge_mesh_to_look_at_is_in_nobodys_way(tmp_path: Path) -> None:
+    (tmp_path / "r.urdf").write_text(HUGE["urdf"].replace("TAG", "visual"))
+    with (tmp_path / "ball.stl").open("wb") as file:
+        file.truncate(84 + 50 * 10**6)
+    assert not Robot.load(tmp_path / "r.urdf").collision_model.ngeoms

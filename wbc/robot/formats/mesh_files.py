@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +31,7 @@ _UP = {
 }
 # MeshLab writes Y_UP whatever the axes are (TIAGo, Borinot: their URDFs mean z).
 _UP_UNKNOWN = ("MeshLab", "VCGLib")
+MOST_BYTES = 32 << 20  # of a mesh file; a million triangles take a quarter of a minute to read
 _DEEPEST = 100  # nodes inside each other
 _LINES = {"lines", "linestrips"}
 
@@ -93,6 +94,22 @@ class Triangles(NamedTuple):
 
     vertices: Array
     faces: Index
+
+
+def refuse_huge_meshes(files: Iterable[Path]) -> None:
+    """Look at the size of mesh files before anything reads them.
+
+    Raises
+    ------
+    ModelError
+        A file is larger than :data:`MOST_BYTES`.
+    """
+    for path in files:
+        if path.is_file() and path.stat().st_size > MOST_BYTES:
+            raise ModelError(
+                f"{path}: {path.stat().st_size >> 20} MB, larger than {MOST_BYTES >> 20} MB; export"
+                " the mesh with fewer triangles, some thousand show any link"
+            )
 
 
 def exact_meshes(shapes: pin.GeometryModel) -> None:

@@ -21,6 +21,7 @@ from wbc.robot.formats.description import (
     confirm,
     pinocchio_reads,
 )
+from wbc.robot.formats.mesh_files import refuse_huge_meshes
 from wbc.robot.formats.mjcf_actuators import bound_efforts
 from wbc.robot.formats.mjcf_document import plain_document
 from wbc.robot.formats.xml import LARGEST, numbers, refuse_non_finite
@@ -64,6 +65,7 @@ class MjcfGeometry:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         if not self.complete:
             return pin.GeometryModel()
+        refuse_huge_meshes(_mesh_files(ET.fromstring(self.text)).values())
         with _file_of(self.text, self.path, "shapes cannot be loaded") as file:
             shapes = pin.buildGeomFromMJCF(model, file, kind)
         # A new model: what `geometryObjects` hands out are references into a vector, which removing
@@ -100,7 +102,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
     confirm(model, _carried_masses(root, path), [name for name in names if name], path)
     bound_efforts(model, root, path)
-    missing = _missing_meshes(root)
+    missing = [name for name, file in _mesh_files(root).items() if not file.is_file()]
     notes: tuple[str, ...] = ()
     if missing:
         some = ", ".join(missing[:3])
@@ -269,10 +271,11 @@ def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Couplin
         yield joint, Coupling(driver, ratio, offset)
 
 
-def _missing_meshes(root: ET.Element) -> list[str]:
+def _mesh_files(root: ET.Element) -> dict[str, Path]:
+    """Return the mesh files of a plain document by their names."""
     folder = Path(_compiler(root).get("meshdir", ""))
     files = [mesh.get("file") for mesh in root.findall("asset/mesh")]
-    return [name for name in files if name is not None and not (folder / name).is_file()]
+    return {name: folder / name for name in files if name is not None}
 
 
 def _key_frames(model: pin.Model) -> Iterator[tuple[str, State]]:

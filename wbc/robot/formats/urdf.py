@@ -23,7 +23,7 @@ from wbc.robot.formats.description import (
     confirm,
     pinocchio_reads,
 )
-from wbc.robot.formats.mesh_files import exact_meshes, resolve_meshes
+from wbc.robot.formats.mesh_files import exact_meshes, refuse_huge_meshes, resolve_meshes
 from wbc.robot.formats.xml import LARGEST, numbers
 from wbc.robot.limits import UNLIMITED
 
@@ -54,6 +54,8 @@ class UrdfGeometry:
     ) -> pin.GeometryModel:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
         text = self.text if links is None else self._only(links, _SHAPES[kind])
+        meshes = ET.fromstring(text).iterfind(f".//{_SHAPES[kind]}//mesh")
+        refuse_huge_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
         with pinocchio_reads(self.path, "shapes cannot be loaded"):
             shapes = pin.buildGeomFromUrdfString(model, text, kind)
         exact_meshes(shapes)
