@@ -8,7 +8,10 @@ The group ``meshes`` measures the shapes of the robot's files against each other
 and without a ``SelfCollision`` constraint: told is the least distance, of pairs that are more than
 2 cm apart when the robot stands.
 
-    python benchmarks/walking.py JOURNAL.jsonl [--only speed push ground schedule meshes]
+The group ``sideways`` pushes every robot to both sides by as many M omega d, of the stance, as
+12 N s are for a G1.
+
+    python benchmarks/walking.py JOURNAL.jsonl [--only speed push sideways ground schedule meshes]
         [--seeds 10] [--workers 2]
 """
 
@@ -32,6 +35,7 @@ from wbc.constraints import SelfCollision
 from wbc.controllers import Controller
 from wbc.gait import Velocity, Walker
 from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.gait.whole_body import heaviest_link
 from wbc.journal import Journal
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Snapshot
@@ -42,6 +46,7 @@ from wbc.simulation import (
     SimulationError,
     Step,
     Terrain,
+    capture_impulse,
     simulate,
 )
 from wbc.workers import Workers
@@ -53,13 +58,19 @@ STEPS = 50
 MOST = 60.0  # s
 # G1 is pushed while it walks at this speed [m/s], at its trunk, by 100 N for 0.2 s.
 PUSHED, FORCE, LASTING = 0.5, 100.0, 0.2
+SIDEWAYS = 12.0  # N s on a G1, and its part of M omega d on others, at as slow a walk
 # What trials depend on beside their own numbers.
-MADE_OF = {"wbc": wbc.__version__, "dt": DT, "armature": ARMATURE, "push": (FORCE, LASTING)}
+MADE_OF = {
+    "wbc": wbc.__version__,
+    "dt": DT,
+    "armature": ARMATURE,
+    "push": (FORCE, LASTING, SIDEWAYS),
+}
 MOMENT = 1.0  # s to wait for what came of a trial
 # Every how many ticks raw shapes are measured, and how far apart pairs stand that count [m].
 MEASURED, STANDS = 10, 0.02
 MARGIN = 5e-3  # m, of the constraint
-GROUPS = ("speed", "push", "ground", "schedule", "meshes")
+GROUPS = ("speed", "push", "sideways", "ground", "schedule", "meshes")
 
 
 @dataclass(frozen=True)
@@ -110,6 +121,12 @@ def trials(seeds: int) -> Iterator[Trial]:
                 name = f"{45 * k} deg, phase {phase}"
                 yield Trial("push", name, "g1", seed, ((0.2, PUSHED, 0.0, 0.0),), 14, push)
         walk = ((0.2, 0.4, 0.0, 0.0),)
+        for robot, v in SPEED.items():
+            for side, angle in (("left", 0.5 * math.pi), ("right", -0.5 * math.pi)):
+                for phase in (0, 2):
+                    name = f"pushed to the {side}, phase {phase}"
+                    slow = ((0.2, v * PUSHED / SPEED["g1"], 0.0, 0.0),)
+                    yield Trial("sideways", name, robot, seed, slow, 14, (angle, phase / 4))
         for name, ground in GROUND.items():
             yield Trial("ground", name, "g1", seed, walk, 20, None, ground)
         yield Trial("schedule", "60 s", "g1", seed, SCHEDULE, None)
@@ -165,6 +182,17 @@ def terrain_of(ground: tuple[float, float, float] | str, seed: int) -> Terrain:
     return Terrain(friction=ground[2], slope=ground[:2])
 
 
+def force_on(trial: Trial) -> float:
+    """Return the force of a trial's push [N], which lasts as long as all of them."""
+    if trial.group == "push":
+        return FORCE
+    own, known = (
+        capture_impulse(robot.snapshot(robot.posture("standing")), robot.feet, (0.0, 1.0))
+        for robot in (robot_named(trial.robot), robot_named("g1"))
+    )
+    return SIDEWAYS / LASTING * own / known
+
+
 def walked(trial: Trial) -> dict[str, Any]:
     """Walk; return what came of it, as plain data."""
     robot = robot_named(trial.robot)
@@ -199,8 +227,8 @@ def walked(trial: Trial) -> dict[str, Any]:
         if push is not None and walker.steps >= 6:
             (angle, part), push = push, None
             start = plant.time + part * walker.gait.times.total
-            force = FORCE * np.array((math.cos(angle), math.sin(angle), 0.0))
-            plant.push("torso_link", force, start=start, duration=LASTING)
+            force = force_on(trial) * np.array((math.cos(angle), math.sin(angle), 0.0))
+            plant.push(heaviest_link(robot), force, start=start, duration=LASTING)
         return walk.update(tick, snapshot)
 
     try:
