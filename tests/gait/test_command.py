@@ -37,6 +37,12 @@ def test_turns_are_limited_too(legs: Legs) -> None:
     assert admitted.velocity.yaw_rate == -limits.turning and "rad/s" in admitted.reason
 
 
+def test_the_height_for_a_reach_is_the_inverse_of_the_reach(legs: Legs) -> None:
+    reach = legs.reach(legs.com_height)
+    assert legs.com_height_for(reach) == pytest.approx(legs.com_height)
+    assert legs.com_height_for(9.0) == pytest.approx(legs.com_height - legs.hip_height)
+
+
 def test_the_reach_of_a_leg_is_that_of_its_links(robot_named: Load) -> None:
     """hoap2_like is drawn with thigh and shank of 0.1 m each (docs: published dimensions)."""
     legs = Legs.of(robot_named("hoap2_like"))

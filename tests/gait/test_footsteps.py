@@ -8,17 +8,29 @@ import pytest
 
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
-from wbc.gait.phases import Measured, SingleSupport
+from wbc.gait.phases import Measured, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
 from wbc.gait.swing import Motion, SwingFoot, turned
 from wbc.robot import Robot
+from wbc.validate import Array
 
 Load = Callable[[str], Robot]
+ORIGIN = np.zeros(2)
 
 
 @pytest.fixture
 def legs(robot_named: Load) -> Legs:
     return Legs.of(robot_named("g1_27"))
+
+
+def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:
+    soles = dict.fromkeys(SIGN, np.array((0.08, 0.03)))
+    return StepPlanner(gait, CommandLimits.of(legs, gait), legs, soles)
+
+
+def on_one_foot(support: str, elapsed: float, left: float, goal: Array = ORIGIN) -> SingleSupport:
+    swing = SwingFoot(Motion.rest(np.zeros(3)), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.1)
+    return SingleSupport(support, swing, elapsed, left, goal, np.zeros(2))
 
 
 @pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.2, -0.1, 0.0)])
@@ -53,8 +65,7 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
     rng = np.random.default_rng(seed)
     gait = GaitSettings.of(legs)
     limits = CommandLimits.of(legs, gait)
-    planner = StepPlanner(gait, limits, dict.fromkeys(SIGN, np.array((0.08, 0.03))))
-    up, still = np.array((0.0, 0.0, 1.0)), Motion.rest(np.zeros(3))
+    planner = planner_of(legs, gait)
     for _ in range(60):
         support = str(rng.choice(["left", "right"]))
         velocity = limits.admit(*rng.normal(scale=(1.0, 1.0, 2.0))).velocity
@@ -63,10 +74,7 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         dcm = places[support][:2] + rng.normal(scale=0.3, size=2)
         now = Measured(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
         elapsed = float(rng.uniform(0.0, 0.9 * gait.single))
-        swing = SwingFoot(still, 0.0, up, 0.05, 0.1)
-        phase = SingleSupport(
-            support, swing, elapsed, gait.single - elapsed, np.zeros(2), np.zeros(2)
-        )
+        phase = on_one_foot(support, elapsed, gait.single - elapsed)
         after = planner.adapted(phase, now, heading, velocity)
         if after is phase:  # too late to change it
             assert phase.left <= 0.15 / gait.omega
@@ -76,3 +84,35 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         assert gait.least_width - 1e-7 <= beside <= limits.apart + 1e-7
         assert abs(step[0]) <= limits.step + 1e-7
         assert after == replace(phase, left=after.left, goal=after.goal, offset=after.offset)
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
+    legs: Legs, heading: float
+) -> None:
+    gait = GaitSettings.of(legs)
+    planner, R = planner_of(legs, gait), turned(heading)
+    measured = [
+        Measured(ORIGIN, {"left": R @ (0.3, y, 0.0), "right": np.zeros(3)}, {})
+        for y in (gait.width, 0.5)
+    ]
+    here = Standing()
+    assert planner.sunk(here, measured[0], heading) == 0.0
+    sunk = planner.sunk(here, measured[1], heading)
+    # The pelvis over the right foot: the left hip is to the left of it, the ankle farther.
+    hip = legs.hip_height + gait.height - sunk - legs.com_height
+    assert np.hypot(hip, 0.5 - legs.width) == pytest.approx(0.98 * legs.length)
+    assert sunk > 0.0
+    # A foot that is still on its way there counts, and one that comes back from there.
+    coming = on_one_foot("right", 0.1, 0.1, (R @ (0.0, 0.5, 0.0))[:2])
+    assert planner.sunk(coming, measured[0], heading) == pytest.approx(sunk)
+    assert planner.sunk(on_one_foot("right", 0.1, 0.1), measured[1], heading) == pytest.approx(sunk)
+
+
+def test_a_foot_that_lands_early_waits_unless_it_had_to_hurry(legs: Legs) -> None:
+    gait = GaitSettings.of(legs)
+    planner, T = planner_of(legs, gait), gait.single
+    assert planner.double_time(on_one_foot("left", T, 0.0)) == gait.double
+    assert planner.double_time(on_one_foot("left", T - 0.01, 0.01)) == gait.double + 0.01
+    assert planner.double_time(on_one_foot("left", 0.7 * T, 0.3 * T)) == 2.0 * gait.double
+    assert planner.double_time(on_one_foot("left", 0.5 * T, 0.1 * T)) == gait.double

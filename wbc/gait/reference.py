@@ -12,9 +12,10 @@ from wbc.gait.adaptation import Reach, StepBounds, StepPlan, adapt_step
 from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
-from wbc.gait.phases import DoubleSupport, Measured, SingleSupport
+from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned
+from wbc.robot.legs import Legs
 from wbc.validate import Array
 
 # The time in the air may shrink and grow to these parts of it.
@@ -25,6 +26,8 @@ SHORTEST, LONGEST = 0.45, 1.3
 HASTE = 1.5
 # How far in the sole the pressure may be counted on, in parts of its half size.
 SOLE_SHARE = 0.6
+# A step that is shorter than this part of its usual time had to hurry.
+HURRIED = 0.9
 # Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
 DECIDED = 0.15
 
@@ -49,6 +52,7 @@ class StepPlanner:
 
     gait: GaitSettings
     limits: CommandLimits
+    legs: Legs
     soles: dict[str, Array]
 
     @property
@@ -92,6 +96,29 @@ class StepPlanner:
         return Reference(
             base, base + math.exp(-omega * max(phase.left, 0.0)) * leaving, float(foot[2])
         )
+
+    def sunk(self, phase: Phase, now: Measured, heading: float) -> float:
+        """Return how much lower than usual the CoM should be [m].
+
+        Where feet are far apart sideways, or will be, the leg behind reaches the ground from less
+        height when the pelvis is over the other foot; stretched straight it would lift the pelvis.
+        """
+        feet = [now.places["left"][:2] - now.places["right"][:2]]
+        if isinstance(phase, SingleSupport):
+            feet.append(phase.goal - now.places[phase.support][:2])
+        left = turned(heading)[:2, 1]
+        apart = min(max(abs(float(left @ way)) for way in feet), self.limits.apart)
+        height = self.legs.com_height_for(max(apart - self.legs.width, 0.0))
+        return max(self.gait.height - height, 0.0)
+
+    def double_time(self, phase: SingleSupport) -> float:
+        """Return how long the double support lasts that ends a phase now [s].
+
+        A foot that lands before its time waits, unless it had to hurry: then time is what lacks.
+        """
+        hurried = phase.elapsed + phase.left < HURRIED * self.gait.single
+        early = 0.0 if hurried else min(max(phase.left, 0.0), self.gait.double)
+        return self.gait.double + early
 
     def adapted(
         self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity

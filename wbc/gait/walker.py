@@ -55,7 +55,8 @@ SHIFT = 1.2
 BESIDE = 0.03
 # Largest change of the yaw rate [rad/s^2].
 TURN_UP = 2.0
-# The CoM's height follows the ground as a critically damped spring of this rate, in units of omega.
+# The CoM's height follows the ground, and how far apart feet are, as a critically damped spring of
+# this rate, in units of omega.
 FOLLOW = 3.0
 # How much the sole that bears counts for the slope of the ground: it may be on an edge.
 LEVELLING = 0.2
@@ -132,7 +133,7 @@ class Walker:
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
-        self._planner = StepPlanner(self.gait, self.limits, _half_sizes(robot))
+        self._planner = StepPlanner(self.gait, self.limits, legs, _half_sizes(robot))
         now = Measured.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
         self._ground = Motion.rest(np.array((now.middle[2],)))
@@ -231,7 +232,8 @@ class Walker:
         rate = FOLLOW * self.gait.omega
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
         z, z1, _ = self._ground
-        z2 = rate**2 * (reference.ground - z) - 2.0 * rate * z1
+        sunk = self._planner.sunk(self.phase, now, self.heading)
+        z2 = rate**2 * (reference.ground - sunk - z) - 2.0 * rate * z1
         z1 = z1 + z2 * self.dt
         self._ground = Motion(z + z1 * self.dt, z1, z2)
         height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
@@ -318,7 +320,7 @@ class Walker:
         if rest and float(np.linalg.norm(place - nominal)) < BESIDE:
             time = SHIFT / gait.omega
             return DoubleSupport(foot, start, time, time, halts=True)
-        duration = gait.double + min(max(phase.left, 0.0), gait.double)
+        duration = self._planner.double_time(phase)
         return DoubleSupport(foot, start, duration, duration)
 
 

@@ -111,6 +111,14 @@ class Legs:
             )
         return math.sqrt(longest**2 - hip**2)
 
+    def com_height_for(self, reach: float) -> float:
+        """Return how high the CoM can be if the ankle is ``reach`` from below the hip [m].
+
+        The inverse of :meth:`reach`; a leg reaches no farther than its length.
+        """
+        longest = STRETCH * self.length
+        return self.com_height - self.hip_height + math.sqrt(max(longest**2 - reach**2, 0.0))
+
 
 def check_walker(robot: Robot) -> None:
     """Refuse what cannot walk on two feet.
