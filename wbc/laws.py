@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter, itemgetter
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -85,8 +84,7 @@ class Rows(NamedTuple):
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:
     """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
-    widths = set(map(itemgetter(1), map(attrgetter("shape"), matrices)))
-    if widths == {n}:
+    if {matrix.shape[1] for matrix in matrices} == {n}:
         return np.concatenate(matrices)
     rows, begin = np.zeros((sum(map(len, matrices)), n)), 0
     for matrix in matrices:
@@ -246,7 +244,11 @@ class AccelerationLaw:
             (nv,) measured velocity.
         """
         moving = residual.jacobian.dot(v)
+        slowing = moving + residual.bias
+        slowing *= self.velocity_gain
         wanted = -self.kp * residual.error
-        wanted -= self.velocity_gain * (moving + residual.bias)
+        wanted -= slowing
         wanted -= drift
-        return Rows(residual.jacobian, moving + dt * wanted, weight)
+        wanted *= dt
+        wanted += moving
+        return Rows(residual.jacobian, wanted, weight)

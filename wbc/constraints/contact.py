@@ -124,9 +124,9 @@ class Contact(Task):
         The derivative of a rotation vector e is Jlog(e) w, not w. But Jlog(e) e = e, so holding
         ``Jlog w = -k e`` and ``w = -k e`` is the same, and the plain Jacobian costs nothing.
         """
-        frame = self.frame
-        R, error = snapshot.rotation(frame), np.empty(6)
-        np.subtract(snapshot.position(frame), self.position, out=error[:3])
+        frame, error = self.frame, np.empty(6)
+        position, R = snapshot.placement(frame)
+        np.subtract(position, self.position, out=error[:3])
         np.dot(R, log_rotation(self.rotation.T.dot(R)), out=error[3:])
         return Residual(error, snapshot.jacobian(frame), self._still)
 

@@ -113,7 +113,8 @@ class Limits:
         self.recovery = finite_number("limits, recovery", recovery, above=0.0)
         if self.recovery > 1.0:
             raise InvalidInputError(f"limits, recovery: {recovery:g} is above 1 (all in one tick)")
-        self._box_of_base = -self.base_twist, self.base_twist
+        self._box_of_base = np.zeros((2, BASE_NV + joints))
+        self._box_of_base[:, :BASE_NV] = _SIGNS * self.base_twist
         self._signed_bounds = np.stack((-self.lower, self.upper))
         self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
 
@@ -147,7 +148,7 @@ class Limits:
         """
         distance = self._signed_distance(snapshot)
         box = self._box(snapshot, distance, dt, bounded=self.braking == "bounded")
-        if np.minimum.reduce(distance, axis=None, initial=0.0) >= -AT_LIMIT:
+        if not distance.size or np.minimum.reduce(distance, axis=None) >= -AT_LIMIT:
             return box, None
         distance = np.where(distance < -AT_LIMIT, distance, 0.0)
         outside = distance[0] - distance[1]
@@ -178,7 +179,8 @@ class Limits:
     def _box(self, snapshot: Snapshot, distance: Array, dt: float, bounded: bool) -> Box:
         """Return the bounds on v by position, speed and acceleration."""
         reach = np.maximum(distance, 0.0)
-        np.minimum(reach, FAR, out=reach)
+        if self._has_free_joints:
+            np.minimum(reach, FAR, out=reach)
         most = stopping_speed(reach, self.acceleration, dt)
         if self._has_free_joints:
             most[distance > FAR] = np.inf
@@ -186,16 +188,19 @@ class Limits:
         if snapshot.moving:
             change = _SIGNS * snapshot.v[BASE_NV:]
             acceleration = self.acceleration * dt
-            change += acceleration
             if bounded:
                 # Where a joint's own limit asks for harder braking than its acceleration, it wins.
+                change += acceleration
                 most = np.maximum(np.minimum(most, change), -most[::-1])
             else:
                 # A joint that stops may start the other way in the same tick: contacts need that.
-                np.maximum(change, acceleration, out=change)
+                np.maximum(change, 0.0, out=change)
+                change += acceleration
                 np.minimum(most, change, out=most)
-        lower, upper = self._box_of_base
-        return np.concatenate((lower, -most[0])), np.concatenate((upper, most[1]))
+        box = self._box_of_base.copy()
+        np.negative(most[0], out=box[0, BASE_NV:])
+        box[1, BASE_NV:] = most[1]
+        return box[0], box[1]
 
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:

@@ -237,13 +237,18 @@ def assemble(
         damping = damping + rows.damping  # not in place: a law's array is the law's
         if rows.curvature is not None:
             curved.append(rows.curvature)
-    # Weighted and stacked first: one product is cheaper than one per task.
-    J, weight = stacked(matrices, n), np.concatenate(weights)
+    # Weighted and stacked first: one product is cheaper than one per task. Columns that no row has
+    # are not multiplied.
+    width = max([matrix.shape[1] for matrix in matrices])
+    J, weight = stacked(matrices, width), np.concatenate(weights)
     J *= weight[:, None]
-    wanted = weight * np.concatenate(targets)
-    P: Array = J.T @ J
+    weight *= np.concatenate(targets)
+    P, g = J.T.dot(J), weight.dot(J)
+    np.negative(g, out=g)
     if curved:
         P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
+    if width < n:
+        P, g = _widened(P, g, n)
     diagonal = P.reshape(-1)[:: n + 1]
     diagonal += decision.damping
     diagonal[:nv] += damping
@@ -260,11 +265,18 @@ def assemble(
     else:
         labels = Labels(labels.equality, bounds.labels, labels.variables)
     C = bounds.matrix if bounds.matrix.shape[1] == n else stacked([bounds.matrix], n)
-    g = -(wanted @ J)
     if rest is not None:
         g -= decision.damping * rest
     qp = QP(P, g, A, b, C, bounds.lower, bounds.upper, lower, upper, labels)
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+def _widened(P: Array, g: Array, n: int) -> tuple[Array, Array]:
+    """Return a cost with further unknowns (n in all), of which it says nothing."""
+    wide, slope, width = np.zeros((n, n)), np.zeros(n), g.size
+    wide[:width, :width] = P
+    slope[:width] = g
+    return wide, slope
 
 
 class Assembled(NamedTuple):

@@ -3,18 +3,22 @@
 All three follow from the composite inertias that Pinocchio keeps: a joint moves the bodies that it
 carries as one (Jacobian: paper eqs. 24-27), and composites move with the joints before them
 (Hessian, drift). Closed forms, exact for every joint, without a loop over the links.
+
+With I = tr(S) 1 - S, S the second moment about the robot's CoM: an entry of v turns the bodies that
+it carries at w and gives them a linear momentum p. With their second moment S_o about their own CoM
+and the arm a from the robot's CoM to theirs, that changes S by
+
+    C + C',    C = [w] S_o + p a'
+
+What is bilinear in it is computed once (:func:`carried_moments`); constant matrices make the rest.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from wbc.robot.workspace import CarriedColumns
 from wbc.spatial import (
-    COLUMNS,
-    DIAGONAL,
     FROBENIUS_WEIGHTS,
-    ROWS,
     commutator_matrix,
     skew,
     vech,
@@ -22,60 +26,70 @@ from wbc.spatial import (
 )
 from wbc.validate import Array
 
+_ONE = np.eye(3)
+_BASIS = np.eye(9).reshape(9, 3, 3)
+_TURNS: Array = np.array([skew(axis) for axis in _ONE])
+# From the entries of S, flat, to those of tr(S) 1 - S (9, 9).
+_INERTIA = np.array([np.trace(X) * _ONE - X for X in _BASIS]).reshape(9, 9)
+# From Pinocchio's entries xx xy yy xz yz zz of an inertia I to tr(I)/2 1 - I (6, 3, 3).
+_FULL = np.array([vech_inverse(e) for e in np.eye(6)])[[0, 1, 3, 2, 4, 5]]
+_SECOND_MOMENTS = np.array([0.5 * np.trace(X) * _ONE - X for X in _FULL])
+# From carried moments to C (27, 9), and to vech of what the inertia changes by (6, 27).
+_CHANGES = np.concatenate(
+    (np.einsum("wad,sdb->swab", _TURNS, _SECOND_MOMENTS).reshape(18, 9), np.eye(9))
+)
+_RATES = np.array([vech(C + C.T) for C in (_CHANGES @ _INERTIA).reshape(27, 3, 3)]).T.copy()
+_TURNS_BESIDE = _TURNS.transpose(1, 0, 2).reshape(3, 9)
+# What is multiplied in carried moments: entries of composites, and of (w, p).
+_ARMS = np.tile([0, 1, 2], 3)
+_OF_BODIES = np.concatenate((np.repeat(np.arange(3, 9), 3), _ARMS))
+_OF_MOTIONS = np.concatenate((np.tile([0, 1, 2], 6), np.repeat([3, 4, 5], 3)))
+# From weights (3, 3), flat, to K = tr(G) 1 - G and to 1/2 of the commutator with K (9, 18), by
+# which the inertia's change turns.
+_TURNED = _INERTIA @ np.array(
+    [(0.5 * FROBENIUS_WEIGHTS[:, None] * commutator_matrix(K)).T.ravel() for K in _BASIS]
+)
 
-def _rates() -> Array:
-    """Return (27, 6): from the products S_i w_j and u_i h_j to vech(tr(dS) 1 - dS)."""
-    of_second = [commutator_matrix(vech_inverse(e)).T for e in np.eye(6)]  # (3, 6) each
-    of_first = [vech(X + X.T) for X in np.eye(9).reshape(9, 3, 3)]
-    to_inertia = -np.eye(6)
-    to_inertia[np.ix_(DIAGONAL, DIAGONAL)] += 1.0
-    return np.concatenate((*of_second, np.array(of_first))) @ to_inertia
 
-
-_RATES = _rates()
-# From Pinocchio's entries xx xy yy xz yz zz of an inertia I to vech of tr(I)/2 1 - I.
-_SECOND_MOMENTS = -np.eye(6)[:, np.array([0, 1, 3, 2, 4, 5])]
-_SECOND_MOMENTS[np.ix_(np.array([0, 2, 5]), DIAGONAL)] += 0.5
-
-
-def inertia_rates(composites: Array, masses: Array, twists: Array, com: Array) -> Array:
-    """Return the derivative of the centroidal inertia by v, world axes (paper eqs. 24-27).
-
-    An entry of v moves the bodies that it carries as one: with their mass, first and second moment
-    h, S about the robot's CoM, and the twist's angular part w and velocity u at that CoM,
-
-        dS = [w] S - S [w] + u h' + h u',    dI = tr(dS) 1 - dS.
+def carried_moments(composites: Array, momenta: Array, twists: Array, com: Array) -> Array:
+    """Return (27, nv): for each column of v, the entries of S_o times those of w, then p a'.
 
     Parameters
     ----------
-    composites, masses:
-        (nv, 9) and (nv,) as :class:`~wbc.robot.workspace.CompositeInertias` gives them.
+    composites:
+        (nv, 9) as :class:`~wbc.robot.workspace.CompositeInertias` gives them.
+    momenta:
+        (3, nv) linear momentum by v.
     twists:
-        (6, nv), the linear part that of the point at the world's origin.
+        (6, nv), of which the angular part is used.
     com:
         (3,) of the robot [m].
+    """
+    carried = composites.T.take(_OF_BODIES, axis=0)
+    carried[18:] -= com.take(_ARMS)[:, None]
+    carried *= np.concatenate((twists[3:], momenta)).take(_OF_MOTIONS, axis=0)
+    return carried
+
+
+def inertia_rates(carried: Array) -> Array:
+    """Return the derivative of the centroidal inertia by v, world axes (paper eqs. 24-27).
+
+    Parameters
+    ----------
+    carried:
+        (27, nv) of :func:`carried_moments`.
 
     Returns
     -------
     (6, nv) rows xx, xy, xz, yy, yz, zz [kg m^2 per unit of v].
     """
-    arms = composites[:, :3] - com
-    moments = masses[:, None] * arms
-    second = composites[:, 3:] @ _SECOND_MOMENTS
-    second += arms[:, ROWS] * moments[:, COLUMNS]
-    angular = twists[3:]
-    linear = twists[:3] - skew(com) @ angular
-    products = np.empty((len(masses), 27))
-    n = len(masses)
-    np.multiply(second[:, :, None], angular.T[:, None], out=products[:, :18].reshape(n, 6, 3))
-    np.multiply(linear.T[:, :, None], moments[:, None], out=products[:, 18:].reshape(n, 3, 3))
-    return (products @ _RATES).T
+    return _RATES.dot(carried)
 
 
 def inertia_hessian(
     weights: Array,
     rates: Array,
-    com_jacobian: Array,
+    momenta: Array,
     twists: Array,
     com: Array,
     mass: float,
@@ -98,8 +112,8 @@ def inertia_hessian(
         (3, 3) symmetric.
     rates:
         (6, nv) as :func:`inertia_rates` returns them.
-    com_jacobian:
-        (3, nv).
+    momenta:
+        (3, nv) linear momentum by v, mass times the CoM's Jacobian.
     twists:
         (6, nv), the linear part that of the point at the world's origin.
     mass:
@@ -107,68 +121,46 @@ def inertia_hessian(
     orders:
         See :class:`~wbc.robot.workspace.CarriedColumns`.
     """
-    K = _of_second_moments(weights)
-    pulled = mass * (K @ com_jacobian)
-    turned = (0.5 * FROBENIUS_WEIGHTS[:, None] * commutator_matrix(K)).T @ rates
-    turned += skew(com) @ pulled
-    carried = np.concatenate((pulled, turned)).T @ twists  # row j, column i
-    carried *= orders
-    second = carried + carried.T
-    second -= 2.0 * (com_jacobian.T @ pulled)
-    return second
+    flat = weights.ravel()
+    pulls = np.empty((6, rates.shape[1]))  # linear, then angular about the world's origin
+    pulled = np.dot(flat.dot(_INERTIA).reshape(3, 3), momenta, out=pulls[:3])
+    pulls[3:] = flat.dot(_TURNED).reshape(3, 6).dot(rates)
+    pulls[3:] += skew(com).dot(pulled)
+    half = pulls.T.dot(twists)  # row j, column i
+    half *= orders
+    half -= (momenta / mass).T.dot(pulled)
+    return half + half.T
 
 
 def inertia_curvature(
-    columns: CarriedColumns, composites: Array, masses: Array, twists: Array, com: Array, v: Array
-) -> tuple[Array, Array]:
-    """Return the first and second time derivative (3, 3) of the centroidal inertia at constant v.
+    orders: Array, carried: Array, momenta: Array, twists: Array, com: Array, mass: float, v: Array
+) -> Array:
+    """Return the second time derivative (6,) of vech of the centroidal inertia at constant v.
 
-    A body that moves by the twist W, as a 4x4 matrix, carries its pseudo-inertia
-    P = integral of (x, 1)(x, 1)' dm along: P' = W P + P W'. Column k of v, with twist w_k v_k,
-    moves all that it carries, P_k, so the robot's is
+    Column k of v changes S by C_k v_k + (..)'. Itself C_k moves with the bodies that carry it and
+    those that it carries; sums over the latter, exchanged with those over the former, leave
 
-        P' = sum w_k P_k + (..)',   P'' = sum (w_k' P_k + w_k P_k') + (..)'
-        w_k' = [W_k, w_k],          P_k' = W_k P_k + sum over columns below (w_j P_j) + (..)'
+        S'' = sum over k of v_k ([W_k] C_k + C_k [W_k]' + p_k U_k') + (..)' - 2 M c' c''
 
-    with W_k the whole twist of the column's body. Sums over the columns below one, exchanged with
-    that over the ones above, leave with V_k = W_k + (the twist of the body above k's)
+    with W_k, U_k the twist of the column's body and of the one before it, together, at the robot's
+    CoM, and c' its velocity (in the last term a column).
 
-        P'' = sum (V_k w_k P_k + w_k P_k V_k') + (..)'
-
-    In axes through the robot's CoM; parameters as of :func:`inertia_rates`.
+    Parameters
+    ----------
+    orders:
+        See :class:`~wbc.robot.workspace.CarriedColumns`.
+    carried:
+        (27, nv) of :func:`carried_moments`.
+    v:
+        (nv,); the others as of :func:`inertia_hessian`.
     """
-    n, mass = len(masses), masses[0]
-    arms = composites[:, :3] - com
-    P = np.empty((n, 4, 4))
-    P[:, :3, :3] = (composites[:, 3:] @ _SECOND_MOMENTS)[:, _MATRIX]
-    P[:, :3, 3] = P[:, 3, :3] = masses[:, None] * arms
-    P[:, :3, :3] += arms[:, :, None] * P[:, None, :3, 3]
-    P[:, 3, 3] = masses
-    angular = twists[3:] * v
-    linear = twists[:3] * v - skew(com) @ angular
-    w = (np.concatenate((linear, angular)).T @ _TWISTS).reshape(n, 4, 4)
-    V = (columns.orders @ w.reshape(n, 16)).reshape(n, 4, 4)
-    carried = w @ P
-    first = np.add.reduce(carried)
-    # Sums of products: one product of long matrices each.
-    along, across = carried.transpose(1, 0, 2).reshape(4, -1), V.transpose(1, 0, 2).reshape(4, -1)
-    second = across @ carried.reshape(-1, 4)
-    second += along @ across.T
-    velocity = first[:3, 3] / mass
-    rate = first[:3, :3] + first[:3, :3].T
-    curvature = second[:3, :3] + second[:3, :3].T
-    curvature -= 2.0 * mass * velocity[:, None] * velocity
-    return _of_second_moments(rate), _of_second_moments(curvature)
-
-
-def _of_second_moments(S: Array) -> Array:
-    """Return tr(S) 1 - S (3, 3)."""
-    return float(S[0, 0] + S[1, 1] + S[2, 2]) * _ONE - S
-
-
-# From vech to the (3, 3) matrix, and from a twist to its 4x4 matrix, flat (6, 16).
-_MATRIX = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-_ONE = np.eye(3)
-_TWISTS = np.zeros((6, 16))
-_TWISTS[np.arange(3), 4 * np.arange(3) + 3] = 1.0
-_TWISTS.reshape(6, 4, 4)[3:, :3, :3] = [skew(axis) for axis in np.eye(3)]
+    whole = (twists * v).dot(orders.T)  # (6, nv): U at the world's origin, W
+    moved = momenta * v
+    C = (whole[3:] * v).dot(carried.T).dot(_CHANGES).reshape(3, 3, 3)  # by axis of W
+    by_twist = moved.dot(whole.T)
+    velocity = np.add.reduce(moved, axis=1)
+    half = _TURNS_BESIDE.dot((C + C.transpose(0, 2, 1)).reshape(9, 3))
+    half += by_twist[:, :3]
+    half += by_twist[:, 3:].dot(skew(com))
+    half -= velocity[:, None] * (velocity / mass)
+    return vech((half + half.T).ravel().dot(_INERTIA))

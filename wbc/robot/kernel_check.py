@@ -9,10 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.native import NativeCoreError, core, mode
-from wbc.robot.inertia import inertia_curvature, inertia_rates
+from wbc.robot.inertia import carried_moments, inertia_curvature, inertia_rates
 from wbc.robot.kernel import NativePass, NativeTree
 from wbc.robot.workspace import Workspace
-from wbc.spatial import vech
 from wbc.validate import Array
 
 # What the core and Pinocchio may differ by, relative to the largest entry.
@@ -79,7 +78,7 @@ def _state(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Array
         data.hg.vector,
         data.Ag,
         data.Ag[:3] / pin.computeTotalMass(model),
-        inertia_rates(work.composites.read(), work.composites.masses, data.J, com),
+        inertia_rates(carried_moments(work.composites.read(), data.Ag[:3], data.J, com)),
         data.J,
         *work.placements.copies(),
         pose.translation,
@@ -92,15 +91,16 @@ def _motion(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Arra
     """Return what a motion holds, and the last frame's acceleration, by Pinocchio."""
     owner = object()
     data, rates = work.kinematics(owner, q, v), work.rates(owner, q, v)
-    composites, com = work.composites, np.array(data.oYcrb[0].lever)
-    curvature = inertia_curvature(
-        work.columns, composites.read(), composites.masses, data.J, com, v
-    )
+    com, momenta = np.array(data.oYcrb[0].lever), data.Ag[:3]
+    carried = carried_moments(work.composites.read(), momenta, data.J, com)
+    mass = pin.computeTotalMass(model)
+    curvature = inertia_curvature(work.columns.orders, carried, momenta, data.J, com, mass, v)
     half = pin.crba(model, work.scratch, q) * work.upper_half
     bias = pin.nonLinearEffects(model, work.scratch, q, v).copy()
     frame, aligned = model.nframes - 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     drift = pin.getFrameClassicalAcceleration(model, rates, frame, aligned)
-    drifts = rates.acom[0], rates.dAg @ v, *map(vech, curvature)
+    momentum = rates.dhg.vector
+    drifts = momentum[:3] / mass, momentum, inertia_rates(carried) @ v, curvature
     return half + half.T, bias, *drifts, drift.vector
 
 

@@ -6,16 +6,15 @@ where it is used, else from Pinocchio.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import pinocchio as pin
 
+from wbc.lazy import lazy
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeMotion
 from wbc.robot.names import WORLD
 from wbc.robot.state import KinematicState
-from wbc.spatial import skew, vech
+from wbc.spatial import skew, vech, vech_inverse
 from wbc.validate import Array, read_only
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -26,7 +25,7 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ dynamics
 
-    @cached_property
+    @lazy
     def mass_matrix(self) -> Array:
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
         if self._motion is not None:
@@ -36,7 +35,7 @@ class MovingState(KinematicState):
         half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
         return read_only(half + half.T)
 
-    @cached_property
+    @lazy
     def bias(self) -> Array:
         """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
 
@@ -49,7 +48,7 @@ class MovingState(KinematicState):
         forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
         return read_only(forces.copy())
 
-    @cached_property
+    @lazy
     def mechanical_connection(self) -> Array:
         """A (6, nv - 6) with base momentum h_0 = I_0 (v_0 + A joint_rates), eq. 17, base axes."""
         M = self.mass_matrix
@@ -57,19 +56,19 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ drifts
 
-    @cached_property
+    @lazy
     def com_drift(self) -> Array:
         """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
         if self._motion is not None:
             return self._motion.drift("com_drift")
-        return read_only(self._rates().acom[0].copy())
+        return read_only(self.momentum_drift[:3] / self.robot.mass)
 
-    @cached_property
+    @lazy
     def momentum_drift(self) -> Array:
         """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
         if self._motion is not None:
             return self._motion.drift("momentum_drift")
-        return read_only(self._rates().dAg @ self.v)
+        return read_only(self._rates().dhg.vector.copy())
 
     def drift(self, frame: str) -> Array:
         """Acceleration (6,) of the frame at zero acceleration of v, world axes [m/s^2, rad/s^2]."""
@@ -80,7 +79,7 @@ class MovingState(KinematicState):
         motion = pin.getFrameClassicalAcceleration(robot.model, self._rates(), index, _ALIGNED)
         return read_only(motion.vector.copy())
 
-    @cached_property
+    @lazy
     def inertia_drift(self) -> Array:
         """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
         return self.inertia_drift_in(WORLD)
@@ -101,20 +100,26 @@ class MovingState(KinematicState):
         total = total + W @ half - half @ W - A @ inertia + inertia @ A
         return read_only(vech(R.T @ total @ R))
 
-    @cached_property
+    @lazy
     def _inertia_motion(self) -> tuple[Array, Array]:
         """First and second derivative (3, 3) of the inertia at constant v, world axes."""
         if self._motion is not None:
             return self._motion.inertia_motion()
-        data, work = self._kinematics(), self.robot.workspace
-        composites = work.composites
-        return crb.inertia_curvature(
-            work.columns, composites.read(), composites.masses, data.J, self.com, self.v
+        robot = self.robot
+        curvature = crb.inertia_curvature(
+            robot.workspace.columns.orders,
+            self._carried_moments,
+            self.centroidal_map[:3],
+            self.joint_twists,
+            self.com,
+            robot.mass,
+            self.v,
         )
+        return vech_inverse(self.inertia_jacobian.dot(self.v)), vech_inverse(curvature)
 
     # ------------------------------------------------------------------ internals
 
-    @cached_property
+    @lazy
     def _motion(self) -> NativeMotion | None:
         """What the native core found at this velocity; None where it is not used."""
         return None if self.native_state is None else self.native_state.motion(self.v)

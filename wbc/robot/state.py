@@ -7,17 +7,17 @@ asks for is marked read-only in place, without a call.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import pinocchio as pin
 
 from wbc.errors import InvalidInputError
+from wbc.lazy import lazy
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
+from wbc.robot.workspace import INERTIA_ENTRIES
 from wbc.spatial import commutator_matrix, congruence, skew
 from wbc.validate import Array, read_only
 
@@ -51,8 +51,8 @@ class KinematicState:
         self.__dict__.update(  # past __setattr__, which would take as long as all the rest
             robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={}, _sealed=True
         )
-        if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
-            self.__dict__.update(native_state=None, com=self.com, inertia=self.inertia)
+        if robot.native is None:
+            self.__dict__["native_state"] = None
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
@@ -70,13 +70,13 @@ class KinematicState:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
 
-    @cached_property
+    @lazy
     def native_state(self) -> NativeState | None:
         """All that a tick asks for, from one pass of the native core; None where it is not used."""
         native = self.robot.native
         return None if native is None else native.evaluate(self.q, self.v)
 
-    @cached_property
+    @lazy
     def joint_positions(self) -> Array:
         """Positions (nv-6,) of the joints [rad or m]; angles of continuous joints."""
         limits = self.robot.limits  # read in every tick: no call unless it is needed
@@ -84,28 +84,31 @@ class KinematicState:
 
     # ------------------------------------------------------------------ momentum and CoM
 
-    @cached_property
+    @lazy
     def com(self) -> Array:
         """CoM (3,) in the world [m]."""
-        state = self.native_state
-        return read_only(self._kinematics().oYcrb[0].lever.copy() if state is None else state.com())
+        if self.native_state is not None:
+            return read_only(self.native_state.com())
+        com: Array = self._whole[:3]
+        return com
 
-    @cached_property
+    @lazy
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
         if self.native_state is not None:
             return self.native_state.part("centroidal_map", 6, -1)
-        A = self._kinematics().Ag.copy()
+        self._kinematics()
+        A = self.robot.workspace.centroidal_map.copy()
         A.flags.writeable = False
         return A
 
-    @cached_property
+    @lazy
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
         state = self.native_state
         return read_only(self._kinematics().hg.vector.copy() if state is None else state.momentum())
 
-    @cached_property
+    @lazy
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
@@ -114,25 +117,24 @@ class KinematicState:
         J.flags.writeable = False
         return J
 
-    @cached_property
+    @lazy
     def com_velocity(self) -> Array:
         """Velocity of the CoM (3,) [m/s]."""
         return read_only(self.momentum[:3] / self.robot.mass)
 
-    @cached_property
+    @lazy
     def average_angular_velocity(self) -> Array:
         """I_c^-1 k_c (3,) [rad/s]: of the momentum, not of the ellipsoid's axes (theory 3)."""
         return read_only(np.linalg.solve(self.inertia, self.momentum[3:]))
 
     # ------------------------------------------------------------------ inertia
 
-    @cached_property
+    @lazy
     def inertia(self) -> Array:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
-        state = self.native_state
-        if state is not None:
-            return read_only(state.inertia())
-        return read_only(np.array(self._kinematics().Ig.inertia))
+        if self.native_state is not None:
+            return read_only(self.native_state.inertia())
+        return read_only(self._whole.take(INERTIA_ENTRIES))
 
     def inertia_in(self, frame: str = WORLD) -> Array:
         """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame."""
@@ -156,20 +158,19 @@ class KinematicState:
         spatial[3:, 3:] = R.T @ self.inertia @ R - M * arm @ arm
         return read_only(spatial)
 
-    @cached_property
+    @lazy
     def base_inertia_jacobian(self) -> Array:
         """Derivative d vech(I_base)/dv (6, nv), base axes; its base columns are zero."""
         J = congruence(self.rotation(BASE).T) @ self.inertia_jacobian
         J[:, :BASE_NV] = 0.0
         return read_only(J)
 
-    @cached_property
+    @lazy
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
         if self.native_state is not None:
             return self.native_state.part("inertia_jacobian", 6, -1)
-        twists, work = self._kinematics().J, self.robot.workspace
-        J = crb.inertia_rates(work.composites.read(), work.composites.masses, twists, self.com)
+        J = crb.inertia_rates(self._carried_moments)
         J.flags.writeable = False
         return J
 
@@ -189,18 +190,12 @@ class KinematicState:
         ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
         Gauss-Newton leaves out. See :func:`wbc.robot.inertia.inertia_hessian`.
         """
-        robot = self.robot
-        return read_only(
-            crb.inertia_hessian(
-                weights,
-                self.inertia_jacobian,
-                self.com_jacobian,
-                self.joint_twists,
-                self.com,
-                robot.mass,
-                robot.workspace.columns.orders,
-            )
-        )
+        robot, J = self.robot, self.inertia_jacobian
+        orders = robot.workspace.columns.orders
+        momenta, twists = self.centroidal_map[:3], self.joint_twists
+        hessian = crb.inertia_hessian(weights, J, momenta, twists, self.com, robot.mass, orders)
+        hessian.flags.writeable = False
+        return hessian
 
     def base_inertia_hessian(self, weights: Array) -> Array:
         """Hessian (nv, nv) by the joints of the same sum, I and weights in base axes."""
@@ -220,6 +215,10 @@ class KinematicState:
         """Rotation (3, 3) taking the frame's axes to the world's."""
         return (self._placements.get(frame) or self._placement(frame))[1]
 
+    def placement(self, frame: str) -> tuple[Array, Array]:
+        """Position and rotation of a frame."""
+        return self._placements.get(frame) or self._placement(frame)
+
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
         found = self._jacobians.get(frame)
@@ -234,7 +233,7 @@ class KinematicState:
             self._jacobians[frame] = found
         return found
 
-    @cached_property
+    @lazy
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
         if self.native_state is not None:
@@ -246,7 +245,7 @@ class KinematicState:
         rotations, origins = work.placements.copies()
         return read_only(rotations), read_only(origins)
 
-    @cached_property
+    @lazy
     def joint_twists(self) -> Array:
         """(6, nv): column k is the twist that v_k = 1 gives to all bodies that it carries.
 
@@ -254,7 +253,10 @@ class KinematicState:
         """
         if self.native_state is not None:
             return self.native_state.part("twists", 6, -1)
-        return read_only(self._kinematics().J.copy())
+        self._kinematics()
+        twists = self.robot.workspace.twists.copy()
+        twists.flags.writeable = False
+        return twists
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         robot = self.robot
@@ -270,6 +272,22 @@ class KinematicState:
         return found
 
     # ------------------------------------------------------------------ internals
+
+    @lazy
+    def _whole(self) -> Array:
+        """CoM and entries of the inertia about it (9,), as Pinocchio keeps them."""
+        self._kinematics()
+        whole = self.robot.workspace.composites.whole()
+        whole.flags.writeable = False
+        return whole
+
+    @lazy
+    def _carried_moments(self) -> Array:
+        """What Jacobian and drift of the inertia are made of (27, nv)."""
+        momenta, twists = self.centroidal_map[:3], self.joint_twists
+        self._kinematics()
+        composites = self.robot.workspace.composites.read()
+        return crb.carried_moments(composites, momenta, twists, self.com)
 
     def _kinematics(self) -> pin.Data:
         try:

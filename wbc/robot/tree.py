@@ -216,8 +216,11 @@ class KinematicTree:
         """Return the configuration (nq,) reached from ``q`` by the constant velocity ``v``."""
         step = self.check_velocity(v)
         step *= finite_number("dt", dt)
-        q = pin.integrate(self.model, self.check_configuration(q), step)
-        return self.check_configuration(q)
+        reached: Array = pin.integrate(self.model, self.check_configuration(q), step)
+        if not np.vdot(reached, reached) <= LARGEST * LARGEST:  # NaN is not
+            return self.check_configuration(reached)  # says where
+        self._normalise(reached)
+        return reached
 
     def difference(self, q0: ArrayLike, q1: ArrayLike) -> Array:
         """Return the displacement (nv,) with ``integrate(q0, displacement, 1) == q1``."""
@@ -234,10 +237,7 @@ class KinematicTree:
             but another order or a wrong slice.
         """
         array = finite_vector("q", q, self.nq, LARGEST)
-        _normalise(array[3:BASE_NQ], "quaternion q[3:7] (order x, y, z, w)")
-        for k in self.limits.unbounded:
-            start = self.limits.starts[k]
-            _normalise(array[start : start + 2], f"(cos, sin) of joint {self.limits.names[k]!r}")
+        self._normalise(array)
         return array
 
     def check_velocity(self, v: ArrayLike) -> Array:
@@ -249,6 +249,13 @@ class KinematicTree:
             Wrong size, not finite, or beyond 1e6.
         """
         return finite_vector("v", v, self.nv, LARGEST)
+
+    def _normalise(self, q: Array) -> None:
+        """Normalise what should be of norm 1 in ``q`` and is but for rounding."""
+        _normalise(q[3:BASE_NQ], "quaternion q[3:7] (order x, y, z, w)")
+        for k in self.limits.unbounded:
+            start = self.limits.starts[k]
+            _normalise(q[start : start + 2], f"(cos, sin) of joint {self.limits.names[k]!r}")
 
 
 def _looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:

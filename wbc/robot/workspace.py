@@ -16,6 +16,9 @@ import pinocchio as pin
 
 from wbc.validate import Array
 
+# Where the entries of the (3, 3) inertia are among the nine of a composite.
+INERTIA_ENTRIES = np.array([[3, 4, 6], [4, 5, 7], [6, 7, 8]])
+
 
 class Workspace:
     """Scratch memory for the passes over one model."""
@@ -24,6 +27,9 @@ class Workspace:
         self.model = model
         self.kinematics_data = model.createData()
         self.kinematics_owner: Any = None
+        # Views on what the passes fill: reading it from Pinocchio takes longer.
+        self.centroidal_map: Array = self.kinematics_data.Ag
+        self.twists: Array = self.kinematics_data.J
         self.placements = JointPlacements(self.kinematics_data)
         self.composites = CompositeInertias(model, self.kinematics_data)
         self.columns = CarriedColumns(model)
@@ -49,12 +55,11 @@ class Workspace:
         return self.scratch
 
     def rates(self, owner: Any, q: Array, v: Array) -> pin.Data:
-        """Return data holding body velocities, and accelerations for zero joint acceleration."""
+        """Return data holding velocities, and accelerations and momentum's rate for v' = 0."""
         if self._rates_owner is not owner:
             self._rates_owner = None
-            pin.forwardKinematics(self.model, self._rates, q, v, self.at_rest)
-            pin.dccrba(self.model, self._rates, q, v)
-            pin.centerOfMass(self.model, self._rates, q, v, self.at_rest, False)
+            rest = self.at_rest
+            pin.computeCentroidalMomentumTimeVariation(self.model, self._rates, q, v, rest)
             self._rates_owner = owner
         return self._rates
 
@@ -88,19 +93,12 @@ class CompositeInertias:
     mass, CoM and the six entries xx xy yy xz yz zz of the inertia about the CoM; that is checked
     against Pinocchio's own getters when first used, and where it is not so they are read one by
     one.
-
-    Attributes
-    ----------
-    masses:
-        (nv,) of the bodies that each entry of v moves [kg].
     """
 
     def __init__(self, model: pin.Model, data: pin.Data) -> None:
         self._data = data  # the window must not outlive the memory it looks at
         joints = [j for j in range(model.njoints) for _ in range(model.nvs[j])]
         self._joints = np.array(sorted(joints, key=lambda j: int(model.idx_vs[j])))
-        subtrees = [sum(model.inertias[k].mass for k in tree) for tree in model.subtrees]
-        self.masses: Array = np.array(subtrees)[self._joints]
         levers = side_by_side([Y.lever for Y in data.oYcrb])
         self._window: Array | None = None
         if levers is not None and levers.strides[0] >= 9 * levers.itemsize:
@@ -112,12 +110,19 @@ class CompositeInertias:
 
     def read(self) -> Array:
         """Return (nv, 9): CoM, world axes [m], then the inertia's entries about it [kg m^2]."""
+        return self._every()[self._joints]
+
+    def whole(self) -> Array:
+        """Return a copy (9,) of those of the whole robot."""
+        return self._every()[0].copy()
+
+    def _every(self) -> Array:
+        """Return those of all joints (njoints, 9); of the world they are the whole robot's."""
         if not self._checked:
             self._checked = True
             if self._window is not None and not (self._window == self._one_by_one()).all():
                 self._window = None
-        every = self._one_by_one() if self._window is None else self._window
-        return every[self._joints]
+        return self._one_by_one() if self._window is None else self._window
 
     def _one_by_one(self) -> Array:
         rows, columns = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])

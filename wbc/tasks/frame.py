@@ -171,10 +171,10 @@ def orientation_residual(
     R*' R turns at R'(w - w*) in its own axes.
     """
     R = snapshot.rotation(frame)
-    relative = target.T @ R
-    to_error = log_jacobian(relative) @ R.T  # world angular velocity -> rate of the error
-    jacobian = to_error @ snapshot.jacobian(frame)[3:]
-    return Residual(log_rotation(relative), jacobian, -(to_error @ target_rate))
+    relative = target.T.dot(R)
+    to_error = log_jacobian(relative).dot(R.T)  # world angular velocity -> rate of the error
+    jacobian = to_error.dot(snapshot.jacobian(frame)[3:])
+    return Residual(log_rotation(relative), jacobian, -to_error.dot(target_rate))
 
 
 def orientation_drift(
@@ -185,13 +185,15 @@ def orientation_drift(
     d/dt R'(w - w*) = R'(w' - w*' + w x w*).
     """
     R = snapshot.rotation(frame)
-    relative = target.T @ R
-    w = snapshot.jacobian(frame)[3:] @ snapshot.v
-    alpha = snapshot.drift(frame)[3:] - target_acceleration + skew(w) @ target_rate
-    return log_drift(relative, R.T @ (w - target_rate), R.T @ alpha)
+    w = snapshot.jacobian(frame)[3:].dot(snapshot.v)
+    alpha = snapshot.drift(frame)[3:] - target_acceleration
+    alpha += skew(w).dot(target_rate)
+    return log_drift(target.T.dot(R), R.T.dot(w - target_rate), R.T.dot(alpha))
 
 
 def log_drift(relative: Array, w: Array, alpha: Array) -> Array:
     """Return d2/dt2 log(Q) (3,) of a rotation Q that turns at ``w`` and ``alpha`` in its axes."""
     J = log_jacobian(relative)
-    return J @ alpha + log_jacobian_rate(log_rotation(relative), J @ w) @ w
+    drift: Array = J.dot(alpha)
+    drift += log_jacobian_rate(log_rotation(relative), J.dot(w)).dot(w)
+    return drift

@@ -125,14 +125,14 @@ class InertiaTask(Task):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
-        actual = self._selection @ vech(snapshot.inertia_in(self.frame))
-        jacobian = self._selection @ snapshot.inertia_jacobian_in(self.frame)
-        error = actual - self._wanted
-        pull = self._gradient(error) @ self._selection  # the cost's slope by entry
+        error = self._selection.dot(vech(snapshot.inertia_in(self.frame)))
+        error -= self._wanted
+        jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame))
+        pull = self._gradient(error).dot(self._selection)  # the cost's slope by entry
         curvature = self._curvature(snapshot, pull)
         if self.second_order:
             return Residual(error, jacobian, self._bias, curvature)
-        bound = np.abs(curvature).sum(axis=0)
+        bound = np.add.reduce(np.abs(curvature), axis=0)
         if self.frame not in (WORLD, BASE):  # how the frame turns is not in it
             bound += curvature_bound(pull, snapshot.inertia)
         return Residual(error, jacobian, self._bias, curvature_bound=bound)

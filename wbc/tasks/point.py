@@ -89,11 +89,10 @@ class PointTask(Task):
         move everything, one and a half times the robot's radius of gyration more: about the height
         of its CoM.
         """
-        arm = position - snapshot.position("base")
-        size = float(snapshot.inertia.trace()) / snapshot.robot.mass
-        lever = math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt(size)
-        gradient = self.weight * error
-        gradient *= self.weight
+        arm = position - snapshot.q[:3]
+        (xx, _, _), (_, yy, _), (_, _, zz) = snapshot.inertia.tolist()
+        lever = math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
+        gradient = self._gradient(error)
         return math.sqrt(gradient.dot(gradient)) * lever
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
