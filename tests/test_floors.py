@@ -10,6 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "wbc"
 FLOORS = {
     "errors": 0,
     "files": 0,
+    "lazy": 0,
     "minimum_jerk": 0,
     "validate": 0,
     "spatial": 0,

@@ -8,7 +8,7 @@ law says what v+ should do for it: :class:`VelocityLaw` (first order, for the ve
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -36,14 +36,15 @@ class Residual(NamedTuple):
         what Gauss-Newton leaves out of the cost's Hessian. Few tasks give it.
     curvature_bound:
         A bound on that sum where it is not given, by which the law damps: a number on its norm, or
-        (nv,) numbers that make a diagonal matrix above it, such as the sums of its rows' sizes.
+        (nv,) numbers that make a diagonal matrix above it, such as the sums of its rows' sizes. Or
+        a function that returns it: only the velocity level asks for it.
     """
 
     error: Array
     jacobian: Array
     bias: Array
     curvature: Array | None = None
-    curvature_bound: float | Array = 0.0
+    curvature_bound: float | Array | Callable[[], float | Array] = 0.0
 
     def rate(self, v: Array) -> Array:
         """Return the time derivative (k,) of the error at velocity ``v``."""
@@ -162,10 +163,13 @@ class VelocityLaw:
         rate = gain / dt
         target = -rate * residual.error
         target -= residual.bias
-        damping = 0.5 * gain * residual.curvature_bound if self.curvature_damping else 0.0
+        damping: float | Array = 0.0
+        if self.curvature_damping:
+            bound = residual.curvature_bound
+            damping = 0.5 * gain * (bound() if callable(bound) else bound)
         if self.lm_damping > 0.0:
             weighted = weight * residual.error
-            damping += self.lm_damping * math.sqrt(float(weighted @ weighted))
+            damping = damping + self.lm_damping * math.sqrt(float(weighted @ weighted))
         return Rows(
             residual.jacobian,
             target,

@@ -19,7 +19,7 @@ def test_it_is_the_pseudo_inverse(robot_named, rng) -> None:
     residual = task.residual(here)
     J, wanted = residual.jacobian, -0.1 / 0.005 * residual.error
     # the controller's, and gain/2 of the task's
-    damping = np.diag(1e-12 + 0.05 * residual.curvature_bound)
+    damping = np.diag(1e-12 + 0.05 * residual.curvature_bound())
     expected = np.linalg.solve(J.T @ J + damping, J.T @ wanted)
     np.testing.assert_allclose(tick.velocity, expected, atol=1e-6 * np.abs(expected).max())
 

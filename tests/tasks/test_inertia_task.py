@@ -154,7 +154,7 @@ def test_the_damping_is_above_half_of_the_curvature_left_out(
             second = value(a + b) - value(a - b) - value(b - a) + value(-a - b)
             hessian[i, j] = hessian[j, i] = second / (4.0 * 1e-4**2)
     expected = np.abs(hessian).sum(axis=0)
-    found = residual.curvature_bound
+    found = residual.curvature_bound()
     assert isinstance(found, np.ndarray)
     # Second differences at 1e-4: rounding of 1e-16 / 1e-8 by the size, for each entry of a row.
     np.testing.assert_allclose(found[first:], expected, atol=1e-4 * expected.max())

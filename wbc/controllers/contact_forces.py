@@ -127,10 +127,11 @@ class ContactForces:
             if part.grasp is None:
                 G[:, part.columns] = part.contact.residual(snapshot).jacobian.T
                 continue
-            contact = part.contact
-            J, R = snapshot.jacobian(contact.frame), part.axes(snapshot)  # type: ignore[attr-defined]
-            local = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
-            G[:, part.columns] = local.T @ part.grasp
+            contact, R = part.contact, part.axes(snapshot)
+            grasp = np.empty(part.grasp.shape)  # in the world's axes: smaller than the Jacobian
+            np.dot(R, part.grasp[:3], out=grasp[:3])
+            np.dot(R, part.grasp[3:], out=grasp[3:])
+            G[:, part.columns] = snapshot.jacobian(contact.frame).T.dot(grasp)  # type: ignore[attr-defined]
         return G
 
     @cached_property

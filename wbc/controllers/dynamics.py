@@ -48,9 +48,9 @@ class TickDynamics:
         robot, unit = snapshot.robot, forces.unit
         nv = robot.nv
         matrix = np.empty((nv, nv + forces.size))
-        np.multiply(snapshot.mass_matrix, 1.0 / robot.mass, out=matrix[:, :nv])
+        inertia = np.multiply(snapshot.mass_matrix, 1.0 / robot.mass, out=matrix[:, :nv])
         offset = snapshot.bias / unit
-        offset -= matrix[:, :nv] @ snapshot.v
+        offset -= inertia.dot(snapshot.v)
         diagonal = matrix.reshape(-1)[:: matrix.shape[1] + 1]
         diagonal[6:] += robot.damping / unit
         np.negative(forces.generalized(snapshot), out=matrix[:, nv:])
@@ -58,14 +58,17 @@ class TickDynamics:
 
     def torques(self, x: Array) -> Array:
         """Return the torques (nv - 6,) of all joints [N m] at x (n,)."""
-        torques: Array = self.unit * (self.matrix @ x + self.offset)[6:]
+        torques: Array = self.matrix[6:].dot(x)
+        torques += self.offset[6:]
+        torques *= self.unit
         return torques
 
     def exact(self, x: Array) -> Array:
         """Return x (n,) with a base velocity that meets its dynamics to rounding, not to eps."""
-        met = x.copy()
-        base = self.matrix[:6]
-        met[:6] -= lapack.dposv(base[:, :6], base @ x + self.offset[:6])[1]
+        met, base = x.copy(), self.matrix[:6]
+        missed = base.dot(x)
+        missed += self.offset[:6]
+        met[:6] -= lapack.dposv(base[:, :6], missed)[1]
         return met
 
     @property

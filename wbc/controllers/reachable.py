@@ -30,15 +30,15 @@ def reachable_limits(problem: LevelProblem, acceleration: Array, dt: float) -> L
         (nv - 6,) that the limits count on [rad/s^2 or m/s^2].
     """
     v = problem.snapshot.v
-    change = np.full(v.size, np.inf)
-    change[BASE_NV:] = BRAKING * acceleration * dt
-    lower, upper = problem.box
+    joints, change = v[BASE_NV:], acceleration * (BRAKING * dt)
     recovery = problem.recovery
     if recovery is not None:
-        now, step = recovery.matrix @ v, np.abs(recovery.matrix[:, BASE_NV:]) @ change[BASE_NV:]
+        now, step = recovery.matrix @ v, np.abs(recovery.matrix[:, BASE_NV:]) @ change
         recovery = recovery._replace(target=np.clip(recovery.target, now - step, now + step))
-    box = np.minimum(lower, v + change), np.maximum(upper, v - change)
-    return problem._replace(box=box, recovery=recovery)
+    lower, upper = problem.box[0].copy(), problem.box[1].copy()
+    np.minimum(lower[BASE_NV:], joints + change, out=lower[BASE_NV:])
+    np.maximum(upper[BASE_NV:], joints - change, out=upper[BASE_NV:])
+    return problem._replace(box=(lower, upper), recovery=recovery)
 
 
 def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -49,7 +48,6 @@ POLICIES = ("damp", "raise")
 RAMP = 0.05
 # Time constants of the last resort [s]: joints come to rest this fast, as far as torques go.
 REST_TIME = 0.05
-_FIELDS = tuple(one.name for one in fields(Tick))
 
 
 class TorqueController(NativeController):
@@ -209,7 +207,7 @@ class TorqueController(NativeController):
         cones, nv = self.contact_forces.bounds(self._ramps.most), self.robot.nv
         count = self._bounded.size
         rows = np.zeros((count + cones.lower.size, matrix.shape[1]))
-        rows[:count] = matrix[self._bounded]
+        np.take(matrix, self._bounded, axis=0, out=rows[:count])
         rows[count:, nv:] = cones.matrix
         known = offset[self._bounded]
         bounds = Bounds(
@@ -297,22 +295,23 @@ class TorqueController(NativeController):
 
     def _tick(self, snapshot: Snapshot, physics: Physics, *parts: Any) -> TorqueTick:
         tick = super()._tick(snapshot, physics, *parts)
-        known = {name: getattr(tick, name) for name in _FIELDS}
         dynamics = physics.dynamics or self._dynamics(snapshot)
         if tick.status is Status.SOLVED:
             x = dynamics.exact(tick.solution.x[: dynamics.size])
         else:  # joints come to rest, on no ground that one could count on
             x = np.concatenate((tick.velocity, np.zeros(self.contact_forces.size)))
-        torque = np.clip(dynamics.torques(x), -self.torque_bounds, self.torque_bounds)
+        torque, bounds = dynamics.torques(x), self.torque_bounds
+        np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
         velocity, f = x[: self.robot.nv], x[self.robot.nv :]
         errors = {  # of this decision: no state has a force
             task.name: self._unit * (row.matrix @ x - row.target)
             for task, row in zip(self._force_tasks, physics.forces, strict=True)
         }
-        known |= {"velocity": read_only(velocity), "errors": known["errors"] | errors}
         self._last = Reaction(self.contact_forces, snapshot, f)
-        return TorqueTick(
-            **known,
+        return TorqueTick.extending(
+            tick,
+            velocity=read_only(velocity),
+            errors={**tick.errors, **errors},
             torque=read_only(torque),
             acceleration=read_only((velocity - snapshot.v) / self.dt),
             reaction=self._last,

@@ -17,7 +17,7 @@ from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.names import BASE, WORLD
 from wbc.robot.tree import KinematicTree
-from wbc.robot.workspace import INERTIA_ENTRIES
+from wbc.robot.workspace import INERTIA_ENTRIES, Workspace
 from wbc.spatial import commutator_matrix, congruence, skew
 from wbc.validate import Array, read_only
 
@@ -45,14 +45,17 @@ class KinematicState:
     moving: bool
     _placements: dict[str, tuple[Array, Array]]
     _jacobians: dict[str, Array]
+    _whole: Array  # CoM and entries of the inertia about it (9,), where there is no native state
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
         q.flags.writeable = v.flags.writeable = False
         self.__dict__.update(  # past __setattr__, which would take as long as all the rest
             robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={}, _sealed=True
         )
-        if robot.native is None:
-            self.__dict__["native_state"] = None
+        if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
+            whole = self._workspace().composites.whole()
+            whole.flags.writeable = False
+            self.__dict__.update(native_state=None, _whole=whole)
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
@@ -89,16 +92,14 @@ class KinematicState:
         """CoM (3,) in the world [m]."""
         if self.native_state is not None:
             return read_only(self.native_state.com())
-        com: Array = self._whole[:3]
-        return com
+        return self._whole[:3]
 
     @lazy
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
         if self.native_state is not None:
             return self.native_state.part("centroidal_map", 6, -1)
-        self._kinematics()
-        A = self.robot.workspace.centroidal_map.copy()
+        A = self._workspace().centroidal_map.copy()
         A.flags.writeable = False
         return A
 
@@ -106,7 +107,11 @@ class KinematicState:
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
         state = self.native_state
-        return read_only(self._kinematics().hg.vector.copy() if state is None else state.momentum())
+        return read_only(
+            self._workspace().kinematics_data.hg.vector.copy()
+            if state is None
+            else state.momentum()
+        )
 
     @lazy
     def com_jacobian(self) -> Array:
@@ -134,7 +139,9 @@ class KinematicState:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
         if self.native_state is not None:
             return read_only(self.native_state.inertia())
-        return read_only(self._whole.take(INERTIA_ENTRIES))
+        inertia = self._whole.take(INERTIA_ENTRIES)
+        inertia.flags.writeable = False
+        return inertia
 
     def inertia_in(self, frame: str = WORLD) -> Array:
         """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame."""
@@ -190,10 +197,10 @@ class KinematicState:
         ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
         Gauss-Newton leaves out. See :func:`wbc.robot.inertia.inertia_hessian`.
         """
-        robot, J = self.robot, self.inertia_jacobian
-        orders = robot.workspace.columns.orders
         momenta, twists = self.centroidal_map[:3], self.joint_twists
-        hessian = crb.inertia_hessian(weights, J, momenta, twists, self.com, robot.mass, orders)
+        mass, orders = self.robot.mass, self.robot.workspace.columns.orders
+        J = self.inertia_jacobian
+        hessian = crb.inertia_hessian(weights, J, momenta, twists, self.com, mass, orders)
         hessian.flags.writeable = False
         return hessian
 
@@ -228,7 +235,8 @@ class KinematicState:
         if found is None:
             robot = self.robot
             index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-            found = pin.getFrameJacobian(robot.model, self._kinematics(), index, _ALIGNED)
+            data = self._workspace().kinematics_data
+            found = pin.getFrameJacobian(robot.model, data, index, _ALIGNED)
             found.flags.writeable = False
             self._jacobians[frame] = found
         return found
@@ -240,8 +248,7 @@ class KinematicState:
             return self.native_state.part("rotations", -1, 3, 3), self.native_state.part(
                 "origins", -1, 3
             )
-        work = self.robot.workspace
-        work.kinematics(self, self.q, self.v)  # makes sure that the workspace holds this state
+        work = self._workspace()
         rotations, origins = work.placements.copies()
         return read_only(rotations), read_only(origins)
 
@@ -253,8 +260,7 @@ class KinematicState:
         """
         if self.native_state is not None:
             return self.native_state.part("twists", 6, -1)
-        self._kinematics()
-        twists = self.robot.workspace.twists.copy()
+        twists = self._workspace().twists.copy()
         twists.flags.writeable = False
         return twists
 
@@ -265,7 +271,7 @@ class KinematicState:
             placed, self._jacobians[frame] = self.native_state.frame(frame, robot)
             self._placements[frame] = placed
             return placed
-        pose = pin.updateFramePlacement(robot.model, self._kinematics(), index)
+        pose = pin.updateFramePlacement(robot.model, self._workspace().kinematics_data, index)
         position, rotation = pose.translation.copy(), pose.rotation.copy()
         position.flags.writeable = rotation.flags.writeable = False
         self._placements[frame] = found = position, rotation
@@ -274,26 +280,18 @@ class KinematicState:
     # ------------------------------------------------------------------ internals
 
     @lazy
-    def _whole(self) -> Array:
-        """CoM and entries of the inertia about it (9,), as Pinocchio keeps them."""
-        self._kinematics()
-        whole = self.robot.workspace.composites.whole()
-        whole.flags.writeable = False
-        return whole
-
-    @lazy
     def _carried_moments(self) -> Array:
         """What Jacobian and drift of the inertia are made of (27, nv)."""
         momenta, twists = self.centroidal_map[:3], self.joint_twists
-        self._kinematics()
-        composites = self.robot.workspace.composites.read()
+        composites = self._workspace().composites.read()
         return crb.carried_moments(composites, momenta, twists, self.com)
 
-    def _kinematics(self) -> pin.Data:
+    def _workspace(self) -> Workspace:
+        """Return this thread's workspace, which holds Pinocchio's pass at this state."""
         try:
             work = self.robot.scratch.workspace
         except AttributeError:  # the first time in this thread
             work = self.robot.workspace
-        if work.kinematics_owner is self:
-            return work.kinematics_data
-        return work.kinematics(self, self.q, self.v)
+        if work.kinematics_owner is not self:
+            work.kinematics(self, self.q, self.v)
+        return work

@@ -195,5 +195,5 @@ def log_drift(relative: Array, w: Array, alpha: Array) -> Array:
     """Return d2/dt2 log(Q) (3,) of a rotation Q that turns at ``w`` and ``alpha`` in its axes."""
     J = log_jacobian(relative)
     drift: Array = J.dot(alpha)
-    drift += log_jacobian_rate(log_rotation(relative), J.dot(w)).dot(w)
+    drift += log_jacobian_rate(log_rotation(relative), J.dot(w), w)
     return drift

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -129,12 +130,9 @@ class InertiaTask(Task):
         error -= self._wanted
         jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame))
         pull = self._gradient(error).dot(self._selection)  # the cost's slope by entry
-        curvature = self._curvature(snapshot, pull)
         if self.second_order:
-            return Residual(error, jacobian, self._bias, curvature)
-        bound = np.add.reduce(np.abs(curvature), axis=0)
-        if self.frame not in (WORLD, BASE):  # how the frame turns is not in it
-            bound += curvature_bound(pull, snapshot.inertia)
+            return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
+        bound = partial(self._curvature_bound, snapshot, pull)
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
 
     def native(self) -> tuple[NativeRows, ...] | None:
@@ -172,6 +170,13 @@ class InertiaTask(Task):
             return snapshot.inertia_hessian(G)
         S = snapshot.rotation(self.frame).T @ snapshot.rotation(BASE)
         return snapshot.base_inertia_hessian(S.T @ G @ S)
+
+    def _curvature_bound(self, snapshot: Snapshot, pull: Array) -> Array:
+        """Return numbers (nv,) that make a diagonal matrix above the curvature."""
+        bound: Array = np.add.reduce(np.abs(self._curvature(snapshot, pull)), axis=0)
+        if self.frame not in (WORLD, BASE):  # how the frame turns is not in it
+            bound += curvature_bound(pull, snapshot.inertia)
+        return bound
 
 
 def curvature_bound(pull: Array, inertia: Array) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -63,7 +64,7 @@ class PointTask(Task):
         rows = self._selected
         position, jacobian = self._point(snapshot)
         error = (position - self._goal)[rows]
-        bound = self._curvature_bound(snapshot, position, error)
+        bound = partial(self._curvature_bound, snapshot, position, error)
         return Residual(error, jacobian[rows], self._bias, curvature_bound=bound)
 
     def aim(self, snapshot: Snapshot) -> Aim:
@@ -92,7 +93,8 @@ class PointTask(Task):
         arm = position - snapshot.q[:3]
         (xx, _, _), (_, yy, _), (_, _, zz) = snapshot.inertia.tolist()
         lever = math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
-        gradient = self._gradient(error)
+        gradient = self.weight * error
+        gradient *= self.weight
         return math.sqrt(gradient.dot(gradient)) * lever
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
