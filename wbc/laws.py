@@ -13,9 +13,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number
+
+# Entries of v, each once.
+Columns = slice | NDArray[np.int64]
 
 
 class Residual(NamedTuple):
@@ -38,6 +42,8 @@ class Residual(NamedTuple):
         A bound on that sum where it is not given, by which the law damps: a number on its norm, or
         (nv,) numbers that make a diagonal matrix above it, such as the sums of its rows' sizes. Or
         a function that returns it: only the velocity level asks for it.
+    columns:
+        Where each row of the Jacobian is one of the identity: which, for they cost less in a QP.
     """
 
     error: Array
@@ -45,6 +51,7 @@ class Residual(NamedTuple):
     bias: Array
     curvature: Array | None = None
     curvature_bound: float | Array | Callable[[], float | Array] = 0.0
+    columns: Columns | None = None
 
     def rate(self, v: Array) -> Array:
         """Return the time derivative (k,) of the error at velocity ``v``."""
@@ -71,6 +78,8 @@ class Rows(NamedTuple):
     rate, bias:
         The target is ``-rate * error - bias``, in [1/s] and (k,); 0 and None for rows that are not
         of this form.
+    columns:
+        As of :class:`Residual`.
     """
 
     matrix: Array
@@ -81,6 +90,7 @@ class Rows(NamedTuple):
     singular_threshold: float = 0.0
     rate: float = 0.0
     bias: Array | None = None
+    columns: Columns | None = None
 
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:
@@ -179,6 +189,7 @@ class VelocityLaw:
             self.singular_threshold,
             rate,
             residual.bias,
+            residual.columns,
         )
 
 
@@ -255,4 +266,4 @@ class AccelerationLaw:
         wanted -= drift
         wanted *= dt
         wanted += moving
-        return Rows(residual.jacobian, wanted, weight)
+        return Rows(residual.jacobian, wanted, weight, columns=residual.columns)

@@ -13,7 +13,7 @@ from wbc.tasks import ComTask, PostureTask
 
 # One file and two functions ask whether the native core takes it; quantities that are kept and the
 # solver's memory have a file each.
-FILES, FUNCTIONS = 18, 50
+FILES, FUNCTIONS = 18, 52
 PACKAGE = str(Path(wbc.__file__).parent)
 
 

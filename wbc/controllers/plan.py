@@ -228,28 +228,34 @@ def assemble(
     if n > nv:
         lower = np.concatenate((lower, decision.lower))
         upper = np.concatenate((upper, decision.upper))
-    matrices, targets, weights, curved = [], [], [], []
+    matrices, targets, weights, curved, single = [], [], [], [], []
     damping: float | Array = 0.0
+    width = nv
     for rows in costs:
-        matrices.append(rows.matrix)
-        targets.append(rows.target)
-        weights.append(rows.weight)
         damping = damping + rows.damping  # not in place: a law's array is the law's
         if rows.curvature is not None:
             curved.append(rows.curvature)
+        if rows.columns is not None:
+            single.append(rows)
+            continue
+        width = max(width, rows.matrix.shape[1])
+        matrices.append(rows.matrix)
+        targets.append(rows.target)
+        weights.append(rows.weight)
     # Weighted and stacked first: one product is cheaper than one per task. Columns that no row has
-    # are not multiplied.
-    width = max([matrix.shape[1] for matrix in matrices])
-    J, weight = stacked(matrices, width), np.concatenate(weights)
-    J *= weight[:, None]
-    weight *= np.concatenate(targets)
-    P, g = J.T.dot(J), weight.dot(J)
-    np.negative(g, out=g)
+    # are not multiplied, nor are rows of the identity.
+    P, g = _squared(matrices, targets, weights, width)
+    diagonal = P.reshape(-1)[:: width + 1]
+    for rows in single:
+        square = rows.weight * rows.weight
+        diagonal[rows.columns] += square
+        square *= rows.target
+        g[rows.columns] -= square
     if curved:
         P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
     if width < n:
         P, g = _widened(P, g, n)
-    diagonal = P.reshape(-1)[:: n + 1]
+        diagonal = P.reshape(-1)[:: n + 1]
     diagonal += decision.damping
     diagonal[:nv] += damping
     none = decision.no_rows
@@ -269,6 +275,19 @@ def assemble(
         g -= decision.damping * rest
     qp = QP(P, g, A, b, C, bounds.lower, bounds.upper, lower, upper, labels)
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
+
+
+def _squared(
+    matrices: list[Array], targets: list[Array], weights: list[Array], width: int
+) -> tuple[Array, Array]:
+    """Return the cost of rows met in the weighted least-squares sense."""
+    if not matrices:
+        return np.zeros((width, width)), np.zeros(width)
+    J, weight = stacked(matrices, width), np.concatenate(weights)
+    J *= weight[:, None]
+    weight *= np.concatenate(targets)
+    g: Array = weight.dot(J)
+    return J.T.dot(J), np.negative(g, out=g)
 
 
 def _widened(P: Array, g: Array, n: int) -> tuple[Array, Array]:

@@ -148,7 +148,10 @@ def _weighty(row: Rows) -> Rows:
         return row
     wanted = row.weight > 0.0
     return row._replace(
-        matrix=row.matrix[wanted], target=row.target[wanted], weight=row.weight[wanted]
+        matrix=row.matrix[wanted],
+        target=row.target[wanted],
+        weight=row.weight[wanted],
+        columns=None,
     )
 
 

@@ -69,30 +69,19 @@ class Stacked(NamedTuple):
             values = np.concatenate((x, rows.dot(x)))
         above, below = self.upper - values, values - self.lower  # negative outside
         outside = -float(np.minimum.reduce(np.minimum(above, below)))
-        clash = 0.0
-        pulls = multipliers[: self.inequalities]
-        pulling = pulls.nonzero()[0]  # NaN is
-        if pulling.size:
-            pulls = pulls[pulling]
-            slack = np.where(pulls > 0.0, above[pulling], below[pulling])
-            np.minimum(np.abs(slack, out=slack), np.abs(pulls), out=slack)
-            clash = float(np.maximum.reduce(slack))
+        np.putmask(below, multipliers > 0.0, above)  # the distance to what a multiplier points at
+        np.minimum(np.abs(below, out=below), np.abs(multipliers), out=below)
+        clash = below[: self.inequalities]
         return KktResiduals(
             primal=max(outside, 0.0),  # NaN first: max(nan, a) is nan, but max(a, nan) is a
             dual=float(np.maximum.reduce(np.abs(gradient, out=gradient))),
-            complementarity=clash,
+            complementarity=float(np.maximum.reduce(clash)),
         )
 
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
     """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,)."""
     return Stacked.of(qp).residuals(x, np.concatenate((z_box, z, y)))
-
-
-def small(residuals: KktResiduals, eps: float) -> bool:
-    """Whether all residuals are below eps; NaN is not."""
-    r = residuals
-    return r.primal <= eps and r.dual <= eps and r.complementarity <= eps
 
 
 def acceptable(
@@ -105,9 +94,9 @@ def acceptable(
     the cost that they leave in doubt must be small beside the cost's own terms. The relative test
     is only made when the plain one fails.
     """
-    if small(residuals, eps):
-        return True
     r = residuals
+    if r.primal <= eps and r.dual <= eps and r.complementarity <= eps:  # NaN is not
+        return True
     primal, dual = reference_magnitudes(qp, x, y, z, z_box)
     cost = 1.0 + abs(float(x @ qp.P @ x)) + abs(float(qp.g @ x))
     return (
@@ -170,8 +159,8 @@ class SolveCheck:
         self, qp: Stacked, x: Array, multipliers: Array, iterations: int
     ) -> Solution | None:
         """Return the solution of ``qp`` when its KKT residuals are below eps, else None."""
-        residuals = qp.residuals(x, multipliers)
-        if not small(residuals, self.eps):
+        r, eps = qp.residuals(x, multipliers), self.eps
+        if not (r.primal <= eps and r.dual <= eps and r.complementarity <= eps):  # NaN is not
             return None
         n, equalities = x.size, qp.inequalities
         return Solution(
@@ -180,7 +169,7 @@ class SolveCheck:
             multipliers[n:equalities],
             multipliers[:n],
             Status.SOLVED,
-            residuals,
+            r,
             iterations,
             perf_counter() - self.started,
             self.solver,

@@ -55,7 +55,9 @@ class PostureTask(Task):
         names = [robot.joint_names[k] for k in chosen]
         weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
         super().__init__(robot, name, names, weight=weights, priority=priority, **law)
-        self._joints = slice(None) if chosen.size == factors.size else chosen
+        every = chosen.size == factors.size
+        self._joints = slice(None) if every else chosen
+        self._columns = slice(BASE_NV, None) if every else BASE_NV + chosen
         selection = np.zeros((chosen.size, robot.nv))
         selection[np.arange(chosen.size), BASE_NV + chosen] = 1.0
         self._jacobian = read_only(selection)
@@ -83,7 +85,8 @@ class PostureTask(Task):
         error = snapshot.joint_positions - self._positions
         for k in self.robot.limits.unbounded:
             error[k] = math.remainder(error[k], math.tau)
-        return Residual(error[self._joints], self._jacobian, self._bias)
+        error = error[self._joints]
+        return Residual(error, self._jacobian, self._bias, columns=self._columns)
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return one row for each joint."""

@@ -1,0 +1,56 @@
+"""Rows of single unknowns cost the QP less, and say the same."""
+
+import numpy as np
+import pytest
+
+from wbc.controllers.plan import Decision, assemble
+from wbc.laws import Residual, Rows, VelocityLaw
+from wbc.qp.problem import Labels
+from wbc.robot import Robot
+from wbc.tasks import DampingTask, PostureTask
+
+N, NV = 9, 7  # unknowns, those that are velocities
+
+
+def decision() -> Decision:
+    names = tuple(f"x{k}" for k in range(N))
+    free = np.full(N - NV, np.inf)
+    return Decision(names, NV, 1e-3 * np.arange(1.0, N + 1.0), -free, free)
+
+
+@pytest.mark.parametrize("others", [0, 2])
+@pytest.mark.parametrize("curved", [False, True])
+def test_rows_of_the_identity_make_the_qp_that_their_matrix_makes(others, curved) -> None:
+    rng = np.random.default_rng(others)
+    columns = np.array([1, 4, 6])
+    single = Rows(np.eye(NV)[columns], rng.normal(size=3), rng.uniform(0.5, 2.0, 3), damping=0.1)
+    if curved:
+        square = rng.normal(size=(NV, NV))
+        single = single._replace(curvature=square + square.T)
+    dense = [
+        Rows(rng.normal(size=(2, NV)), rng.normal(size=2), np.array([3.0, 0.5]))
+        for _ in range(others)
+    ]
+    box = np.full(NV, -1.0), np.full(NV, 1.0)
+    rest = rng.normal(size=N)
+    labels = Labels((), (), decision().names)
+    made = [
+        assemble(decision(), [*dense, one], [], box, None, labels, rest)
+        for one in (single, single._replace(columns=columns))
+    ]
+    # Sums of a few products of numbers near 1, in another order.
+    np.testing.assert_allclose(made[1].P, made[0].P, atol=1e-13)
+    np.testing.assert_allclose(made[1].g, made[0].g, atol=1e-13)
+    assert np.linalg.eigvalsh(made[1].P)[0] > 0.0
+
+
+@pytest.mark.parametrize("joints", [None, {"*knee*": 0.0}])
+def test_tasks_of_single_unknowns_say_which(joints) -> None:
+    robot = Robot.load("hoap2_like")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    for task in (PostureTask(robot, q, joints=joints), DampingTask(robot, joints=joints)):
+        residual: Residual = task.residual(here)
+        assert np.array_equal(np.eye(robot.nv)[residual.columns], residual.jacobian)
+        rows = VelocityLaw().rows(residual, task.weight, 0.01)
+        assert np.array_equal(np.eye(robot.nv)[rows.columns], rows.matrix)
