@@ -32,6 +32,7 @@ tasks:
   trunk: {type: frame, frame: base, control: orientation, target: start, weight: 0.5}
   spin: {type: momentum, components: angular, weight: 0.1}
   posture: {type: posture, target: start, weight: 0.05}
+constraints: {bodies: {type: self_collision}}
 controller: {solver: daqp}
 stop: {duration: 1.0}
 """
@@ -47,7 +48,7 @@ controller: {level: torque, dt: 0.002, solver: daqp, friction: 0.6}
 simulation: {duration: 0.2}
 """
 LEVELS = {"velocity": VELOCITY, "torque": TORQUE}
-TICKS = 60
+TICKS = 50
 
 
 def write(folder: Path, text: str) -> Path:
@@ -106,7 +107,7 @@ def test_c_commands_what_python_does(level: str, exports: dict[str, Path]) -> No
     short = replay(folder, "short.txt")
     assert short.returncode == 2
     assert "the recording ends in tick" in short.stderr
-    (folder / "robot.txt").write_text(text.replace("wbc recording 1 60 ", "wbc recording 1 60 1"))
+    (folder / "robot.txt").write_text(text.replace("wbc recording 1 50 ", "wbc recording 1 50 1"))
     assert replay(folder, "robot.txt").returncode == 2
     assert replay(folder, "nowhere.txt").returncode == 2
 
@@ -117,6 +118,7 @@ def test_what_was_recorded_is_what_plain_python_commands(
 ) -> None:
     """The recording's commands come from the core; NumPy's tick at its states gives the same."""
     lines = (exports[level] / "recording.txt").read_text().splitlines()[1:]
+    assert len(lines) == TICKS, "some were left out; the ticks compared are others"
     ticks = [np.array([float.fromhex(one) for one in line.split()]) for line in lines]
     monkeypatch.setenv(VARIABLE, "off")
     problem = load_problem(exports[level].parent / "problem.yaml")
@@ -151,8 +153,11 @@ PARTS = {
         "second_order: true": "second_order of task 'shape'",
         "frame: left_hand": "task 'shape', a InertiaTask of a kind",
     },
+    "constraints: {bodies: {type: self_collision}}": {
+        "constraints: {over: {type: com_support}}": "constraints .'over'",
+        "constraints: {bodies: {type: self_collision}, over: {type: com_support}}": "'over'",
+    },
     "stop: {duration: 1.0}": {
-        "constraints: {body: {type: self_collision}}": "constraints .'body'",
         "limits: {braking: bounded}": "the braking 'bounded'",
         "phases: {one: {duration: 1, support: double}}": "phases",
     },
@@ -175,12 +180,20 @@ def test_what_the_core_does_not_know_is_named(
     assert not (tmp_path / "c").exists()
 
 
-def test_a_tick_that_needs_python_is_named(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
     """A joint beyond its limit is brought back by Python alone."""
-    sensors = "simulation: {duration: 0.2, sensors: {position_noise: 0.5}}"
-    path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors))
-    with pytest.raises(CodegenError, match="a joint is outside its limits"):
-        export_problem(path, tmp_path / "c")
+    sensors = "simulation: {duration: 0.1, sensors: {position_noise: %s}}"
+    path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 0.06))
+    recording = export_problem(path, tmp_path / "c").recording
+    (reason, left_out), *others = recording.left_out.items()
+    assert reason == "a joint is outside its limits" and not others
+    assert left_out + len(recording.ticks) == 50
+    done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(tmp_path / "c")])
+    assert f"note: in {left_out} ticks, left out, C gives no command: {reason}" in done.output
+    write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 1.0))
+    with pytest.raises(CodegenError, match="in any tick of the run: a joint is outside its limits"):
+        export_problem(path, tmp_path / "none")
 
 
 def test_without_the_core_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,6 +100,8 @@ def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: i
     made = export_problem(path, folder, overrides_of(assign), ticks)
     if made.solver is not None:
         print_note(f"solved by daqp, as C is, not by {made.solver}")
+    for reason, count in made.recording.left_out.items():
+        print_note(f"in {count} ticks, left out, C gives no command: {reason}")
     count = len(made.recording.ticks)
     typer.echo(f"written  {folder}: the controller, and {count} ticks of Python to compare with")
     typer.echo(f"now try  make -C {folder} run DAQP=/path/to/daqp")

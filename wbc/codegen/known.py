@@ -56,9 +56,6 @@ def _unknown(controller: Controller) -> str | None:
         return f"the solver {controller.backend.name!r}; set controller.solver to daqp"
     if controller.formulation != "equality":
         return f"the formulation {controller.formulation!r}; leave it out"
-    if controller.constraints:
-        names = ", ".join(repr(one.name) for one in controller.constraints)
-        return f"constraints ({names}); leave them out"
     if len(controller.plan.levels) > 1:
         lower = [repr(task.name) for task in controller.tasks if task.priority > 0]
         return f"levels of priority ({', '.join(lower)}); give weights instead"
@@ -71,7 +68,16 @@ def _unknown(controller: Controller) -> str | None:
     for task in (*controller.tasks, *controller.plan.held.contacts):
         if isinstance(task, ForceTask) or described(task, torque) is None:
             return _of_task(task, torque)
+    if controller.constraints and not _kept_apart(controller):
+        names = ", ".join(repr(one.name) for one in controller.constraints)
+        return f"constraints ({names}) but one self_collision without slack; leave them out"
     return None
+
+
+def _kept_apart(controller: Controller) -> bool:
+    """Whether the only constraint is a self-collision that the core knows."""
+    plan = controller.native if isinstance(controller, NativeController) else None
+    return plan is not None and plan.margin is not None
 
 
 def _of_task(task: Task, torque: bool) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -24,6 +25,8 @@ _REASONS = {
     1: "a joint is outside its limits",
     2: "a rotation is off by nearly half a turn",
     3: "a number is not finite",
+    4: "a distance of two bodies could not be measured",
+    5: "it leads two bodies inside their margin, which takes another round of the QP",
 }
 
 
@@ -38,14 +41,16 @@ class RecordedTick(NamedTuple):
 
 
 class Recording:
-    """The first ticks of a run; the plan is as it was in the first.
+    """The first ticks of a run.
 
     Attributes
     ----------
     numbers:
         What the core read of the tasks in the first tick.
     ticks:
-        Without those of lost frames.
+        Without those of lost frames, and those left out.
+    left_out:
+        Ticks in which the core alone gives no command, by the reason.
     """
 
     def __init__(self, most: int) -> None:
@@ -55,23 +60,12 @@ class Recording:
         self.solver: Daqp
         self.numbers: Array
         self.ticks: list[RecordedTick] = []
+        self.left_out = Counter[str]()
         self._last: Snapshot | None = None
 
-    def _check(self, now: LoopTick) -> None:
-        """Refuse a tick that the core hands over."""
-        found, seen = self.plan.problem(now.snapshot), now.snapshot
-        if found is not None and found.solved:
-            return
-        said, _ = self.plan.memory.call(seen.q, seen.v, seen.moving, None)
-        raise CodegenError(
-            f"the tick at {now.time:g} s ({len(self.ticks)} before it) is one that the exported C"
-            f" gives no command in: {_REASONS.get(said, _REASONS[-1])}; record fewer, or start"
-            " elsewhere"
-        )
-
     def full(self) -> bool:
-        """Whether there are as many ticks as were asked for."""
-        return len(self.ticks) >= self._most
+        """Whether as many ticks were seen as were asked for."""
+        return len(self.ticks) + self.left_out.total() >= self._most
 
     def add(self, now: LoopTick, controller: Controller | None) -> None:
         """Keep a tick.
@@ -79,22 +73,26 @@ class Recording:
         Raises
         ------
         CodegenError
-            The core alone could not have made it.
+            The controller has something that the core does not know.
         """
-        if controller is None or self.full() or now.snapshot is self._last:
+        seen = now.snapshot
+        if controller is None or self.full() or seen is self._last:
             return
-        if not self.ticks:
+        if self._last is None:
             self.controller = controller
             self.plan, self.solver = known(controller)
-        self._check(now)
+        self._last = seen
+        found = self.plan.problem(seen)
+        if found is None or not found.solved:
+            said, _ = self.plan.memory.call(seen.q, seen.v, seen.moving, None)
+            self.left_out[_REASONS.get(said, _REASONS[-1])] += 1
+            return
         if not self.ticks:
             self.numbers = self.plan.memory.number.copy()
-        self._last = now.snapshot
         told = (targets_of(part) for part in task_parts(controller))
         targets = tuple(values for one in told if one is not None for values in one)
         torque = now.tick.torque if isinstance(now.tick, TorqueTick) else None
-        state = now.snapshot.q, now.snapshot.v
-        self.ticks.append(RecordedTick(*state, targets, now.tick.velocity, torque))
+        self.ticks.append(RecordedTick(seen.q, seen.v, targets, now.tick.velocity, torque))
 
 
 def record(problem: Problem, ticks: int) -> Recording:
@@ -105,12 +103,15 @@ def record(problem: Problem, ticks: int) -> Recording:
     Raises
     ------
     CodegenError
-        It is made of something that the core does not know.
+        It has something that the core does not know, or no tick that the core makes alone.
     """
     found = Recording(ticks)
     torque = isinstance(problem.spec.controller, TorqueSpec)
     run: Mapping[str, Any] = {"cancelled": found.full, "show": found.add}
     (problem.simulate if torque else problem.run)(**run)
+    if not found.ticks:
+        reasons = ", ".join(found.left_out)
+        raise CodegenError(f"the exported C gives no command in any tick of the run: {reasons}")
     return found
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import Recording
 from wbc.codegen.targets import contact_parts, task_parts
-from wbc.controllers.native_memory import NativeMemory
 
 _PER_LINE = 6
 # What belongs to each controller in C, not to the plan.
@@ -69,15 +68,33 @@ def plan_source(recording: Recording, title: str) -> str:
     """Return plan.c: all that was planned."""
     controller, memory = recording.controller, recording.plan.memory
     names = ", ".join(f'"{name}"' for name in controller.robot.joint_names)
-    tree = memory.tree
+    tree, margin = memory.tree, memory.margin
     arrays = {**memory.arrays, "number": recording.numbers}
-    arrays = {name: array for name, array in arrays.items() if name not in _OWN}
-    structs: dict[str, Iterable[ctypes.Structure]] = {"block": memory.blocks}
+    pointers = {
+        "tree": "&tree",
+        "block": "block",
+        **{name: _name(name, array) for name, array in arrays.items()},
+        **dict.fromkeys(_OWN, "0"),
+    }
+    parts = [
+        *(_array(f"tree_{name}", array) for name, array in tree.arrays.items()),
+        _struct("tree", tree.struct, {name: f"tree_{name}" for name in tree.arrays}),
+        *(_array(name, array) for name, array in arrays.items() if name not in _OWN),
+        _list("block", memory.blocks),
+    ]
     if memory.forces is not None and memory.forces.count:
-        structs["force"] = memory.forces.structs
-    known = {name: name for name, array in arrays.items() if array.size}
-    known |= {"tree": "&tree", **{name: name for name in structs}}
-    counts = {"nv": tree.nv, "joints": tree.joints}
+        pointers["force"] = "force"
+        parts.append(_list("force", memory.forces.structs))
+    if margin is not None:
+        pointers["margin"] = "&margin"
+        bodies = margin.pairs_of_bodies.arrays
+        there = {name: f"margin_{name}" for name in margin.arrays} | {"of": "&pairs"}
+        parts += [
+            *(_array(f"pairs_{name}", array) for name, array in bodies.items()),
+            _struct("pairs", margin.watched, {name: f"pairs_{name}" for name in bodies}),
+            *(_array(f"margin_{name}", array) for name, array in margin.arrays.items()),
+            _struct("margin", margin.struct, there),
+        ]
     return "\n".join(
         [
             f"/* {title} */",
@@ -85,17 +102,8 @@ def plan_source(recording: Recording, title: str) -> str:
             "",
             f"const char *const wbc_joint_names[WBC_NV - 6] = {{{names}}};",
             "",
-            *(_array(f"tree_{name}", array) for name, array in tree.arrays.items()),
-            "static const wbc_tree tree = {",
-            *(f"    .{name} = {count}," for name, count in counts.items()),
-            *(f"    .{name} = tree_{name}," for name in tree.arrays),
-            "};",
-            "",
-            *(_array(name, array) for name, array in arrays.items() if array.size),
-            *(_structs(name, every) for name, every in structs.items()),
-            "const wbc_plan wbc_planned = {",
-            *_fields(memory, known),
-            "};",
+            *parts,
+            f"const wbc_plan wbc_planned = {_fields(memory.struct, pointers)};",
             "",
         ]
     )
@@ -113,29 +121,37 @@ def recording_text(recording: Recording) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _fields(memory: NativeMemory, known: Mapping[str, str]) -> Iterable[str]:
-    """Yield the fields of the plan's struct."""
-    struct = memory.struct
-    for name, kind, *_ in struct._fields_:
-        value = getattr(struct, name)
-        if kind is not ctypes.c_void_p:
-            yield f"    .{name} = {_number(value)},"
-        elif name in known:
-            yield f"    .{name} = {known[name]},"
-        elif value and name not in _OWN and memory.arrays.get(name, np.zeros(1)).size:
-            raise CodegenError(f"the core reads {name!r} of this controller, which is not exported")
+def _struct(name: str, struct: ctypes.Structure, pointers: Mapping[str, str]) -> str:
+    return f"static const wbc_{name} {name} = {_fields(struct, pointers)};\n"
 
 
-def _structs(name: str, array: Iterable[ctypes.Structure]) -> str:
-    rows = (
-        ", ".join(f".{field} = {_number(getattr(one, field))}" for field, *_ in one._fields_)
-        for one in array
-    )
-    inside = "".join(f"    {{{row}}},\n" for row in rows)
+def _list(name: str, structs: Iterable[ctypes.Structure]) -> str:
+    inside = "".join(f"{_fields(one, {})},\n" for one in structs)
     return f"static const wbc_{name} {name}[] = {{\n{inside}}};\n"
 
 
+def _fields(struct: ctypes.Structure, pointers: Mapping[str, str]) -> str:
+    """Return the fields of a struct, those that point somewhere in words."""
+    fields = []
+    for name, kind, *_ in struct._fields_:
+        value = getattr(struct, name)
+        if kind is not ctypes.c_void_p:
+            fields.append(f"    .{name} = {_number(value)},\n")
+        elif name in pointers:
+            fields.append(f"    .{name} = {pointers[name]},\n")
+        elif value:
+            raise CodegenError(f"the core reads {name!r} of this controller, which is not exported")
+    return f"{{\n{''.join(fields)}}}"
+
+
+def _name(name: str, array: NDArray[Any]) -> str:
+    """Return what points at an array; C knows none without entries."""
+    return name if array.size else "0"
+
+
 def _array(name: str, array: NDArray[Any]) -> str:
+    if not array.size:
+        return ""
     kind = "int64_t" if array.dtype.kind == "i" else "double"
     values = [_number(value) for value in array.ravel().tolist()]
     lines = [

@@ -12,6 +12,7 @@ from wbc.constraints.collision import SelfCollision, WatchedPairs
 from wbc.constraints.rows import Constraint, take
 from wbc.controllers.slack import Slacks
 from wbc.native import address
+from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.kernel import NativeTree
 from wbc.validate import Array
 
@@ -34,8 +35,10 @@ class NativeMargin:
     ----------
     rows:
         How many pairs get one.
-    address:
-        Where the core's structure lies.
+    struct, address:
+        The core's structure, and where it lies.
+    watched, arrays:
+        What it points at; the arrays by the names of ``wbc_margin`` in source/core.h.
     """
 
     def __init__(self, constraint: SelfCollision, known: WatchedPairs, tree: NativeTree) -> None:
@@ -43,15 +46,25 @@ class NativeMargin:
         self._labels = constraint.model.labels
         self.bodies, self.pairs = known.pairs.counts
         self.rows = min(known.rows, self.pairs)
-        law = known.braking
-        acceleration = known.acceleration
-        arrays = known.kept, known.shorter
-        self._kept = known.pairs.struct(tree), arrays, acceleration
-        reached = 0 if acceleration is None else address(acceleration)
-        places = ctypes.addressof(self._kept[0]), *map(address, arrays), reached
-        numbers = law.deceleration, law.gain, law.recovery, law.recovery_speed
-        self._struct = _Margin(*places, self.rows, *numbers)
-        self.address = ctypes.addressof(self._struct)
+        law, self.watched = known.braking, known.pairs.struct(tree)
+        self.arrays = {"kept": known.kept, "shorter": known.shorter}
+        if known.acceleration is not None:
+            self.arrays["acceleration"] = known.acceleration
+        self.struct = _Margin(
+            of=ctypes.addressof(self.watched),
+            **{name: address(array) for name, array in self.arrays.items()},
+            rows=self.rows,
+            deceleration=law.deceleration,
+            gain=law.gain,
+            recovery=law.recovery,
+            recovery_speed=law.recovery_speed,
+        )
+        self.address = ctypes.addressof(self.struct)
+
+    @property
+    def pairs_of_bodies(self) -> NativePairs:
+        """What is kept apart."""
+        return self._known.pairs
 
     @classmethod
     def of(cls, constraint: SelfCollision, tree: NativeTree) -> NativeMargin | None:

@@ -39,8 +39,10 @@ class NativeTree:
 
     Attributes
     ----------
+    struct, address:
+        What the core reads, and where it lies.
     arrays:
-        What the core reads of it, by the names of ``wbc_tree`` in source/core.h.
+        What the struct points at, by the names of ``wbc_tree`` in source/core.h.
     """
 
     def __init__(self, core: Core, model: pin.Model) -> None:
@@ -59,8 +61,8 @@ class NativeTree:
         every = (*integers, placement, axes, body, armature, gravity)
         # The struct points at them.
         self.arrays: dict[str, NDArray[Any]] = dict(zip(_ARRAYS, every, strict=True))
-        self._struct = _Tree(self.nv, self.joints, *map(address, every))
-        self.address = ctypes.addressof(self._struct)
+        self.struct = _Tree(self.nv, self.joints, *map(address, every))
+        self.address = ctypes.addressof(self.struct)
         nv, base = self.nv, 18
         self.com_jacobian = slice(base + 6 * nv, base + 9 * nv)
         self.centroidal_map = slice(base, base + 6 * nv)

@@ -26,7 +26,7 @@ typedef struct {
     double torque[WBC_NV - 6];     /* within its bounds; zeros if the problem is not about torques */
 } wbc_command;
 
-/* Besides core.h's enum handed_over: UNSOLVED, OUTSIDE_LIMITS, HALF_A_TURN, NOT_FINITE. */
+/* Besides core.h's enum handed_over: UNSOLVED, OUTSIDE_LIMITS and so on. */
 enum { OTHER_DAQP = -2, NO_TARGET = -3 };
 
 /* Begin with the targets that the problem had in its first tick. OTHER_DAQP: what is linked is not

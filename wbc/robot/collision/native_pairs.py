@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +22,15 @@ from wbc.validate import Array
 Index = NDArray[np.int64]
 
 
+_ARRAYS = ("joint", "local", "size", "pair", "solid", "common", "first", "corner", "rounding")
+
+
 class _Pairs(ctypes.Structure):
     """``wbc_pairs`` of wbc/native/source/core.h."""
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("nv", "joints", "bodies", "pairs")),
-        *((name, ctypes.c_void_p) for name in ("joint", "local", "size", "pair", "solid")),
-        *((name, ctypes.c_void_p) for name in ("common", "first", "corner", "rounding")),
+        *((name, ctypes.c_void_p) for name in _ARRAYS),
     ]
 
 
@@ -49,6 +52,8 @@ class NativePairs:
     ----------
     counts:
         Of bodies and of pairs.
+    arrays:
+        What the core reads of them, by the names of ``wbc_pairs`` in source/core.h.
     """
 
     def __init__(
@@ -69,9 +74,10 @@ class NativePairs:
         rounding = np.array([body.shape.radius for body in bodies])
         capsules = covers.local, covers.sizes
         corners = self._first, self._corner, rounding
-        self._kept = (joints, *capsules, pairs, solid.astype(np.int64), common, *corners)
+        every = (joints, *capsules, pairs, solid.astype(np.int64), common, *corners)
+        self.arrays: dict[str, NDArray[Any]] = dict(zip(_ARRAYS, every, strict=True))
         self.counts = len(joints), len(pairs)
-        self._addresses = list(map(address, self._kept))
+        self._addresses = list(map(address, every))
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self)._with_corners, (*self._made_of, self._corner)  # arrays of its own
