@@ -5,7 +5,7 @@ and inertia:
 
 free         no task about either;
 regulated    angular momentum to zero and the inertia to that at the start, as firmly as the CoM is
-             led: pushes are left to the ankles;
+             led, or so many times as firmly ("--firmness"): pushes are left to the ankles;
 planned      as the files that ship have it: pushes may spend angular momentum up to the trunk's
              range and get it back; a walk lets that of the swinging leg go and regulates it about
              the vertical, where only friction holds a foot. The walk also with a sixth of the
@@ -52,9 +52,12 @@ VARIANTS = ("free", "regulated", "planned")
 LOOSE_YAW = 10.0  # weight of the angular momentum about the vertical; six times that by default
 
 
-def standing_tasks(robot: wbc.Robot, height: float) -> dict[str, dict[str, Any]]:
-    """Return what replaces values of the problem file, by variant."""
-    unit = FIRM / (robot.mass * height**2)
+def standing_tasks(robot: wbc.Robot, height: float, firmness: float) -> dict[str, dict[str, Any]]:
+    """Return what replaces values of the problem file, by variant.
+
+    ``firmness``: of what is regulated, by that of the CoM.
+    """
+    unit = firmness * FIRM / (robot.mass * height**2)
     inertia = {"type": "inertia", "target": "start", "kp": 100, "weight": unit}
     return {
         "free": {"tasks.spin.weight": 0.0},
@@ -166,10 +169,13 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=["standing", "walking"])
     parser.add_argument("--directions", type=int, default=8, help="of pushes while standing")
     parser.add_argument("--variants", nargs="+", default=list(VARIANTS), choices=VARIANTS)
+    parser.add_argument(
+        "--firmness", type=float, default=1.0, help="of regulation while standing, by the CoM's"
+    )
     given = parser.parse_args()
     robot = wbc.Robot.load("g1", armature=0.003)
     height = float(robot.snapshot(robot.posture("standing")).com[2])
-    overrides = standing_tasks(robot, height)
+    overrides = standing_tasks(robot, height, given.firmness)
     rows: dict[str, dict[str, Any]] = {}
     if given.output is not None and given.output.exists():
         rows = json.loads(given.output.read_text())

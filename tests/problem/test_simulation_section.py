@@ -212,3 +212,28 @@ def test_noise_delay_and_a_wrong_model_are_what_the_file_says() -> None:
     seen = result.run.history.com
     apart = np.abs(seen - com[: len(seen)]).max()
     assert 1e-5 < apart < 2e-2
+
+
+def test_what_is_to_be_kept_is_judged_by_where_the_robot_is(tmp_path: Path) -> None:
+    """Feet seem to move by what the base's position is measured wrong by; they do not."""
+    noise = {
+        "simulation.sensors": {"base_position_noise": 4e-3, "seed": 1},
+        "simulation.pushes": [],
+    }
+    result = problem(tmp_path, overrides=noise).simulate()
+    seen = max(slip.max() for name, slip in result.arrays.items() if name.startswith("slip/"))
+    assert seen > 8e-3  # of a normal distribution of 4 mm, along three axes, in 150 ticks
+    # Oracle: where the soles of the recorded true states are.
+    robot = result.robot
+    soles = np.array(
+        [
+            [here.position(foot.frame) for foot in robot.feet.values()]
+            for here in map(robot.snapshot, result.arrays["q"])
+        ]
+    )
+    moved = np.linalg.norm(soles - soles[0], axis=2).max()
+    assert result.run.slip is not None
+    # The anchors are where the soles are planned; the ground gives by less than a millimetre.
+    assert result.run.slip.value == pytest.approx(moved, abs=1e-3)
+    assert result.run.slip.value < 5e-3
+    assert result.status is SimulationStatus.STOOD, result.reason

@@ -145,7 +145,7 @@ class Recorder:
     Attributes
     ----------
     states:
-        What was measured when each tick began.
+        By what a run is judged: what was measured when each tick began, or what was really so.
     failures:
         Why there was no solution, by tick.
     standings:
@@ -168,7 +168,11 @@ class Recorder:
         }
 
     def add(
-        self, now: LoopTick, standing: Standing, errors: Mapping[str, Array] | None = None
+        self,
+        now: LoopTick,
+        standing: Standing,
+        errors: Mapping[str, Array] | None = None,
+        truth: Snapshot | None = None,
     ) -> None:
         """Keep what matters of a tick.
 
@@ -176,11 +180,15 @@ class Recorder:
         ----------
         errors:
             Of the tasks, by name; by default those that the tick reports.
+        truth:
+            Where the robot really was, if that is known: by it a run is judged. The history keeps
+            what was measured.
         """
         tick, state = now.tick, self.measure(now.snapshot, standing)
         if not tick.ok:
             self.failures[len(self.states)] = tick.report()
-        self.states.append(state)
+        judged = now.snapshot if truth is None else truth
+        self.states.append(state if judged is now.snapshot else self.measure(judged, standing))
         self.standings.append(standing)
         errors = tick.errors if errors is None else errors
         aims = {

@@ -13,7 +13,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
 from wbc.simulation.falling import FallLimits, FallWatch, Verdict
 from wbc.simulation.plant import Plant
-from wbc.validate import finite_number
+from wbc.validate import Array, finite_number
 
 STANDING_LIMITS = FallLimits()
 
@@ -27,6 +27,8 @@ class SimulationTick(NamedTuple):
         Simulated time at its end [s]; the plant is there now.
     snapshot:
         What was measured at its beginning; of a lost frame, what was last measured.
+    state:
+        Where the plant really was at its beginning: configuration (nq,) and velocity (nv,).
     tick:
         What the controller answered to it, and the plant was given.
     fresh:
@@ -39,6 +41,7 @@ class SimulationTick(NamedTuple):
 
     time: float
     snapshot: Snapshot
+    state: tuple[Array, Array]
     tick: TorqueTick
     fresh: bool
     verdict: Verdict
@@ -106,10 +109,11 @@ def simulate(
             plant.step(plant.torque, dt)
             continue
         seconds, cpu_seconds = perf_counter() - began, thread_time() - cpu_began
+        state, fresh = plant.state(), measured is not None
         plant.step(tick.torque, dt)
         verdict = watch.verdict()
         yield SimulationTick(
-            plant.time, snapshot, tick, measured is not None, verdict, seconds, cpu_seconds
+            plant.time, snapshot, state, tick, fresh, verdict, seconds, cpu_seconds
         )
         if falls is not None and not verdict.stood:
             return

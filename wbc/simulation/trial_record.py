@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 
 from wbc.controllers.closed_loop import LoopTick
+from wbc.robot import Snapshot
 from wbc.run.history import Recorder as RunRecorder
 from wbc.run.leader import Leader
 from wbc.simulation.falling import FallLimits, Verdict
@@ -24,7 +25,7 @@ class TrialRecord:
     truth:
         States and forces of the plant.
     run:
-        What the controller saw and answered.
+        What the controller saw and answered; what is to be kept is judged by the truth.
     pushes:
         What will push the robot.
     verdict:
@@ -61,7 +62,7 @@ class TrialRecord:
         """Keep a control period; return it as a tick of a run, by when it began."""
         kept = as_loop_tick(now, self._plant.dt)
         self.truth.add(now.tick)
-        self.run.add(kept, self._phases.standing)
+        self.run.add(kept, self._phases.standing, truth=self._truth(now))
         self.gave_way.update(now.tick.relaxed)
         self.relaxed += bool(now.tick.policy)
         self.lost += not now.fresh
@@ -69,6 +70,13 @@ class TrialRecord:
         cosine = np.clip(self._trunk_vertical() @ self._up, -1.0, 1.0)
         self.tilt.append(float(np.arccos(cosine)))
         return kept
+
+    def _truth(self, now: SimulationTick) -> Snapshot:
+        """Return where the robot really was when a control period began."""
+        q, v = now.state
+        if np.array_equal(q, now.snapshot.q) and np.array_equal(v, now.snapshot.v):
+            return now.snapshot
+        return self._plant.robot.snapshot(q, v)
 
     def _trunk_vertical(self) -> Array:
         """Return the vertical (3,) in the trunk's axes."""

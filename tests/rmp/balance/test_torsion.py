@@ -1,5 +1,7 @@
 """What friction gives about the vertical, against forces at the four corners found by a program."""
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,7 +12,13 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes, inset
 from wbc.rmp.balance.foot import FlatFoot, physical_rows, torsion_rows
 from wbc.rmp.balance.law import Bounds
+from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
+from wbc.rmp.balance.spin_change import SpinChange
+from wbc.rmp.balance.stabiliser import PointStabiliser
+from wbc.rmp.balance.static_lean import StaticLean
+from wbc.rmp.balance.swing_up import SwingUp
+from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 
 FRICTION, MARGIN = 0.8, 0.004
@@ -91,6 +99,21 @@ def test_where_they_cannot_be_they_are_not_left_out_silently(given: dict) -> Non
     asked = {"polygon": rectangle(0.0), "friction": FRICTION, "wheel_torque": 50.0, "torsion": True}
     with pytest.raises(InvalidInputError, match="torsion needs a finite friction and a rectang"):
         MomentumQp(SolidRmp(35.0), Bounds(**asked | given), (0.0, 0.0, 0.7), (0.3, 0.3, 0.3))
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda bounds: Lqr(PlanarRmp(35.0), (0.0, np.pi / 2, 0.0, 0.7, 0.3), bounds=bounds),
+        lambda bounds: StaticLean(PlanarRmp(35.0), 1.4, 0.7, 0.3, bounds),
+        lambda bounds: SwingUp(PlanarRmp(35.0), 0.7, 0.3, bounds),
+        lambda bounds: SpinChange(PlanarRmp(35.0), np.zeros(5), np.zeros(5), 1.0, 1.0, bounds),
+        lambda bounds: PointStabiliser(SolidRmp(35.0), bounds, 0.7, (0.3, 0.3, 0.3)),
+    ],
+)
+def test_laws_that_cannot_keep_it_say_so(law: Callable[[Bounds], object]) -> None:
+    with pytest.raises(InvalidInputError, match="cannot keep torsion within what friction holds"):
+        law(Bounds(torsion=True, wheel_torque=50.0))
 
 
 def test_only_rectangles_have_such_rows() -> None:

@@ -40,7 +40,7 @@ class Bounds:
         Whether the law of pushes also keeps the ground's torque about the vertical within what
         friction at the corners of a rectangle holds: for real soles, which else are turned away
         where they are loaded at a corner. The CoP then may alternate by millimetres from command to
-        command. It is not judged.
+        command. It is not judged, and all other laws refuse it.
     leg_force:
         (least, greatest) force along the leg [N]; a leg that only pushes has 0 as the least.
     leg_length:
@@ -80,6 +80,21 @@ class Bounds:
         for name in ("leg_force", "leg_length", "radius"):
             pair = interval(f"bounds: {name}", getattr(self, name), positive=name != "leg_force")
             set_fields(self, **{name: pair})
+
+
+def refuse_torsion(bounds: Bounds, law: object) -> None:
+    """Refuse to leave out what was asked for: for laws that cannot keep ``torsion``.
+
+    Raises
+    ------
+    InvalidInputError
+        It is asked for.
+    """
+    if bounds.torsion:
+        raise InvalidInputError(
+            f"bounds: {type(law).__name__} cannot keep torsion within what friction holds; leave it"
+            " out, or use MomentumQp"
+        )
 
 
 def _support(polygon: ArrayLike) -> Array:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import Foot
-from wbc.rmp.balance.law import Bounds, Command, Pendulum
+from wbc.rmp.balance.law import Bounds, Command, Pendulum, refuse_torsion
 from wbc.rmp.pendulum import AT_REST
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
@@ -67,6 +67,7 @@ class Lqr:
     _foot: Foot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        refuse_torsion(self.bounds, self)
         q0 = read_only(finite_vector("q0", self.q0, len(self.model.Q)))
         rest = self.model.holding_force(q0)
         foot = Foot(self.model, self.bounds) if self.foot else None

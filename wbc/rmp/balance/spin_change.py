@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.errors import InvalidInputError
 from wbc.minimum_jerk import minimum_jerk, minimum_jerk_rates
 from wbc.rmp.balance.foot import Foot
-from wbc.rmp.balance.law import Bounds, Command, Pendulum
+from wbc.rmp.balance.law import Bounds, Command, Pendulum, refuse_torsion
 from wbc.rmp.planar import PlanarRmp
 from wbc.validate import Array, check_fields, finite_vector, read_only, set_fields
 
@@ -66,6 +66,7 @@ class SpinChange:
     _foot: Foot | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        refuse_torsion(self.bounds, self)
         model = self.model
         q0 = read_only(finite_vector("q0", self.q0, len(model.Q)))
         v0 = read_only(finite_vector("v0", self.v0, len(model.V)))

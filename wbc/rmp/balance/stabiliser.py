@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.balance.foot import LIGHTEST, FlatFoot
-from wbc.rmp.balance.law import FREE, Bounds, Command
+from wbc.rmp.balance.law import FREE, Bounds, Command, refuse_torsion
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.solid import SolidRmp, rotation
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
@@ -86,6 +86,7 @@ class PointStabiliser:
     _call: Evaluator = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        refuse_torsion(self.bounds, self)
         finite_number("gravity of the model", self.model.gravity, above=0.0)
         height = finite_number("height", self.height, above=0.0)
         radii = finite_vector("radii", self.radii, 3)
