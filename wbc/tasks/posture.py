@@ -57,7 +57,7 @@ class PostureTask(Task):
         super().__init__(robot, name, names, weight=weights, priority=priority, **law)
         every = chosen.size == factors.size
         self._joints = slice(None) if every else chosen
-        self._columns = slice(BASE_NV, None) if every else BASE_NV + chosen
+        self._columns = slice(BASE_NV, robot.nv) if every else BASE_NV + chosen
         selection = np.zeros((chosen.size, robot.nv))
         selection[np.arange(chosen.size), BASE_NV + chosen] = 1.0
         self._jacobian = read_only(selection)
