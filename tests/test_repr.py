@@ -23,6 +23,11 @@ def objects() -> dict[str, object]:
     contacts = wbc.support(start, "double")
     kinematic = wbc.KinematicController(robot, tasks, contacts=contacts, limits=limits)
     tick = kinematic.step(start)
+    hands = [
+        wbc.PositionTask(robot, f"{side}_palm", start.position(f"{side}_palm"), name=name)
+        for side, name in (("left", "left"), ("right", "right"), ("right", "again"))
+    ]
+    fuller = wbc.KinematicController(robot, [*tasks[1:], *hands], contacts=contacts)
     problem = load_problem(PROBLEMS / "astronaut_expand.yaml", {"stop.duration": 0.02})
     result = problem.run()
     pendulum = load_problem(PROBLEMS / "rmp_spin.yaml")
@@ -38,6 +43,7 @@ def objects() -> dict[str, object]:
         "contact": contacts[0],
         "controller": kinematic,
         "tick": tick,
+        "fuller tick": fuller.step(start),
         "qp": tick.qp,
         "solution": tick.solution,
         "state": wbc.reduce(start),
@@ -69,6 +75,7 @@ def test_it_fits_a_line(shown: dict[str, str]) -> None:
 def test_it_says_what_matters(shown: dict[str, str]) -> None:
     assert shown["robot"].startswith("Robot('hoap2_like'")
     assert shown["tick"] == "Tick(solved, nv=31, errors: inertia, com, posture)"
+    assert shown["fuller tick"] == "Tick(solved, nv=31, errors: com, posture, left and 2 more)"
     controller = "KinematicController('hoap2_like', 3 tasks, 2 contacts, 0 constraints, dt=0.005)"
     assert shown["controller"] == controller
     assert shown["limits of the model"] == "Limits(25 joints, 0 missing)"

@@ -105,6 +105,7 @@ def test_one_link_in_two_places_is_still_a_contradiction(here, case) -> None:
     along = contacts[1].position - contacts[0].position
     moved = contacts[1].position + 0.02 * along / np.linalg.norm(along)
     contacts[1] = type(contacts[1])(here.robot, contacts[1].frame, moved, contacts[1].rotation)
+    contacts.append(contacts_of(here, "three points")[2])  # a third one, which agrees with one
     held = independent_rows(contacts)
     assert len(held.labels) == sum(len(contact.rows) for contact in contacts)
     tick = KinematicController(here.robot, [ComTask(here.robot, here.com)], contacts=contacts).step(

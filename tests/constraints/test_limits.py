@@ -1,6 +1,7 @@
 """Limits: no overshoot, no oscillation, rest always allowed, and a way back from outside."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.constraints import Limits
@@ -229,3 +230,20 @@ def test_the_whole_way_in_one_tick_is_allowed(robot: Robot) -> None:
     assert Limits(robot, recovery=1.0).recovery == 1.0
     with pytest.raises(InvalidInputError, match=r"^limits: expected a robot"):
         Limits(None)
+
+
+@pytest.mark.parametrize("name", ["g1", "hoap2_like"])
+def test_half_of_the_torques_are_counted_on_to_accelerate(robot_named, name: str) -> None:
+    """By what each joint carries in the standing posture, the diagonal of Pinocchio's own CRBA."""
+    robot = robot_named(name)
+    data = robot.model.createData()
+    M = pin.crba(robot.model, data, robot.posture("standing"))
+    carried = np.diagonal(M)[6:]
+    plain = Limits(robot)
+    torques = 1.8 * carried * plain.acceleration * np.where(np.arange(carried.size) % 2, 1.0, 2.0)
+    weak = plain.within_torques(torques)
+    expected = plain.acceleration * np.where(np.arange(carried.size) % 2, 0.9, 1.0)
+    np.testing.assert_allclose(weak.acceleration, expected, rtol=1e-9)
+    np.testing.assert_array_equal(plain.acceleration, Limits(robot).acceleration)
+    given = Limits(robot, acceleration=5.0)
+    np.testing.assert_array_equal(given.within_torques(torques).acceleration, 5.0)

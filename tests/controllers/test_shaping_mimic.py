@@ -40,10 +40,16 @@ def arm(folder: Path, c: str = 'lower="-2" upper="2"') -> Robot:
     return Robot.load(path)
 
 
-@pytest.mark.parametrize("target", [(0.3, 0.0, 0.5), (-0.5, 0.0, 0.1), (2.0, 0.0, 0.3)])
-def test_the_best_posture_keeps_the_gears(tmp_path: Path, target: tuple[float, ...]) -> None:
+@pytest.mark.parametrize(
+    ("target", "most"),
+    [((0.3, 0.0, 0.5), 2.0), ((-0.5, 0.0, 0.1), 2.0), ((2.0, 0.0, 0.3), 2.0)]
+    + [((-0.5, 0.0, 0.1), 0.15)],  # as far as c goes
+)
+def test_the_best_posture_keeps_the_gears(
+    tmp_path: Path, target: tuple[float, ...], most: float
+) -> None:
     """Oracle: SciPy over the two joints that are driven, from a grid, through Robot.posture."""
-    robot = arm(tmp_path)
+    robot = arm(tmp_path, c=f'lower="-{most}" upper="{most}"')
     q = robot.posture()
     # In weights and gains as the search's cost counts them: gain / 2 of squared errors.
     tasks = [
@@ -52,7 +58,7 @@ def test_the_best_posture_keeps_the_gears(tmp_path: Path, target: tuple[float, .
     ]
     names, rest = robot.joint_names, robot.limits.joint_positions(q)
     # b so that c = -2 b + 0.1 stays in range, which is the tighter.
-    box = [(-2.0, 2.0), (-0.95, 1.05)]
+    box = [(-2.0, 2.0), ((0.1 - most) / 2, (0.1 + most) / 2)]
 
     def cost(x: np.ndarray) -> float:
         joints = {"a": x[0], "b": x[1], "c": -2 * x[1] + 0.1, "d": -x[1] + 0.05}
@@ -73,6 +79,8 @@ def test_the_best_posture_keeps_the_gears(tmp_path: Path, target: tuple[float, .
     assert now["d"] == pytest.approx(-now["b"] + 0.05, abs=1e-12)
     joints = robot.limits.joint_positions(best.q)
     assert (np.abs(joints) <= 2.0 + 1e-9).all()
+    assert abs(now["c"]) <= most + 1e-9
+    assert most == 2.0 or abs(now["c"]) == pytest.approx(most, abs=1e-6)
 
 
 def test_the_way_there_keeps_them_too(tmp_path: Path) -> None:

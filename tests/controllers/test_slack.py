@@ -50,6 +50,21 @@ def test_a_soft_contact_is_its_rows_as_a_cost(robot: Robot, here: Snapshot) -> N
     np.testing.assert_allclose(soft.velocity, expected, atol=1e-5)
 
 
+def test_a_soft_contact_counts_by_its_own_weight_too(robot: Robot, here: Snapshot) -> None:
+    """A cost is 1/2 slack |weight (rate - wanted)|^2: twice the weight is four times the slack."""
+    given = {
+        weight: controller(
+            robot,
+            here,
+            contacts=[PositionTask(robot, "left_palm", here.position("left_palm"), weight=weight)],
+            slack={"left_palm position": slack},
+        ).step(here)
+        for weight, slack in ((1.0, 40.0), (2.0, 10.0), (3.0, 40.0))
+    }
+    np.testing.assert_allclose(given[2.0].qp.P, given[1.0].qp.P, rtol=1e-12, atol=1e-12)
+    assert np.abs(given[3.0].qp.P - given[1.0].qp.P).max() > 1.0
+
+
 @pytest.mark.parametrize("weight", [1.0, 1e3])
 def test_a_soft_constraint_gives_way_by_pull_over_weight(
     robot: Robot, here: Snapshot, weight: float

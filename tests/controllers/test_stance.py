@@ -99,7 +99,8 @@ def test_missing_effort_limits_are_said_by_name(
     assert without
     with caplog.at_level(logging.WARNING):
         wbc.TorqueController(robot, [wbc.PostureTask(robot, q)], contacts=())
-    assert without[0] in caplog.text and "effort=" in caplog.text
+    assert ", ".join(without) in caplog.text
+    assert f"effort={{'{without[0]}': N m}}" in caplog.text
     caplog.clear()
     wbc.TorqueController(robot, [wbc.PostureTask(robot, q)], contacts=(), torque_limits=None)
     assert not caplog.text

@@ -241,6 +241,19 @@ def test_the_axes_of_equal_moments_ask_for_no_boundless_acceleration(robot_named
         assert np.abs(spin_rate).max() < 200.0
 
 
+@pytest.mark.parametrize("unit", [1e-7, 1e7])
+def test_how_axes_turn_does_not_depend_on_the_unit_of_inertia(rng, unit: float) -> None:
+    from wbc.tasks.principal_inertia import eigenvector_spin
+
+    A, B = rng.normal(size=(2, 3, 3))
+    moments, wanted = np.array([1.0, 1.0 + 1e-5, 1.5]), np.array([1.0, 1.0 + 2e-6, 1.2])
+    quantities = moments, A + A.T, B + B.T, wanted
+    plain, scaled = eigenvector_spin(*quantities), eigenvector_spin(*(unit * x for x in quantities))
+    assert np.abs(plain[0]).max() > 1e4  # the near ones count as different
+    for one, other in zip(plain, scaled, strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-8)
+
+
 def test_ill_formed_motions_are_refused_and_change_nothing(robot_named) -> None:
     from wbc.errors import InvalidInputError
 

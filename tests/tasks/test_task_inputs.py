@@ -11,6 +11,7 @@ from wbc.robot import Robot
 from wbc.tasks import (
     AxisTask,
     ComTask,
+    DistanceTask,
     InertiaTask,
     MomentumTask,
     OrientationTask,
@@ -18,6 +19,7 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     PrincipalInertiaTask,
+    RelativePoseTask,
 )
 
 NAN = float("nan")
@@ -134,3 +136,23 @@ def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -
         task.wieght = 5.0
     task.weight = 5.0
     assert (task.weight == 5.0).all()
+
+
+def test_units_are_those_of_the_rows(robot_named: Callable[[str], Robot]) -> None:
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    eye, zero = np.eye(3), np.zeros(3)
+    place, turn = ("m",) * 3, ("rad",) * 3
+    said = {
+        ComTask(robot, here.com): place,
+        PositionTask(robot, "left_palm", zero): place,
+        OrientationTask(robot, "left_palm", eye): turn,
+        PoseTask(robot, "left_palm", zero, eye): (*place, *turn),
+        RelativePoseTask(robot, "left_palm", "right_palm", zero, eye): (*place, *turn),
+        DistanceTask(robot, "left_palm", "right_palm", 0.1): ("m",),
+        InertiaTask(robot, here.inertia, components=["xx", "yz"]): ("kg m^2",) * 2,
+        PrincipalInertiaTask(robot, np.linalg.eigvalsh(here.inertia)): None,
+    }
+    for task, units in said.items():
+        assert units is None or task.units == units, task
+        assert len(task.units) == len(task.deviation(here, task.residual(here)))
