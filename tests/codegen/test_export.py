@@ -30,7 +30,9 @@ tasks:
   com: {type: com, axes: [x, y], target: {offset: [0.01, 0.0, 0.0]}, ramp: 0.3, weight: 10}
   hand: {type: frame, frame: left_hand, control: pose, target: {position: {offset: [0.1, 0, 0]}}}
   trunk: {type: frame, frame: base, control: orientation, target: start, weight: 0.5}
-  spin: {type: momentum, components: angular, weight: 0.1}
+  "state": {type: momentum, components: angular, weight: 0.1}
+  "a b": {type: posture, target: start, weight: 0.01}
+  "a-b": {type: posture, target: start, weight: 0.01}
   posture: {type: posture, target: start, weight: 0.05}
 constraints: {bodies: {type: self_collision}}
 controller: {solver: daqp}
@@ -210,7 +212,13 @@ def test_command_line(tmp_path: Path) -> None:
     assert "not by proxqp" in done.output
     assert {"Makefile", "README.md", "main.c", "plan.c", "recording.txt"} < set(os.listdir(folder))
     header = (folder / "plan.h").read_text()
-    for name in ("WBC_HAND_POSITION", "WBC_HAND_ORIENTATION", "WBC_CONTACT_LEFT_SOLE"):
+    for name in (
+        "WBC_TASK_A_B",
+        "WBC_TASK_A_B_2",
+        "WBC_TASK_HAND_POSITION",
+        "WBC_TASK_HAND_ORIENTATION",
+        "WBC_CONTACT_LEFT_SOLE",
+    ):
         assert f"{name} = " in header
     assert (folder / "recording.txt").read_text().startswith("wbc recording 1 3 ")
 

@@ -44,7 +44,7 @@ class Targets(NamedTuple):
 
 def task_parts(controller: Controller) -> list[Part]:
     """Return the parts of all tasks, as the core numbers them; contacts come behind them."""
-    return _parts(controller.tasks, "WBC")
+    return _parts(controller.tasks, "WBC_TASK")
 
 
 def contact_parts(controller: Controller) -> list[Part]:

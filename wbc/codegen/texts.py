@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -67,7 +68,7 @@ def plan_header(recording: Recording, title: str) -> str:
 def plan_source(recording: Recording, title: str) -> str:
     """Return plan.c: all that was planned."""
     controller, memory = recording.controller, recording.plan.memory
-    names = ", ".join(f'"{name}"' for name in controller.robot.joint_names)
+    names = ", ".join(json.dumps(name) for name in controller.robot.joint_names)
     tree, margin = memory.tree, memory.margin
     arrays = {**memory.arrays, "number": recording.numbers}
     pointers = {

@@ -3,7 +3,7 @@
  *     static wbc_controller c;
  *     if (wbc_start(&c) != DONE) ...
  *     every WBC_DT seconds:
- *         wbc_set_target(&c, WBC_COM, com, com_velocity, 0);
+ *         wbc_set_target(&c, WBC_TASK_COM, com, com_velocity, 0);
  *         if (wbc_control(&c, q, v, &command) != DONE) ...
  *
  * Units are SI. q: base position, base quaternion x y z w, joints; v: the base's linear and angular
