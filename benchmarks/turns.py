@@ -3,9 +3,10 @@
 Runs problems/turn_*.yaml: how far the base turned, the largest momentum that a tick commanded and
 the least distance between bodies; then by torques, without gravity, at several steps of the
 physics, which conserves momentum to the order of its step: what it turned, and the momentum that it
-gained. With --write the turns are planned anew and the files written.
+gained; and with one more round, planned for what is then measured to be missing. With --write the
+turns are planned anew and the files written.
 
-    python benchmarks/turns.py [--axes x y z] [--write] [--torques]
+    python benchmarks/turns.py [--axes x y z] [--write] [--torques] [--corrected]
 """
 
 import os
@@ -21,10 +22,11 @@ import numpy as np
 import wbc
 from wbc.flight.planner import plan_turn
 from wbc.problem import Problem, load_problem
-from wbc.rotations import log_rotation, rotation_from
+from wbc.rotations import exp_rotation, log_rotation, rotation_from
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 ROBOT, MARGIN = "hoap2_like", 0.003
+PERIOD, SETTLES = 3.0, 0.2  # s, of a round, and after it
 CYCLES = {"x": 6, "y": 4, "z": 4}
 WORDS = {"x": "to its right side", "y": "forwards", "z": "to its left"}
 TEXT = """\
@@ -98,8 +100,8 @@ def by_velocities(axis: str) -> str:
     )
 
 
-def by_torques(axis: str, physics_dt: float) -> str:
-    """Return a line about torques in MuJoCo, without gravity."""
+def torque_problem(axis: str, physics_dt: float) -> Problem:
+    """Return a turn by torques in MuJoCo, without gravity."""
     dt = max(0.002, physics_dt)
     problem = load_problem(
         PROBLEMS / f"turn_{axis}_hoap2.yaml",
@@ -117,6 +119,12 @@ def by_torques(axis: str, physics_dt: float) -> str:
         },
     )
     assert isinstance(problem, Problem)
+    return problem
+
+
+def by_torques(axis: str, physics_dt: float) -> str:
+    """Return a line about torques in MuJoCo, without gravity."""
+    problem = torque_problem(axis, physics_dt)
     result = problem.simulate()
     robot, arrays = problem.parts.robot, result.arrays
     pairs = zip(arrays["q"], arrays["v"], strict=True)
@@ -128,11 +136,43 @@ def by_torques(axis: str, physics_dt: float) -> str:
     )
 
 
+def corrected(axis: str, physics_dt: float) -> str:
+    """Return a line about a turn by torques with one more round for what is missing."""
+    problem = torque_problem(axis, physics_dt)
+    robot, start = problem.parts.robot, problem.parts.start
+    plant = problem.plant()
+    leader = problem.leader(plant)
+    for tick in range(round(problem.spec.whole_stop.duration / plant.dt)):
+        snapshot = plant.snapshot()
+        controller = leader.update(tick, snapshot)
+        assert controller is not None
+        plant.step(controller.step(snapshot).torque)
+    goal = rotation_from(start[3:7]) @ exp_rotation(0.5 * np.pi * np.eye(3)["xyz".index(axis)])
+    now, before = plant.snapshot(), plant.snapshot().q
+    # Momentum that physics has gained goes on turning the base meanwhile, to first order as now.
+    missing = log_rotation(rotation_from(before[3:7]).T @ goal) - (PERIOD + SETTLES) * now.v[3:6]
+    rounds = plan_turn(
+        robot,
+        missing,
+        q=start,
+        cycles=1,
+        period=PERIOD,
+        collision=wbc.SelfCollision(robot, margin=MARGIN),
+    )
+    path = next(task for task in problem.parts.tasks if task.name == "path")
+    for tick in range(round((rounds.duration + SETTLES) / plant.dt)):
+        path.set_target(*rounds.at(tick * plant.dt))
+        plant.step(leader.controller.step(plant.snapshot()).torque)
+    first, second = (np.round(turned(q, start), 3) for q in (before, plant.snapshot().q))
+    return f"turned by {first} degrees, with one more round by {second}"
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--axes", nargs="+", choices="xyz", default=list("xyz"))
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--torques", action="store_true")
+    parser.add_argument("--corrected", action="store_true")
     given = parser.parse_args()
     for axis in given.axes:
         if given.write:
@@ -140,3 +180,5 @@ if __name__ == "__main__":
         print(f"{axis}: velocities: {by_velocities(axis)}", flush=True)
         for step in (1e-3, 2.5e-4) if given.torques else ():
             print(f"{axis}: torques, steps of {step:g} s: {by_torques(axis, step)}", flush=True)
+        if given.corrected:
+            print(f"{axis}: torques, corrected: {corrected(axis, 1e-3)}", flush=True)
