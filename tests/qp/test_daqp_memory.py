@@ -8,7 +8,7 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.native import VARIABLE
-from wbc.qp import QP, Status
+from wbc.qp import QP, Status, make_backend
 from wbc.qp import daqp_memory as kept
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import DirectDaqp
@@ -106,14 +106,15 @@ def test_memory_for_many_sizes_is_bounded() -> None:
 
 @pytest.mark.parametrize("field", ["P", "g", "A", "b", "C", "l", "u", "lower", "upper"])
 @pytest.mark.parametrize("entry", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_refused(field, entry) -> None:
+@pytest.mark.parametrize("name", ["daqp", "proxqp"])
+def test_what_is_no_number_is_refused(field, entry, name) -> None:
     if (field in ("l", "lower") and entry == -np.inf) or (
         field in ("u", "upper") and entry == np.inf
     ):
         entry = np.nan  # those are bounds
     qp = random_qp(np.random.default_rng(8), 7, 5, 2)
-    solver = Daqp()
-    assert solver.solve(qp).solved
+    solver = make_backend(name)
+    assert solver.solve(qp).solved  # ProxQP is warm from here on
     broken = getattr(qp, field).copy()
     broken.flat[-1] = entry
     object.__setattr__(qp, field, broken)
@@ -121,11 +122,15 @@ def test_what_is_no_number_is_refused(field, entry) -> None:
         solver.solve(qp)
 
 
-def test_bounds_that_cross_are_refused() -> None:
+@pytest.mark.parametrize("quick", [False, True])
+@pytest.mark.parametrize("name", ["daqp", "proxqp"])
+def test_bounds_that_cross_are_refused(name, quick) -> None:
     qp = random_qp(np.random.default_rng(9), 7, 5, 2)
+    solver = make_backend(name)
+    assert solver.solve(qp).solved
     qp.lower[3] = qp.upper[3] + 1e-6
     with pytest.raises(InvalidInputError, match="which no number does"):
-        Daqp().solve(qp)
+        solver.solve(qp, quick=quick)
 
 
 @pytest.mark.parametrize("field", ["y", "z", "z_box"])

@@ -12,7 +12,7 @@ from wbc.qp.daqp import Daqp
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
 from wbc.qp.polish import polish
-from wbc.qp.problem import QP, check_qp
+from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.validate import finite_number
 
@@ -106,7 +106,9 @@ class ProxQP:
             See :func:`wbc.qp.problem.check_qp`.
         """
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
-        check_qp(qp)
+        warm = _key(workspace, qp) in self._workspaces and workspace not in self._stalled
+        if not (warm and is_sound(qp)):  # else the bounds are judged with the answer
+            check_qp(qp)
         if workspace is None:
             return self._solve_actively(qp, check, self._one_off)
         if quick:
@@ -156,7 +158,9 @@ class ProxQP:
         native = last or Workspace.create(qp, self.eps, cap)
         raw = native.solve_cold() if last is None else native.solve_warm(qp)
         accepted = check.accept(qp, raw)
-        if accepted is not None and self.warm:
+        if accepted is None:
+            check_qp(qp)
+        elif self.warm:
             self._workspaces[key] = native
             native.cap(min(WARM_ITERATIONS, self.max_iterations))
         return _Attempt(accepted, raw, cold=last is None)
