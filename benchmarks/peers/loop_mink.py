@@ -28,6 +28,17 @@ class Loop:
         for task in (*self.tasks, *self.contacts):
             task.set_target_from_configuration(self.configuration)
         self.limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, job.velocities)]
+        if job.pairs:
+            pairs = [([f"{a}_ball"], [f"{b}_ball"]) for a, b in job.pairs]
+            # Detected at any distance: a row for each pair, as the others have it.
+            apart = mink.CollisionAvoidanceLimit(
+                model,
+                pairs,
+                gain=0.5,
+                minimum_distance_from_collisions=job.margin,
+                collision_detection_distance=2.0,
+            )
+            self.limits.append(apart)
         self.start_com = self.com_task.target_com.copy()
         self.start_trunk = self.trunk.transform_target_to_world.rotation().as_matrix().copy()
         self.place = self.trunk.transform_target_to_world.translation().copy()
@@ -54,6 +65,9 @@ class Loop:
 
     def feet(self):
         return np.array([self.configuration.data.body(foot).xpos for foot in self.job.feet])
+
+    def links(self, names):
+        return np.array([self.configuration.data.body(name).xpos for name in names])
 
     def speed(self):
         return float(np.max(np.abs(self.v[self.order]) / self.most))

@@ -1,16 +1,30 @@
 """The job with PlaCo: python loop_placo.py JOB.json."""
 
+import json
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 import placo
 from serve import serve
 
 
+def robot_of(job):
+    """Return the robot with the job's pairs of spheres, if it has some, and no other shapes."""
+    if not job.pairs:
+        return placo.RobotWrapper(job.urdf, placo.Flags.ignore_collisions)
+    robot = placo.RobotWrapper(job.urdf)
+    file = Path(job.urdf).with_name("pairs.json")
+    file.write_text(json.dumps(job.pairs))
+    robot.load_collision_pairs(str(file))
+    assert len(robot.collision_model.collisionPairs) == len(job.pairs)
+    return robot
+
+
 class Loop:
     def __init__(self, job):
         self.job = job
-        self.robot = robot = placo.RobotWrapper(job.urdf, placo.Flags.ignore_collisions)
+        self.robot = robot = robot_of(job)
         for name, value in job.joints.items():
             robot.set_joint(name, value)
         q = np.array(robot.state.q)
@@ -35,6 +49,11 @@ class Loop:
             held = solver.add_frame_task(foot, robot.get_T_world_frame(foot))
             held.configure(foot, "hard", 1.0, 1.0)
         solver.add_regularization_task(1e-6)
+        if job.pairs:
+            apart = solver.add_avoid_self_collisions_constraint()
+            # Triggered at any distance: a row for each pair, as the others have it.
+            apart.self_collisions_margin, apart.self_collisions_trigger = job.margin, 2.0
+            apart.configure("apart", "hard")
         self.before = np.array(robot.state.q)
         self.most = np.array([job.velocities[name] for name in robot.joint_names()])
         self.at = [robot.get_joint_offset(name) for name in robot.joint_names()]
@@ -50,6 +69,9 @@ class Loop:
 
     def feet(self):
         return np.array([self.robot.get_T_world_frame(foot)[:3, 3] for foot in self.job.feet])
+
+    def links(self, names):
+        return np.array([self.robot.get_T_world_frame(name)[:3, 3] for name in names])
 
     def speed(self):
         q = np.array(self.robot.state.q)

@@ -5,6 +5,7 @@ from serve import serve
 
 import wbc
 from wbc.problem.provenance import versions
+from wbc.robot.collision import Body, Capsule, CollisionModel
 
 
 class Loop:
@@ -34,9 +35,24 @@ class Loop:
             tasks,
             contacts=wbc.support(start, "double"),
             limits=wbc.Limits(robot, acceleration=None),
+            constraints=self.constraints(),
             dt=job.dt,
             solver=solver,
         )
+
+    def constraints(self):
+        """Return what keeps the job's spheres apart."""
+        robot, job = self.robot, self.job
+        if not job.pairs:
+            return []
+        bodies = []
+        for link in job.balls:
+            frame = robot.model.frames[robot.frame_id(link)]
+            ball = Capsule.sphere(frame.placement.translation, job.radius)
+            bodies.append(Body(link, link, frame.parentJoint, ball))
+        pairs = [tuple(map(job.balls.index, pair)) for pair in job.pairs]
+        model = CollisionModel(robot, bodies, pairs)
+        return [wbc.SelfCollision(robot, model=model, margin=job.margin, pairs=len(pairs))]
 
     def tick(self, com, rotation, k):
         self.com_task.set_target(com)
@@ -54,6 +70,10 @@ class Loop:
     def feet(self):
         here = self.robot.snapshot(self.q)
         return np.array([here.position(foot) for foot in self.job.feet])
+
+    def links(self, names):
+        here = self.robot.snapshot(self.q)
+        return np.array([here.position(name) for name in names])
 
     def speed(self):
         return float(np.max(np.abs(self.v[6:]) / self.limits))

@@ -4,7 +4,8 @@ Each runs in a process of its own environment (environments.sh) and is asked for
 turn, so that the machine's drift hits all alike. The time is thread CPU time of the whole body of
 the loop: targets are set, the command is computed and integrated. The job: a G1 on both feet, held
 exactly, follows its CoM and the orientation of its trunk, with a posture task, position and
-velocity limits, dt 5 ms. Equal work is checked: CoM error, drift of the feet, velocities within
+velocity limits, dt 5 ms; and the same with 25 pairs of spheres kept 10 mm apart, a row for each in
+every tick. Equal work is checked: CoM error, drift of the feet, velocities within
 their limits. At the torque level the same with friction cones and torque bounds, dt 2 ms; the
 acceleration is integrated as it was computed.
 
@@ -18,6 +19,7 @@ import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,10 +32,13 @@ from wbc.robot import Robot
 
 HERE = Path(__file__).resolve().parent
 BUILD = HERE.parents[1] / "build" / "peers"
-DT = {"velocity": 0.005, "torque": 0.002}
+DT = {"velocity": 0.005, "velocity, 25 pairs": 0.005, "torque": 0.002}
 WARM_UP, BLOCK = 200, 50
 ROBOT = "g1"
 FEET, TRUNK = ("left_ankle_roll_link", "right_ankle_roll_link"), "torso_link"
+ARMS = ("elbow_link", "wrist_roll_link", "rubber_hand")
+BODY = ("torso_link", "pelvis", "left_hip_roll_link", "right_hip_roll_link")
+RADIUS, MARGIN = 0.06, 0.01  # of the spheres about the links' origins [m]
 # Of each level: label, environment, script, arguments.
 LOOPS = {
     "velocity": (
@@ -41,6 +46,16 @@ LOOPS = {
         ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
         ("wbc daqp, with inertia", "wbc", "wbc", ("daqp", "inertia")),
         ("wbc proxqp, with inertia", "wbc", "wbc", ("proxqp", "inertia")),
+        ("Pink daqp", "pink", "pink", ("daqp",)),
+        ("Pink proxqp", "pink", "pink", ("proxqp",)),
+        ("mink daqp", "mink", "mink", ("daqp",)),
+        ("mink proxqp", "mink", "mink", ("proxqp",)),
+        ("PlaCo (C++)", "placo", "placo", ()),
+    ),
+    "velocity, 25 pairs": (
+        ("wbc daqp", "wbc", "wbc", ("daqp",)),
+        ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
+        ("wbc daqp, with inertia", "wbc", "wbc", ("daqp", "inertia")),
         ("Pink daqp", "pink", "pink", ("daqp",)),
         ("Pink proxqp", "pink", "pink", ("proxqp",)),
         ("mink daqp", "mink", "mink", ("daqp",)),
@@ -102,8 +117,17 @@ class Loop:
         return json.loads(line)
 
 
-def write_job(folder: Path, dt: float) -> Path:
-    """Write the robot without its meshes, as URDF and for MuJoCo, and where it starts."""
+def sphere_pairs() -> list[tuple[str, str]]:
+    """Return 25 pairs of links: both arms and the body, and hand and hand."""
+    arms = [f"{side}_{link}" for side in ("left", "right") for link in ARMS]
+    return [(arm, link) for arm in arms for link in BODY] + [(arms[2], arms[5])]
+
+
+def write_job(folder: Path, dt: float, pairs: Sequence[tuple[str, str]] = ()) -> Path:
+    """Write the robot without its meshes, as URDF and for MuJoCo, and where it starts.
+
+    ``pairs`` are links to be kept apart, which get spheres.
+    """
     robot = Robot.load(ROBOT)
     folder.mkdir(parents=True, exist_ok=True)
     root = ET.parse(robot.path).getroot()
@@ -112,6 +136,10 @@ def write_job(folder: Path, dt: float) -> Path:
             link.remove(part)
     for extra in [one for one in root if one.tag not in ("link", "joint")]:
         root.remove(extra)
+    for link in root.iter("link"):
+        if any(link.get("name") in pair for pair in pairs):
+            sphere = ET.SubElement(link, "collision", name=f"{link.get('name')}_ball")
+            ET.SubElement(ET.SubElement(sphere, "geometry"), "sphere", radius=f"{RADIUS}")
     urdf, mjcf = folder / "g1.urdf", folder / "g1_mujoco.urdf"
     ET.ElementTree(root).write(urdf)
     children = {joint.find("child").get("link") for joint in root.iter("joint")}
@@ -129,6 +157,7 @@ def write_job(folder: Path, dt: float) -> Path:
     told = {
         "robot": ROBOT, "urdf": str(urdf), "mjcf": str(mjcf),
         "dt": dt, "feet": FEET, "trunk": TRUNK,
+        "pairs": [*pairs], "radius": RADIUS, "margin": MARGIN,
         "base": q[:7].tolist(), "joints": dict(zip(names, positions.tolist(), strict=True)),
         "velocities": dict(zip(names, robot.limits.velocity.tolist(), strict=True)),
         "corners": [corners(robot, q, foot) for foot in FEET],
@@ -158,6 +187,7 @@ def rows(loops: list[Loop]) -> list[str]:
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
     reference = np.median(loops[-1].times)
+    nearest = float(np.median([one.last.get("gap", np.inf) for one in plain]))
     for one in loops:
         p50, p99 = np.percentile(one.times, (50, 99)) * 1e6
         told = one.last
@@ -166,6 +196,9 @@ def rows(loops: list[Loop]) -> list[str]:
             f" {1e3 * told['com_rms']:.3f} | {1e3 * told['drift']:.4f} | {told['speed']:.2f} |"
         )
         fair = abs(told["com_rms"] / middle - 1.0) < 0.05 or one not in plain
+        gap = told.get("gap", np.inf)
+        apart = gap > MARGIN and (one not in plain or gap == nearest or abs(gap - nearest) < 2e-3)
+        fair = fair and apart
         if not fair or told["drift"] > 1e-4 or told["speed"] > 1.0 + 1e-6:
             print(f"UNEQUAL WORK: {one.label}: {told}", file=sys.stderr)
     return lines
@@ -173,7 +206,8 @@ def rows(loops: list[Loop]) -> list[str]:
 
 def race(level: str, ticks: int, only: list[str] | None) -> tuple[list[str], dict[str, str]]:
     """Run the loops of a level in turns; return their table and versions."""
-    job = write_job(BUILD / level, DT[level])
+    pairs = sphere_pairs() if "pairs" in level else ()
+    job = write_job(BUILD / level.replace(", ", "_").replace(" ", "_"), DT[level], pairs)
     chosen = [one for one in LOOPS[level] if not only or one[1] in only]
     missing = {one[1] for one in chosen if one[1] != "wbc" and not (BUILD / one[1]).is_dir()}
     loops = [Loop.start(*one, job) for one in chosen if one[1] not in missing]

@@ -29,11 +29,20 @@ class Job:
         self.dt, self.feet, self.trunk = told["dt"], told["feet"], told["trunk"]
         self.joints, self.velocities = told["joints"], told["velocities"]  # by name
         self.efforts, self.corners = told["efforts"], told["corners"]  # of soles, in axes of feet
+        self.pairs = told.get("pairs", [])  # of links with a sphere each about their origin
+        self.balls = sorted({link for pair in self.pairs for link in pair})
+        self.radius, self.margin = told.get("radius"), told.get("margin")
         self.base = np.array(told["base"])  # position, quaternion x y z w
 
     def com(self, start, k):
         """Return where the CoM should be after k ticks."""
         return start + AMPLITUDE * np.sin(2 * np.pi * FREQUENCY * k * self.dt)
+
+    def gap(self, centres):
+        """Return the least distance of the pairs' spheres; centres (k, 3) of ``balls``."""
+        first, second = ([self.balls.index(pair[k]) for pair in self.pairs] for k in range(2))
+        apart = np.linalg.norm(centres[first] - centres[second], axis=1)
+        return float(apart.min()) - 2 * self.radius
 
     def trunk_rotation(self, start, k):
         """Return how the trunk should be turned after k ticks."""
@@ -51,15 +60,15 @@ def serve(make, versions):
 
     ``make(job, ...)`` returns an object with ``start_com``, ``start_trunk`` and what is timed,
     ``tick(com, rotation, k)``: it sets the targets, computes the command and integrates. Not timed
-    are its ``com()``, ``feet()`` (positions (2, 3)) and ``speed()``, the largest joint velocity in
-    parts of its limit.
+    are its ``com()``, ``feet()`` (positions (2, 3)), ``speed()``, the largest joint velocity in
+    parts of its limit, and with pairs ``links(names)``, positions (k, 3).
     """
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what libraries print must not get into the answers
     job = Job(sys.argv[1])
     loop = make(job, *sys.argv[2:])
     anchors, k = loop.feet().copy(), 0
-    errors, drift, speed = [], 0.0, 0.0
+    errors, drift, speed, gap = [], 0.0, 0.0, np.inf
     gc.disable()
     print(json.dumps({"versions": versions}), file=out, flush=True)
     for line in sys.stdin:
@@ -73,6 +82,8 @@ def serve(make, versions):
             errors.append(float(np.linalg.norm(loop.com() - com)))
             drift = max(drift, float(np.abs(loop.feet() - anchors).max()))
             speed = max(speed, loop.speed())
+            if job.pairs:
+                gap = min(gap, job.gap(loop.links(job.balls)))
             k += 1
         gc.collect()
         answer = {
@@ -80,5 +91,5 @@ def serve(make, versions):
             "com_rms": float(np.sqrt(np.mean(np.square(errors)))),
             "drift": drift,
             "speed": speed,
-        }
+        } | ({"gap": gap} if job.pairs else {})
         print(json.dumps(answer), file=out, flush=True)
