@@ -6,8 +6,8 @@ the loop: targets are set, the command is computed and integrated. The job: a G1
 exactly, follows its CoM and the orientation of its trunk, with a posture task, position and
 velocity limits, dt 5 ms; and the same with 25 pairs of spheres kept 10 mm apart, a row for each in
 every tick. Equal work is checked: CoM error, drift of the feet, velocities within
-their limits. At the torque level the same with friction cones and torque bounds, dt 2 ms; the
-acceleration is integrated as it was computed.
+their limits, the nearest spheres. At the torque level the same with friction cones and torque
+bounds, dt 2 ms; the acceleration is integrated as it was computed.
 
     bash benchmarks/peers/environments.sh
     python benchmarks/peers/run.py [--ticks 2000] [--output benchmarks/RESULTS.md]
@@ -66,6 +66,7 @@ LOOPS = {
         ("wbc daqp", "wbc", "wbc_torque", ("daqp",)),
         ("wbc proxqp", "wbc", "wbc_torque", ("proxqp",)),
         ("wbc daqp, with inertia", "wbc", "wbc_torque", ("daqp", "inertia")),
+        ("PlaCo (C++)", "placo", "placo_torque", ()),
         ("TSID (C++)", "tsid", "tsid", ()),
     ),
 }
@@ -232,7 +233,8 @@ def main() -> None:
     told, versions = [], {}
     for level in LOOPS:
         table, found = race(level, options.ticks, options.only)
-        told += [f"### The {level} level", "", *table, ""]
+        name, comma, more = level.partition(", ")
+        told += [f"### The {name} level{comma}{more}", "", *table, ""]
         versions |= {f"{name} {one}": "" for name, one in found.items()}
     told.append(
         f"{options.ticks} ticks each, in turns of {BLOCK}, thread CPU time, on one core of"

@@ -34,6 +34,20 @@ def test_the_job_is_a_robot_without_shapes_at_the_same_start(job: serve.Job) -> 
     assert 'type="floating"' in Path(job.mjcf).read_text()
 
 
+def test_pairs_are_spheres_about_links_and_their_gap_is_measured(tmp_path: Path) -> None:
+    pairs = run.sphere_pairs()
+    assert len(pairs) == len(set(pairs)) == 25
+    job = serve.Job(run.write_job(tmp_path, 0.005, pairs))
+    text = Path(job.urdf).read_text()
+    assert text.count("<sphere") == Path(job.mjcf).read_text().count("<sphere") == len(job.balls)
+    robot = Robot.load(job.robot)
+    here = robot.snapshot(robot.posture("standing"))
+    apart = [np.linalg.norm(here.position(a) - here.position(b)) for a, b in pairs]
+    centres = np.array([here.position(link) for link in job.balls])
+    assert job.gap(centres) == pytest.approx(min(apart) - 2 * run.RADIUS)
+    assert job.gap(centres) > run.MARGIN
+
+
 def test_targets_are_what_they_are_said_to_be(job: serve.Job) -> None:
     start = exp_rotation(np.array([0.3, -0.2, 0.5]))
     for k in (0, 1, 77, 400):
@@ -51,6 +65,6 @@ def test_unequal_work_is_told(capsys: pytest.CaptureFixture[str]) -> None:
         table = run.rows(loops)
         assert "| other | 100 | 100 | 2.00 | 0.250 |" in table[2]
         assert not capsys.readouterr().err
-        for wrong in ({"com_rms": 3e-4}, {"drift": 1e-3}, {"speed": 1.1}):
+        for wrong in ({"com_rms": 3e-4}, {"drift": 1e-3}, {"speed": 1.1}, {"gap": 0.009}):
             run.rows([replace(loops[0], last={**fine, **wrong}), *loops[1:]])
             assert "UNEQUAL WORK: other" in capsys.readouterr().err
