@@ -3,10 +3,11 @@
 import threading
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from tests.conftest import ROBOTS, load, random_state
-from wbc.native import VARIABLE, NativeCoreError, status
+from wbc.native import VARIABLE, NativeCoreError, address, status
 from wbc.robot import Robot, kernel
 from wbc.robot.kernel import NativeTree
 from wbc.robot.kernel_check import disagreement
@@ -62,6 +63,23 @@ def test_it_agrees_with_pinocchio(name: str) -> None:
     robot = load(name)
     tree = NativeTree(status().core, robot.model)
     assert disagreement(tree, robot.workspace, states=50, seed=1) < 1e-11
+
+
+@pytest.mark.parametrize("name", ["g1", "mixed_joints"])
+def test_where_a_step_leads_is_pinocchios(name: str, rng, monkeypatch) -> None:
+    """From steps that only series can tell from none, through where these end, to two turns."""
+    robot, _ = both(name, monkeypatch)
+    tree = robot.native.tree
+    for size in (1e-9, 1e-4, 9e-3, 1.1e-2, 0.3, 3.0, 12.0):
+        q, _ = random_state(robot, rng)
+        turn = rng.normal(size=robot.nv)
+        step = size * turn / np.linalg.norm(turn[3:6])
+        out = np.empty(robot.nq)
+        tree.core.wbc_integrate(tree.address, *map(address, (q, step, out)))
+        expected = pin.integrate(robot.model, q, step)
+        if np.dot(out[3:7], expected[3:7]) < 0.0:  # the other name of one rotation
+            out[3:7] *= -1.0
+        np.testing.assert_allclose(out, expected, rtol=0.0, atol=1e-14 * max(1.0, 10.0 * size))
 
 
 def test_far_from_the_origin_nothing_is_lost(monkeypatch) -> None:

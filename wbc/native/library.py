@@ -21,6 +21,7 @@ VERSION = 4  # WBC_CORE_VERSION of source/core.h
 _FUNCTIONS = {
     "wbc_state": 8,
     "wbc_frames": 6,
+    "wbc_integrate": 4,
     "wbc_motion": 5,
     "wbc_drifts": 7,
     "wbc_problem": 5,
@@ -58,6 +59,7 @@ class Core:
             raise NativeCoreError(f"{path} was made of other sources than those that are here")
         self.wbc_state: Any = library.wbc_state
         self.wbc_frames: Any = library.wbc_frames
+        self.wbc_integrate: Any = library.wbc_integrate
         self.wbc_motion: Any = library.wbc_motion
         self.wbc_drifts: Any = library.wbc_drifts
         self.wbc_problem: Any = library.wbc_problem

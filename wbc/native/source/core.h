@@ -50,6 +50,8 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
 /* Write frames, one behind the other, as they are in a state. Returns 0. */
 int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const int64_t *joint,
                const double *placement, double *out);
+/* Write where q gets to over a displacement (nv), as Pinocchio integrates. Returns 0. */
+int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out);
 
 /* What is known at a velocity v besides: mass matrix (nv, nv), bias forces (nv), then at zero
  * acceleration of v the accelerations of CoM and momentum and, world axes, the first and second

@@ -129,7 +129,7 @@ int leads_inside(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
     for (int64_t i = 0; i < nv; i++) step[i] = plan->dt * qp->x[i];
     int64_t k = watched(plan, qp, step, turns, pairs);
     if (k == 0) return 0;
-    integrate(tree, q, step, there);
+    wbc_integrate(tree, q, step, there);
     place_joints(tree, there, plan->state, arms);
     if (k < 0) {
         k = rows;

@@ -151,7 +151,7 @@ static void integrate_base(const double *from, const double *u, const double *w,
     for (int i = 3; i < 7; i++) to[i] /= norm;
 }
 
-void integrate(const wbc_tree *tree, const double *q, const double *step, double *out) {
+int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out) {
     integrate_base(q, step, step + 3, out);
     for (int64_t j = 2; j < tree->joints; j++) {
         const double *from = q + tree->iq[j], by = step[tree->iv[j]];
@@ -162,6 +162,7 @@ void integrate(const wbc_tree *tree, const double *q, const double *step, double
         } else
             to[0] = from[0] + by;
     }
+    return 0;
 }
 
 int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,

@@ -1,4 +1,4 @@
-/* Where the joints of a tree are, and where they get to. */
+/* Where the joints of a tree are. */
 #ifndef WBC_TREE_H
 #define WBC_TREE_H
 
@@ -9,9 +9,6 @@
 
 /* Write rotations and origins of all joints at q into a state; arms holds 3 numbers a joint. */
 void place_joints(const wbc_tree *tree, const double *q, double *state, double *arms);
-
-/* Where q gets to over a displacement (nv), as Pinocchio integrates. */
-void integrate(const wbc_tree *tree, const double *q, const double *step, double *out);
 
 #pragma GCC visibility pop
 
