@@ -192,7 +192,7 @@ def test_a_copy_reads_its_own_bodies(how, monkeypatch) -> None:
     bodies = [Body("own", "base", 1, ball), Body("other", "", 0, ball), Body("far", "", 0, ball)]
     pairs = how(CollisionModel(fast, bodies, [(0, 1), (0, 2)])._native)
     here = fast.snapshot(fast.posture())
-    pairs._kept[1][1, :, 0] = here.position("base") + [0.3, 0.0, 0.0]
-    pairs._kept[1][1, :, 2] = here.position("base") + [0.3, 0.0, 0.0]
+    pairs.arrays["local"][1, :, 0] = here.position("base") + [0.3, 0.0, 0.0]
+    pairs.arrays["local"][1, :, 2] = here.position("base") + [0.3, 0.0, 0.0]
     _, found = pairs.nearest(here.native_state, 2)
     assert found[0, 0] == pytest.approx(0.28)
