@@ -128,7 +128,7 @@ def check_kind(problem: Problem) -> None:
     if isinstance(spec, WalkSpec):
         reason = "gait: footsteps are planned in Python"
     elif spec.phases is not None:
-        reason = "phases: they change the controller while it runs; export one for each"
+        reason = "phases: they change the controller while it runs"
     elif not isinstance(spec.controller, QpSpec | TorqueSpec):
         reason = "controller.method: only one QP per tick is written out"
     if reason is not None:
