@@ -106,12 +106,9 @@ class KinematicState:
     @lazy
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
-        state = self.native_state
-        return read_only(
-            self._workspace().kinematics_data.hg.vector.copy()
-            if state is None
-            else state.momentum()
-        )
+        if self.native_state is not None:
+            return read_only(self.native_state.momentum())
+        return read_only(self._workspace().kinematics_data.hg.vector.copy())
 
     @lazy
     def com_jacobian(self) -> Array:
