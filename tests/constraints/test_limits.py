@@ -247,3 +247,12 @@ def test_half_of_the_torques_are_counted_on_to_accelerate(robot_named, name: str
     np.testing.assert_array_equal(plain.acceleration, Limits(robot).acceleration)
     given = Limits(robot, acceleration=5.0)
     np.testing.assert_array_equal(given.within_torques(torques).acceleration, 5.0)
+
+
+def test_one_bad_acceleration_among_good_ones_is_refused(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    for bad in (0.0, -1.0):
+        acceleration = np.full(robot.nv - 6, 10.0)
+        acceleration[3] = bad
+        with pytest.raises(InvalidInputError, match="acceleration: every entry must be positive"):
+            Limits(robot, acceleration=acceleration)

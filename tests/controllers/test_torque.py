@@ -249,6 +249,6 @@ def test_what_has_no_effect_at_this_level_is_said(
 ) -> None:
     robot = robot_named("hoap2_like")
     here = standing(robot)
-    tasks = [wbc.ComTask(robot, here.com, singular_threshold=0.1)]
+    tasks = [wbc.ComTask(robot, here.com, singular_threshold=5e-4)]
     wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double"))
     assert "singular_threshold of task 'com' has no effect" in caplog.text

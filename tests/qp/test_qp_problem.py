@@ -99,6 +99,20 @@ def test_impossible_interval_names_the_row(field, index, value, name):
         check_qp(replace(qp, **{field: bounds}))
 
 
+def test_only_what_is_crossed_is_named():
+    """Ends that are equal fix an unknown or a row; that is nothing wrong."""
+    qp = valid()
+    lower, upper = np.array(qp.lower), np.array(qp.upper)
+    lower[0] = upper[0] = 0.5
+    fixed = replace(qp, lower=lower, upper=upper)
+    check_qp(fixed)
+    with pytest.raises(InvalidInputError) as caught:
+        check_qp(replace(fixed, upper=np.array([0.5, upper[1], lower[2] - 1.0])))
+    told, names = str(caught.value), qp.labels.variables
+    assert names[2] in told
+    assert names[0] not in told
+
+
 def test_a_bound_that_is_infinite_on_both_sides_the_same_way_is_refused():
     qp = valid()
     lower, upper = np.array(qp.lower), np.array(qp.upper)

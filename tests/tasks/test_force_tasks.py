@@ -277,3 +277,12 @@ def test_mistakes_are_typed(
 ) -> None:
     with pytest.raises(error):
         make(robot_named("g1"))
+
+
+def test_which_points_a_cop_may_be_given_depends_on_its_frame(robot_named) -> None:
+    robot = robot_named("g1")
+    with pytest.raises(InvalidInputError, match=r"a point \(2,\), in the frame's plane"):
+        wbc.CopTask(robot, [0.0, 0.0, 0.0], frame="left_sole")
+    with pytest.raises(InvalidInputError, match=r"a point \(2,\) or \(3,\), got"):
+        wbc.CopTask(robot, [0.0])
+    assert wbc.CopTask(robot, [0.0, 0.0, 0.1]).target.tolist() == [0.0, 0.0, 0.1]
