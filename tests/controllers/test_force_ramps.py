@@ -9,7 +9,7 @@ import pytest
 
 import wbc
 from wbc.controllers.force_ramps import ticks_of
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot, Snapshot
 
@@ -220,3 +220,23 @@ def test_ramps_must_be_durations(robot_named: Load) -> None:
         with pytest.raises(InvalidInputError, match="ramp"):
             controller.set_contacts(controller.contacts, bad)  # type: ignore[arg-type]
     assert ticks_of(0.05, 0.002) == TICKS and ticks_of(0.0501, 0.002) == TICKS + 1
+
+
+def test_a_contact_with_slack_is_not_left_out_alone(robot_named: Load) -> None:
+    """Else the name would be missed when its force has gone, in the middle of a step."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    controller = wbc.TorqueController(
+        robot,
+        [wbc.PostureTask(robot, here.q)],
+        contacts=wbc.support(here, "double"),
+        slack={"left_sole": 1e3},
+        solver="daqp",
+    )
+    controller.step(here)
+    with pytest.raises(UnknownNameError, match="left_sole"):
+        controller.set_contacts(wbc.support(here, "right"))
+    controller.change(contacts=wbc.support(here, "right"), slack={})
+    for _ in range(30):  # beyond the ramp of 50 ms
+        tick = controller.step(here)
+    assert set(tick.forces) == {"right_sole"}

@@ -18,9 +18,11 @@ import numpy as np
 
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
+from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.dynamics import TickDynamics
+from wbc.controllers.effort_bounds import effort_bounds, limits_within
 from wbc.controllers.force_ramps import ForceRamps, ticks_of
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import LevelProblem, Outcome
@@ -32,9 +34,9 @@ from wbc.controllers.native_tick import NativeController
 from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
 from wbc.controllers.reachable import reachable_limits, reachable_rows
+from wbc.controllers.slack import Slacks
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.qp.solution import Status
@@ -118,14 +120,14 @@ class TorqueController(NativeController):
                 )
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.force_ramp = finite_number("controller, force_ramp", force_ramp, least=0.0)
-        self.torque_bounds = _torque_bounds(robot, torque_limits)
+        self.torque_bounds = effort_bounds(robot, torque_limits)
         self._last: Reaction | None = None
         self._ramps = ForceRamps(robot.weight)
         super().__init__(
             robot,
             tasks,
             contacts=contacts,
-            limits=_limits(limits, self.torque_bounds),
+            limits=limits_within(limits, self.torque_bounds),
             constraints=constraints,
             slack=slack,
             dt=dt,
@@ -154,8 +156,11 @@ class TorqueController(NativeController):
         ------
         InvalidInputError
             As when the controller is made, or not a duration.
+        UnknownNameError
+            A contact with slack is left out: :meth:`change` takes contacts and slack together.
         """
         check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints)
+        Slacks(self._slack, mechanics_of(self.robot, contacts), self.constraints)  # refuses names
         self._plan(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot) -> Tick:
@@ -323,30 +328,3 @@ class TorqueController(NativeController):
         velocity = snapshot.v.copy()
         velocity[6:] *= max(0.0, 1.0 - self.dt / REST_TIME)
         return velocity, {}
-
-
-def _limits(limits: Limits | None, torques: Array) -> Limits | None:
-    """Return limits that the torques can keep; what is none is refused by the controller."""
-    return limits.within_torques(torques) if isinstance(limits, Limits) else limits
-
-
-def _torque_bounds(robot: Robot, factor: float | None) -> Array:
-    """Return the largest torques (nv - 6,), infinite where there is no bound."""
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(
-            f"controller: expected a robot as Robot.load() returns it, got {robot!r}"
-        )
-    if factor is None:
-        return read_only(np.full(robot.nv - 6, np.inf))
-    without = robot.limits.without_effort
-    if without:
-        logging.getLogger(__name__).warning(
-            "controller: %s has no effort limit for %s; torques are not bounded there: give"
-            " Robot.load(..., effort={%r: N m}), or torque_limits=None to mean it",
-            robot.name,
-            ", ".join(without),
-            without[0],
-        )
-    return read_only(
-        finite_number("controller, torque_limits", factor, above=0.0) * robot.limits.effort
-    )
