@@ -95,7 +95,10 @@ class Rows(NamedTuple):
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:
     """Return matrices one below the other as a fresh (k, n) array, columns behind v+ zero."""
-    if {matrix.shape[1] for matrix in matrices} == {n}:
+    for matrix in matrices:
+        if matrix.shape[1] != n:
+            break
+    else:
         return np.concatenate(matrices)
     rows, begin = np.zeros((sum(map(len, matrices)), n)), 0
     for matrix in matrices:

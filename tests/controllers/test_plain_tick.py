@@ -11,9 +11,8 @@ from wbc.native import VARIABLE
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PostureTask
 
-# One file and two functions ask whether the native core takes it; quantities that are kept and the
-# solver's memory have a file each.
-FILES, FUNCTIONS = 18, 52
+# One file and two functions ask whether the native core takes it.
+FILES, FUNCTIONS = 16, 45
 PACKAGE = str(Path(wbc.__file__).parent)
 
 

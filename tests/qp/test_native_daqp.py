@@ -7,10 +7,9 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.native import VARIABLE, status
-from wbc.qp.daqp import Daqp
+from wbc.qp.daqp import Daqp, native_daqp
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.kkt import kkt_residuals
-from wbc.qp.native_daqp import native_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import Status
 

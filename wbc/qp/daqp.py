@@ -10,7 +10,9 @@ at when they are not.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Hashable
+from functools import lru_cache
 from time import perf_counter
 from typing import Any
 
@@ -18,9 +20,11 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.native import VARIABLE, core
+from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.daqp_memory import EQUALITY, daqp_memory
 from wbc.qp.kkt import SolveCheck, Stacked
-from wbc.qp.native_daqp import native_daqp
+from wbc.qp.native_daqp import NativeDaqp
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.validate import Array, finite_number
@@ -89,6 +93,19 @@ class Daqp:
     def answer(self, qp: QP) -> RawSolution:
         """Return DAQP's answer, unchecked."""
         return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations).solve(qp))
+
+
+def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
+    """Return the core's solver; None where there is no core, or DAQP cannot be called by it."""
+    return _native_daqp(eps, max_iterations, os.environ.get(VARIABLE))
+
+
+@lru_cache(maxsize=64)
+def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaqp | None:
+    native = core()
+    if native is None or not direct_daqp().address:
+        return None
+    return NativeDaqp(native, eps, max_iterations)
 
 
 class KeptDaqp:

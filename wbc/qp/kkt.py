@@ -178,10 +178,11 @@ class SolveCheck:
     def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the solution when its KKT residuals are small, else None."""
         x, y, z, z_box = raw.x, raw.y, raw.z, raw.z_box
-        residuals, eps = kkt_residuals(qp, x, y, z, z_box), self.eps
-        if not acceptable(residuals, eps, qp, x, y, z, z_box):
+        r, eps = Stacked.of(qp).residuals(x, np.concatenate((z_box, z, y))), self.eps
+        small = r.primal <= eps and r.dual <= eps and r.complementarity <= eps  # NaN is not
+        if not (small or acceptable(r, eps, qp, x, y, z, z_box)):
             return None
-        return self._solution(raw, Status.SOLVED, residuals, attempts)
+        return self._solution(raw, Status.SOLVED, r, attempts)
 
     def refute(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the "infeasible" verdict, with the rows in conflict, when a certificate exists.

@@ -7,14 +7,12 @@ answers with a solution whose residuals are small, or leaves the QP to the path 
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from time import perf_counter
 
 import numpy as np
 
-from wbc.native import VARIABLE, Core, address, core
+from wbc.native import Core, address
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, Solution, Status
@@ -102,16 +100,3 @@ def solution_of(parts: Iterable[Array], found: Array, spent: float, name: str) -
     x, y, z, z_box = parts
     known = KktResiduals(*residuals)
     return Solution(x, y, z, z_box, Status.SOLVED, known, int(iterations), spent, name)
-
-
-def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
-    """Return the core's solver; None where there is no core, or DAQP cannot be called by it."""
-    return _native_daqp(eps, max_iterations, os.environ.get(VARIABLE))
-
-
-@lru_cache(maxsize=64)
-def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaqp | None:
-    native = core()
-    if native is None or not direct_daqp().address:
-        return None
-    return NativeDaqp(native, eps, max_iterations)

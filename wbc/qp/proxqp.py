@@ -29,6 +29,8 @@ WARM_ITERATIONS = 8
 # Of cold ones of QPs whose solution is known already: all 20 took up to 18 ms.
 COLD_ITERATIONS = 10
 
+Key = tuple[Hashable, int, int, int]  # of a warm start: name and sizes
+
 
 class _Attempt(NamedTuple):
     """What ProxQP answered, what is accepted of it, and whether it started from nothing."""
@@ -54,7 +56,8 @@ class ProxQP:
     the residuals tell; (6) return a status that says what was found. The workspace of a failed tick
     is dropped, so a failure cannot affect the next tick. Where ProxQP ran into its cap, the next
     QPs of that name go to the active-set method first, then to step (3) if it calls them
-    infeasible, until both fail: what stalls once, stalls in every tick, for milliseconds each.
+    infeasible, until both fail (``quick``: for good): what stalls once, stalls in every tick, for
+    milliseconds each.
     Between calls nothing is kept but that and the warm start.
 
     Parameters
@@ -106,13 +109,14 @@ class ProxQP:
             See :func:`wbc.qp.problem.check_qp`.
         """
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
-        warm = _key(workspace, qp) in self._workspaces and workspace not in self._stalled
+        key = workspace, qp.g.size, qp.b.size, qp.u.size
+        warm = key in self._workspaces and workspace not in self._stalled
         if not (warm and is_sound(qp)):  # else the bounds are judged with the answer
             check_qp(qp)
         if workspace is None:
             return self._solve_actively(qp, check, self._one_off)
         if quick:
-            return self._solve_quickly(qp, check, workspace)
+            return self._solve_quickly(qp, check, key)
         exact = None
         if workspace in self._stalled:
             exact = self._active_set.answer(qp)
@@ -122,25 +126,26 @@ class ProxQP:
             if settled is not None:
                 return settled
             self._stalled.remove(workspace)
-        attempt = self._attempt(qp, check, workspace)
+        attempt = self._attempt(qp, check, key)
         if attempt.accepted is not None:
             return attempt.accepted
         if attempt.capped and self.warm:
             self._stalled.add(workspace)
         return self._retry(qp, check, attempt.raw, exact, cold=attempt.cold)
 
-    def _solve_quickly(self, qp: QP, check: SolveCheck, workspace: Hashable) -> Solution:
+    def _solve_quickly(self, qp: QP, check: SolveCheck, key: Key) -> Solution:
         """Solve in bounded time.
 
         A QP without solution takes ProxQP 15 to 20 ms from nothing, and the active-set method half
         a millisecond: where there is no warm start it is asked first whether there is one.
         """
+        workspace, *_ = key
         exact, stalled = None, workspace in self._stalled
-        if stalled or _key(workspace, qp) not in self._workspaces:
+        if stalled or key not in self._workspaces:
             exact = self._solve_actively(qp, check, self._active_set)
             if stalled or not exact.solved:
                 return exact
-        attempt = self._attempt(qp, check, workspace, COLD_ITERATIONS)
+        attempt = self._attempt(qp, check, key, COLD_ITERATIONS)
         if attempt.accepted is not None:
             return attempt.accepted
         exact = exact or self._solve_actively(qp, check, self._active_set, 2)
@@ -149,10 +154,9 @@ class ProxQP:
         return exact
 
     def _attempt(
-        self, qp: QP, check: SolveCheck, workspace: Hashable, cold_iterations: float = inf
+        self, qp: QP, check: SolveCheck, key: Key, cold_iterations: float = inf
     ) -> _Attempt:
         """Ask ProxQP, warm if it can be; a workspace is kept while its answers are accepted."""
-        key = _key(workspace, qp)
         last = self._workspaces.pop(key, None)
         cap = int(min(cold_iterations, self.max_iterations))
         native = last or Workspace.create(qp, self.eps, cap)
@@ -162,7 +166,8 @@ class ProxQP:
             check_qp(qp)
         elif self.warm:
             self._workspaces[key] = native
-            native.cap(min(WARM_ITERATIONS, self.max_iterations))
+            if last is None:
+                native.cap(min(WARM_ITERATIONS, self.max_iterations))
         return _Attempt(accepted, raw, cold=last is None)
 
     def _solve_actively(
@@ -197,8 +202,3 @@ class ProxQP:
             or nearly.accept(qp, raw, 4)
             or replace(check, explain=False).judge(qp, polished, 4)  # refuted it was not
         )
-
-
-def _key(workspace: Hashable, qp: QP) -> tuple[Hashable, int, int, int]:
-    """Return what a warm start is kept for."""
-    return workspace, qp.g.size, qp.b.size, qp.u.size

@@ -6,10 +6,11 @@ where it is used, else from Pinocchio.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
 
-from wbc.lazy import lazy
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeMotion
 from wbc.robot.names import WORLD
@@ -25,7 +26,7 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ dynamics
 
-    @lazy
+    @cached_property
     def mass_matrix(self) -> Array:
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
         if self._motion is not None:
@@ -35,7 +36,7 @@ class MovingState(KinematicState):
         half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
         return read_only(half + half.T)
 
-    @lazy
+    @cached_property
     def bias(self) -> Array:
         """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
 
@@ -48,7 +49,7 @@ class MovingState(KinematicState):
         forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
         return read_only(forces.copy())
 
-    @lazy
+    @cached_property
     def mechanical_connection(self) -> Array:
         """A (6, nv - 6) with base momentum h_0 = I_0 (v_0 + A joint_rates), eq. 17, base axes."""
         M = self.mass_matrix
@@ -56,14 +57,14 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ drifts
 
-    @lazy
+    @cached_property
     def com_drift(self) -> Array:
         """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
         if self._motion is not None:
             return self._motion.drift("com_drift")
         return read_only(self.momentum_drift[:3] / self.robot.mass)
 
-    @lazy
+    @cached_property
     def momentum_drift(self) -> Array:
         """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
         if self._motion is not None:
@@ -79,7 +80,7 @@ class MovingState(KinematicState):
         motion = pin.getFrameClassicalAcceleration(robot.model, self._rates(), index, _ALIGNED)
         return read_only(motion.vector.copy())
 
-    @lazy
+    @cached_property
     def inertia_drift(self) -> Array:
         """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
         return self.inertia_drift_in(WORLD)
@@ -100,7 +101,7 @@ class MovingState(KinematicState):
         total = total + W @ half - half @ W - A @ inertia + inertia @ A
         return read_only(vech(R.T @ total @ R))
 
-    @lazy
+    @cached_property
     def _inertia_motion(self) -> tuple[Array, Array]:
         """First and second derivative (3, 3) of the inertia at constant v, world axes."""
         if self._motion is not None:
@@ -119,7 +120,7 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ internals
 
-    @lazy
+    @cached_property
     def _motion(self) -> NativeMotion | None:
         """What the native core found at this velocity; None where it is not used."""
         return None if self.native_state is None else self.native_state.motion(self.v)

@@ -7,11 +7,12 @@ asks for is marked read-only in place, without a call.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import pinocchio as pin
 
 from wbc.errors import InvalidInputError
-from wbc.lazy import lazy
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
@@ -73,13 +74,13 @@ class KinematicState:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
 
-    @lazy
+    @cached_property
     def native_state(self) -> NativeState | None:
         """All that a tick asks for, from one pass of the native core; None where it is not used."""
         native = self.robot.native
         return None if native is None else native.evaluate(self.q, self.v)
 
-    @lazy
+    @cached_property
     def joint_positions(self) -> Array:
         """Positions (nv-6,) of the joints [rad or m]; angles of continuous joints."""
         limits = self.robot.limits  # read in every tick: no call unless it is needed
@@ -87,14 +88,14 @@ class KinematicState:
 
     # ------------------------------------------------------------------ momentum and CoM
 
-    @lazy
+    @cached_property
     def com(self) -> Array:
         """CoM (3,) in the world [m]."""
         if self.native_state is not None:
             return read_only(self.native_state.com())
         return self._whole[:3]
 
-    @lazy
+    @cached_property
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
         if self.native_state is not None:
@@ -103,14 +104,14 @@ class KinematicState:
         A.flags.writeable = False
         return A
 
-    @lazy
+    @cached_property
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
         if self.native_state is not None:
             return read_only(self.native_state.momentum())
         return read_only(self._workspace().kinematics_data.hg.vector.copy())
 
-    @lazy
+    @cached_property
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
@@ -119,19 +120,19 @@ class KinematicState:
         J.flags.writeable = False
         return J
 
-    @lazy
+    @cached_property
     def com_velocity(self) -> Array:
         """Velocity of the CoM (3,) [m/s]."""
         return read_only(self.momentum[:3] / self.robot.mass)
 
-    @lazy
+    @cached_property
     def average_angular_velocity(self) -> Array:
         """I_c^-1 k_c (3,) [rad/s]: of the momentum, not of the ellipsoid's axes (theory 3)."""
         return read_only(np.linalg.solve(self.inertia, self.momentum[3:]))
 
     # ------------------------------------------------------------------ inertia
 
-    @lazy
+    @cached_property
     def inertia(self) -> Array:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
         if self.native_state is not None:
@@ -162,14 +163,14 @@ class KinematicState:
         spatial[3:, 3:] = R.T @ self.inertia @ R - M * arm @ arm
         return read_only(spatial)
 
-    @lazy
+    @cached_property
     def base_inertia_jacobian(self) -> Array:
         """Derivative d vech(I_base)/dv (6, nv), base axes; its base columns are zero."""
         J = congruence(self.rotation(BASE).T) @ self.inertia_jacobian
         J[:, :BASE_NV] = 0.0
         return read_only(J)
 
-    @lazy
+    @cached_property
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
         if self.native_state is not None:
@@ -238,7 +239,7 @@ class KinematicState:
             self._jacobians[frame] = found
         return found
 
-    @lazy
+    @cached_property
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
         if self.native_state is not None:
@@ -249,7 +250,7 @@ class KinematicState:
         rotations, origins = work.placements.copies()
         return read_only(rotations), read_only(origins)
 
-    @lazy
+    @cached_property
     def joint_twists(self) -> Array:
         """(6, nv): column k is the twist that v_k = 1 gives to all bodies that it carries.
 
@@ -276,7 +277,7 @@ class KinematicState:
 
     # ------------------------------------------------------------------ internals
 
-    @lazy
+    @cached_property
     def _carried_moments(self) -> Array:
         """What Jacobian and drift of the inertia are made of (27, nv)."""
         momenta, twists = self.centroidal_map[:3], self.joint_twists
