@@ -21,16 +21,22 @@ def robot_of(job):
     return robot
 
 
+def started(job):
+    """The robot as the job begins."""
+    robot = robot_of(job)
+    for name, value in job.joints.items():
+        robot.set_joint(name, value)
+    q = np.array(robot.state.q)
+    q[:7] = job.base
+    robot.state.q = q
+    robot.update_kinematics()
+    return robot
+
+
 class Loop:
     def __init__(self, job):
         self.job = job
-        self.robot = robot = robot_of(job)
-        for name, value in job.joints.items():
-            robot.set_joint(name, value)
-        q = np.array(robot.state.q)
-        q[:7] = job.base
-        robot.state.q = q
-        robot.update_kinematics()
+        self.robot = robot = started(job)
         self.solver = solver = placo.KinematicsSolver(robot)
         solver.dt = job.dt
         solver.enable_velocity_limits(True)

@@ -4,7 +4,7 @@ from importlib.metadata import version
 
 import numpy as np
 import placo
-from loop_placo import robot_of
+from loop_placo import started
 from serve import KP, serve
 
 
@@ -13,13 +13,7 @@ class Loop:
 
     def __init__(self, job):
         self.job = job
-        self.robot = robot = robot_of(job)
-        for name, value in job.joints.items():
-            robot.set_joint(name, value)
-        q = np.array(robot.state.q)
-        q[:7] = job.base
-        robot.state.q = q
-        robot.update_kinematics()
+        self.robot = robot = started(job)
         self.solver = solver = placo.DynamicsSolver(robot)
         solver.dt = job.dt
         solver.enable_torque_limits(True)

@@ -4,6 +4,7 @@ import numpy as np
 
 from tests.conftest import random_state
 from wbc.controllers.controller import Controller
+from wbc.qp.problem import QP
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation
 from wbc.tasks import (
@@ -58,14 +59,10 @@ def every_task(robot: Robot, rng: np.random.Generator, here: Snapshot) -> list:
     return tasks
 
 
-def assert_same_qp(controller: Controller, snapshot: Snapshot) -> None:
-    """The core's QP and errors are the Python tick's, to 1e-10 of the largest entry."""
-    found = controller._native_problem(controller._native, snapshot)
-    assert found is not None
-    tick = Controller._step(controller, snapshot)
-    assert tick.qp.g.size == controller.plan.decision.size  # not the QP of a relaxed tick
+def assert_same_entries(found: QP, plain: QP) -> None:
+    """Every array of two QPs is the same, to 1e-10 of its largest entry."""
     for field in FIELDS:
-        ours, theirs = getattr(found.qp, field), getattr(tick.qp, field)
+        ours, theirs = getattr(found, field), getattr(plain, field)
         assert ours.shape == theirs.shape
         finite = np.isfinite(theirs)
         np.testing.assert_array_equal(ours[~finite], theirs[~finite], err_msg=field)
@@ -73,6 +70,15 @@ def assert_same_qp(controller: Controller, snapshot: Snapshot) -> None:
         np.testing.assert_allclose(
             ours[finite], theirs[finite], rtol=0.0, atol=1e-10 * scale, err_msg=field
         )
+
+
+def assert_same_qp(controller: Controller, snapshot: Snapshot) -> None:
+    """The core's QP and errors are the Python tick's, to 1e-10 of the largest entry."""
+    found = controller._native_problem(controller._native, snapshot)
+    assert found is not None
+    tick = Controller._step(controller, snapshot)
+    assert tick.qp.g.size == controller.plan.decision.size  # not the QP of a relaxed tick
+    assert_same_entries(found.qp, tick.qp)
     assert found.qp.labels == tick.qp.labels
     for task in controller.tasks:
         if not isinstance(task, MomentumTask):  # its deviation is not its error
