@@ -78,3 +78,18 @@ def test_a_tick_of_another_robot_is_refused(robot_named: Load) -> None:
     other = robot_named("g1_27")
     with pytest.raises(InvalidInputError, match="expected a snapshot"):
         walker.step(other.snapshot(other.posture("standing")))
+
+
+@pytest.mark.slow
+def test_who_turns_does_not_turn_back_with_the_arms(robot_named: Load) -> None:
+    """The whole body turns: by the simulation's own heading; arms stay about where they hang."""
+    robot = robot_named("g1_27")
+    walker, plant = wbc.gait.Walker(robot), Plant(robot)
+    hang = plant.snapshot().q[-14:]
+    walker.command(0.0, 0.0, 0.6)
+    walked(walker, plant, 2.4)
+    assert walker.heading > 1.0
+    pelvis = plant.snapshot().rotation("base")
+    assert abs(np.arctan2(pelvis[1, 0], pelvis[0, 0]) - walker.heading) < 0.05
+    # 0.18 rad; 1.05 with the angular momentum about the vertical held to zero
+    assert np.abs(plant.snapshot().q[-14:] - hang).max() < 0.4

@@ -222,12 +222,12 @@ class Walker:
         else:
             reference = planner.standing(now)
         self.phase = phase
-        self._lead(now, reference)
+        self._lead(snapshot, now, reference)
         return self.controller
 
     # ------------------------------------------------------------------ parts of a tick
 
-    def _lead(self, now: Measured, reference: Reference) -> None:
+    def _lead(self, snapshot: Snapshot, now: Measured, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""
         rate = FOLLOW * self.gait.omega
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
@@ -239,7 +239,7 @@ class Walker:
         height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         pressure = np.append(self._within(vrp, now), reference.ground)
-        self._whole_body.lead(pressure, height, self.heading, turn)
+        self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
 
     def _within(self, vrp: Array, now: Measured) -> Array:
         """Return the point (2,) nearest to ``vrp`` on the sole that bears alone."""

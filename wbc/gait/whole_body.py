@@ -30,8 +30,9 @@ class WalkingWeights:
 
     The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
     more than the length of a sole. About the vertical only friction holds a foot, so that is
-    regulated, firmly: at a sixth of the weight a G1's foot turned by 10 degrees in a step on ground
-    with a friction of 0.4, and by 56 under a push that ended its walk.
+    regulated, firmly, to what the whole body has when it turns as commanded: at a sixth of the
+    weight a G1's foot turned by 10 degrees in a step on ground with a friction of 0.4, and by 56
+    under a push that ended its walk.
 
     Attributes
     ----------
@@ -117,12 +118,13 @@ class WholeBody:
             )
             for foot, frame in self._frames.items()
         }
+        self._yaw = MomentumTask(robot, components=["kz"], name="yaw", weight=w.yaw / inertia)
         own: list[Task] = [
             self._pressure,
             self._height,
             *self._trunk.values(),
             MomentumTask(robot, components=["kx", "ky"], name="spin", weight=w.spin / inertia),
-            MomentumTask(robot, components=["kz"], name="yaw", weight=w.yaw / inertia),
+            self._yaw,
             PostureTask(robot, start.q, kp=w.stiff_posture, weight=w.posture),
             *self._swing.values(),
         ]
@@ -157,16 +159,21 @@ class WholeBody:
             task.weight = self._swing_weight
         task.set_target(*pose)
 
-    def lead(self, pressure: Array, height: Array, heading: float, turn: float) -> None:
+    def lead(
+        self, snapshot: Snapshot, pressure: Array, height: Array, heading: float, turn: float
+    ) -> None:
         """Set the centre of pressure (3,) [m], the CoM's height with rates (3,), and the heading.
 
-        ``turn`` is the heading's rate [rad/s].
+        ``turn`` is the heading's rate [rad/s]. The angular momentum about the vertical is that of
+        the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
         self._pressure.set_target(pressure)
         z, z1, z2 = height.tolist()
         self._height.set_target((0.0, 0.0, z), (0.0, 0.0, z1), (0.0, 0.0, z2))
         for one, task in self._trunk.items():
             task.set_target(turned(heading) @ self._upright[one], (0.0, 0.0, turn))
+        spin = turn * float(snapshot.inertia[2, 2]) if turn else 0.0
+        self._yaw.set_target((0.0, 0.0, 0.0, 0.0, 0.0, spin))
 
 
 def heaviest_link(robot: Robot) -> str:
