@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,15 @@ def test_an_interruption_keeps_what_was_found(robot_named) -> None:
     assert outcome.candidates
 
 
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Ctrl-C counts, also where a shell began the tests in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_inside_ipopt_ends_the_search(robot_named) -> None:
     robot = robot_named("hoap2_like")
     timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
