@@ -107,7 +107,7 @@ def parts(qps: Sequence[QP], times: Times) -> None:
         timed("check of the QP", check_qp, qp)
         raw = timed("update, solve, and results read", work.solve_warm, qp)
         timed("residuals and verdict", check.accept, qp, raw)
-        timed("DAQP", daqp_memory(qp, EPS, 1000).solve, qp)
+        timed("DAQP", daqp_memory(qp, EPS, 1000).solve)
 
 
 def main() -> None:

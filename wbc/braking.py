@@ -20,7 +20,7 @@ def stopping_speed(distance: Array, deceleration: Array | float, dt: float) -> A
     deceleration:
         > 0, in the same unit per s^2.
     """
-    twice = 2.0 * distance
+    twice = distance + distance
     slowing = twice / deceleration
     slowing += dt * dt
     np.sqrt(slowing, out=slowing)

@@ -181,5 +181,5 @@ def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, f
 
 def read_only(array: Array) -> Array:
     """Mark ``array`` as read-only and return it."""
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array

@@ -12,7 +12,7 @@ from wbc.qp import QP, Status, make_backend
 from wbc.qp import daqp_memory as kept
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import DirectDaqp
-from wbc.qp.kkt import SolveCheck
+from wbc.qp.kkt import MOST, PerThread, SolveCheck
 from wbc.qp.solution import RawSolution
 
 SIZES = ((7, 0, 0), (7, 5, 0), (7, 0, 2), (12, 6, 3))  # unknowns, inequalities, equalities
@@ -21,7 +21,7 @@ SIZES = ((7, 0, 0), (7, 5, 0), (7, 0, 2), (12, 6, 3))  # unknowns, inequalities,
 @pytest.fixture(autouse=True)
 def _without_the_core(monkeypatch) -> None:
     monkeypatch.setenv(VARIABLE, "off")
-    monkeypatch.setattr(kept, "_PER_THREAD", kept._PerThread())
+    monkeypatch.setattr(kept, "_PER_THREAD", PerThread())
 
 
 def random_qp(rng: np.random.Generator, n: int, mi: int, me: int) -> QP:
@@ -99,9 +99,9 @@ def test_threads_do_not_share_memory() -> None:
 def test_memory_for_many_sizes_is_bounded() -> None:
     rng = np.random.default_rng(7)
     solver = Daqp()
-    for mi in range(kept.MOST + 10):
+    for mi in range(MOST + 10):
         assert solver.solve(random_qp(rng, 5, mi, 0)).solved
-    assert 0 < len(kept._PER_THREAD.kept) <= kept.MOST
+    assert 0 < len(kept._PER_THREAD.kept) <= MOST
 
 
 @pytest.mark.parametrize("field", ["P", "g", "A", "b", "C", "l", "u", "lower", "upper"])

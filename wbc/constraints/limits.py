@@ -18,7 +18,7 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 from __future__ import annotations
 
 from copy import copy
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,6 +117,7 @@ class Limits:
         self._box_of_base[:, :BASE_NV] = _SIGNS * self.base_twist
         self._signed_bounds = np.stack((-self.lower, self.upper))
         self._has_free_joints = not np.isfinite(self.upper - self.lower).all()
+        self._sides = _BothSides.of(self.speed, self.acceleration, 1.0)
 
     def within_torques(self, torques: Array) -> Limits:
         """Return limits whose default accelerations torques (joints,) [N m] can give, by half.
@@ -148,7 +149,7 @@ class Limits:
         """
         distance = self._signed_distance(snapshot)
         box = self._box(snapshot, distance, dt, bounded=self.braking == "bounded")
-        if not distance.size or np.minimum.reduce(distance, axis=None) >= -AT_LIMIT:
+        if not distance.size or distance.item(distance.argmin()) >= -AT_LIMIT:
             return box, None
         distance = np.where(distance < -AT_LIMIT, distance, 0.0)
         outside = distance[0] - distance[1]
@@ -178,29 +179,46 @@ class Limits:
 
     def _box(self, snapshot: Snapshot, distance: Array, dt: float, bounded: bool) -> Box:
         """Return the bounds on v by position, speed and acceleration."""
+        speed, acceleration, sides = self.speed, self.acceleration, self._sides
+        if sides.dt != dt or sides.given[0] is not speed or sides.given[1] is not acceleration:
+            sides = self._sides = _BothSides.of(speed, acceleration, dt)
         reach = np.maximum(distance, 0.0)
         if self._has_free_joints:
             np.minimum(reach, FAR, out=reach)
-        most = stopping_speed(reach, self.acceleration, dt)
+        most = stopping_speed(reach, sides.acceleration, dt)
         if self._has_free_joints:
             most[distance > FAR] = np.inf
-        np.minimum(most, self.speed, out=most)
+        np.minimum(most, sides.speed, out=most)
         if snapshot.moving:
             change = _SIGNS * snapshot.v[BASE_NV:]
-            acceleration = self.acceleration * dt
             if bounded:
                 # Where a joint's own limit asks for harder braking than its acceleration, it wins.
-                change += acceleration
+                change += sides.change
                 most = np.maximum(np.minimum(most, change), -most[::-1])
             else:
                 # A joint that stops may start the other way in the same tick: contacts need that.
                 np.maximum(change, 0.0, out=change)
-                change += acceleration
+                change += sides.change
                 np.minimum(most, change, out=most)
         box = self._box_of_base.copy()
         np.negative(most[0], out=box[0, BASE_NV:])
         box[1, BASE_NV:] = most[1]
         return box[0], box[1]
+
+
+class _BothSides(NamedTuple):
+    """What bounds the speed, (2, joints) each: shapes that agree are combined in half the time."""
+
+    given: tuple[Array, Array]
+    dt: float
+    speed: Array
+    acceleration: Array
+    change: Array  # in one tick
+
+    @classmethod
+    def of(cls, speed: Array, acceleration: Array, dt: float) -> _BothSides:
+        pairs = np.stack((speed, speed)), np.stack((acceleration, acceleration))
+        return cls((speed, acceleration), dt, *pairs, pairs[1] * dt)
 
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:

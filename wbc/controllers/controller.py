@@ -319,7 +319,7 @@ class Controller(ABC):
                 slack = slacks_of(outcome.qp, outcome.solution.x)
             if step_scale < 1.0:
                 velocity = step_scale * velocity
-        velocity.flags.writeable = False
+        velocity.setflags(write=False)
         errors = {}
         for task, residual, plain in zip(
             self._motion, residuals, self._reports_residual, strict=True

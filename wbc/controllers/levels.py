@@ -88,7 +88,11 @@ class Outcome(NamedTuple):
         Residuals are judged relative to the numbers of the QP, which may be huge; joints are not.
         ``names`` are those of the unknowns.
         """
-        if self.solution.status is not Status.SOLVED:
+        solution = self.solution
+        if solution.status is not Status.SOLVED or (
+            # The box is the QP's own, and all of its rows are kept that well.
+            self.qp is self.first and solution.residuals.primal <= TOLERANCE
+        ):
             return self
         (lower, upper), v = self.box, self.velocity
         excess = np.maximum(lower - v, v - upper)
@@ -96,7 +100,7 @@ class Outcome(NamedTuple):
         if excess[worst] <= TOLERANCE:  # NaN is not
             return self
         solution = replace(
-            self.solution,
+            solution,
             status=Status.CONTRADICTED,
             message=(
                 f"{names[worst]} at {v[worst]:.6g}, outside its limits "

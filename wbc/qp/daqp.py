@@ -81,18 +81,19 @@ class Daqp:
             found = None if native is None else native.solve(qp, self.name)
             if found is not None:
                 return found
-            if is_sound(qp):
+            if is_sound(qp, shapes_only=True):
                 memory = daqp_memory(qp, self.eps, self.max_iterations)
-                answer = memory.solve(qp)
-                found = check.certify(memory.stacked, *answer[:3])
-                if found is not None:
-                    return found
+                if memory.stacked.is_finite():
+                    answer = memory.solve()
+                    found = check.certify(memory.stacked, *answer[:3])
+                    if found is not None:
+                        return found
         check_qp(qp)
         return check.judge(qp, self.answer(qp) if answer is None else _raw(qp, *answer))
 
     def answer(self, qp: QP) -> RawSolution:
         """Return DAQP's answer, unchecked."""
-        return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations).solve(qp))
+        return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations).solve())
 
 
 def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
@@ -138,11 +139,11 @@ class KeptDaqp:
 
 def _data(qp: QP) -> tuple[Array | NDArray[np.intc], ...]:
     """Return a QP as DAQP takes it: bounds, inequality rows, equality rows."""
-    P, g, rows, lower, upper, inequalities = Stacked.of(qp)
-    sense = np.zeros(upper.size, dtype=np.intc)
-    sense[inequalities:] = EQUALITY
-    P, g = np.require(P, requirements="W"), np.require(g, requirements="W")  # no read-only arrays
-    return P, g, rows, upper, lower, sense
+    stacked = Stacked(qp.g.size, qp.u.size, qp.b.size)
+    stacked.load(qp)
+    sense = np.zeros(stacked.upper.size, dtype=np.intc)
+    sense[stacked.inequalities :] = EQUALITY
+    return stacked.P, stacked.g, stacked.rows, stacked.upper, stacked.lower, sense
 
 
 def _raw(qp: QP, x: Array, multipliers: Array, iterations: int, flag: int) -> RawSolution:

@@ -7,7 +7,6 @@ directly where :mod:`wbc.qp.daqp_direct` finds it, and through Python where it d
 from __future__ import annotations
 
 import ctypes
-import threading
 from typing import Any, NamedTuple
 
 import daqp
@@ -15,12 +14,11 @@ import numpy as np
 
 from wbc.native import address
 from wbc.qp.daqp_direct import Problem, Result, direct_daqp
-from wbc.qp.kkt import Stacked
+from wbc.qp.kkt import PerThread, Stacked
 from wbc.qp.problem import QP
 from wbc.validate import Array
 
 EQUALITY = 5  # DAQP's code for a row that always holds
-MOST = 64  # sets of memory that a thread keeps: margins change the number of rows
 
 _QUADPROG = ctypes.PYFUNCTYPE(None, *[ctypes.c_void_p] * 3)
 
@@ -40,69 +38,49 @@ class DaqpMemory:
     Attributes
     ----------
     stacked:
-        The QP that was loaded last.
+        The QP that is loaded; its point is DAQP's last answer.
     """
 
     def __init__(self, n: int, mi: int, me: int, eps: float, max_iterations: int) -> None:
         m = n + mi + me
-        self.stacked = Stacked(
-            np.zeros((n, n)),
-            np.zeros(n),
-            np.zeros((mi + me, n)),
-            np.zeros(m),
-            np.zeros(m),
-            n + mi,
-        )
+        self.stacked = stacked = Stacked(n, mi, me)
         self._sense = np.zeros(m, dtype=np.intc)
         self._sense[n + mi :] = EQUALITY
-        self._out = np.zeros(n + m)
         self._settings: dict[str, Any] = {"primal_tol": 0.1 * eps, "iter_limit": max_iterations}
         direct = direct_daqp()
         self._call = None
         if direct.address:
-            P, g, rows, lower, upper, _ = self.stacked
-            places = [address(one) for one in (P, g, rows, upper, lower, self._sense)]
-            out = address(self._out)
-            self._result = Result(out, out + n * self._out.itemsize)
-            given = Problem(n, m, n, *places, None, 0, 0)
-            self._given = given, direct.settings(eps, max_iterations)
+            given = stacked.P, stacked.g, stacked.rows, stacked.upper, stacked.lower, self._sense
+            places = [address(one) for one in given]
+            self._result = Result(address(stacked.x), address(stacked.multipliers))
+            problem = Problem(n, m, n, *places, None, 0, 0)
+            self._given = problem, direct.settings(eps, max_iterations)
             arguments = (self._result, *self._given)
             self._addresses = tuple(ctypes.addressof(one) for one in arguments)
             self._call = _QUADPROG(direct.address)
 
-    def solve(self, qp: QP) -> DaqpAnswer:
-        """Return DAQP's answer for a QP of this size, which is stacked meanwhile."""
-        P, g, rows, lower, upper, _ = self.stacked
-        P[:] = qp.P
-        g[:] = qp.g
-        np.concatenate((qp.C, qp.A), out=rows)
-        np.concatenate((qp.lower, qp.l, qp.b), out=lower)
-        np.concatenate((qp.upper, qp.u, qp.b), out=upper)
+    def solve(self) -> DaqpAnswer:
+        """Return DAQP's answer for the QP that is loaded."""
+        stacked = self.stacked
         if self._call is None:
-            x, _, flag, info = daqp.solve(P, g, rows, upper, lower, self._sense, **self._settings)
+            given = stacked.P, stacked.g, stacked.rows, stacked.upper, stacked.lower, self._sense
+            x, _, flag, info = daqp.solve(*given, **self._settings)
+            stacked.x[:], stacked.multipliers[:] = x, info["lam"]
             return DaqpAnswer(x, info["lam"], info["iterations"], flag)
         self._call(*self._addresses)
-        out, result = self._out.copy(), self._result
-        return DaqpAnswer(out[: g.size], out[g.size :], result.iterations, result.flag)
+        point, result = stacked.point.copy(), self._result
+        count = stacked.multipliers.size
+        return DaqpAnswer(point[count:], point[:count], result.iterations, result.flag)
 
 
-class _PerThread(threading.local):
-    """The memory of each thread, by sizes and settings."""
-
-    def __init__(self) -> None:
-        self.kept: dict[tuple[int, int, int, float, int], DaqpMemory] = {}
-
-
-_PER_THREAD = _PerThread()
+_PER_THREAD = PerThread()
 
 
 def daqp_memory(qp: QP, eps: float, max_iterations: int) -> DaqpMemory:
-    """Return this thread's memory for QPs of the size of ``qp``; what it holds is overwritten."""
-    kept = _PER_THREAD.kept
+    """Return this thread's memory for QPs of the size of ``qp``, loaded with it."""
     key = (qp.g.size, qp.u.size, qp.b.size, eps, max_iterations)
-    memory = kept.get(key)
+    memory: DaqpMemory | None = _PER_THREAD.kept.get(key)
     if memory is None:
-        if len(kept) >= MOST:
-            kept.clear()
-        memory = kept[key] = DaqpMemory(*key)
+        memory = _PER_THREAD.keep(key, DaqpMemory(*key))
+    memory.stacked.load(qp)
     return memory

@@ -6,9 +6,11 @@ status of any solver is believed: each has claimed "solved" or "infeasible" wron
 
 from __future__ import annotations
 
+import math
+import threading
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,69 +21,108 @@ from wbc.validate import Array
 
 # Part of the cost's terms that an accepted point may cost too much by the look of its multipliers.
 DOUBT = 1e-4
+MOST = 64  # sets of memory that a thread keeps: margins change the number of rows
 
 
-class Stacked(NamedTuple):
-    """A QP whose bounds, inequality rows and equality rows are one below the other.
+class Stacked:
+    """Memory for QPs of some size: bounds, inequality rows and equality rows one below the other.
 
     Attributes
     ----------
-    rows:
-        (mi + me, n): C above A.
+    P, g, rows:
+        (n, n), (n,) and (mi + me, n): C above A.
     lower, upper:
         (n + mi + me,) of the unknowns, of C x, and b twice.
+    x, multipliers:
+        (n,) and (n + mi + me,), for who solves it to write to; ``point`` holds both, x last.
     inequalities:
-        How many of them are not equalities, n + mi.
+        How many multipliers are not those of equalities, n + mi.
     """
 
-    P: Array
-    g: Array
-    rows: Array
-    lower: Array
-    upper: Array
-    inequalities: int
+    def __init__(self, n: int, mi: int, me: int) -> None:
+        m, every = mi + me, n + mi + me
+        self.inequalities = n + mi
+        # Rows above P, and the rows' multipliers before x: one product gives the gradient.
+        self.numbers = np.zeros((every + 1) * n)
+        self._matrices, self.g = self.numbers[: every * n].reshape(every, n), self.numbers[-n:]
+        self.rows, self.P = self._matrices[:m], self._matrices[m:]
+        self.lower, self.upper = np.zeros((2, every))
+        memory = np.zeros(every + n + m)
+        self.multipliers, self._values = memory[:every], memory[every:]
+        self.x, self._row_values = self._values[:n], self._values[n:]
+        self.point = memory[: every + n]
+        self._b = self.upper[n + mi :]
+        self._box_multipliers, self._factors = self.point[:n], self.point[n:]
+        self._signed = self.multipliers[: n + mi]
+        # To the lower and to the upper bounds: distances, negative outside, and the multipliers.
+        self._distance, self._pull = np.zeros((2, every)), np.zeros((2, every))
+        self._below, self._above = self._distance
+        self._down, self._up = self._pull[:, : n + mi]
 
-    @classmethod
-    def of(cls, qp: QP) -> Stacked:
-        """Return ``qp`` stacked."""
-        return cls(
-            qp.P,
-            qp.g,
-            np.concatenate((qp.C, qp.A)),
-            np.concatenate((qp.lower, qp.l, qp.b)),
-            np.concatenate((qp.upper, qp.u, qp.b)),
-            qp.g.size + qp.u.size,
-        )
+    def load(self, qp: QP) -> None:
+        """Take over the numbers of a QP of this size."""
+        self.P[:] = qp.P
+        self.g[:] = qp.g
+        np.concatenate((qp.C, qp.A), out=self.rows)
+        np.concatenate((qp.lower, qp.l, qp.b), out=self.lower)
+        np.concatenate((qp.upper, qp.u, qp.b), out=self.upper)
 
-    def residuals(self, x: Array, multipliers: Array) -> KktResiduals:
-        """Return the residuals of x (n,) and multipliers (n + mi + me,); 7-9 us at n = 35.
+    def is_finite(self) -> bool:
+        """Whether all numbers but the bounds are finite, see :func:`wbc.qp.problem.is_sound`."""
+        return math.isfinite(np.vdot(self.numbers, self.numbers) + np.vdot(self._b, self._b))
+
+    def residuals(self) -> KktResiduals:
+        """Return the residuals of ``x`` and ``multipliers``; 6 us at n = 35.
 
         References
         ----------
         Boyd & Vandenberghe, Convex Optimization, sec. 5.5.3, with two-sided rows and bounds.
         """
-        n, rows, values = x.size, self.rows, x
-        gradient = self.P.dot(x)  # (n,)
+        distance, pull = self._distance, self._pull
+        gradient = self._factors.dot(self._matrices)  # (n,), P is symmetric
         gradient += self.g
-        gradient += multipliers[:n]
-        if rows.size:
-            gradient += multipliers[n:].dot(rows)
-            values = np.concatenate((x, rows.dot(x)))
-        above, below = self.upper - values, values - self.lower  # negative outside
-        outside = -float(np.minimum.reduce(np.minimum(above, below)))
-        np.putmask(below, multipliers > 0.0, above)  # the distance to what a multiplier points at
-        np.minimum(np.abs(below, out=below), np.abs(multipliers), out=below)
-        clash = below[: self.inequalities]
+        gradient += self._box_multipliers
+        np.dot(self.rows, self.x, out=self._row_values)
+        np.subtract(self._values, self.lower, out=self._below)
+        np.subtract(self.upper, self._values, out=self._above)
+        outside = -distance.item(distance.argmin())  # NaN comes first, in half of min()'s time
+        np.copyto(self._up, self._signed)
+        np.negative(self._signed, out=self._down)
+        np.maximum(pull, 0.0, out=pull)  # of a pair at most one: what the multiplier points at
+        clash = np.minimum(np.abs(distance, out=distance), pull, out=distance)
         return KktResiduals(
-            primal=max(outside, 0.0),  # NaN first: max(nan, a) is nan, but max(a, nan) is a
-            dual=float(np.maximum.reduce(np.abs(gradient, out=gradient))),
-            complementarity=float(np.maximum.reduce(clash)),
+            max(outside, 0.0),  # NaN first: max(nan, a) is nan, but max(a, nan) is a
+            gradient.item(np.abs(gradient, out=gradient).argmax()),
+            clash.item(clash.argmax()),
         )
+
+
+class PerThread(threading.local):
+    """Memory that each thread keeps, by the sizes of QPs."""
+
+    def __init__(self) -> None:
+        self.kept: dict[tuple[float, ...], Any] = {}
+
+    def keep(self, key: tuple[float, ...], memory: Any) -> Any:
+        """Keep and return ``memory``; all that was kept is let go when it has become too much."""
+        if len(self.kept) >= MOST:
+            self.kept.clear()
+        self.kept[key] = memory
+        return memory
+
+
+_PER_THREAD = PerThread()
 
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
     """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,)."""
-    return Stacked.of(qp).residuals(x, np.concatenate((z_box, z, y)))
+    key = x.size, z.size, y.size
+    stacked: Stacked | None = _PER_THREAD.kept.get(key)
+    if stacked is None:
+        stacked = _PER_THREAD.keep(key, Stacked(*key))
+    stacked.load(qp)
+    np.concatenate((z_box, z, y, x), out=stacked.point)
+    return stacked.residuals()
 
 
 def acceptable(
@@ -158,8 +199,11 @@ class SolveCheck:
     def certify(
         self, qp: Stacked, x: Array, multipliers: Array, iterations: int
     ) -> Solution | None:
-        """Return the solution of ``qp`` when its KKT residuals are below eps, else None."""
-        r, eps = qp.residuals(x, multipliers), self.eps
+        """Return the solution of ``qp`` when its KKT residuals are below eps, else None.
+
+        x and multipliers are copies of those in ``qp``, which is solved again.
+        """
+        r, eps = qp.residuals(), self.eps
         if not (r.primal <= eps and r.dual <= eps and r.complementarity <= eps):  # NaN is not
             return None
         n, equalities = x.size, qp.inequalities
@@ -178,7 +222,7 @@ class SolveCheck:
     def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the solution when its KKT residuals are small, else None."""
         x, y, z, z_box = raw.x, raw.y, raw.z, raw.z_box
-        r, eps = Stacked.of(qp).residuals(x, np.concatenate((z_box, z, y))), self.eps
+        r, eps = kkt_residuals(qp, x, y, z, z_box), self.eps
         small = r.primal <= eps and r.dual <= eps and r.complementarity <= eps  # NaN is not
         if not (small or acceptable(r, eps, qp, x, y, z, z_box)):
             return None

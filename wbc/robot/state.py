@@ -49,13 +49,14 @@ class KinematicState:
     _whole: Array  # CoM and entries of the inertia about it (9,), where there is no native state
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
-        q.flags.writeable = v.flags.writeable = False
+        q.setflags(write=False)
+        v.setflags(write=False)
         self.__dict__.update(  # past __setattr__, which would take as long as all the rest
             robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={}, _sealed=True
         )
         if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
             whole = self._workspace().composites.whole()
-            whole.flags.writeable = False
+            whole.setflags(write=False)
             self.__dict__.update(native_state=None, _whole=whole)
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -101,7 +102,7 @@ class KinematicState:
         if self.native_state is not None:
             return self.native_state.part("centroidal_map", 6, -1)
         A = self._workspace().centroidal_map.copy()
-        A.flags.writeable = False
+        A.setflags(write=False)
         return A
 
     @cached_property
@@ -116,8 +117,9 @@ class KinematicState:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
             return self.native_state.part("com_jacobian", 3, -1)
-        J = self.centroidal_map[:3] / self.robot.mass
-        J.flags.writeable = False
+        J = self._workspace().centroidal_map[:3].copy()
+        J /= self.robot.mass
+        J.setflags(write=False)
         return J
 
     @cached_property
@@ -138,7 +140,7 @@ class KinematicState:
         if self.native_state is not None:
             return read_only(self.native_state.inertia())
         inertia = self._whole.take(INERTIA_ENTRIES)
-        inertia.flags.writeable = False
+        inertia.setflags(write=False)
         return inertia
 
     def inertia_in(self, frame: str = WORLD) -> Array:
@@ -235,7 +237,7 @@ class KinematicState:
             index = robot.frame_indices.get(frame) or robot.frame_id(frame)
             data = self._workspace().kinematics_data
             found = pin.getFrameJacobian(robot.model, data, index, _ALIGNED)
-            found.flags.writeable = False
+            found.setflags(write=False)
             self._jacobians[frame] = found
         return found
 
@@ -269,9 +271,12 @@ class KinematicState:
             placed, self._jacobians[frame] = self.native_state.frame(frame, robot)
             self._placements[frame] = placed
             return placed
-        pose = pin.updateFramePlacement(robot.model, self._workspace().kinematics_data, index)
-        position, rotation = pose.translation.copy(), pose.rotation.copy()
-        position.flags.writeable = rotation.flags.writeable = False
+        work = self._workspace()
+        pin.updateFramePlacement(robot.model, work.kinematics_data, index)
+        origin, axes = work.frames.get(index) or work.frame_view(index)
+        position, rotation = origin.copy(), axes.copy()
+        position.setflags(write=False)
+        rotation.setflags(write=False)
         self._placements[frame] = found = position, rotation
         return found
 

@@ -32,6 +32,7 @@ class Workspace:
         self.twists: Array = self.kinematics_data.J
         self.placements = JointPlacements(self.kinematics_data)
         self.composites = CompositeInertias(model, self.kinematics_data)
+        self.frames: dict[int, tuple[Array, Array]] = {}
         self.columns = CarriedColumns(model)
         self._rates = model.createData()
         self._rates_owner: Any = None
@@ -46,6 +47,12 @@ class Workspace:
             pin.ccrba(self.model, self.kinematics_data, q, v)
             self.kinematics_owner = owner
         return self.kinematics_data
+
+    def frame_view(self, index: int) -> tuple[Array, Array]:
+        """Return views on a frame's origin and rotation, which are kept in ``frames``."""
+        pose = self.kinematics_data.oMf[index]
+        view = self.frames[index] = pose.translation, pose.rotation
+        return view
 
     def placed(self, owner: Any, q: Array) -> pin.Data:
         """Return data holding the joints' placements at q, at least."""

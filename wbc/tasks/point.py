@@ -92,10 +92,10 @@ class PointTask(Task):
         """
         arm = position - snapshot.q[:3]
         (xx, _, _), (_, yy, _), (_, _, zz) = snapshot.inertia.tolist()
-        lever = math.sqrt(arm.dot(arm)) + 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
+        lever = math.hypot(*arm.tolist()) + 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
         gradient = self.weight * error
         gradient *= self.weight
-        return math.sqrt(gradient.dot(gradient)) * lever
+        return math.hypot(*gradient.tolist()) * lever
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
