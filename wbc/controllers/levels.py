@@ -88,16 +88,13 @@ class Outcome(NamedTuple):
         Residuals are judged relative to the numbers of the QP, which may be huge; joints are not.
         ``names`` are those of the unknowns.
         """
-        solution = self.solution
-        if solution.status is not Status.SOLVED or (
-            # The box is the QP's own, and all of its rows are kept that well.
-            self.qp is self.first and solution.residuals.primal <= TOLERANCE
-        ):
+        solution, nv = self.solution, self.nv
+        if solution.status is not Status.SOLVED:
             return self
-        (lower, upper), v = self.box, self.velocity
+        lower, upper, v = self.first.lower[:nv], self.first.upper[:nv], solution.x[:nv]
         excess = np.maximum(lower - v, v - upper)
-        worst = int(excess.argmax())
-        if excess[worst] <= TOLERANCE:  # NaN is not
+        worst = excess.argmax()
+        if excess.item(worst) <= TOLERANCE:  # NaN is not
             return self
         solution = replace(
             solution,

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 VERSIONS = frozenset({"0.11.0"})
 _SETTINGS = 64  # doubles, far more than DAQP's settings have
-_ITERATIONS = 11  # the limit's place among the settings, read as integers
+# Places among the settings, read as integers: the limit, and whether DAQP eliminates equalities
+# first (0: if it thinks best, 1: always, -1: never).
+_ITERATIONS, _REDUCTION = 11, 32
 _TOLERANCE = 1e-6  # DAQP's default for the first of them, and 10000 for the limit
 
 
@@ -54,11 +56,17 @@ class DirectDaqp(NamedTuple):
     reason: str
     defaults: bytes = bytes(8 * _SETTINGS)
 
-    def settings(self, eps: float, max_iterations: int) -> ctypes.Array[ctypes.c_double]:
-        """Return settings as :class:`wbc.qp.daqp.Daqp` asks for."""
+    def settings(
+        self, eps: float, max_iterations: int, reduction: int = 0
+    ) -> ctypes.Array[ctypes.c_double]:
+        """Return settings as :class:`wbc.qp.daqp.Daqp` asks for.
+
+        ``reduction``: -1 keeps DAQP from eliminating the equalities.
+        """
         made = (ctypes.c_double * _SETTINGS).from_buffer_copy(self.defaults)
         made[0] = 0.1 * eps
-        _integers(made)[_ITERATIONS] = max_iterations
+        integers = _integers(made)
+        integers[_ITERATIONS], integers[_REDUCTION] = max_iterations, reduction
         return made
 
 
@@ -77,7 +85,7 @@ def direct_daqp() -> DirectDaqp:
             return DirectDaqp(0, "DAQP's settings are not where they were")
         address = ctypes.cast(library.daqp_quadprog, ctypes.c_void_p).value or 0
         direct = DirectDaqp(address, f"DAQP {found} is called directly", bytes(defaults))
-        works = _works(library.daqp_quadprog, direct)
+        works = all(_works(library.daqp_quadprog, direct, reduction) for reduction in (0, 1))
         return direct if works else DirectDaqp(0, "DAQP's answer to a trial is wrong")
     except (PackageNotFoundError, OSError, AttributeError) as error:
         return DirectDaqp(0, f"DAQP's C function is not found: {error}")
@@ -88,18 +96,21 @@ def _integers(settings: ctypes.Array[ctypes.c_double]) -> NDArray[np.intc]:
     return np.ndarray(2 * _SETTINGS, dtype=np.intc, buffer=memoryview(settings))
 
 
-def _works(quadprog: Callable[..., object], direct: DirectDaqp) -> bool:
-    """Whether DAQP gives the same bits as through Python, on a QP with active rows and bounds."""
+def _works(quadprog: Callable[..., object], direct: DirectDaqp, reduction: int) -> bool:
+    """Whether DAQP gives the same bits as through Python, on a QP with active rows and bounds.
+
+    And with equalities: eliminating them leaves other bits than not doing so.
+    """
     rng = np.random.default_rng(0)
     n, m = 8, 12
     square = rng.standard_normal((n, n))
     H, f, A = square.T @ square, 3.0 * rng.standard_normal(n), rng.standard_normal((m - n, n))
     upper, lower = 0.3 + rng.random(m), -0.3 - rng.random(m)
     sense = np.zeros(m, dtype=np.intc)
-    settings = direct.settings(1e-8, 1000)
-    wanted, _, flag, info = daqp.solve(
-        H, f, A, upper, lower, sense, primal_tol=1e-9, iter_limit=1000
-    )
+    sense[-2:], lower[-2:] = 5, upper[-2:]
+    settings = direct.settings(1e-8, 1000, reduction)
+    asked = {"primal_tol": 1e-9, "iter_limit": 1000, "eq_reduction": reduction}
+    wanted, _, flag, info = daqp.solve(H, f, A, upper, lower, sense, **asked)
     x, multipliers = np.zeros(n), np.zeros(m)
     places = [array.ctypes.data for array in (H, f, A, upper, lower, sense)]
     problem = Problem(n, m, n, *places, None, 0, 0)

@@ -86,7 +86,7 @@ class Stacked:
         np.subtract(self._values, self.lower, out=self._below)
         np.subtract(self.upper, self._values, out=self._above)
         outside = -distance.item(distance.argmin())  # NaN comes first, in half of min()'s time
-        np.copyto(self._up, self._signed)
+        self._up[:] = self._signed
         np.negative(self._signed, out=self._down)
         np.maximum(pull, 0.0, out=pull)  # of a pair at most one: what the multiplier points at
         clash = np.minimum(np.abs(distance, out=distance), pull, out=distance)

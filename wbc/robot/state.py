@@ -51,13 +51,13 @@ class KinematicState:
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
         q.setflags(write=False)
         v.setflags(write=False)
-        self.__dict__.update(  # past __setattr__, which would take as long as all the rest
-            robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={}, _sealed=True
-        )
+        own = self.__dict__  # past __setattr__, which would take as long as all the rest
+        own.update(robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={})
+        own["_sealed"] = True
         if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
             whole = self._workspace().composites.whole()
             whole.setflags(write=False)
-            self.__dict__.update(native_state=None, _whole=whole)
+            own["native_state"], own["_whole"] = None, whole
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
