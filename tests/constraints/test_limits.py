@@ -164,6 +164,18 @@ def test_accelerations_joint_by_joint(robot: Robot) -> None:
         Limits(robot, acceleration=each[1:])
 
 
+def test_other_accelerations_and_other_steps_count_from_the_next_tick_on(robot: Robot) -> None:
+    here = robot.snapshot(robot.posture("standing"), np.full(robot.nv, 0.01))
+    limits = Limits(robot, acceleration=20.0)
+    first = limits.box(here, 0.005)
+    assert not np.array_equal(first, limits.box(here, 0.001))
+    assert np.array_equal(first, limits.box(here, 0.005))
+    limits.acceleration = 0.1 * limits.acceleration
+    given, fresh = limits.box(here, 0.005), Limits(robot, acceleration=2.0).box(here, 0.005)
+    np.testing.assert_allclose(given, fresh, rtol=1e-12)
+    assert not np.array_equal(given, first)
+
+
 def test_a_continuous_joint_has_its_speed_only(robot_named) -> None:
     robot = robot_named("mixed_joints")
     free = [6 + k for k in robot.limits.unbounded]

@@ -451,7 +451,7 @@ def test_daqp_is_only_called_where_its_layout_is_known(monkeypatch) -> None:
     for attribute, value, reason in (
         ("VERSIONS", frozenset({"0.0.1"}), "is not among 0.0.1"),
         ("_TOLERANCE", 1e-3, "settings are not where they were"),
-        ("_works", lambda quadprog, direct: False, "answer to a trial is wrong"),
+        ("_works", lambda *_: False, "answer to a trial is wrong"),
     ):
         with monkeypatch.context() as patch:
             patch.setattr(daqp_direct, attribute, value)

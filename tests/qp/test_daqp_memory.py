@@ -8,10 +8,10 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.native import VARIABLE
-from wbc.qp import QP, Status, make_backend
+from wbc.qp import QP, Status, daqp_direct, make_backend
 from wbc.qp import daqp_memory as kept
 from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import DirectDaqp
+from wbc.qp.daqp_direct import DirectDaqp, direct_daqp
 from wbc.qp.kkt import MOST, PerThread, SolveCheck
 from wbc.qp.solution import RawSolution
 
@@ -82,6 +82,14 @@ def test_answers_are_those_of_daqp_to_the_bit(direct, monkeypatch) -> None:
     assert active > 100
     for ours, theirs in found:  # a later solve does not change what was answered
         assert np.array_equal(ours, theirs)
+
+
+@pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
+@pytest.mark.parametrize("place", ["_ITERATIONS", "_REDUCTION"])
+def test_settings_in_another_place_are_noticed(place, monkeypatch) -> None:
+    """Then DAQP is called through Python."""
+    monkeypatch.setattr(daqp_direct, place, 33)
+    assert not daqp_direct.direct_daqp.__wrapped__().address
 
 
 def test_threads_do_not_share_memory() -> None:

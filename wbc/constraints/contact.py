@@ -126,7 +126,7 @@ class Contact(Task):
         """
         frame, error = self.frame, np.empty(6)
         position, R = snapshot.placement(frame)
-        np.subtract(position, self.position, out=error[:3])
+        error[:3] = position - self.position
         error[3:] = log_rotation(R.dot(self.rotation.T))  # R log(R*' R), turned to world axes
         return Residual(error, snapshot.jacobian(frame), self._still)
 

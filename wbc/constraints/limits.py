@@ -182,7 +182,7 @@ class Limits:
         speed, acceleration, sides = self.speed, self.acceleration, self._sides
         if sides.dt != dt or sides.given[0] is not speed or sides.given[1] is not acceleration:
             sides = self._sides = _BothSides.of(speed, acceleration, dt)
-        reach = np.maximum(distance, 0.0)
+        reach = np.maximum(distance, sides.zero)
         if self._has_free_joints:
             np.minimum(reach, FAR, out=reach)
         most = stopping_speed(reach, sides.acceleration, dt)
@@ -197,7 +197,7 @@ class Limits:
                 most = np.maximum(np.minimum(most, change), -most[::-1])
             else:
                 # A joint that stops may start the other way in the same tick: contacts need that.
-                np.maximum(change, 0.0, out=change)
+                np.maximum(change, sides.zero, out=change)
                 change += sides.change
                 np.minimum(most, change, out=most)
         box = self._box_of_base.copy()
@@ -214,11 +214,12 @@ class _BothSides(NamedTuple):
     speed: Array
     acceleration: Array
     change: Array  # in one tick
+    zero: Array
 
     @classmethod
     def of(cls, speed: Array, acceleration: Array, dt: float) -> _BothSides:
         pairs = np.stack((speed, speed)), np.stack((acceleration, acceleration))
-        return cls((speed, acceleration), dt, *pairs, pairs[1] * dt)
+        return cls((speed, acceleration), dt, *pairs, pairs[1] * dt, np.zeros((2, speed.size)))
 
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:

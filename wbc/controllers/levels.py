@@ -93,7 +93,7 @@ class Outcome(NamedTuple):
             return self
         lower, upper, v = self.first.lower[:nv], self.first.upper[:nv], solution.x[:nv]
         excess = np.maximum(lower - v, v - upper)
-        worst = excess.argmax()
+        worst = int(excess.argmax())
         if excess.item(worst) <= TOLERANCE:  # NaN is not
             return self
         solution = replace(

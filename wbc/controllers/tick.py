@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from wbc.controllers.singular import Singularity
 from wbc.qp.conflict import irreducible
@@ -18,8 +18,7 @@ RELAX = "relax"  # the policy of a tick in which something gave way, at the torq
 ACTIVE, NEGLIGIBLE = 1e-6, 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Times:
+class Times(NamedTuple):
     """Where a tick spent its time [s]: from residuals to rows, to the QP, and in the solver."""
 
     tasks: float

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,16 +42,17 @@ class Stacked:
     def __init__(self, n: int, mi: int, me: int) -> None:
         m, every = mi + me, n + mi + me
         self.inequalities = n + mi
-        # Rows above P, and the rows' multipliers before x: one product gives the gradient.
-        self.numbers = np.zeros((every + 1) * n)
-        self._matrices, self.g = self.numbers[: every * n].reshape(every, n), self.numbers[-n:]
+        # Rows above P, and the rows' multipliers before x: one product gives the gradient. All that
+        # must be finite is side by side: b, the last of the lower ends, the matrices, g.
+        block = np.zeros((every + 1) * (n + 1) - 1)
+        self.lower, self.upper = block[:every], np.zeros(every)
+        self._matrices, self.g = block[every:-n].reshape(every, n), block[-n:]
         self.rows, self.P = self._matrices[:m], self._matrices[m:]
-        self.lower, self.upper = np.zeros((2, every))
+        self._finite = block[n + mi :]
         memory = np.zeros(every + n + m)
         self.multipliers, self._values = memory[:every], memory[every:]
         self.x, self._row_values = self._values[:n], self._values[n:]
         self.point = memory[: every + n]
-        self._b = self.upper[n + mi :]
         self._box_multipliers, self._factors = self.point[:n], self.point[n:]
         self._signed = self.multipliers[: n + mi]
         # To the lower and to the upper bounds: distances, negative outside, and the multipliers.
@@ -69,7 +70,7 @@ class Stacked:
 
     def is_finite(self) -> bool:
         """Whether all numbers but the bounds are finite, see :func:`wbc.qp.problem.is_sound`."""
-        return math.isfinite(np.vdot(self.numbers, self.numbers) + np.vdot(self._b, self._b))
+        return math.isfinite(np.vdot(self._finite, self._finite))
 
     def residuals(self) -> KktResiduals:
         """Return the residuals of ``x`` and ``multipliers``; 6 us at n = 35.
@@ -184,8 +185,7 @@ def _largest(vector: Array) -> float:
     return float(np.maximum.reduce(np.abs(vector), initial=0.0))
 
 
-@dataclass(frozen=True, slots=True)
-class SolveCheck:
+class SolveCheck(NamedTuple):
     """One call of a backend: which solver, what accuracy is promised, and when it started.
 
     ``explain``: whether rows in conflict are looked for where there is no solution.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import replace
 from math import inf
 from time import perf_counter
 from typing import NamedTuple
@@ -175,7 +174,7 @@ class ProxQP:
     ) -> Solution:
         """Solve by the active-set method."""
         exact = solver.answer(qp)
-        nearly = replace(check, eps=NEARLY * self.eps)
+        nearly = check._replace(eps=NEARLY * self.eps)
         return nearly.accept(qp, exact, attempts) or check.judge(qp, exact, attempts)
 
     def _retry(
@@ -195,10 +194,10 @@ class ProxQP:
             if settled is not None:
                 return settled
         polished = polish(qp, raw)
-        nearly = replace(check, eps=NEARLY * self.eps)
+        nearly = check._replace(eps=NEARLY * self.eps)
         return (
             check.accept(qp, polished, 4)
             or nearly.accept(qp, exact, 4)
             or nearly.accept(qp, raw, 4)
-            or replace(check, explain=False).judge(qp, polished, 4)  # refuted it was not
+            or check._replace(explain=False).judge(qp, polished, 4)  # refuted it was not
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +29,7 @@ class Status(StrEnum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, slots=True)
-class KktResiduals:
+class KktResiduals(NamedTuple):
     """Largest absolute violation of each optimality condition, in the QP's own units.
 
     ``primal``: of a row or bound. ``dual``: of P x + g + A'y + C'z + z_box = 0.

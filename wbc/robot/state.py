@@ -57,7 +57,10 @@ class KinematicState:
         if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
             whole = self._workspace().composites.whole()
             whole.setflags(write=False)
-            own["native_state"], own["_whole"] = None, whole
+            # Views are made at once: to ask for them later takes longer.
+            own["native_state"], own["_whole"], own["com"] = None, whole, whole[:3]
+            if not robot.limits.unbounded:
+                own["joint_positions"] = q[BASE_NQ:]
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here

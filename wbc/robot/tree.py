@@ -22,7 +22,7 @@ from wbc.robot.kernel_check import native_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
 UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
 # Entries of q and v beyond this are no measurement, and rounding would take over: at 1e6 m the
@@ -236,7 +236,9 @@ class KinematicTree:
             Wrong size, not finite, beyond 1e6, or a norm further than 1e-3 from 1: not rounding,
             but another order or a wrong slice.
         """
-        array = finite_array("q", q, (self.nq,), LARGEST)
+        array = plain_copy(q, (self.nq,), LARGEST)  # in every tick: no more unless it is needed
+        if array is None:
+            array = finite_array("q", q, (self.nq,), LARGEST)
         self._normalise(array)
         return array
 
@@ -248,7 +250,8 @@ class KinematicTree:
         InvalidInputError
             Wrong size, not finite, or beyond 1e6.
         """
-        return finite_array("v", v, (self.nv,), LARGEST)
+        array = plain_copy(v, (self.nv,), LARGEST)
+        return finite_array("v", v, (self.nv,), LARGEST) if array is None else array
 
     def _normalise(self, q: Array) -> None:
         """Normalise what should be of norm 1 in ``q`` and is but for rounding."""
