@@ -33,7 +33,23 @@ def started(job):
     return robot
 
 
-class Loop:
+class Stepped:
+    """What both levels' loops do in a tick, and what is measured of them."""
+
+    def com(self):
+        return self.robot.com_world()
+
+    def feet(self):
+        return np.array([self.robot.get_T_world_frame(foot)[:3, 3] for foot in self.job.feet])
+
+    def tick(self, com, rotation, k):
+        self.com_task.target_world = com
+        self.trunk.R_world_frame = rotation
+        self.solver.solve(True)  # and integrate
+        self.robot.update_kinematics()
+
+
+class Loop(Stepped):
     def __init__(self, job):
         self.job = job
         self.robot = robot = started(job)
@@ -63,18 +79,6 @@ class Loop:
         self.before = np.array(robot.state.q)
         self.most = np.array([job.velocities[name] for name in robot.joint_names()])
         self.at = [robot.get_joint_offset(name) for name in robot.joint_names()]
-
-    def tick(self, com, rotation, k):
-        self.com_task.target_world = com
-        self.trunk.R_world_frame = rotation
-        self.solver.solve(True)  # and integrate
-        self.robot.update_kinematics()
-
-    def com(self):
-        return self.robot.com_world()
-
-    def feet(self):
-        return np.array([self.robot.get_T_world_frame(foot)[:3, 3] for foot in self.job.feet])
 
     def links(self, names):
         return np.array([self.robot.get_T_world_frame(name)[:3, 3] for name in names])

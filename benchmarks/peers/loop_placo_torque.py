@@ -4,11 +4,11 @@ from importlib.metadata import version
 
 import numpy as np
 import placo
-from loop_placo import started
+from loop_placo import Stepped, started
 from serve import KP, serve
 
 
-class Loop:
+class Loop(Stepped):
     """The robot moves as it was computed to: no physics."""
 
     def __init__(self, job):
@@ -50,18 +50,6 @@ class Loop:
         size = 2.0 * (np.ptp(corners, axis=0) / 2.0 - np.abs(middle))
         contact.length, contact.width, contact.mu = float(size[0]), float(size[1]), 0.6
         contact.weight_forces = contact.weight_moments = 1e-6
-
-    def tick(self, com, rotation, k):
-        self.com_task.target_world = com
-        self.trunk.R_world_frame = rotation
-        self.solver.solve(True)  # and integrate
-        self.robot.update_kinematics()
-
-    def com(self):
-        return self.robot.com_world()
-
-    def feet(self):
-        return np.array([self.robot.get_T_world_frame(foot)[:3, 3] for foot in self.job.feet])
 
     def speed(self):
         return float(np.max(np.abs(np.array(self.robot.state.qd)[self.at]) / self.most))

@@ -155,35 +155,31 @@ class NativeMemory:
             "scratch": scratch,
             "order": order,
         }
-        self.struct = _Plan(
-            tree=tree.address,
-            block=ctypes.addressof(self.blocks),
-            blocks=len(blocks),
-            frames=len(frames),
-            costs=costs,
-            held=self.held,
-            limited=limits is not None,
-            dt=dt,
-            mass=robot.mass,
-            unit=1.0,
-        )
-        if self.forces is not None:
-            self._add_level(self.forces)
-        if margin is not None:
-            self.struct.margin = margin.address
-        for name, array in self.arrays.items():
-            setattr(self.struct, name, address(array))
-        self._settings = None
-        if solver is not None:
-            self._settings = direct_daqp().settings(solver.eps, solver.max_iterations)
-            self.struct.quadprog = direct_daqp().address
-            self.struct.settings = ctypes.addressof(self._settings)
+        counts = {"blocks": len(blocks), "frames": len(frames), "costs": costs, "held": self.held}
+        self.struct = _Plan(**counts, limited=limits is not None, dt=dt, mass=robot.mass, unit=1.0)
+        self._point(solver)
         self.q, self.v = np.zeros(robot.nq), np.zeros(robot.nv)
         function = tree.core.wbc_problem if solver is None else tree.core.wbc_tick
         self._call: Any = function
         self._plan_address = ctypes.addressof(self.struct)
         self._state_address = address(self.state)
         self._addresses = address(self.q), address(self.v)
+
+    def _point(self, solver: Daqp | None) -> None:
+        """Let the struct point at all that it needs, of both levels."""
+        struct = self.struct
+        struct.tree, struct.block = self.tree.address, ctypes.addressof(self.blocks)
+        if self.forces is not None:
+            self._add_level(self.forces)
+        if self.margin is not None:
+            struct.margin = self.margin.address
+        for name, array in self.arrays.items():
+            setattr(struct, name, address(array))
+        self._settings = None
+        if solver is not None:
+            self._settings = direct_daqp().settings(solver.eps, solver.max_iterations)
+            struct.quadprog = direct_daqp().address
+            struct.settings = ctypes.addressof(self._settings)
 
     def call(self, q: Array, v: Array, moving: bool, state: Array | None) -> tuple[int, Array]:
         """Run the core; return what it said and what it wrote.

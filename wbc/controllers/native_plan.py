@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from time import perf_counter
+from typing import TypeGuard
 
 import numpy as np
 
@@ -38,6 +39,13 @@ class NativePlan:
     """What the core needs of a controller; made anew with each plan.
 
     Its memory belongs to the controller; threads that share one take turns.
+
+    Attributes
+    ----------
+    memory:
+        What the core reads and works in.
+    margin:
+        Between the robot's bodies, kept by the core; None: none is.
     """
 
     def __init__(
@@ -57,13 +65,13 @@ class NativePlan:
         self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
         self._plan, self._parts, self._dt, self._lock = plan, parts, dt, threading.Lock()
         self._limits = _read(limits)
-        solver = backend if type(backend) is Daqp and solves(backend) else None
+        solver = backend if solves(backend) else None
         self.margin = margin
-        self._memory = NativeMemory(robot, tree, plan, parts, limits, dt, rows, margin, solver)
+        self.memory = NativeMemory(robot, tree, plan, parts, limits, dt, rows, margin, solver)
         ends = np.cumsum([0, *(len(task.rows) for task in tasks)]).tolist()
         names = [task.name for task in tasks]
         errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
-        self._layout = Layout(self._memory, errors, plan.labels[0], solver)
+        self._layout = Layout(self.memory, errors, plan.labels[0], solver)
 
     @classmethod
     def of(
@@ -110,11 +118,6 @@ class NativePlan:
     def __reduce__(self) -> tuple[object, ...]:
         return type(self).of, self._made_of  # a copy has memory of its own
 
-    @property
-    def memory(self) -> NativeMemory:
-        """What the core reads and works in."""
-        return self._memory
-
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
         known, speed, acceleration, braking = self._limits
@@ -148,7 +151,7 @@ class NativePlan:
             if not self._write(ramps):
                 return None
             called = perf_counter()
-            said, out = self._memory.call(snapshot.q, snapshot.v, snapshot.moving, state)
+            said, out = self.memory.call(snapshot.q, snapshot.v, snapshot.moving, state)
             done = perf_counter()
             if said > 0:
                 return None
@@ -156,7 +159,7 @@ class NativePlan:
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
-        forces = self._memory.forces
+        forces = self.memory.forces
         for part in self._parts:
             task = part.task
             if task._changes != part.changes or task._assigned != part.assigned:
@@ -167,7 +170,7 @@ class NativePlan:
         return forces is None or forces.write(ramps)
 
 
-def solves(backend: Backend) -> bool:
+def solves(backend: Backend | None) -> TypeGuard[Daqp]:
     """Whether the core can call a solver itself."""
     return type(backend) is Daqp and bool(direct_daqp().address)
 

@@ -17,7 +17,8 @@ from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
 from wbc.qp.daqp import Daqp
-from wbc.qp.native_daqp import is_accurate, solution_of
+from wbc.qp.kkt import is_accurate
+from wbc.qp.native_daqp import solution_of
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution
 from wbc.validate import Array, read_only

@@ -228,34 +228,10 @@ def assemble(
     if n > nv:
         lower = np.concatenate((lower, decision.lower))
         upper = np.concatenate((upper, decision.upper))
-    matrices, targets, weights, curved, single = [], [], [], [], []
-    damping: float | Array = 0.0
-    width = nv
-    for rows in costs:
-        damping = damping + rows.damping  # not in place: a law's array is the law's
-        if rows.curvature is not None:
-            curved.append(rows.curvature)
-        if rows.columns is not None:
-            single.append(rows)
-            continue
-        width = max(width, rows.matrix.shape[1])
-        matrices.append(rows.matrix)
-        targets.append(rows.target)
-        weights.append(rows.weight)
-    # Weighted and stacked first: one product is cheaper than one per task. Columns that no row has
-    # are not multiplied, nor are rows of the identity.
-    P, g = _squared(matrices, targets, weights, width)
-    diagonal = P.reshape(-1)[:: width + 1]
-    for rows in single:
-        square = rows.weight * rows.weight
-        diagonal[rows.columns] += square
-        square *= rows.target
-        g[rows.columns] -= square
-    if curved:
-        P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
-    if width < n:
+    P, g, damping = _cost(costs, nv)
+    if g.size < n:
         P, g = _widened(P, g, n)
-        diagonal = P.reshape(-1)[:: n + 1]
+    diagonal = P.reshape(-1)[:: n + 1]
     diagonal += decision.damping
     diagonal[:nv] += damping
     none = decision.no_rows
@@ -277,18 +253,44 @@ def assemble(
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
 
 
-def _squared(
-    matrices: list[Array], targets: list[Array], weights: list[Array], width: int
-) -> tuple[Array, Array]:
-    """Return the cost of rows met in the weighted least-squares sense."""
-    if not matrices:
-        return np.zeros((width, width)), np.zeros(width)
-    J, square = stacked(matrices, width), np.concatenate(weights)
-    square *= square
-    weighted = square[:, None] * J
-    g: Array = np.concatenate(targets).dot(weighted)
-    # Not the product of an array with itself: NumPy takes twice as long for one that small.
-    return J.T.dot(weighted), np.negative(g, out=g)
+def _cost(costs: Sequence[Rows], nv: int) -> tuple[Array, Array, float | Array]:
+    """Return P, g and the damping on v+ of rows met in the weighted least-squares sense.
+
+    P and g have the columns of v+ and those behind it that any row has.
+    """
+    matrices, targets, weights, curved, single = [], [], [], [], []
+    damping: float | Array = 0.0
+    width = nv
+    for rows in costs:
+        damping = damping + rows.damping  # not in place: a law's array is the law's
+        if rows.curvature is not None:
+            curved.append(rows.curvature)
+        if rows.columns is not None:
+            single.append(rows)
+            continue
+        width = max(width, rows.matrix.shape[1])
+        matrices.append(rows.matrix)
+        targets.append(rows.target)
+        weights.append(rows.weight)
+    if matrices:  # stacked: one product is cheaper than one per task
+        J, square = stacked(matrices, width), np.concatenate(weights)
+        square *= square
+        weighted = square[:, None] * J
+        # Not the product of an array with itself: NumPy takes twice as long for one that small.
+        P = J.T.dot(weighted)
+        g = np.concatenate(targets).dot(weighted)
+        np.negative(g, out=g)
+    else:
+        P, g = np.zeros((width, width)), np.zeros(width)
+    diagonal = P.reshape(-1)[:: width + 1]
+    for rows in single:  # of the identity
+        square = rows.weight * rows.weight
+        diagonal[rows.columns] += square
+        square *= rows.target
+        g[rows.columns] -= square
+    if curved:
+        P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
+    return P, g, damping
 
 
 def _widened(P: Array, g: Array, n: int) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -126,6 +127,12 @@ def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResi
     return stacked.residuals()
 
 
+def is_accurate(residuals: Sequence[float], eps: float) -> bool:
+    """Whether the three residuals that ``residuals`` begins with are below ``eps``; NaN is not."""
+    primal, dual, complementarity, *_ = residuals
+    return primal <= eps and dual <= eps and complementarity <= eps
+
+
 def acceptable(
     residuals: KktResiduals, eps: float, qp: QP, x: Array, y: Array, z: Array, z_box: Array
 ) -> bool:
@@ -137,7 +144,7 @@ def acceptable(
     is only made when the plain one fails.
     """
     r = residuals
-    if r.primal <= eps and r.dual <= eps and r.complementarity <= eps:  # NaN is not
+    if is_accurate(r, eps):
         return True
     primal, dual = reference_magnitudes(qp, x, y, z, z_box)
     cost = 1.0 + abs(float(x @ qp.P @ x)) + abs(float(qp.g @ x))
@@ -203,8 +210,8 @@ class SolveCheck(NamedTuple):
 
         x and multipliers are copies of those in ``qp``, which is solved again.
         """
-        r, eps = qp.residuals(), self.eps
-        if not (r.primal <= eps and r.dual <= eps and r.complementarity <= eps):  # NaN is not
+        residuals = qp.residuals()
+        if not is_accurate(residuals, self.eps):
             return None
         n, equalities = x.size, qp.inequalities
         return Solution(
@@ -213,7 +220,7 @@ class SolveCheck(NamedTuple):
             multipliers[n:equalities],
             multipliers[:n],
             Status.SOLVED,
-            r,
+            residuals,
             iterations,
             perf_counter() - self.started,
             self.solver,
@@ -222,11 +229,10 @@ class SolveCheck(NamedTuple):
     def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the solution when its KKT residuals are small, else None."""
         x, y, z, z_box = raw.x, raw.y, raw.z, raw.z_box
-        r, eps = kkt_residuals(qp, x, y, z, z_box), self.eps
-        small = r.primal <= eps and r.dual <= eps and r.complementarity <= eps  # NaN is not
-        if not (small or acceptable(r, eps, qp, x, y, z, z_box)):
+        residuals, eps = kkt_residuals(qp, x, y, z, z_box), self.eps
+        if not (is_accurate(residuals, eps) or acceptable(residuals, eps, qp, x, y, z, z_box)):
             return None
-        return self._solution(raw, Status.SOLVED, r, attempts)
+        return self._solution(raw, Status.SOLVED, residuals, attempts)
 
     def refute(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the "infeasible" verdict, with the rows in conflict, when a certificate exists.

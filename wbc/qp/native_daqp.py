@@ -7,13 +7,14 @@ answers with a solution whose residuals are small, or leaves the QP to the path 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from time import perf_counter
 
 import numpy as np
 
 from wbc.native import Core, address
 from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.kkt import is_accurate
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, Solution, Status
 from wbc.validate import Array
@@ -78,12 +79,6 @@ def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
     left = n - k
     numbers = k * (n + 1 + k) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
     return numbers, 2 * n + m + k
-
-
-def is_accurate(found: Sequence[float], eps: float) -> bool:
-    """Whether the three residuals that ``found`` begins with are below ``eps``; NaN is not."""
-    primal, dual, complementarity, *_ = found
-    return primal <= eps and dual <= eps and complementarity <= eps
 
 
 def solution_of(parts: Iterable[Array], found: Array, spent: float, name: str) -> Solution:

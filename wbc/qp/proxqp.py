@@ -56,8 +56,7 @@ class ProxQP:
     is dropped, so a failure cannot affect the next tick. Where ProxQP ran into its cap, the next
     QPs of that name go to the active-set method first, then to step (3) if it calls them
     infeasible, until both fail (``quick``: for good): what stalls once, stalls in every tick, for
-    milliseconds each.
-    Between calls nothing is kept but that and the warm start.
+    milliseconds each. Between calls nothing is kept but that and the warm start.
 
     Parameters
     ----------
