@@ -24,7 +24,7 @@ from random_ticks import SUPPORTS, inside, random_tasks
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel
 from wbc.tasks import PositionTask, PostureTask
 
@@ -58,13 +58,18 @@ class Record:
         )
 
 
+def clearances(margins: SelfCollision, snapshot: Snapshot) -> np.ndarray:
+    """Return how far each pair is outside its margin [m]; some stand nearer and keep less."""
+    return margins.model.nearest(snapshot).distance - margins.margins
+
+
 def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator) -> np.ndarray:
     """Return a random posture in which no pair is inside its margin."""
     scale = 0.3
     while True:
         step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
         q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
-        if margins.model.nearest(robot.snapshot(q)).distance.min() > MARGIN:
+        if clearances(margins, robot.snapshot(q)).min() > 0.0:
             return q
         scale *= 0.9
 
@@ -106,9 +111,9 @@ def episode(
         record.hardest = max(record.hardest, change)
         v = tick.velocity
         q = robot.integrate(q, v, DT)
-        found = margins.model.nearest(robot.snapshot(q))
-        k = int(found.distance.argmin())
-        broken = MARGIN - float(found.distance[k])
+        clearance = clearances(margins, robot.snapshot(q))
+        k = int(clearance.argmin())
+        broken = -float(clearance[k])
         record.near += broken > -1e-3
         if broken > max(record.broken, 1e-5) and len(record.examples) < 5:
             record.examples.append(f"{margins.model.labels[k]}: {broken * 1e3:.4f} mm inside")
@@ -241,7 +246,7 @@ def pressed(solver: str) -> None:
         recent = np.cumsum(np.vstack((np.zeros_like(rates[:1]), turns)), axis=0)
         trembles = int((recent[10:] - recent[:-10] > 1).any(axis=1).sum())
         late = float(np.abs(rates[-300:]).max())
-        gap = margins.model.nearest(robot.snapshot(q)).distance.min() - MARGIN
+        gap = clearances(margins, robot.snapshot(q)).min()
         print(
             f"{name:8s} {int(turns.sum())} of {turns.shape[1]} joints, {trembles} ticks with two "
             f"turns within 10; largest late speed {late:.1e} rad/s, "

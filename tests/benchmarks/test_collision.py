@@ -1,0 +1,25 @@
+"""The benchmark of margins: where pairs that stand near keep less than the others."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from wbc.constraints import Limits, SelfCollision
+from wbc.robot import Robot
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import collision
+
+
+def test_an_episode_begins_outside_all_margins_and_keeps_them() -> None:
+    robot = Robot.load("hoap2_like")
+    limits = Limits(robot)
+    margins = SelfCollision(robot, margin=collision.MARGIN, pairs=collision.PAIRS, limits=limits)
+    assert margins.margins.min() < collision.MARGIN  # what once made it search for ever
+    rng, record = np.random.default_rng(0), collision.Record()
+    q = collision.clear_posture(robot, margins, rng)
+    assert (margins.model.nearest(robot.snapshot(q)).distance > margins.margins).all()
+    collision.episode(robot, margins, limits, "double", rng, "daqp", record)
+    assert record.ticks == collision.EPISODE and set(record.statuses) == {"solved"}
+    assert record.broken < 1e-6
