@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from wbc.constraints import Limits, SelfCollision
 from wbc.robot import Robot
@@ -12,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import collision
 
 
+@pytest.mark.slow
 def test_an_episode_begins_outside_all_margins_and_keeps_them() -> None:
     robot = Robot.load("hoap2_like")
     limits = Limits(robot)
