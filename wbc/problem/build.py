@@ -47,14 +47,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         With every mistake found, each with its line and key path.
     """
     mistakes = Mistakes(source)
-    robot_spec = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
-    robot = mistakes.require(("robot",), partial(robot_spec.load, folder))
-    spec.start.check(robot, mistakes)
-    mistakes.raise_any()
-    q = robot.posture(spec.start.posture, spec.start.joints)
-    if spec.ground_height is not None and not robot.fixed_base:
-        q = turned_with(q, spec.simulation.ground().normal)
-    start = robot.snapshot(q, np.zeros(robot.nv))
+    start = _start(spec, folder, mistakes)
+    robot = start.robot
     built = dict[str, TargetedTask]()
     for name, task in spec.tasks.items():
         with mistakes.at("tasks", name):
@@ -96,23 +90,40 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         contact_slack=slack_by_frame(supports),
         plan=reference,
     )
+    _check_parts(spec, parts, start, mistakes)
+    return parts
+
+
+def _start(spec: ProblemSpec, folder: Path, mistakes: Mistakes) -> Snapshot:
+    """Return the robot where it begins."""
+    robot_spec = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
+    robot = mistakes.require(("robot",), partial(robot_spec.load, folder))
+    spec.start.check(robot, mistakes)
+    mistakes.raise_any()
+    q = robot.posture(spec.start.posture, spec.start.joints)
+    if spec.ground_height is not None and not robot.fixed_base:
+        q = turned_with(q, spec.simulation.ground().normal)
+    return robot.snapshot(q, np.zeros(robot.nv))
+
+
+def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mistakes) -> None:
+    """Find the mistakes that only the parts together show: make what they are for, once."""
     if spec.controller.level == TORQUE:
         feet, duration = held_feet(parts.contacts), spec.whole_stop.duration
         spec.simulation.check(start, feet, spec.controller.dt, duration, mistakes)
-    for name, one in around.constraints.items():  # what stands is now known
+    for name, one in parts.surroundings.constraints.items():  # what stands is now known
         with mistakes.at("constraints", name):
             check_outside(one.during(start, parts.contacts), start)
     mistakes.raise_any()
     if isinstance(spec, WalkSpec):
-        spec.gait.check(robot, spec.whole_stop.duration, mistakes)
+        spec.gait.check(parts.robot, spec.whole_stop.duration, mistakes)
         mistakes.require(("gait",), partial(walker_of, spec, parts))
-        return parts
+        return
     make = partial(parts.controller, spec.controller, parts.tasks, parts.contacts, start)
     mistakes.require(("controller",), make)
     if isinstance(spec.controller, GlobalSpec):
         search = partial(global_shaping, parts, spec, spec.controller)
         mistakes.require(("controller",), search)
-    return parts
 
 
 def check_outside(constraint: Constraint | None, start: Snapshot) -> None:
