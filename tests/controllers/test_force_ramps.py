@@ -237,6 +237,12 @@ def test_a_contact_with_slack_is_not_left_out_alone(robot_named: Load) -> None:
     with pytest.raises(UnknownNameError, match="left_sole"):
         controller.set_contacts(wbc.support(here, "right"))
     controller.change(contacts=wbc.support(here, "right"), slack={})
+    for k in range(TICKS + 2):
+        tick = controller.step(here)
+        going = "left_sole" in tick.forces
+        assert going == ("left_sole" in tick.ramps) == (k + 1 < TICKS)
+        hard = {name.split()[0] for name in tick.qp.labels.equality}
+        assert "right_sole" in hard and "left_sole" not in hard, "it leaves as soft as it was"
     for _ in range(30):  # beyond the ramp of 50 ms
         tick = controller.step(here)
     assert set(tick.forces) == {"right_sole"}

@@ -210,8 +210,19 @@ def test_margins_are_added_to_the_cores_qp(solver: str, native) -> None:
     assert held > 5
 
 
-def test_what_cannot_be_kept_is_relaxed_in_python(native) -> None:
-    """Rushing joints: the core finds no solution, and the tick gives way as it would without."""
+def test_what_cannot_be_kept_is_relaxed_in_python(native, monkeypatch) -> None:
+    """Rushing joints: the core finds no solution, and the tick gives way as it would without.
+
+    Two QPs are solved, as without: the one that has no solution, once more, and the relaxed one.
+    """
+    asked: list[int] = []
+    solve = Daqp.solve
+
+    def counted(self, qp, *args, **options):
+        asked.append(qp.g.size)
+        return solve(self, qp, *args, **options)
+
+    monkeypatch.setattr(Daqp, "solve", counted)
     robot = native("g1_27")
     here = robot.snapshot(robot.posture("standing"))
     rng = np.random.default_rng(5)
@@ -219,8 +230,12 @@ def test_what_cannot_be_kept_is_relaxed_in_python(native) -> None:
     relaxed = 0
     for _ in range(5):
         rushing = robot.snapshot(here.q, 20.0 * rng.normal(size=robot.nv))
-        fast, plain = controller.step(rushing), Controller._step(controller, rushing)
+        asked.clear()
+        fast = controller.step(rushing)
+        core = list(asked)
+        plain = Controller._step(controller, rushing)
         assert fast.policy == plain.policy
+        assert core == asked[len(core) :] and len(core) == 2 and core[1] > core[0]
         np.testing.assert_array_equal(fast.torque, plain.torque)
         relaxed += fast.policy == "relax"
     assert relaxed == 5

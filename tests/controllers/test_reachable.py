@@ -5,8 +5,6 @@ from collections.abc import Callable
 import numpy as np
 
 from wbc.constraints.rows import Bounds
-from wbc.controllers.levels import LevelProblem
-from wbc.controllers.plan import NO_PHYSICS
 from wbc.controllers.reachable import BRAKING, MARGIN_BRAKING, reachable_limits, reachable_rows
 from wbc.laws import Rows
 from wbc.robot import Robot
@@ -18,17 +16,15 @@ def test_boxes_hold_what_braking_can_reach(robot_named: Callable[[str], Robot]) 
     robot = robot_named("hoap2_like")
     v = np.zeros(robot.nv)
     v[6], v[7] = 3.0, -0.01
-    here = robot.snapshot(robot.posture("standing"), v)
     box = np.full(robot.nv, -0.5), np.full(robot.nv, 0.5)
     recovery = Rows(np.eye(2, robot.nv, 6), np.array([-1.0, -0.02]), np.ones(2))
     acceleration = np.full(robot.nv - 6, 10.0)
-    problem = LevelProblem(here, [], [], NO_PHYSICS, box, recovery)
-    found = reachable_limits(problem, acceleration, DT)
+    (lower, upper), found = reachable_limits(box, recovery, v, acceleration, DT)
     step = BRAKING * 10.0 * DT
-    assert found.box[1][6] == 3.0 - step  # braked as hard as it can be
-    assert found.box[1][7] == 0.5 and found.box[0][7] == -0.5  # nothing to brake
-    assert found.recovery is not None
-    np.testing.assert_allclose(found.recovery.target, [3.0 - step, -0.02])
+    assert upper[6] == 3.0 - step  # braked as hard as it can be
+    assert upper[7] == 0.5 and lower[7] == -0.5  # nothing to brake
+    assert found is not None
+    np.testing.assert_allclose(found.target, [3.0 - step, -0.02])
 
 
 def test_margins_ask_for_what_braking_can_reach() -> None:

@@ -131,7 +131,7 @@ def test_nan_from_the_solver_never_leaves_as_solved(ticks, monkeypatch):
 
 
 def test_where_it_stalls_the_active_set_method_comes_first(ticks, monkeypatch):
-    """What stalls once would stall in every tick: ProxQP is not asked again until DAQP fails."""
+    """What stalls once would stall in every tick: ProxQP is not asked, unless DAQP fails."""
     qps = list(ticks(seed=4, count=4, mi=25))
     backend = ProxQP(max_iterations=1)
     assert backend.solve(qps[0]).attempts == 2
@@ -139,7 +139,7 @@ def test_where_it_stalls_the_active_set_method_comes_first(ticks, monkeypatch):
     honest = Workspace.solve_cold
     monkeypatch.setattr(Workspace, "solve_cold", lambda self: solves.append(1) or honest(self))
     for qp in qps[1:3]:
-        assert backend.solve(qp).solved
+        assert backend.solve(qp).solver == "daqp"
         np.testing.assert_allclose(backend.solve(qp).x, make_backend("daqp").solve(qp).x, atol=1e-6)
     assert not solves
     assert backend.solve(qps[1], workspace="another").solved
@@ -197,11 +197,30 @@ def test_in_bounded_time_what_stalls_is_left_to_the_active_set_method(ticks, mon
     assert solves == ["solve_cold"]
 
 
+@pytest.mark.parametrize("quick", [True, False])
+def test_what_stalled_is_tried_again_after_pauses_twice_as_long(ticks, monkeypatch, quick):
+    monkeypatch.setattr("wbc.qp.proxqp.PAUSE", 3)
+    monkeypatch.setattr("wbc.qp.proxqp.LONGEST_PAUSE", 6)
+    solves, backend = _counted(monkeypatch), ProxQP(max_iterations=1)
+    first = next(iter(ticks(seed=4, count=1, mi=25)))
+    asked = []
+    for _ in range(20):
+        solves.clear()
+        solution = backend.solve(first, quick=quick)
+        assert solution.solved and solution.solver == "daqp"
+        asked.append(bool(solves))
+    assert [k for k, one in enumerate(asked) if one] == [0, 4, 11, 18]
+    backend.max_iterations = 20
+    answers = [backend.solve(first, quick=quick).solver for _ in range(8)]
+    assert answers == ["daqp"] * 5 + ["proxqp"] * 3, "it answers again, and says so"
+
+
 def test_an_active_set_method_saves_a_tick(ticks):
     qp = next(iter(ticks(seed=4, count=1)))
     solution = ProxQP(max_iterations=1).solve(qp)
     assert solution.solved
     assert solution.attempts == 2
+    assert solution.solver == "daqp", "it says who answered"
     np.testing.assert_allclose(solution.x, ProxQP().solve(qp).x, atol=1e-7)
 
 

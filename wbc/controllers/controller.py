@@ -23,8 +23,8 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
-from wbc.controllers.levels import LevelProblem, LevelSolver, Outcome
-from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
+from wbc.controllers.levels import Box, LevelProblem, LevelSolver, Outcome
+from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
 from wbc.controllers.parts import (
     check_list,
     check_parts,
@@ -37,12 +37,11 @@ from wbc.controllers.parts import (
 )
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
-from wbc.controllers.slack import Slacks, slacks_of
+from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
-from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
@@ -99,6 +98,7 @@ class Controller(ABC):
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
+    _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
 
     def __repr__(self) -> str:
         counts = f"{len(self.tasks)} tasks, {len(self.contacts)} contacts"
@@ -187,8 +187,8 @@ class Controller(ABC):
             verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
 
-    def _step(self, snapshot: Snapshot) -> Tick:
-        """Return the command: the tick, from top to bottom."""
+    def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
+        """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
         start = perf_counter()
         # Goals: rows of tasks, then of contacts that may give way.
         residuals, rows, reduce = [], [], False
@@ -209,16 +209,14 @@ class Controller(ABC):
         if reduce:
             rows, singular = self._solver.reduce_singular(rows, contacts, level=0)
         # Safe: limits as a box, margins as rows.
-        box, recovery = self._no_box, None
-        if self.limits is not None:
-            box, recovery = self.limits.box_and_recovery(snapshot, self.dt)
+        box, recovery = self._limits_at(snapshot)
         problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery)
         margins = None
-        if self.constraints:
+        if self.constraints and tried is None:
             margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
         ready = perf_counter()
-        outcome, step_scale = self._solve(problem, margins)
-        tick = self._tick(snapshot, physics, residuals, outcome, step_scale, singular, start, ready)
+        outcome, _, scale = self._settle(problem, tried or self._attempt(problem, margins))
+        tick = self._tick(snapshot, physics, residuals, outcome, scale, singular, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
@@ -258,13 +256,21 @@ class Controller(ABC):
         """Return what ties the unknowns behind v+ to it."""
         return NO_PHYSICS
 
-    def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
-        """Return the optimum, and the part of it that is safe to command."""
-        if margins is None:
-            return self._solver.solve(problem).within_limits(self.plan.decision.names), 1.0
+    def _limits_at(self, snapshot: Snapshot) -> tuple[Box, Rows | None]:
+        """Return the bounds on v+, and rows that move joints back into range, or None."""
+        if self.limits is None:
+            return self._no_box, None
+        return self.limits.box_and_recovery(snapshot, self.dt)
+
+    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
+        """Return the optimum with everything kept, if there is one."""
         solve = partial(self._solver.solve, problem)
-        outcome, step_scale = solve_with_look_ahead(solve, margins, problem.contacts)
-        return outcome.within_limits(self.plan.decision.names), step_scale
+        found = solve_with_look_ahead(solve, margins, problem.contacts)
+        return found.within_limits(self.plan.decision.names)
+
+    def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
+        """Return what is best if nothing keeps everything."""
+        return attempt
 
     # ------------------------------------------------------------------ parts of the tick
 
@@ -274,7 +280,7 @@ class Controller(ABC):
         self.contacts = contacts
         self._verified = False
         self._reports_residual = [type(task).deviation is Task.deviation for task in self._motion]
-        self.slacks = Slacks(self._slack, contacts, self.constraints)
+        self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         self.plan = Plan.of(
             self._decision(),
             self._motion,
@@ -339,12 +345,6 @@ class Controller(ABC):
             singular=singular | outcome.singular,
         )
 
+    @abstractmethod
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the command of the declared policy, within the limits' box, and what it misses."""
-        nv = self.robot.nv
-        if self.on_failure == "closest":
-            found = least_infeasible(outcome.first)
-            return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
-        if self.on_failure == "damp":
-            return np.clip(0.5 * snapshot.v, *outcome.box), {}
-        return np.zeros(nv), {}

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from wbc.constraints.collision import SelfCollision
-from wbc.controllers.levels import LevelProblem, Outcome
-from wbc.controllers.look_ahead import MarginRows
+from wbc.controllers.levels import Outcome
 from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
 from wbc.controllers.plan import NO_PHYSICS, Physics
+from wbc.controllers.slack import slacks_of
 from wbc.controllers.tick import Tick
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
+from wbc.qp.least_infeasible import least_infeasible
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
-from wbc.validate import read_only
+from wbc.validate import Array, read_only
 
 
 class KinematicController(NativeController):
@@ -41,5 +44,11 @@ class KinematicController(NativeController):
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         return NO_PHYSICS
 
-    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
-        return self._solve(problem, margins)
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
+        nv = self.robot.nv
+        if self.on_failure == "closest":
+            found = least_infeasible(outcome.first)
+            return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
+        if self.on_failure == "damp":
+            return np.clip(0.5 * snapshot.v, *outcome.box), {}
+        return np.zeros(nv), {}

@@ -25,7 +25,7 @@ ROUNDS = 1
 SCALES = (1.0, 0.25, 0.0625)
 
 Box = tuple[Array, Array]
-Solve = Callable[[Bounds, Box | None], Outcome]
+Solve = Callable[[Bounds | None, Box | None], Outcome]
 
 
 class MarginRows(NamedTuple):
@@ -79,9 +79,29 @@ class MarginRows(NamedTuple):
                 yield cut
 
 
+class Attempt(NamedTuple):
+    """What came of a tick's QP with everything kept.
+
+    Attributes
+    ----------
+    rows:
+        Of the margins in it, cutting planes too.
+    step_scale:
+        The part of the solution that is safe to command.
+    """
+
+    outcome: Outcome
+    rows: list[Bounds]
+    step_scale: float = 1.0
+
+    def within_limits(self, names: Sequence[str]) -> Attempt:
+        """Refuse a solution outside the limits; see :meth:`Outcome.within_limits`."""
+        return self._replace(outcome=self.outcome.within_limits(names))
+
+
 def solve_with_look_ahead(
-    solve: Solve, margins: MarginRows, held: Sequence[Rows]
-) -> tuple[Outcome, float]:
+    solve: Solve, margins: MarginRows | None, held: Sequence[Rows]
+) -> Attempt:
     """Return the outcome with margins kept where it leads, and the part of it to command.
 
     Parameters
@@ -91,10 +111,12 @@ def solve_with_look_ahead(
     held:
         Rows of the contacts: if a QP has no solution, margins are relaxed by what these need.
     """
+    if margins is None:
+        return Attempt(solve(None, None), [])
     outcome, rows, kept = solve_with_cuts(solve, margins)
     if not outcome.solved:
-        return solve(relax_for_contacts(stack(rows), held), outcome.box), 1.0
-    return outcome, 1.0 if kept else margins.step_scale(outcome.velocity)
+        return Attempt(solve(relax_for_contacts(stack(rows), held), outcome.box), rows)
+    return Attempt(outcome, rows, 1.0 if kept else margins.step_scale(outcome.velocity))
 
 
 def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bounds], bool]:

@@ -8,8 +8,8 @@ from typing import Any
 
 from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
-from wbc.controllers.levels import LevelProblem, Outcome
-from wbc.controllers.look_ahead import MarginRows
+from wbc.controllers.levels import LevelProblem
+from wbc.controllers.look_ahead import Attempt, MarginRows
 from wbc.controllers.native_margin import only_self_collision
 from wbc.controllers.native_plan import NativePlan, solves
 from wbc.controllers.native_problem import NativeProblem
@@ -32,17 +32,22 @@ class NativeController(Controller):
         """What the core computes plain ticks by; None: all are computed in Python."""
         return self._native
 
-    def _step(self, snapshot: Snapshot) -> Tick:
+    def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command; what the core does not know goes through the Python tick."""
         plan = self._native
         if plan is not None and plan.serves(self.limits, self.dt):
-            tick = self._native_step(plan, snapshot)
-            if tick is not None:
-                return tick
-        return super()._step(snapshot)
+            found = self._native_step(plan, snapshot)
+            if isinstance(found, Tick):
+                return found
+            tried = found
+        return super()._step(snapshot, tried)
 
-    def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | None:
-        """Return the command of a plain tick; None: not plain, or without a solution."""
+    def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | Attempt | None:
+        """Return the command of a plain tick; None: not plain, or without a solution.
+
+        Where a level relaxes what has no solution, its failed attempt: the same QP, to rounding,
+        need not be solved again before.
+        """
         start = perf_counter()
         if self.constraints and plan.margin is None and snapshot.native_state is None:
             return None  # margins look at it too
@@ -64,9 +69,10 @@ class NativeController(Controller):
         if self.constraints:
             margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
         ready = perf_counter()
-        outcome, step_scale = self._attempt(problem, margins)
+        attempt = self._attempt(problem, margins)
+        outcome, _, step_scale = attempt
         if not outcome.solved:  # the Python tick finds out why, and what is best then
-            return None
+            return attempt if self._relaxes else None
         residuals = [found.residual(name) for name in found.errors]
         return self._tick(snapshot, physics, residuals, outcome, step_scale, {}, start, ready)
 
@@ -113,7 +119,3 @@ class NativeController(Controller):
     @abstractmethod
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         """Return what ties the unknowns behind v+ to it."""
-
-    @abstractmethod
-    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
-        """Return the optimum if there is one with all kept, and the part that is safe."""

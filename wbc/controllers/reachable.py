@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.constraints.rows import Bounds
-from wbc.controllers.levels import LevelProblem
+from wbc.controllers.levels import Box
+from wbc.laws import Rows
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
@@ -21,24 +22,24 @@ BRAKING = 2.0
 MARGIN_BRAKING = 20.0
 
 
-def reachable_limits(problem: LevelProblem, acceleration: Array, dt: float) -> LevelProblem:
-    """Return the problem with its box and recovery within reach of the velocity now.
+def reachable_limits(
+    box: Box, recovery: Rows | None, v: Array, acceleration: Array, dt: float
+) -> tuple[Box, Rows | None]:
+    """Return bounds on v+, and what moves joints back into range, within reach of v (nv,) now.
 
     Parameters
     ----------
     acceleration:
         (nv - 6,) that the limits count on [rad/s^2 or m/s^2].
     """
-    v = problem.snapshot.v
     joints, change = v[BASE_NV:], acceleration * (BRAKING * dt)
-    recovery = problem.recovery
     if recovery is not None:
         now, step = recovery.matrix @ v, np.abs(recovery.matrix[:, BASE_NV:]) @ change
         recovery = recovery._replace(target=np.clip(recovery.target, now - step, now + step))
-    lower, upper = problem.box[0].copy(), problem.box[1].copy()
+    lower, upper = box[0].copy(), box[1].copy()
     np.minimum(lower[BASE_NV:], joints + change, out=lower[BASE_NV:])
     np.maximum(upper[BASE_NV:], joints - change, out=upper[BASE_NV:])
-    return problem._replace(box=(lower, upper), recovery=recovery)
+    return (lower, upper), recovery
 
 
 def reachable_rows(bounds: Bounds, v: Array, dt: float) -> Bounds:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from wbc.validate import Array, finite_number
 SLACK_OF = "slack of "
 # A slack below this [m/s] is what solvers leave.
 NEGLIGIBLE = 1e-7
+NO_SLACK: Mapping[str, float] = MappingProxyType({})
 
 
 class Slacks:
@@ -30,6 +32,8 @@ class Slacks:
     ----------
     weights:
         Of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
+    going:
+        The same of contacts that are leaving, and are soft until they have left.
 
     Raises
     ------
@@ -44,6 +48,7 @@ class Slacks:
         weights: Mapping[str, float],
         contacts: Sequence[Task],
         constraints: Sequence[Constraint],
+        going: Mapping[str, float] = NO_SLACK,
     ) -> None:
         if not isinstance(weights, Mapping):
             raise InvalidInputError(f"controller, slack: expected weights by name, got {weights!r}")
@@ -51,14 +56,15 @@ class Slacks:
         for name in weights:
             if name not in known:
                 raise UnknownNameError("contact or constraint", name, known)
-        self._weights = {
+        own = {
             name: finite_number(f"controller, slack of {name!r}", weight, above=0.0)
             for name, weight in weights.items()
         }
+        self.weights: Mapping[str, float] = {**going, **own}
 
     def is_hard(self, name: str) -> bool:
         """Whether a contact or constraint may not give way."""
-        return name not in self._weights
+        return name not in self.weights
 
     def split(self, contacts: Sequence[Task]) -> tuple[tuple[Task, ...], tuple[Task, ...]]:
         """Return the hard contacts and the soft ones."""
@@ -67,7 +73,7 @@ class Slacks:
 
     def cost(self, contact: Task, rows: Rows) -> Rows:
         """Return the rows of a soft contact as a cost."""
-        return rows._replace(weight=np.sqrt(self._weights[contact.name]) * rows.weight)
+        return rows._replace(weight=np.sqrt(self.weights[contact.name]) * rows.weight)
 
     def soften(self, constraint: Constraint, bounds: Bounds) -> Bounds:
         """Return a constraint's rows with their slack weights, if it is soft.
@@ -76,7 +82,7 @@ class Slacks:
         """
         if self.is_hard(constraint.name):
             return bounds
-        weight = self._weights[constraint.name]
+        weight = self.weights[constraint.name]
         return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)
 
 

@@ -25,8 +25,8 @@ from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.effort_bounds import effort_bounds, limits_within
 from wbc.controllers.force_ramps import ForceRamps, ticks_of
 from wbc.controllers.joint_weights import JointWeights
-from wbc.controllers.levels import LevelProblem, Outcome
-from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
+from wbc.controllers.levels import Box, LevelProblem, Outcome
+from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_cuts
 from wbc.controllers.native_forces import TorqueRows
 from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_problem import NativeProblem
@@ -142,10 +142,10 @@ class TorqueController(NativeController):
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
 
         The largest normal force of a contact that is new grows from 0; that of one that is left
-        out shrinks from what it bears, and only then it is dropped: until then it is held, and
-        ``tick.ramps`` says so. Contacts with friction that were not there in the last tick are new;
-        grips and other free forces come and go at once, and so does all before the first tick.
-        Solvers keep their warm starts for each set of contacts.
+        out shrinks from what it bears, and only then it is dropped: until then it is held, with the
+        slack that it had, and ``tick.ramps`` says so. Contacts with friction that were not there in
+        the last tick are new; grips and other free forces come and go at once, and so does all
+        before the first tick. Solvers keep their warm starts for each set of contacts.
 
         Parameters
         ----------
@@ -163,12 +163,14 @@ class TorqueController(NativeController):
         Slacks(self._slack, mechanics_of(self.robot, contacts), self.constraints)  # refuses names
         self._plan(self._next_contacts(tuple(contacts), ramp))
 
-    def _step(self, snapshot: Snapshot) -> Tick:
+    def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command: the tick of every controller, once what has gone is dropped."""
         gone = self._ramps.advance()
         if gone:
-            self._plan(tuple(one for one in self.contacts if one.name not in gone))
-        return super()._step(snapshot)
+            left = tuple(one for one in self.contacts if one.name not in gone)
+            self._keep_slack([one for one in left if one.name in self._going_slack])
+            self._plan(left)
+        return super()._step(snapshot, tried)
 
     # ------------------------------------------------------------------ what the level says
 
@@ -178,7 +180,14 @@ class TorqueController(NativeController):
         ramp = self.force_ramp if ramp is None else finite_number("contacts, ramp", ramp, least=0.0)
         loads = {} if self._last is None else self._last.normal_forces()
         held = self.contacts if self._last is not None else wanted
-        return self._ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
+        changed = self._ramps.change(held, wanted, loads, ticks_of(ramp, self.dt))
+        self._keep_slack(changed[len(wanted) :])
+        return changed
+
+    def _keep_slack(self, going: Sequence[Task]) -> None:
+        """Let contacts that are leaving stay as soft as they were."""
+        names, weights = {one.name for one in going}, self.slacks.weights
+        self._going_slack = {name: weights[name] for name in names & weights.keys()}
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         drift = task.drift(snapshot)
@@ -264,30 +273,27 @@ class TorqueController(NativeController):
 
     # ------------------------------------------------------------------ parts of the tick
 
-    def _solve(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
-        if self.limits is not None:
-            problem = reachable_limits(problem, self.limits.acceleration, self.dt)
-        outcome, rows = self._solve_with_margins(problem, margins)
-        if outcome.solved:
-            return outcome, 1.0
-        relaxed = self._solver.solve_relaxed(self._without_least(problem), rows)
-        return relaxed._replace(solve_time=outcome.solve_time + relaxed.solve_time), 1.0
+    def _limits_at(self, snapshot: Snapshot) -> tuple[Box, Rows | None]:
+        box, recovery = super()._limits_at(snapshot)
+        if self.limits is None:
+            return box, recovery
+        return reachable_limits(box, recovery, snapshot.v, self.limits.acceleration, self.dt)
 
-    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> tuple[Outcome, float]:
-        return self._solve_with_margins(problem, margins)[0], 1.0
-
-    def _solve_with_margins(
-        self, problem: LevelProblem, margins: MarginRows | None
-    ) -> tuple[Outcome, list[Bounds]]:
-        """Return the optimum that keeps everything, and the rows of margins in its QP."""
-        rows: list[Bounds] = []
+    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         if margins is None:
-            outcome = self._solver.solve(problem)
-        else:
-            parts = [reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
-            margins = margins._replace(parts=parts)
-            outcome, rows, _ = solve_with_cuts(partial(self._solver.solve, problem), margins)
-        return outcome.within_limits(self.plan.decision.names), rows
+            return super()._attempt(problem, None)
+        parts = [reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
+        solve, margins = partial(self._solver.solve, problem), margins._replace(parts=parts)
+        outcome, rows, _ = solve_with_cuts(solve, margins)  # no part of a step is safer than all
+        return Attempt(outcome, rows).within_limits(self.plan.decision.names)
+
+    def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
+        outcome = attempt.outcome
+        if outcome.solved:
+            return attempt
+        relaxed = self._solver.solve_relaxed(self._without_least(problem), attempt.rows)
+        spent = outcome.solve_time + relaxed.solve_time
+        return Attempt(relaxed._replace(solve_time=spent), attempt.rows)
 
     def _without_least(self, problem: LevelProblem) -> LevelProblem:
         """Return the problem without least normal forces."""

@@ -27,8 +27,18 @@ ONE_OFF_ITERATIONS = 1000
 WARM_ITERATIONS = 8
 # Of cold ones of QPs whose solution is known already: all 20 took up to 18 ms.
 COLD_ITERATIONS = 10
+# For how many QPs of a name that stalled ProxQP is left in peace before it is asked once more, at
+# first and at most: twice as many after every stall. At 500 Hz 0.2 s, and a minute.
+PAUSE, LONGEST_PAUSE = 100, 25_600
 
 Key = tuple[Hashable, int, int, int]  # of a warm start: name and sizes
+
+
+class _Pause(NamedTuple):
+    """For how many QPs more, and of how many, the active-set method is asked first."""
+
+    left: int
+    length: int
 
 
 class _Attempt(NamedTuple):
@@ -55,8 +65,10 @@ class ProxQP:
     the residuals tell; (6) return a status that says what was found. The workspace of a failed tick
     is dropped, so a failure cannot affect the next tick. Where ProxQP ran into its cap, the next
     QPs of that name go to the active-set method first, then to step (3) if it calls them
-    infeasible, until both fail (``quick``: for good): what stalls once, stalls in every tick, for
-    milliseconds each. Between calls nothing is kept but that and the warm start.
+    infeasible: what stalls once, stalls in every tick, for milliseconds each. ProxQP is asked again
+    once both fail (not if ``quick``), and after a while: 100 QPs, and twice as many after every
+    stall. Between calls nothing is kept but that and the warm start. ``Solution.solver`` says who
+    answered.
 
     Parameters
     ----------
@@ -85,7 +97,7 @@ class ProxQP:
         self._active_set = Daqp(self.eps, ACTIVE_SET_ITERATIONS)
         self._one_off = Daqp(self.eps, ONE_OFF_ITERATIONS)
         self._workspaces: dict[Hashable, Workspace] = {}
-        self._stalled: set[Hashable] = set()
+        self._pauses: dict[Hashable, _Pause] = {}
 
     def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; 70-80 us at n = 35 on a smooth tick.
@@ -108,47 +120,63 @@ class ProxQP:
         """
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         key = workspace, qp.g.size, qp.b.size, qp.u.size
-        warm = key in self._workspaces and workspace not in self._stalled
+        paused = self._is_paused(workspace)
+        warm = key in self._workspaces and not paused
         if not (warm and is_sound(qp)):  # else the bounds are judged with the answer
             check_qp(qp)
         if workspace is None:
             return self._solve_actively(qp, check, self._one_off)
         if quick:
-            return self._solve_quickly(qp, check, key)
+            return self._solve_quickly(qp, check, key, paused)
         exact = None
-        if workspace in self._stalled:
+        if paused:
             exact = self._active_set.answer(qp)
-            settled = check.accept(qp, exact, 2)
+            by = check._replace(solver=Daqp.name)
+            settled = by.accept(qp, exact, 2)
             if settled is None and exact.claim is Status.INFEASIBLE:
-                settled = check.refute(qp, exact, 2)
+                settled = by.refute(qp, exact, 2)
             if settled is not None:
                 return settled
-            self._stalled.remove(workspace)
         attempt = self._attempt(qp, check, key)
         if attempt.accepted is not None:
             return attempt.accepted
-        if attempt.capped and self.warm:
-            self._stalled.add(workspace)
+        if attempt.capped:
+            self._pause(workspace)
         return self._retry(qp, check, attempt.raw, exact, cold=attempt.cold)
 
-    def _solve_quickly(self, qp: QP, check: SolveCheck, key: Key) -> Solution:
+    def _is_paused(self, workspace: Hashable) -> bool:
+        """Whether ProxQP is left in peace now; counts."""
+        pause = self._pauses.get(workspace)
+        if pause is None or pause.left == 0:
+            return False
+        self._pauses[workspace] = pause._replace(left=pause.left - 1)
+        return True
+
+    def _pause(self, workspace: Hashable) -> None:
+        """Leave ProxQP in peace for a while, twice as long as the last time."""
+        if self.warm:
+            last = self._pauses.get(workspace)
+            length = PAUSE if last is None else min(2 * last.length, LONGEST_PAUSE)
+            self._pauses[workspace] = _Pause(length, length)
+
+    def _solve_quickly(self, qp: QP, check: SolveCheck, key: Key, paused: bool) -> Solution:
         """Solve in bounded time.
 
         A QP without solution takes ProxQP 15 to 20 ms from nothing, and the active-set method half
         a millisecond: where there is no warm start it is asked first whether there is one.
         """
         workspace, *_ = key
-        exact, stalled = None, workspace in self._stalled
-        if stalled or key not in self._workspaces:
+        exact = None
+        if paused or key not in self._workspaces:
             exact = self._solve_actively(qp, check, self._active_set)
-            if stalled or not exact.solved:
+            if paused or not exact.solved:
                 return exact
         attempt = self._attempt(qp, check, key, COLD_ITERATIONS)
         if attempt.accepted is not None:
             return attempt.accepted
         exact = exact or self._solve_actively(qp, check, self._active_set, 2)
-        if attempt.capped and exact.solved and self.warm:  # it was ProxQP, not the QP
-            self._stalled.add(workspace)
+        if attempt.capped and exact.solved:  # it was ProxQP, not the QP
+            self._pause(workspace)
         return exact
 
     def _attempt(
@@ -172,7 +200,7 @@ class ProxQP:
         self, qp: QP, check: SolveCheck, solver: Daqp, attempts: int = 1
     ) -> Solution:
         """Solve by the active-set method."""
-        exact = solver.answer(qp)
+        exact, check = solver.answer(qp), check._replace(solver=solver.name)
         nearly = check._replace(eps=NEARLY * self.eps)
         return nearly.accept(qp, exact, attempts) or check.judge(qp, exact, attempts)
 
@@ -183,7 +211,7 @@ class ProxQP:
         settled = None
         if exact is None:
             exact = self._active_set.answer(qp)
-            settled = check.accept(qp, exact, 2)
+            settled = check._replace(solver=Daqp.name).accept(qp, exact, 2)
         settled = settled or check.refute(qp, raw, 2)
         if settled is not None:
             return settled
@@ -196,7 +224,7 @@ class ProxQP:
         nearly = check._replace(eps=NEARLY * self.eps)
         return (
             check.accept(qp, polished, 4)
-            or nearly.accept(qp, exact, 4)
+            or nearly._replace(solver=Daqp.name).accept(qp, exact, 4)
             or nearly.accept(qp, raw, 4)
             or check._replace(explain=False).judge(qp, polished, 4)  # refuted it was not
         )

@@ -115,7 +115,7 @@ class Solution:
     residuals: KktResiduals
     iterations: int
     solve_time: float  # seconds, checks and every attempt included
-    solver: str
+    solver: str  # who answered: a backend may ask another one
     conflict: Conflict | None = None
     attempts: int = 1  # how many times a backend tried before it was satisfied or gave up
     message: str = ""  # what the solver itself said, when it failed
