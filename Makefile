@@ -38,10 +38,11 @@ soak: $(VENV)/dev.stamp
 	$(BIN)/python benchmarks/soak.py --ticks $(TICKS)
 
 # FAULTS small faults, chosen at random from all places in the rooms named in the file, put in one by
-# one: which do the tests not notice? About ten seconds each; goes on where it was stopped.
+# one: which do the tests not notice? A second or two each; goes on where it was stopped.
 FAULTS ?= 300
+SEED ?= 1
 mutation: $(VENV)/dev.stamp
-	$(BIN)/python benchmarks/mutation.py --faults $(FAULTS)
+	$(BIN)/python -m benchmarks.mutation --faults $(FAULTS) --seed $(SEED)
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

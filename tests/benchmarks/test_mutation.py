@@ -4,7 +4,9 @@ import ast
 
 import pytest
 
-from benchmarks.mutation import Places, chosen_tests, faults, files, share
+from benchmarks.mutation import report, share
+from benchmarks.mutation_places import Places, faults, files
+from benchmarks.mutation_trials import Trials, chosen_tests, forked
 
 SOURCE = '''
 LEAST: float = 0.5
@@ -17,9 +19,10 @@ def law(x, y=-1):
     return x if x is not None else True
 '''
 PLACES = [
-    (0, "0.5 -> 1.001"), (3, "no USub"), (3, "1 -> 2"), (3, "if not"), (3, "And -> Or"),
-    (3, "Lt -> LtE"), (3, "no Not"), (3, "Add -> Sub"), (3, "min -> max"), (3, "Mult -> Div"),
-    (3, "2 -> 3"), (3, "left out"), (3, "if not"), (3, "IsNot -> Is"), (3, "False"),
+    ("", "0.5 -> 1.001"), *(("law", what) for what in (
+        "no USub", "1 -> 2", "if not", "And -> Or", "Lt -> LtE", "no Not", "Add -> Sub",
+        "min -> max", "Mult -> Div", "2 -> 3", "left out", "if not", "IsNot -> Is", "False",
+    )),
 ]  # fmt: skip
 
 
@@ -48,16 +51,52 @@ def test_faults_of_this_package_are_in_its_files() -> None:
     assert not any(path.name.startswith("native_") for path in files())
 
 
+def test_names_are_those_of_the_interpreter() -> None:
+    """Oracle: what Python itself calls the code; a nested function and a method of a class."""
+    source = (
+        "class A:\n    def f(self, k=1):\n        def g():\n            return 1\n        return g"
+    )
+    places = Places()
+    places.visit(ast.parse(source))
+    space: dict[str, type] = {}
+    exec(source, space)
+    method = space["A"].f
+    assert [name for name, _, _ in places.found] == [
+        method(None).__qualname__, method.__qualname__
+    ]  # fmt: skip
+
+
 def test_tests_that_call_what_is_at_fault_are_run_the_quickest_first() -> None:
     fault = next(one for one in faults() if one.function)
     here = f"{fault.file}:{fault.function}"
     tests = {
         "slow": {"calls": [here], "seconds": 2.0},
         "endless": {"calls": [here], "seconds": 1e3},
-        "other": {"calls": [f"{fault.file}:99999"], "seconds": 0.1},
+        "other": {"calls": [f"{fault.file}:nothing"], "seconds": 0.1},
         "quick": {"calls": [here], "seconds": 0.1},
     }
-    assert chosen_tests(fault, tests) == (["quick", "slow"], 2.1)
+    assert chosen_tests(fault, tests, set()) == (["quick", "slow"], 2.1)
+    assert chosen_tests(fault, tests, {"slow"}) == (["slow", "quick"], 2.1)
+
+
+@pytest.mark.slow
+def test_a_sample_is_tried_kept_and_told(tmp_path, monkeypatch) -> None:
+    """A whole run on few faults and the tests of one file, in processes of their own."""
+    monkeypatch.setattr("benchmarks.mutation_trials.TESTS", ("tests/tasks/test_task_inputs.py",))
+    monkeypatch.setattr("benchmarks.mutation_trials.WARM", ())
+    monkeypatch.setenv("WBC_CACHE", str(tmp_path))
+    sample = [one for one in faults() if one.function == "checked_weight"][-4:]
+    trials = Trials(sample, tmp_path / "found.json", tmp_path / "tests.json")
+    assert forked(trials.run, 0) == 0
+    found = trials.found()
+    verdicts = {(one["what"], one["text"]): one["verdict"] for one in found.values()}
+    assert verdicts["if not", "if (vector < 0.0).any():"] == "killed"
+    assert found.keys() == {one.key for one in sample}
+    before = (tmp_path / "found.json").read_text()
+    forked(trials.run, 0)  # nothing is left to do
+    assert (tmp_path / "found.json").read_text() == before
+    told = report(sample, found)
+    assert "wbc/tasks/weights.py:" in told and "faults noticed" in told
 
 
 def test_intervals_are_wilsons() -> None:

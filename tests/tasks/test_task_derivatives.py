@@ -75,7 +75,6 @@ def assert_close(actual: np.ndarray, expected: np.ndarray, scale: float) -> None
     np.testing.assert_allclose(actual, expected, rtol=0, atol=RELATIVE * scale)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS)
 def test_jacobian_and_drift(
     maker: Callable[[Robot, Snapshot, str], Task],
@@ -83,17 +82,19 @@ def test_jacobian_and_drift(
     rng: np.random.Generator,
     random_snapshot: Callable[[Robot, np.random.Generator], Snapshot],
 ) -> None:
+    """Along random directions: one that is wrong in any column is wrong along all of them."""
     for _ in range(3):
         here = random_snapshot(robot, rng)
         task = maker(robot, here, some_frame(robot))
         residual, drift = task.residual(here), task.drift(here)
+        ways = rng.normal(size=(2, robot.nv))
 
         def error_at(step: np.ndarray, here: Snapshot = here, task: Task = task) -> np.ndarray:
             return task.residual(robot.snapshot(robot.integrate(here.q, step, 1.0), here.v)).error
 
-        columns = [(error_at(H * e) - error_at(-H * e)) / (2 * H) for e in np.eye(robot.nv)]
-        differences = np.stack(columns, axis=1)
-        assert_close(residual.jacobian, differences, max(1e-3, np.abs(differences).max()))
+        differences = [(error_at(H * way) - error_at(-H * way)) / (2 * H) for way in ways]
+        size = np.abs(differences).max()
+        assert_close(residual.jacobian @ ways.T, np.transpose(differences), max(1e-3, size))
 
         def rate_at(t: float, here: Snapshot = here, task: Task = task) -> np.ndarray:
             there = robot.snapshot(robot.integrate(here.q, here.v, t), here.v)
