@@ -5,6 +5,7 @@ Every name and number is checked here, before anything moves; see :mod:`wbc.prob
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from wbc.constraints import Constraint, Contact, Limits, Obstacles
 from wbc.constraints.margin import SKIN
 from wbc.controllers.joint_weights import moved_by
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.problem.borne import check_borne
 from wbc.problem.constraint_spec import surroundings
 from wbc.problem.controller_spec import GlobalSpec, SolverSettings
 from wbc.problem.global_search import check_global, global_shaping
@@ -31,6 +31,7 @@ from wbc.problem.support import check_said, contacts_of, slack_by_frame
 from wbc.problem.walk import walker_of
 from wbc.problem.walk_spec import WalkSpec
 from wbc.robot import Snapshot
+from wbc.run.phases import Phase
 from wbc.run.ramps import TargetedTask
 from wbc.run.standing import held_feet
 
@@ -76,7 +77,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         limits = mistakes.require(("limits",), partial(spec.limits.build, robot))
     around = surroundings(spec.constraints, start, limits, mistakes)
     mistakes.raise_any()
-    check_borne(spec, phases, start, mistakes)
+    _check_borne(spec, phases, start, mistakes)
     mistakes.raise_any()
     supports = [spec.support, *(phase.support for phase in (spec.phases or {}).values())]
     parts = Parts(
@@ -144,6 +145,26 @@ def check_outside(constraint: Constraint | None, start: Snapshot) -> None:
             f"the robot is inside an obstacle at the start: {constraint.labels(distances)[worst]},"
             f" by {1e3 * depth[worst]:.3g} mm; move one of them, or name the links that keep clear"
         )
+
+
+def _check_borne(
+    spec: ProblemSpec, phases: Sequence[Phase], start: Snapshot, mistakes: Mistakes
+) -> None:
+    """Note the frames that a task names as contacts and that are none whenever it is in use.
+
+    In phases in which some of them are contacts, the task rests as to the others: a foot in the air
+    bears nothing.
+    """
+    held = [{contact.frame for contact in phase.hold(start)} for phase in phases]
+    for name, task in spec.tasks.items():
+        used = [k for k, phase in enumerate(phases) if phase.changes[name].weight is not None]
+        known = set[str]().union(*(held[k] for k in used))
+        for frame in task.contact_frames if used else ():
+            with mistakes.at("tasks", name):
+                if frame not in known:
+                    held_then = ", ".join(sorted(known)) or "nothing"
+                    remedy = f"the support never holds it while the task is on (held: {held_then})"
+                    raise UnknownNameError("contact", frame, known, remedy)
 
 
 def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:

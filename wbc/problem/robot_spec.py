@@ -6,22 +6,24 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.constraints import Limits
 from wbc.constraints.limits import BRAKING
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.section import (
     MAPPING,
-    NUMBER,
     WORD,
     Fraction,
+    JointNumbers,
+    ListOf,
     Name,
     Names,
     NonNegative,
     Number,
     Pair,
     Positive,
+    PositiveJointNumbers,
     PositiveOrInfinite,
     Section,
     Words,
@@ -30,18 +32,13 @@ from wbc.problem.section import (
 )
 from wbc.robot import FootSpec, Robot
 
-JointNumbers = Annotated[
-    Annotated[NonNegative, NUMBER] | Annotated[dict[Name, NonNegative], MAPPING],
-    forms("a number, or {joint or pattern: number}"),
-]
-
 
 class FootSection(Section):
     """A foot: the link that stands on the ground, and its sole."""
 
     link: Name
     """The foot's link, or any frame fixed to it."""
-    polygon: Annotated[tuple[Pair, ...], Strict(False), Field(min_length=3)] | None = None
+    polygon: Annotated[ListOf[Pair], Field(min_length=3)] | None = None
     """Corners [x, y] of the sole [m] in that frame; found from the collision shapes if missing."""
     height: Number = default_of(FootSpec, "height")
     """How far the frame's origin is above the sole [m]; used with polygon only."""
@@ -71,13 +68,7 @@ class RobotSpec(Section):
     """Viscous friction of the joints [N m s/rad or N s/m], likewise."""
     friction: JointNumbers | None = None
     """Dry friction of the joints [N m or N], likewise."""
-    effort: (
-        Annotated[
-            Annotated[Positive, NUMBER] | Annotated[dict[Name, Positive], MAPPING],
-            forms("a number, or {joint or pattern: number}"),
-        ]
-        | None
-    ) = None
+    effort: PositiveJointNumbers | None = None
     """Largest torque [N m] or force [N] of the joints, likewise."""
 
     def load(self, folder: Path) -> Robot:
@@ -137,23 +128,16 @@ class LimitsSpec(Section):
     """Distance to keep from them [rad or m]."""
     velocity: Positive | None = default_of(Limits, "velocity")
     """Factor on the model's velocity limits; null: no velocity limit."""
-    acceleration: (
-        Annotated[
-            Annotated[Positive, NUMBER] | Annotated[dict[Name, Positive], MAPPING],
-            forms("a number, or {joint or pattern: number}"),
-        ]
-        | None
-    ) = None
+    acceleration: PositiveJointNumbers | None = None
     """Largest acceleration [rad/s^2 or m/s^2], one number or by joint name or pattern; where none
     is given, the velocity limit divided by 0.1 s."""
     braking: Annotated[str, Words(BRAKING)] = default_of(Limits, "braking")
     """free: a joint may stop in one tick; bounded: it slows down by no more than the acceleration,
     except where limits, contacts or margins leave nothing else, and far from their targets tasks
     pull with lower gains, so that they do not overshoot."""
-    base_twist: (
-        Annotated[tuple[PositiveOrInfinite, ...], Strict(False), Field(min_length=6, max_length=6)]
-        | None
-    ) = None
+    base_twist: Annotated[ListOf[PositiveOrInfinite], Field(min_length=6, max_length=6)] | None = (
+        None
+    )
     """Largest base velocity in base axes, three linear [m/s] then three angular [rad/s]; .inf: no
     limit."""
     recovery: Fraction = default_of(Limits, "recovery")

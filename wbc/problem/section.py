@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field as DataclassField
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, NamedTuple, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -31,6 +31,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+Entry = TypeVar("Entry")
 START_WORD = "start"
 START, WORD, NUMBER, LIST, MATRIX, MAPPING = (
     Tag(f"({form})") for form in ("start", "word", "number", "list", "matrix", "mapping")
@@ -199,19 +200,31 @@ PositiveOrInfinite = Annotated[float, Field(gt=0)]
 Name = Annotated[str, Field(min_length=1)]
 
 # Lists of the file become tuples, hence lax about the container and strict about the entries.
-Point = Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=3)]
-Quaternion = Annotated[tuple[Number, ...], Strict(False), Field(min_length=4, max_length=4)]
-Pair = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=2)]
-# (least, greatest), in which infinity is no limit; what gets it checks the order.
-Range = Annotated[tuple[float, ...], Strict(False), Field(min_length=2, max_length=2)]
-Names = Annotated[tuple[Name, ...], Strict(False), Field(min_length=1)]
+ListOf = Annotated[tuple[Entry, ...], Strict(False)]
+NonEmpty = Annotated[ListOf[Entry], Field(min_length=1)]
+Two = Annotated[ListOf[Entry], Field(min_length=2, max_length=2)]
+Three = Annotated[ListOf[Entry], Field(min_length=3, max_length=3)]
+Names = NonEmpty[Name]
 Distinct = AfterValidator(_distinct)
-# Components of a vector; null is free.
-Components = Annotated[tuple[Number | None, ...], Strict(False), Field(min_length=3, max_length=3)]
+
+Point = Three[Number]
+Components = Three[Number | None]  # of a vector; null is free
+Quaternion = Annotated[ListOf[Number], Field(min_length=4, max_length=4)]
+Pair = Two[Number]
+Range = Two[float]  # (least, greatest); infinity is no limit; what gets it checks the order
+
+# Numbers of joints, one for all or by name or pattern.
+JointNumbers = Annotated[
+    Annotated[NonNegative, NUMBER] | Annotated[dict[Name, NonNegative], MAPPING],
+    forms("a number, or {joint or pattern: number}"),
+]
+PositiveJointNumbers = Annotated[
+    Annotated[Positive, NUMBER] | Annotated[dict[Name, Positive], MAPPING],
+    forms("a number, or {joint or pattern: number}"),
+]
 
 Weight = Annotated[
-    Annotated[NonNegative, NUMBER]
-    | Annotated[tuple[NonNegative, ...], Strict(False), Field(min_length=1), LIST],
+    Annotated[NonNegative, NUMBER] | Annotated[NonEmpty[NonNegative], LIST],
     forms("a number, or a list with one for each row of the task"),
 ]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced, Mistakes
@@ -16,6 +16,7 @@ from wbc.problem.section import (
     NUMBER,
     WORD,
     KeysOf,
+    ListOf,
     Name,
     NonNegative,
     Number,
@@ -24,6 +25,7 @@ from wbc.problem.section import (
     Positive,
     Section,
     Size,
+    Three,
     Words,
     default_of,
     forms,
@@ -57,7 +59,7 @@ class StepSpec(Section):
 
     centre: Point
     """Of its upper face [m], world axes."""
-    size: Annotated[tuple[Size, ...], Strict(False), Field(min_length=3, max_length=3)]
+    size: Three[Size]
     """Side lengths along x, y, z before it is turned [m]."""
     yaw: Number = default_of(Step, "yaw")
     """How far it is turned about the vertical [rad]."""
@@ -71,7 +73,7 @@ class TerrainSpec(Section):
     slope: Pair = default_of(Terrain, "slope")
     """Rise over run along x and y. The robot, and with it everything that is relative to its
     start, is turned with the ground, so that its soles are flat on it."""
-    steps: Annotated[tuple[StepSpec, ...], Strict(False)] = ()
+    steps: ListOf[StepSpec] = ()
     """Boxes on the ground."""
     time_constant: Positive = default_of(Terrain, "time_constant")
     """How fast a contact returns from penetration [s]: larger is softer ground."""
@@ -221,7 +223,7 @@ class SimulationSpec(Section):
         default_factory=dict
     )
     """How the simulated robot differs from the model that the controller has."""
-    pushes: Annotated[tuple[PushSpec, ...], Strict(False)] = ()
+    pushes: ListOf[PushSpec] = ()
     """What pushes the robot, and when."""
     falls: Annotated[dict[str, Any], KeysOf(FallLimits, trunk=Name, touch=bool, lifted=Name)] = (
         Field(default_factory=dict)

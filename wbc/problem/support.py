@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.constraints import Contact, PointContact, support
 from wbc.constraints.contact import DEFAULT_FRICTION, base_contact, contact_kind
@@ -18,7 +18,9 @@ from wbc.problem.section import (
     MAPPING,
     NUMBER,
     WORD,
+    ListOf,
     Name,
+    NonEmpty,
     NonNegative,
     Number,
     Positive,
@@ -53,17 +55,7 @@ class ContactSpec(Section):
     ) = None
     """What it bears, at the torque level; grip: it pulls and twists as well; left out: as in the
     controller's section."""
-    corners: (
-        Annotated[
-            tuple[
-                Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)],
-                ...,
-            ],
-            Strict(False),
-            Field(min_length=1),
-        ]
-        | None
-    ) = None
+    corners: NonEmpty[Annotated[ListOf[Number], Field(min_length=2, max_length=3)]] | None = None
     """Points [x, y] or [x, y, z] in the frame's axes where its forces act [m], at the torque level;
     left out: those of the sole that the frame is."""
     slack: Positive | None = None
@@ -83,15 +75,12 @@ class ContactSpec(Section):
 Support = Annotated[
     Annotated[Literal["floating", "left", "right", "double"], WORD]
     | Annotated[
-        tuple[
+        NonEmpty[
             Annotated[
                 Annotated[Name, WORD] | Annotated[ContactSpec, MAPPING],
                 forms("a frame's name, or {frame: ..., type: fixed or point}"),
-            ],
-            ...,
+            ]
         ],
-        Strict(False),
-        Field(min_length=1),
         LIST,
     ],
     forms("floating, left, right, double, or a list of frames"),

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Discriminator, Field, Strict, Tag
+from pydantic import BaseModel, Discriminator, Field, Tag
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
@@ -18,7 +18,9 @@ from wbc.problem.section import (
     MAPPING,
     START,
     Distinct,
+    ListOf,
     Name,
+    NonEmpty,
     NonNegative,
     Number,
     Point,
@@ -34,9 +36,7 @@ from wbc.tasks.point import AXES
 from wbc.validate import Array
 
 Start = Literal["start"]
-Axes = Annotated[
-    tuple[Annotated[str, Words(AXES)], ...], Strict(False), Field(min_length=1), Distinct
-]
+Axes = Annotated[NonEmpty[Annotated[str, Words(AXES)]], Distinct]
 
 
 class Offset(Section):
@@ -72,10 +72,7 @@ LOOP = Tag("(loop)")
 class LoopTarget(Section):
     """A closed path of joints that is gone round some times, from rest to rest."""
 
-    loop: Annotated[
-        dict[Name, Annotated[tuple[Number, ...], Strict(False), Field(min_length=2)]],
-        Field(min_length=1),
-    ]
+    loop: Annotated[dict[Name, Annotated[ListOf[Number], Field(min_length=2)]], Field(min_length=1)]
     """By joint, from its value at the start on, Fourier coefficients [rad or m]: those of
     cos(h p) - 1 for h = 1, 2, ..., then those of sin(h p), with a phase p that grows by 2 pi in a
     round. `wbc.flight.planner.plan_turn` finds such paths."""
@@ -103,6 +100,27 @@ def point(target: Sequence[float] | Offset | str, start: Array) -> Array:
     if isinstance(target, Offset):
         return start + np.array(target.offset)
     return np.array(target)
+
+
+def entries(target: Sequence[float], rows: Sequence[str], all_rows: Sequence[str]) -> Array:
+    """Return a wanted vector with all rows, of which a file gives some, or all.
+
+    Raises
+    ------
+    Misplaced
+        Another number of entries.
+    """
+    if len(target) == len(all_rows):
+        return np.array(target, dtype=float)
+    if len(target) != len(rows):
+        raise Misplaced(
+            f"needs {len(rows)} entries ({', '.join(rows)}) or all {len(all_rows)},"
+            f" got {len(target)}",
+            "target",
+        )
+    goal = np.zeros(len(all_rows))
+    goal[[all_rows.index(row) for row in rows]] = target
+    return goal
 
 
 class Rpy(Section):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.gait import Legs, Velocity, WalkingWeights
 from wbc.gait.command import CommandLimits
@@ -12,7 +12,7 @@ from wbc.gait.commanded import TimedCommand
 from wbc.gait.settings import GaitSettings
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
-from wbc.problem.section import KeysOf, NonNegative, Number, Positive, Section
+from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Positive, Section
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
 from wbc.robot import Robot
 
@@ -38,7 +38,7 @@ class CommandSpec(Section):
 class GaitSpec(Section):
     """How a robot walks, and when where to; what is left out fits the robot's size."""
 
-    commands: Annotated[tuple[CommandSpec, ...], Strict(False), Field(min_length=1)]
+    commands: NonEmpty[CommandSpec]
     """In order of time; each holds until the next."""
     single: Positive | None = None
     """How long it stands on one foot [s]."""

@@ -226,6 +226,21 @@ def pointed(task: Any) -> SetTarget:
     return set_target
 
 
+def unmeasured(task: Any, goal: Array) -> TargetedTask:
+    """Return a task about forces: no snapshot has its value, so changes begin at its own target."""
+
+    def set_target(value: Array, *_: Array) -> None:
+        task.set_target(value)
+
+    return TargetedTask(task, fixed_goal(goal), lambda _: goal, VECTORS, set_target)
+
+
+def untargeted(task: Task) -> TargetedTask:
+    """Return a task without a target."""
+    none = np.zeros(0)
+    return TargetedTask(task, fixed_goal(none), lambda _: none, VECTORS, lambda *_: None)
+
+
 def fixed_goal(goal: Array) -> Goal:
     """Return a goal that is known from the start."""
     return lambda _, __: goal

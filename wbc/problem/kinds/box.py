@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, Strict
 
 from wbc.constraints import Limits, PositionBox
 from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
-from wbc.problem.section import Name, Number
+from wbc.problem.section import Components, Name
 from wbc.robot import Snapshot
-
-Ends = Annotated[tuple[Number | None, ...], Strict(False), Field(min_length=3, max_length=3)]
 
 
 class BoxSpec(ConstraintSpec):
@@ -21,9 +18,9 @@ class BoxSpec(ConstraintSpec):
     type: Literal["box"]
     frame: Name = "base"
     """A link, sole or other frame; base for the floating base."""
-    lower: Ends = (None, None, None)
+    lower: Components = (None, None, None)
     """Least x, y, z [m]; null: no bound."""
-    upper: Ends = (None, None, None)
+    upper: Components = (None, None, None)
     """Greatest x, y, z [m]; null: no bound."""
 
     def build(self, start: Snapshot, limits: Limits | None) -> BuiltConstraint:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
-from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import Distinct, Name, Number, Weight, Words, default_of
+from wbc.problem.section import Distinct, ListOf, Name, NonEmpty, Number, Weight, Words, default_of
+from wbc.problem.targets import entries
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
+from wbc.run.ramps import TargetedTask, unmeasured
 from wbc.tasks import ContactForceTask
 from wbc.tasks.force_task import WRENCH
-from wbc.validate import Array
 
 
 class ContactForceSpec(ForceTaskSpec):
@@ -26,12 +24,12 @@ class ContactForceSpec(ForceTaskSpec):
     type: Literal["contact_force"]
     frame: Name
     """Frame of a contact."""
-    components: Annotated[
-        tuple[Annotated[str, Words(WRENCH)], ...], Strict(False), Field(min_length=1), Distinct
-    ] = default_of(ContactForceTask, "components")
+    components: Annotated[NonEmpty[Annotated[str, Words(WRENCH)]], Distinct] = default_of(
+        ContactForceTask, "components"
+    )
     """Which of fx fy fz mx my mz, world axes, at the frame's origin."""
-    target: Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=6)] = (
-        default_of(ContactForceTask, "target")
+    target: Annotated[ListOf[Number], Field(min_length=1, max_length=6)] = default_of(
+        ContactForceTask, "target"
     )
     """Wanted force [N], then moment [N m]: six numbers, or one for each component."""
     weight: Weight = default_of(ContactForceTask, "weight")
@@ -45,27 +43,9 @@ class ContactForceSpec(ForceTaskSpec):
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
-        goal, settings = self._goal(), self.settings(self.components)
+        goal = entries(self.target, self.components, WRENCH)
+        settings = self.settings(self.components)
         task = ContactForceTask(
             start.robot, self.frame, goal, components=self.components, name=name, **settings
         )
-        return TargetedTask(
-            task,
-            fixed_goal(goal),
-            lambda _: goal,
-            VECTORS,
-            lambda value, *_: task.set_target(value),
-        )
-
-    def _goal(self) -> Array:
-        goal, rows = np.zeros(len(WRENCH)), [WRENCH.index(row) for row in self.components]
-        if len(self.target) == len(WRENCH):
-            return np.array(self.target, dtype=float)
-        if len(self.target) != len(rows):
-            raise Misplaced(
-                f"needs {len(rows)} entries ({', '.join(self.components)}) or all {len(WRENCH)},"
-                f" got {len(self.target)}",
-                "target",
-            )
-        goal[rows] = self.target
-        return goal
+        return unmeasured(task, goal)

@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import LIST, MAPPING, Name, Number, Weight, default_of, forms
+from wbc.problem.section import LIST, MAPPING, ListOf, Name, Number, Weight, default_of, forms
 from wbc.problem.targets import FromPlan
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
+from wbc.run.ramps import TargetedTask, unmeasured
 from wbc.tasks import CopTask
 from wbc.validate import Array
 
 CopTarget = Annotated[
-    Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3), LIST]
+    Annotated[ListOf[Number], Field(min_length=2, max_length=3), LIST]
     | Annotated[FromPlan, MAPPING],
     forms("[x, y] or [x, y, z] in metres, or {plan: file}"),
 ]
@@ -60,13 +60,7 @@ class CopSpec(ForceTaskSpec):
         """Return the task."""
         goal, settings = self._goal(start), self.settings(("mx", "my"))
         task = CopTask(start.robot, goal, frame=self.frame, name=name, **settings)
-        return TargetedTask(
-            task,
-            fixed_goal(goal),
-            lambda _: goal,
-            VECTORS,
-            lambda value, *_: task.set_target(value),
-        )
+        return unmeasured(task, goal)
 
     def _goal(self, start: Snapshot) -> Array:
         """Return the wanted point, (2,) or (3,) [m]; below the CoM until a plan begins."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
 from pydantic import Field
 
 from wbc.problem.section import Name, NonNegative, default_of
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
+from wbc.run.ramps import TargetedTask, untargeted
 from wbc.tasks import DampingTask
 
 
@@ -33,5 +32,4 @@ class DampingSpec(MotionTaskSpec):
         """Return the task."""
         settings = self.settings()
         task = DampingTask(start.robot, joints=self.joints, base=self.base, name=name, **settings)
-        none = np.zeros(0)
-        return TargetedTask(task, fixed_goal(none), lambda _: none, VECTORS, lambda *_: None)
+        return untargeted(task)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
-
 from wbc.problem.section import Distinct, Names, NonNegative, default_of
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
+from wbc.run.ramps import TargetedTask, untargeted
 from wbc.tasks import ForceRateTask
 
 
@@ -36,5 +34,4 @@ class ForceRateSpec(ForceTaskSpec):
     def build(self, name: str, start: Snapshot) -> TargetedTask:
         """Return the task."""
         task = ForceRateTask(start.robot, self.frames, name=name, **self.settings())
-        none = np.zeros(0)
-        return TargetedTask(task, fixed_goal(none), lambda _: none, VECTORS, lambda *_: None)
+        return untargeted(task)

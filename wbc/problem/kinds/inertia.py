@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Strict
+from pydantic import Discriminator, Field
 
 from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced
@@ -17,12 +17,15 @@ from wbc.problem.section import (
     START,
     WORD,
     Distinct,
+    ListOf,
     Name,
+    NonEmpty,
     NonNegative,
     Number,
     Point,
     Positive,
     Section,
+    Three,
     Weight,
     Words,
     default_of,
@@ -42,9 +45,7 @@ PRINCIPAL = "principal"
 
 Components = Annotated[
     Annotated[str, Words((*COMPONENTS, PRINCIPAL)), WORD]
-    | Annotated[
-        tuple[Annotated[str, Words(ALL)], ...], Strict(False), Field(min_length=1), Distinct, LIST
-    ],
+    | Annotated[NonEmpty[Annotated[str, Words(ALL)]], Distinct, LIST],
     forms(f"{', '.join((*COMPONENTS, PRINCIPAL))}, or a list of {' '.join(ALL)}"),
 ]
 
@@ -53,10 +54,7 @@ class Scale(Section):
     """An inertia given by factors on the one at the start."""
 
     scale: Annotated[
-        Annotated[NonNegative, NUMBER]
-        | Annotated[
-            tuple[NonNegative, ...], Strict(False), Field(min_length=3, max_length=3), LIST
-        ],
+        Annotated[NonNegative, NUMBER] | Annotated[Three[NonNegative], LIST],
         forms("one factor, or three for the diagonal entries (or the principal moments)"),
     ]
     """One factor for every component, or three for xx, yy, zz (or the principal moments)."""
@@ -64,8 +62,8 @@ class Scale(Section):
 
 InertiaTarget = Annotated[
     Annotated[Number, NUMBER]
-    | Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=6), LIST]
-    | Annotated[tuple[Point, ...], Strict(False), Field(min_length=3, max_length=3), MATRIX]
+    | Annotated[ListOf[Number], Field(min_length=3, max_length=6), LIST]
+    | Annotated[Three[Point], MATRIX]
     | Annotated[Scale, MAPPING]
     | Annotated[FromPlan, PLAN]
     | Annotated[Start, START],

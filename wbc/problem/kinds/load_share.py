@@ -10,7 +10,7 @@ from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import Name, NonNegative, Weight, default_of
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
+from wbc.run.ramps import TargetedTask, unmeasured
 from wbc.tasks import LoadShareTask
 
 
@@ -49,10 +49,4 @@ class LoadShareSpec(ForceTaskSpec):
         shares = {frame: self.target[frame] for frame in frames}
         task = LoadShareTask(start.robot, shares, name=name, **self.settings(frames))
         goal = task.target / task.target.sum()  # so that a change is even, whatever the numbers
-        return TargetedTask(
-            task,
-            fixed_goal(goal),
-            lambda _: goal,
-            VECTORS,
-            lambda value, *_: task.set_target(value),
-        )
+        return unmeasured(task, goal)

@@ -5,14 +5,15 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
-from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
     LIST,
     MAPPING,
     WORD,
     Distinct,
+    ListOf,
+    NonEmpty,
     NonNegative,
     Number,
     Weight,
@@ -20,7 +21,7 @@ from wbc.problem.section import (
     default_of,
     forms,
 )
-from wbc.problem.targets import FromPlan
+from wbc.problem.targets import FromPlan, entries
 from wbc.problem.task_spec import MotionTaskSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
@@ -33,15 +34,11 @@ COMPONENTS = {"all": ROWS, "linear": LINEAR, "angular": ANGULAR}
 
 Components = Annotated[
     Annotated[str, Words(tuple(COMPONENTS)), WORD]
-    | Annotated[
-        tuple[Annotated[str, Words(ROWS)], ...], Strict(False), Field(min_length=1), Distinct, LIST
-    ],
+    | Annotated[NonEmpty[Annotated[str, Words(ROWS)]], Distinct, LIST],
     forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
 ]
-
-
 MomentumTarget = Annotated[
-    Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=6), LIST]
+    Annotated[ListOf[Number], Field(min_length=1, max_length=6), LIST]
     | Annotated[FromPlan, MAPPING],
     forms("a list of numbers, or {plan: file}"),
 ]
@@ -68,7 +65,8 @@ class MomentumSpec(MotionTaskSpec):
         """Return the task."""
         rows = COMPONENTS.get(self.components) if isinstance(self.components, str) else None
         rows = rows or tuple(self.components)
-        goal = self._goal(rows)
+        still = np.zeros(len(ROWS))  # until a plan begins
+        goal = still if isinstance(self.target, FromPlan) else entries(self.target, rows, ROWS)
         settings = self.settings(rows)
         task = MomentumTask(start.robot, goal, components=rows, name=name, **settings)
 
@@ -76,18 +74,3 @@ class MomentumSpec(MotionTaskSpec):
             task.set_target(value, rate)
 
         return TargetedTask(task, fixed_goal(goal), lambda now: now.momentum, VECTORS, set_target)
-
-    def _goal(self, rows: tuple[str, ...]) -> Array:
-        if isinstance(self.target, FromPlan):
-            return np.zeros(len(ROWS))
-        if len(self.target) == len(ROWS):
-            return np.array(self.target, dtype=float)
-        if len(self.target) != len(rows):
-            raise Misplaced(
-                f"needs {len(rows)} entries ({', '.join(rows)}) or all {len(ROWS)}, "
-                f"got {len(self.target)}",
-                "target",
-            )
-        goal = np.zeros(len(ROWS))
-        goal[[ROWS.index(row) for row in rows]] = self.target
-        return goal

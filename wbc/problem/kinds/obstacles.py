@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.constraints import Limits, Obstacles
 from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
@@ -18,6 +18,8 @@ from wbc.problem.section import (
     Point,
     Positive,
     Section,
+    Three,
+    Two,
     Words,
     default_of,
 )
@@ -33,13 +35,9 @@ class ObstacleSpec(Section):
 
     sphere: Positive | None = None
     """Radius [m], about its position."""
-    capsule: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=2, max_length=2)] | (
-        None
-    ) = None
+    capsule: Two[Positive] | None = None
     """Radius and length [m] of the segment, upright about its position."""
-    box: Annotated[tuple[Positive, ...], Strict(False), Field(min_length=3, max_length=3)] | (
-        None
-    ) = None
+    box: Three[Positive] | None = None
     """Sides [m] along x, y, z about its position."""
     half_space: Point | None = None
     """Outward normal of a wall through its position."""

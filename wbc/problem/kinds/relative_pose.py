@@ -5,10 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict
 
 from wbc.problem.kinds.frame import PlacementTarget
-from wbc.problem.section import MAPPING, START, Distinct, Name, Weight, Words, default_of, forms
+from wbc.problem.section import (
+    MAPPING,
+    START,
+    Distinct,
+    Name,
+    NonEmpty,
+    Weight,
+    Words,
+    default_of,
+    forms,
+)
 from wbc.problem.targets import Start, point, rotation
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
@@ -27,12 +36,9 @@ class RelativePoseSpec(ErrorTaskSpec):
     """A link, joint or other frame of the robot."""
     relative_to: Name
     """The frame that it is seen from."""
-    components: Annotated[
-        tuple[Annotated[str, Words(AXES + TURNS)], ...],
-        Strict(False),
-        Field(min_length=1),
-        Distinct,
-    ] = default_of(RelativePoseTask, "components")
+    components: Annotated[NonEmpty[Annotated[str, Words(AXES + TURNS)]], Distinct] = default_of(
+        RelativePoseTask, "components"
+    )
     """Which of x y z rx ry rz are controlled, in axes of ``relative_to``."""
     target: Annotated[
         Annotated[PlacementTarget, MAPPING] | Annotated[Start, START],

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.constraints import Limits, SelfCollision
 from wbc.problem.constraint_spec import BuiltConstraint, ConstraintSpec
-from wbc.problem.section import Name, NonNegative, Words, default_of
+from wbc.problem.section import ListOf, Name, NonNegative, Two, Words, default_of
 from wbc.robot import Snapshot
 from wbc.robot.collision.bodies import FITS
 
-LinkPair = Annotated[tuple[Name, ...], Strict(False), Field(min_length=2, max_length=2)]
-LinkPairs = Annotated[tuple[LinkPair, ...], Strict(False)]
+LinkPairs = ListOf[Two[Name]]
 
 
 class SelfCollisionSpec(ConstraintSpec):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict
-
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
     LIST,
@@ -14,6 +12,7 @@ from wbc.problem.section import (
     Distinct,
     Name,
     Names,
+    NonEmpty,
     NonNegative,
     Number,
     default_of,
@@ -21,12 +20,12 @@ from wbc.problem.section import (
 )
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
-from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
+from wbc.run.ramps import TargetedTask, unmeasured
 from wbc.tasks import TorqueTask
 
 Torques = Annotated[
     Annotated[Number, NUMBER]
-    | Annotated[tuple[Number, ...], Strict(False), Field(min_length=1), LIST]
+    | Annotated[NonEmpty[Number], LIST]
     | Annotated[dict[Name, Number], MAPPING],
     forms("a number, {joint: torque}, or a list with one for each joint"),
 ]
@@ -53,11 +52,4 @@ class TorqueTaskSpec(ForceTaskSpec):
                 "target",
             )
         task = TorqueTask(robot, self.target, joints=self.joints, name=name, **self.settings())
-        goal = task.target
-        return TargetedTask(
-            task,
-            fixed_goal(goal),
-            lambda _: goal,
-            VECTORS,
-            lambda value, *_: task.set_target(value),
-        )
+        return unmeasured(task, task.target)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
-from wbc.problem.section import Number, OneOf, Point, Positive, Section
+from wbc.problem.section import NonEmpty, Number, OneOf, Point, Positive, Section
 from wbc.rmp.balance.law import BalanceLaw, Bounds
 from wbc.rmp.balance.lqr import Lqr
 from wbc.rmp.balance.momentum_qp import MomentumQp
@@ -24,8 +24,6 @@ from wbc.rmp.balance.swing_up import SwingUp
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
-
-_Numbers = Annotated[tuple[Positive, ...], Strict(False), Field(min_length=1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +98,9 @@ class LqrSpec(LawSpec):
     type: Literal["lqr"]
     foot: bool = Lqr.foot
     """Whether the foot may give torque; then bounds.polygon is needed."""
-    errors: _Numbers | None = None
+    errors: NonEmpty[Positive] | None = None
     """Largest states wanted (Bryson's rule); see wbc.rmp.balance.lqr for their order."""
-    efforts: _Numbers | None = None
+    efforts: NonEmpty[Positive] | None = None
     """Largest inputs wanted."""
 
     def build(self, on: Setting) -> Lqr:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import Discriminator, Field, Tag
 
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
@@ -21,11 +21,13 @@ from wbc.problem.section import (
     Components,
     KeysOf,
     Name,
+    NonEmpty,
     NonNegative,
     Pair,
     Quaternion,
     Section,
     Size,
+    Two,
     form_of,
     forms,
 )
@@ -56,9 +58,8 @@ from wbc.tracking.reference import DOUBLE
 # Moments between two knots, so that curves look like curves.
 FINER = 4
 
-_Sizes = Annotated[tuple[Size, ...], Strict(False), Field(min_length=2, max_length=2)]
 _Durations = Annotated[
-    Annotated[Size, NUMBER] | Annotated[_Sizes, LIST],
+    Annotated[Size, NUMBER] | Annotated[Two[Size], LIST],
     forms("seconds, or [least, greatest]"),
 ]
 _Com = Annotated[
@@ -74,7 +75,7 @@ class RectangleSpec(Section):
 
     at: Pair
     """Middle [x, y] [m]."""
-    size: _Sizes
+    size: Two[Size]
     """Length along x and width along y [m]."""
 
     def corners(self) -> Corners:
@@ -85,7 +86,7 @@ class RectangleSpec(Section):
 class HullSpec(Section):
     """The convex hull of several soles."""
 
-    hull: Annotated[tuple[RectangleSpec, ...], Strict(False), Field(min_length=1)]
+    hull: NonEmpty[RectangleSpec]
     """The soles."""
 
     def corners(self) -> Corners:
@@ -111,7 +112,7 @@ def _support_form(value: Any) -> str | None:
 
 _Support = Annotated[
     Annotated[Literal["flight"], WORD]
-    | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=1), MATRIX]
+    | Annotated[NonEmpty[Pair], MATRIX]
     | Annotated[RectangleSpec, MAPPING]
     | Annotated[HullSpec, Tag("(hull)")]
     | Annotated[SolesSpec, Tag("(soles)")],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wbc.problem.pendulum.laws import LawChoice
 from wbc.problem.pendulum.plan import PlanSpec
@@ -14,6 +14,7 @@ from wbc.problem.section import (
     LIST,
     MATRIX,
     KeysOf,
+    ListOf,
     Name,
     NonNegative,
     Number,
@@ -25,9 +26,8 @@ from wbc.problem.section import (
 )
 from wbc.rmp.balance.law import Bounds
 
-_Impulse = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2, max_length=3)]
 _Polygon = Annotated[
-    Annotated[Pair, LIST] | Annotated[tuple[Pair, ...], Strict(False), Field(min_length=3), MATRIX],
+    Annotated[Pair, LIST] | Annotated[ListOf[Pair], Field(min_length=3), MATRIX],
     forms("[least x, greatest x] (planar), or corners [[x, y], ...] (solid)"),
 ]
 
@@ -37,7 +37,7 @@ class PushSpec(Section):
 
     time: NonNegative
     """When [s]."""
-    impulse: _Impulse
+    impulse: Annotated[ListOf[Number], Field(min_length=2, max_length=3)]
     """[N s], up last: [x, z] (planar) or [x, y, z] (solid)."""
 
 
@@ -101,7 +101,7 @@ class PendulumSpec(Section):
     """What it may do, under a law, which respects it; the simulation judges by it."""
     law: LawChoice | None = None
     """The balance law to simulate; this or plan."""
-    pushes: Annotated[tuple[PushSpec, ...], Strict(False)] = ()
+    pushes: ListOf[PushSpec] = ()
     """Blows to the CoM, under a law."""
     plant: PlantSpec = PlantSpec()
     """What moves instead of the pendulum that the law believes in."""

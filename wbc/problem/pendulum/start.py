@@ -6,18 +6,26 @@ import math
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, Strict
 from scipy.spatial.transform import Rotation
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import LIST, NUMBER, NonNegative, Number, Point, Section, Size, forms
+from wbc.problem.section import (
+    LIST,
+    NUMBER,
+    NonNegative,
+    Number,
+    Point,
+    Section,
+    Size,
+    Three,
+    forms,
+)
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
 
-_Three = Annotated[tuple[NonNegative, ...], Strict(False), Field(min_length=3, max_length=3)]
 _OneOrThree = Annotated[
-    Annotated[NonNegative, NUMBER] | Annotated[_Three, LIST],
+    Annotated[NonNegative, NUMBER] | Annotated[Three[NonNegative], LIST],
     forms("one number, or three for a solid pendulum"),
 ]
 _Spin = Annotated[Annotated[Number, NUMBER] | Annotated[Point, LIST], forms("a rate, or three")]
