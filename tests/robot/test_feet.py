@@ -151,6 +151,7 @@ def test_no_feet_are_said_at_load_and_when_asked_for(
     ("left", "right", "feet"),
     [
         ("LEFT_FOOT", "RIGHT_FOOT", ["left", "right"]),
+        ("lfoot", "rfoot", ["left", "right"]),
         ("l_sole", "r_sole", ["left", "right"]),
         ("FL_foot", "FR_foot", ["left", "right"]),  # a biped may call its legs front ones
         ("LF_FOOT", "RH_FOOT", ["front_left", "hind_right"]),

@@ -28,6 +28,7 @@ WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
 NOT_FEET = WHEEL_WORDS | ARM_WORDS
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+_GLUED = re.compile(rf"(left|right|[lr])({'|'.join(sorted(FOOT_WORDS))})")  # lfoot, rightankle
 SAME_HEIGHT, MIRRORED = 0.01, 0.02  # m: two soles on the same ground, one the other's image
 LEAST_AREA = 1e-3  # m^2: a flat shape larger than a coin
 BELOW_BASE = 0.05  # m: legs reach at least so far below the base's origin
@@ -35,8 +36,10 @@ ALONG = np.cos(np.deg2rad(30.0))  # a direction this near to an axis is meant to
 
 
 def words_of(name: str) -> set[str]:
-    """Return the lower-case words of ``left_foot``, ``LAnkleRoll``, ``l_sole`` or ``LF_FOOT``."""
-    return {word.lower() for word in _WORDS.findall(name)}
+    """Return the lower-case words of ``left_foot``, ``LAnkleRoll``, ``lfoot`` or ``LF_FOOT``."""
+    words = [word.lower() for word in _WORDS.findall(name)]
+    glued = [_GLUED.fullmatch(word) for word in words]
+    return {*words, *(part for match in glued if match for part in match.groups())}
 
 
 def foot_of(link: str) -> str | None:

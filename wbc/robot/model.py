@@ -26,7 +26,7 @@ from wbc.robot.formats.description import (
     lock_joints,
 )
 from wbc.robot.library import NamedRobot, Source, find_robot
-from wbc.robot.limits import Limits
+from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches
@@ -55,8 +55,8 @@ class Robot(KinematicTree):
     Attributes
     ----------
     postures:
-        Configurations by name, read-only: ``neutral`` (all zero), those of the files, and
-        ``standing``, which is on the ground.
+        Configurations by name, read-only: ``neutral`` (joints at zero, the base where the file puts
+        it), those of the files, and ``standing``, which is on the ground.
     notes:
         What was tolerated while loading, in words.
     srdf:
@@ -138,7 +138,9 @@ class Robot(KinematicTree):
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
         states = {**description.states, **(read_states(states_file) if states_file else {})}
-        postures, posture_notes = named_postures(limits, pin.neutral(model), states, found.known)
+        neutral = pin.neutral(model)
+        neutral[:BASE_NQ] = description.base
+        postures, posture_notes = named_postures(limits, neutral, states, found.known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
         specs = _foot_specs(found.known, feet, base)

@@ -37,7 +37,7 @@ def test_an_mjcf_has_one_free_flyer(tmp_path: Path, root: str) -> None:
     robot = Robot.load(mjcf(tmp_path, root))
     assert (robot.name, robot.nq, robot.nv, robot.joint_names) == ("toy", 8, 7, ("knee",))
     assert robot.mass == pytest.approx(4.0, abs=1e-12)
-    assert robot.snapshot(robot.posture("neutral")).position("base")[2] == 0.0
+    assert robot.snapshot(robot.posture("neutral")).position("base")[2] == 1.0  # as in the file
     np.testing.assert_allclose(robot.limits.lower, np.deg2rad(-60))
     np.testing.assert_allclose(robot.limits.effort, 9.0)
     assert robot.limits.missing == ("knee: velocity",)

@@ -19,13 +19,13 @@ TURNED = {
 SEQUENCES = ("xyz", "zyx", "XYZ", "zXy")
 
 
-def content(turned: str, compiler: str, scale: float) -> str:
+def content(turned: str, compiler: str, scale: float, root: str) -> str:
     for number in ("30", "-50", "70", "40"):
         turned = turned.replace("{" + number + "}", repr(float(number) * scale))
     geom = f'<geom name="{{0}}" type="box" size=".1 .2 .3" mass="1" pos="0.1 0 0.2" {turned}/>'
     return f"""<mujoco model="m"><compiler {compiler}/>
       <default><default class="thin"><geom type="capsule" size="0.03"/></default></default>
-      <worldbody><frame pos="0 0 1"><body name="trunk"><freejoint/>
+      <worldbody><frame pos="0 0 1"><body name="trunk" pos=".2 .1 .3" {turned}>{root}
         {geom.format("trunk")}
         <frame pos="0.1 -0.2 0.3" {turned} childclass="thin">
           <geom name="rod" fromto="0 0 0 0.1 0.2 0.3" mass="0.5"/>
@@ -46,25 +46,26 @@ def content(turned: str, compiler: str, scale: float) -> str:
     [(name, "xyz") for name in TURNED] + [("euler", one) for one in SEQUENCES],
 )
 @pytest.mark.parametrize("degrees", [True, False])
+@pytest.mark.parametrize("root", ["<freejoint/>", ""], ids=["floating", "bolted"])
 def test_frames_are_where_mujoco_puts_them(
-    tmp_path: Path, turned: str, sequence: str, degrees: bool, rng
+    tmp_path: Path, turned: str, sequence: str, degrees: bool, root: str, rng
 ) -> None:
+    """In MuJoCo's own zero posture, the root where the file puts it, but for the joints."""
     mujoco = pytest.importorskip("mujoco")
     angle = "degree" if degrees else "radian"
     compiler = f'angle="{angle}" eulerseq="{sequence}"'
-    text = content(TURNED[turned], compiler, 1.0 if degrees else np.pi / 180.0)
+    text = content(TURNED[turned], compiler, 1.0 if degrees else np.pi / 180.0, root)
     bound = np.pi / 180.0 if degrees else 1.0
     path = tmp_path / "m.xml"
     path.write_text(text)
     robot, model = Robot.load(path), mujoco.MjModel.from_xml_path(str(path))
     np.testing.assert_allclose(robot.limits.upper, bound)
     data = mujoco.MjData(model)
-    data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
-    data.qpos[7:] = bends = bound * rng.uniform(-1, 1, 2)
+    data.qpos[-2:] = bends = bound * rng.uniform(-1, 1, 2)
     mujoco.mj_forward(model, data)
     step = np.concatenate((np.zeros(6), bends))
     here = robot.snapshot(robot.integrate(robot.postures["neutral"], step, 1.0))
-    for body in ("arm", "hand"):
+    for body in ("trunk", "arm", "hand"):
         found = data.body(body)
         np.testing.assert_allclose(here.position(body), found.xpos, atol=1e-12)
         np.testing.assert_allclose(here.rotation(body), found.xmat.reshape(3, 3), atol=1e-12)
@@ -72,6 +73,6 @@ def test_frames_are_where_mujoco_puts_them(
     mass = np.zeros((model.nv, model.nv))
     for row, unit in zip(mass, np.eye(model.nv), strict=True):  # mj_fullM has changed its arguments
         mujoco.mj_mulM(model, data, row, unit)
-    np.testing.assert_allclose(here.mass_matrix[6:, 6:], mass[6:, 6:], atol=1e-12)
+    np.testing.assert_allclose(here.mass_matrix[6:, 6:], mass[-2:, -2:], atol=1e-12)
     assert robot.mass == pytest.approx(3.5)
     assert len(robot.collision_model.geometryObjects) == 4

@@ -124,6 +124,8 @@ class Description:
         Joints that the file ties to another one (mimic or equality).
     states:
         Named configurations the file holds (MJCF key frames).
+    base:
+        Where the file puts the root body, as a free-flyer's q (x, y, z, quaternion x, y, z, w).
     bolted:
         Why the root is taken to be bolted to the world unless it has feet; empty if the file does
         not tell, None if it says that the root floats.
@@ -137,6 +139,7 @@ class Description:
     geometry: GeometrySource
     coupled: Mapping[str, Coupling] = field(default_factory=dict)
     states: Mapping[str, State] = field(default_factory=dict)
+    base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     bolted: str | None = ""
     notes: tuple[str, ...] = ()
 

@@ -96,6 +96,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     joints = root.findall("worldbody//joint")
     check_joint_count(len(joints), path)
     _keep_slides(root)
+    base = _take_base_pose(root)
     text = ET.tostring(root, encoding="unicode")
     with _file_of(text, path, "Pinocchio cannot read this MJCF") as file:
         model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
@@ -114,9 +115,23 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
         geometry=MjcfGeometry(text, path, complete=not missing),
         coupled=coupled,
         states=dict(_key_frames(model)),
+        base=base,
         bolted=None if _floats(root) else "the root has no free joint",
         notes=notes,
     )
+
+
+def _take_base_pose(root: ET.Element) -> tuple[float, ...]:
+    """Take the pose of the root body out of a plain document; return it as a free-flyer's q.
+
+    Pinocchio would drop it where the root has no free joint, and where it has one, and is turned,
+    place the joint beside the origin, so that q were not the base's pose.
+    """
+    body = root.findall("worldbody/body")[0]
+    x, y, z = (float(word) for word in body.attrib.pop("pos", "0 0 0").split())
+    w, *axis = (float(word) for word in body.attrib.pop("quat", "1 0 0 0").split())
+    size = math.hypot(w, *axis)
+    return (x, y, z, *(part / size for part in (*axis, w)))
 
 
 @contextmanager
