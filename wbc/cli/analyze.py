@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.options import Quiet
 
 if TYPE_CHECKING:
     from wbc.motion import RmpSeries
@@ -68,7 +68,7 @@ def analyze(
     snapshots: Annotated[
         str, typer.Option(help="In the picture: how many, or their times in s, as in 0,2.5,4.")
     ] = SNAPSHOTS,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
     with errors_in_one_line():
@@ -94,7 +94,7 @@ def analyze(
             fill=fill,
             longest_gap=longest_gap,
         )
-        with nullcontext() if quiet else shown_progress() as progress:
+        with shown_progress(quiet) as progress:
             series = analyse(
                 recording,
                 rate=resample,

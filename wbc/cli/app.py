@@ -1,4 +1,4 @@
-"""The command line: every command of ``wbc`` is registered here, and lives in a file of its own.
+"""The command line: every command of ``wbc`` is registered here.
 
 Only typer is imported on top: ``wbc --help`` must not wait for the robotics libraries.
 """
@@ -16,13 +16,11 @@ from wbc.cli.batch import BATCH_EXIT_CODES, batch
 from wbc.cli.bench import BENCH_EXIT_CODES, bench
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
-from wbc.cli.export import export
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
-from wbc.cli.render import render
-from wbc.cli.report import report
 from wbc.cli.robots import collisions, robots
 from wbc.cli.run import EXIT_CODES, run
+from wbc.cli.saved import export, render, report
 from wbc.cli.sim import SIM_EXIT_CODES, sim
 from wbc.cli.view import view
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wbc.cli.errors import NOT_REACHED, complain, errors_in_one_line, print_note
+from wbc.cli.options import Quiet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,7 @@ def batch(
     check: Annotated[
         bool, typer.Option("--check", help="Check every run and say how many there are; run none.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run problems with many values and seeds, and write a table with a row for each run."""
     with errors_in_one_line():
@@ -145,10 +145,7 @@ def _run(
     from wbc.cli.progress import shown_progress
 
     began = time.monotonic()
-    with (
-        nullcontext() if quiet else shown_progress() as progress,
-        noted_interrupts() as interrupts,
-    ):
+    with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
 
         def tell(at: BatchProgress) -> None:
             if progress is not None:

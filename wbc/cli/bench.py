@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import NOT_REACHED, errors_in_one_line, print_note
+from wbc.cli.options import Quiet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +66,7 @@ def bench(
     qpbenchmark: Annotated[
         Path | None, typer.Option(help="Write the sequences as a test set of qpbenchmark.")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Measure QP solvers on the QPs of whole-body controllers, in warm-start order.
 
@@ -183,7 +183,7 @@ def _measure(
     from wbc.cli.progress import shown_progress
 
     names = solvers or list(candidate_names())
-    with nullcontext() if quiet else shown_progress() as progress:
+    with shown_progress(quiet) as progress:
 
         def tell(done: int, total: int, name: str) -> None:
             if progress is not None:

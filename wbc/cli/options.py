@@ -1,4 +1,4 @@
-"""Options that several commands have, and what their words stand for."""
+"""Options that several commands have, what the shell offers for them, and what words stand for."""
 
 from __future__ import annotations
 
@@ -7,12 +7,42 @@ from typing import Annotated, Any
 
 import typer
 
-from wbc.cli.completion import (
-    directions_beginning,
-    layers_beginning,
-    robots_beginning,
-    solvers_beginning,
-)
+# ---------------------------------------------------------------------- what Tab offers
+# Nothing is loaded before it is pressed.
+
+
+def robots_beginning(incomplete: str) -> list[str]:
+    """Return the names of robots that begin so."""
+    from wbc.robot.library import robot_names
+
+    return [name for name in robot_names() if name.startswith(incomplete)]
+
+
+def solvers_beginning(incomplete: str) -> list[str]:
+    """Return the names of QP solvers that begin so."""
+    from wbc.qp import installed_solvers
+
+    return [name for name in installed_solvers() if name.startswith(incomplete)]
+
+
+def directions_beginning(incomplete: str) -> list[str]:
+    """Return the directions to view from that begin so."""
+    from wbc.view.options import DIRECTIONS
+
+    return [name for name in DIRECTIONS if name.startswith(incomplete)]
+
+
+def layers_beginning(incomplete: str) -> list[str]:
+    """Return lists of layers of a picture whose last begins so."""
+    from wbc.view.options import LAYERS, WITHOUT
+
+    before, comma, last = incomplete.rpartition(",")
+    names = [*LAYERS, *(f"{WITHOUT}{name}" for name in LAYERS)]
+    return [f"{before}{comma}{name}" for name in names if name.startswith(last)]
+
+
+# ---------------------------------------------------------------------- options
+
 
 Output = Annotated[
     list[Path] | None,

@@ -119,10 +119,7 @@ def _held_back(result: Result) -> Table:
 
 
 def _rest(result: Result) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_row("", "")
+    table = facts()
     margin, slip, balance = result.margin, result.slip, result.balance
     if np.isfinite(margin.value):
         size = f"{abs(margin.value):.2g}"
@@ -213,6 +210,15 @@ def _above(part: float) -> str:
         return "that of the best posture"
     side = "above" if part > 0.0 else "below"
     return f"{100 * abs(part):.2g} % {side} that of the best posture"
+
+
+def facts() -> Table:
+    """Return an empty table of names and what there is to say of them, below an empty line."""
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_row("", "")
+    return table
 
 
 def heads(*columns: str) -> Table:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.completion import robots_beginning
 from wbc.cli.errors import BAD_INPUT, complain, errors_in_one_line, print_notes
-from wbc.cli.options import Assign, overrides_of
+from wbc.cli.options import Assign, overrides_of, robots_beginning
 
 if TYPE_CHECKING:
     from wbc.problem import Problem

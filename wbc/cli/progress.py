@@ -25,8 +25,11 @@ class ProgressCall(Protocol):
 
 
 @contextmanager
-def shown_progress() -> Iterator[ProgressCall]:
-    """Give what to call while a job goes on; it writes to stderr."""
+def shown_progress(quiet: bool = False) -> Iterator[ProgressCall | None]:
+    """Give what to call while a job goes on, which writes to stderr; None if ``quiet``."""
+    if quiet:
+        yield None
+        return
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
         yield _lines(console)

@@ -206,10 +206,7 @@ def _push_all(
     from wbc.simulation.campaign import compass_angles
 
     maps = []
-    with (
-        nullcontext() if quiet else shown_progress() as progress,
-        noted_interrupts() as interrupts,
-    ):
+    with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
         for name, load, one in zip(names, loads, pushed, strict=True):
             outcomes = run_campaign(
                 grid,

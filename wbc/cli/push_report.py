@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.printing import heads, print_written
+from wbc.cli.printing import facts, heads, print_written
 from wbc.problem.pushing import PushSettings
 from wbc.simulation import PushMap
 from wbc.simulation.push_map import compared
@@ -30,10 +30,7 @@ def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterabl
         )
         console.print(head.append(text, style="not bold default"))
     console.print(_table(maps))
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_row("", "")
+    table = facts()
     if many:
         table.add_row("compared", Text(_compared(first, maps[1])))
     for one in maps:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wbc.cli.completion import robots_beginning
 from wbc.cli.errors import errors_in_one_line, missing_limits, print_notes
+from wbc.cli.options import robots_beginning
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, QP_FAILED, errors_in_one_line, print_notes
+from wbc.cli.errors import errors_in_one_line, print_notes
 from wbc.cli.options import (
     Assign,
     Output,
@@ -20,7 +19,7 @@ from wbc.cli.options import (
     check_view,
     overrides_of,
 )
-from wbc.cli.running import Ended, Wanted, finish
+from wbc.cli.running import Ended, Wanted, exit_code, finish
 
 if TYPE_CHECKING:
     from wbc.cli.interrupts import Interrupts
@@ -79,7 +78,7 @@ def _solve(wanted: Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> 
             if isinstance(result, Result)
             else print_pendulum_result(result, written)
         ),
-        code=_exit_code(result),
+        code=exit_code(result.status),
         interrupted=interrupts.exit_code if interrupted else None,
         history=result.history if isinstance(result, Result) else None,
     )
@@ -94,7 +93,7 @@ def _run(
     from wbc.cli.progress import shown_progress
     from wbc.problem import Problem
 
-    with nullcontext() if quiet else shown_progress() as progress:
+    with shown_progress(quiet) as progress:
         if not isinstance(problem, Problem) and problem.spec.plan is not None:
             return problem.run(progress), Interrupts()  # nothing to keep until it is done
         with noted_interrupts() as interrupts:
@@ -107,11 +106,3 @@ def _search_interrupted(result: Result | PendulumResult) -> bool:
     """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
     shaping = getattr(result, "shaping", None)
     return shaping is not None and shaping.effort.stopped == "interrupted"
-
-
-def _exit_code(result: Result | PendulumResult) -> int:
-    from wbc.problem import RunStatus
-
-    if result.status.good:
-        return 0
-    return QP_FAILED if result.status is RunStatus.QP_FAILED else NOT_REACHED

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from wbc.cli.errors import complain
+from wbc.cli.errors import NOT_REACHED, QP_FAILED, complain
 
 if TYPE_CHECKING:
     from wbc.problem import Problem
     from wbc.problem.pendulum.problem import PendulumProblem
+    from wbc.problem.pendulum.result import PendulumStatus
     from wbc.run import History
+    from wbc.run.stopping import RunStatus
+    from wbc.simulation import SimulationStatus
     from wbc.view.live.watching import Watching
 
 
@@ -99,6 +102,13 @@ def check_outputs(output: list[Path], plot: Path | None) -> None:
         check_place("--output", each)
     if plot is not None:
         check_picture("--plot", plot)
+
+
+def exit_code(status: RunStatus | SimulationStatus | PendulumStatus) -> int:
+    """Return the exit code of a run that ended so."""
+    if status.good:
+        return 0
+    return QP_FAILED if status.value == "qp_failed" else NOT_REACHED
 
 
 def finish(wanted: Wanted, ended: Ended, watching: Watching | None) -> int:

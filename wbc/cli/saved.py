@@ -1,22 +1,151 @@
-"""A run to draw: read from a result's file, or made by running a problem now."""
+"""``wbc render``, ``wbc report`` and ``wbc export``: a run as a film, a page, or a recording.
+
+The run is read from a result's file, or made by running a problem now.
+"""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from wbc.cli.errors import complain
+import typer
+
+from wbc.cli.errors import complain, errors_in_one_line
+from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, check_view
 
 if TYPE_CHECKING:
+    from wbc.cli.progress import ProgressCall
     from wbc.problem import Result
     from wbc.problem.pendulum.result import PendulumResult
     from wbc.problem.pendulum.saved import SavedPendulum
     from wbc.problem.saved import SavedRun
     from wbc.simulation import SimulationResult
 
+FPS, SIZE = 20, "480x560"
 
-def saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | SavedPendulum:
+
+def render(
+    run: SavedOrProblem,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The film: .gif, or .mp4 if there is ffmpeg.")
+    ],
+    fps: Annotated[int, typer.Option(help="Pictures per second, at most 50.")] = FPS,
+    speed: Annotated[
+        float, typer.Option(help="How much faster than the run; 0.25 is slow motion.")
+    ] = 1.0,
+    size: Annotated[str, typer.Option(help="Width x height in pixels.")] = SIZE,
+    view_from: ViewFrom = "front-left",
+    show: Show = "all",
+    robot: RobotOfResult = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw a run as a film, without a screen; the same run gives the same file."""
+    with errors_in_one_line():
+        from wbc.cli.outputs import check_place, require_matplotlib
+        from wbc.cli.progress import shown_progress
+        from wbc.problem.pendulum.saved import SavedPendulum
+
+        require_matplotlib("wbc render")
+        from wbc.view.film import film_format, film_run
+        from wbc.view.options import View
+        from wbc.view.pendulum_film import film_pendulum
+
+        check_view(view_from, show)
+        film_format(output)
+        check_place("--output", output)
+        pixels = _size(size)
+        saved = _saved_or_run(run, robot, quiet)
+        with shown_progress(quiet) as progress:
+            told = None if progress is None else _told(progress)
+            title = _title_of(saved)
+            if isinstance(saved, SavedPendulum):
+                film_pendulum(saved.history, output, title=title, fps=fps, speed=speed,
+                              size=pixels, progress=told)  # fmt: skip
+            else:
+                film_run(saved.robot, saved.history, output, title=title, fps=fps, speed=speed,
+                         size=pixels, view=View.of(view_from, show), progress=told)  # fmt: skip
+        if not quiet:
+            typer.echo(f"written  {output}")
+
+
+def _told(progress: ProgressCall) -> Callable[[int, int], None]:
+    return lambda done, total: progress(done, total, {"drawing": True})
+
+
+def _size(text: str) -> tuple[int, int]:
+    from wbc.errors import InvalidInputError
+
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and max(int(width), int(height)) <= 4096):
+        raise InvalidInputError(f"--size {text}: expected width x height in pixels, as in {SIZE}")
+    return int(width), int(height)
+
+
+def report(
+    run: SavedOrProblem,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The report: .html.")],
+    robot: RobotOfResult = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a run as one HTML file: replay in 3-D, plots, tables, the problem and versions."""
+    with errors_in_one_line():
+        from wbc.cli.outputs import check_place, require_matplotlib, write_one
+
+        require_matplotlib("wbc report")
+        from wbc.view.report.report import report_format
+
+        report_format(output)
+        check_place("--output", output)
+        saved = _saved_or_run(run, robot, quiet)
+        title = _title_of(saved)
+        code = write_one(output, lambda path: _write_report(saved, path, title), quiet)
+    raise typer.Exit(code)
+
+
+def _write_report(saved: SavedRun | SavedPendulum, path: Path, title: str) -> None:
+    from wbc.problem.pendulum.saved import SavedPendulum
+    from wbc.view.report.report import write_pendulum_report, write_report
+
+    if isinstance(saved, SavedPendulum):
+        write_pendulum_report(saved.history, saved.summary, path, title=title)
+        return
+    run = saved.robot, saved.history, saved.summary
+    write_report(*run, path, title=title, simulation=saved.simulation)
+
+
+def export(
+    run: SavedOrProblem,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The file: .mcap.")],
+    robot: RobotOfResult = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a run as MCAP, for Foxglove, Rerun or PlotJuggler: links, joints, errors, forces."""
+    with errors_in_one_line():
+        from wbc.cli.outputs import check_place, write_one
+        from wbc.errors import InvalidInputError
+        from wbc.problem.saved import SavedRun
+        from wbc.view.mcap_export import mcap_format, write_mcap
+
+        mcap_format(output)
+        check_place("--output", output)
+        saved = _saved_or_run(run, robot, quiet)
+        if not isinstance(saved, SavedRun):
+            raise InvalidInputError(
+                f"{run}: a pendulum, which has no links to show; its motion is written as a table"
+                " by: wbc run PROBLEM.yaml -o motion.csv"
+            )
+        parts = saved.robot, saved.history, saved.summary
+        code = write_one(
+            output, lambda path: write_mcap(*parts, path, simulation=saved.simulation), quiet
+        )
+    raise typer.Exit(code)
+
+
+# ---------------------------------------------------------------------- the run
+
+
+def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | SavedPendulum:
     """Return the run of an ``.npz``, or that of a problem file, which is run or simulated first.
 
     Raises
@@ -36,7 +165,7 @@ def saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Saved
     if robot is not None:
         raise InvalidInputError("--robot: only for a result's .npz; a problem names its robot")
     problem, name = load_problem(path), "stdin" if str(path) == "-" else path.stem
-    with nullcontext() if quiet else shown_progress() as progress:
+    with shown_progress(quiet) as progress:
         if not isinstance(problem, Problem):
             moved = problem.run(progress)
             _warn(moved)
@@ -52,6 +181,6 @@ def _warn(result: Result | SimulationResult | PendulumResult) -> None:
         complain(f"{result.status.value.replace('_', ' ')}: {result.reason}")
 
 
-def title_of(saved: SavedRun | SavedPendulum) -> str:
+def _title_of(saved: SavedRun | SavedPendulum) -> str:
     """Return the name of a run and how it ended."""
     return f"{saved.name}: {str(saved.summary['status']).replace('_', ' ')}"

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import NOT_REACHED, QP_FAILED, errors_in_one_line, print_notes
+from wbc.cli.errors import errors_in_one_line, print_notes
 from wbc.cli.options import Assign, Output, Quiet, Solver, Watched, overrides_of
-from wbc.cli.running import Ended, Wanted, finish
+from wbc.cli.running import Ended, Wanted, exit_code, finish
 
 if TYPE_CHECKING:
     from wbc.cli.interrupts import Interrupts
@@ -65,7 +64,7 @@ def _simulate(wanted: Wanted, overrides: dict[str, Any]) -> int:
         save=result.save,
         draw=lambda picture: _draw(result, picture, wanted.name),
         tell=lambda written: print_simulation(result, written),
-        code=_exit_code(result),
+        code=exit_code(result.status),
         interrupted=interrupts.exit_code if interrupts() else None,
         history=result.run.history,
     )
@@ -79,10 +78,7 @@ def _run(
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
 
-    with (
-        nullcontext() if quiet else shown_progress() as progress,
-        noted_interrupts() as interrupts,
-    ):
+    with shown_progress(quiet) as progress, noted_interrupts() as interrupts:
         show = None if watching is None else watching.show
         return problem.simulate(progress, cancelled=interrupts, show=show), interrupts
 
@@ -91,11 +87,3 @@ def _draw(result: SimulationResult, path: Path, name: str) -> None:
     from wbc.view.simulation import plot_simulation
 
     plot_simulation(result.robot, result.arrays, path, title=f"{name}: {result.reason}")
-
-
-def _exit_code(result: SimulationResult) -> int:
-    from wbc.simulation import SimulationStatus
-
-    if result.status.good:
-        return 0
-    return QP_FAILED if result.status is SimulationStatus.QP_FAILED else NOT_REACHED

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wbc.cli.printing import SHOWN, head, heads, print_written, tasks_table
+from wbc.cli.printing import SHOWN, facts, head, heads, print_written, tasks_table
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
 from wbc.tracking.deviation import PlanTracking
@@ -24,10 +24,7 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     console.print(tasks_table(result.run))
     if result.tracking is not None:
         console.print(_tracking(result.tracking))
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
-    table.add_row("", "")
+    table = facts()
     for push in result.pushes:
         table.add_row("push", Text(_push(push, result)))
     table.add_row("gave way", Text(_gave_way(result)))
