@@ -31,8 +31,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 from wbc.bench.compare import Verdict
-from wbc.bench.history import FORMAT, NothingToCompareError, changes_since, last_like
 from wbc.bench.measure import reference_time
 from wbc.bench.page import put_section
 from wbc.bench.summary import machine

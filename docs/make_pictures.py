@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from PIL import Image  # matplotlib brings it
 
+from benchmarks.balance_figures import pushes_figure, regions_figure
 from benchmarks.push_recovery import largest_impulses
 from benchmarks.region_of_attraction import lean_grid, region_of_attraction
 from wbc.minimum_jerk import minimum_jerk
@@ -27,7 +28,6 @@ from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run
 from wbc.view.analysis import plot_analysis
-from wbc.view.balance import pushes_figure, regions_figure
 from wbc.view.history import read_history
 from wbc.view.options import View
 from wbc.view.simulation import plot_simulation

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,16 +106,6 @@ def stacked(matrices: Sequence[Array], n: int) -> Array:
         rows[begin:end, : matrix.shape[1]] = matrix
         begin = end
     return rows
-
-
-class Weighted(Protocol):
-    """What a law needs to know of a task besides its residual."""
-
-    name: str
-
-    @property
-    def weight(self) -> Array:
-        """Factors (k,) on the rows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wbc.robot import Robot
-from wbc.robot.geometry import RobotMeshes, link_meshes, triangulated
+from wbc.robot.geometry import RobotMeshes, triangulated
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def enclosed_volume(vertices: Array, faces: Array) -> float:
 
 def test_links_at_a_known_placement(robot: Robot) -> None:
     q = np.array([10.0, 20.0, 30.0, 0.0, 0.0, 0.0, 1.0, np.pi / 2])
-    trunk, arm = link_meshes(robot, q)  # the fully transparent ball is left out
+    trunk, arm = RobotMeshes(robot).at(q)  # the fully transparent ball is left out
     assert (trunk.name, arm.name) == ("trunk", "arm")
     assert trunk.colour == pytest.approx((0.2, 0.4, 0.6), abs=1e-6)  # read as single precision
 
@@ -89,7 +89,7 @@ def test_collision_shapes_are_drawn_if_there_is_nothing_else(tmp_path: Path) -> 
     path = tmp_path / "two.urdf"
     text = URDF.format(arm="").replace("<visual>", "<unseen>").replace("</visual>", "</unseen>")
     path.write_text(text, encoding="utf-8")
-    (ball,) = link_meshes(Robot.load(path, feet={}), [0, 0, 0, 0, 0, 0, 1, 0])
+    (ball,) = RobotMeshes(Robot.load(path, feet={})).at([0, 0, 0, 0, 0, 0, 1, 0])
     np.testing.assert_allclose(np.linalg.norm(ball.vertices, axis=1), 0.5, rtol=1e-12)
 
 
@@ -97,7 +97,7 @@ def test_height_of_the_shipped_robot() -> None:
     robot = Robot.load("hoap2_like")
 
     def heights(posture: str) -> Array:
-        meshes = link_meshes(robot, robot.postures[posture])
+        meshes = RobotMeshes(robot).at(robot.postures[posture])
         return np.concatenate([mesh.vertices[:, 2] for mesh in meshes])
 
     assert np.ptp(heights("neutral")) == pytest.approx(0.50, abs=1e-9)

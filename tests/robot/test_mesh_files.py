@@ -11,7 +11,7 @@ from wbc.robot import Robot
 from wbc.robot.formats.mesh_files import read_mesh
 from wbc.robot.formats.urdf import read_urdf
 from wbc.robot.formats.xml import read_xml
-from wbc.robot.geometry import link_meshes, triangulated
+from wbc.robot.geometry import RobotMeshes, triangulated
 
 DATA = Robot.load("icub").path.parents[2]
 URDFS = sorted(
@@ -90,7 +90,9 @@ def test_icubs_left_is_the_mirror_image_of_its_right(robot_named) -> None:
 
 def test_the_sub_meshes_of_icubs_foot_keep_their_own_vertices(robot_named) -> None:
     robot = robot_named("icub")
-    feet = [mesh for mesh in link_meshes(robot, robot.posture("standing")) if "foot" in mesh.name]
+    feet = [
+        mesh for mesh in RobotMeshes(robot).at(robot.posture("standing")) if "foot" in mesh.name
+    ]
     assert len(feet) == 2
     for foot in feet:
         assert area(foot.vertices, foot.faces) == pytest.approx(0.045, abs=1e-4)

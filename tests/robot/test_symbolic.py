@@ -1,5 +1,7 @@
 """The symbolic chain against Pinocchio on fresh data, SciPy's rotations and finite differences."""
 
+from collections.abc import Iterable
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -9,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from wbc.errors import UnknownNameError
 from wbc.robot import Robot
 from wbc.robot.placement import NEAR, from_mrp, from_quaternion, rotation_log
-from wbc.robot.symbolic import LocalRobot, angle_turns, posture_functions, vech_symbolic
+from wbc.robot.symbolic import LocalRobot, SymbolicPosture, angle_turns, vech_symbolic
 from wbc.spatial import COLUMNS, ROWS
 
 STATES = 4
@@ -41,6 +43,18 @@ def assert_near(actual: object, expected: np.ndarray) -> None:
     scale = max(np.abs(expected).max(), 1e-3)
     flat = np.array(actual, dtype=float).reshape(expected.shape, order="F")
     np.testing.assert_allclose(flat, expected, rtol=0, atol=RELATIVE * scale)
+
+
+def posture_functions(
+    robot: Robot, frames: Iterable[str] = (), axes: str = "world"
+) -> dict[str, ca.Function]:
+    """CoM, inertia in some axes (6,), and position and rotation of frames, as functions of q."""
+    q = ca.SX.sym("q", robot.nq)
+    here = SymbolicPosture.at(robot, q)
+    inertia = vech_symbolic(here.inertia_in(axes))
+    outputs = {"com": [here.com], "inertia": [inertia]}
+    outputs |= {frame: [here.position(frame), here.rotation(frame)] for frame in frames}
+    return {name: ca.Function(f"f{k}", [q], outputs[name]) for k, name in enumerate(outputs)}
 
 
 def test_com_inertia_and_frames_are_pinocchios(robot: Robot, rng, random_snapshot) -> None:

@@ -8,10 +8,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.balance_figures import pushes_figure, regions_figure
 from wbc.errors import InvalidInputError
 from wbc.problem.pendulum.result import PendulumHistory, Support
 from wbc.view import style
-from wbc.view.balance import pushes_figure, regions_figure
 from wbc.view.pendulum import pendulum_figure, plot_pendulum
 
 Array = NDArray[np.float64]

@@ -11,10 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import InvalidInputError, ModelError
+from wbc.errors import InvalidInputError
 from wbc.robot.limits import Limits
 from wbc.robot.names import matching
-from wbc.robot.tree import KinematicTree
 from wbc.validate import by_name, finite_number
 
 JointValues = float | Mapping[str, float]  # one for all joints, or by name or pattern
@@ -72,23 +71,6 @@ def effort_note(limits: Limits) -> tuple[str, ...]:
         return ()
     which = "any joint" if len(without) == len(limits.names) else listed(without)
     return (f"no effort limit is given for {which}: torques are not bounded there (effort: ...)",)
-
-
-def require_effort(robot: KinematicTree) -> None:
-    """Refuse a robot of which a joint's largest torque is not known.
-
-    Raises
-    ------
-    ModelError
-        The message names the joints and says how to give their limits.
-    """
-    without = robot.limits.without_effort
-    if without:
-        raise ModelError(
-            f"robot {robot.name!r}: {len(without)} of {len(robot.joint_names)} joints have no"
-            f" effort limit ({listed(without)}); torques need them: Robot.load(...,"
-            f" effort={{{without[0]!r}: N m}}), or effort: in the robot section of a file"
-        )
 
 
 def listed(names: Sequence[str]) -> str:

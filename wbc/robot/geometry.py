@@ -84,11 +84,6 @@ class RobotMeshes:
         return [_moved(mesh, data.oMi[joint]) for joint, mesh in self._meshes]
 
 
-def link_meshes(robot: Robot, q: ArrayLike) -> list[Mesh]:
-    """Return the robot's meshes in the world at ``q``; see :class:`RobotMeshes` for many ``q``."""
-    return RobotMeshes(robot).at(q)
-
-
 def joint_placements(robot: Robot, q: ArrayLike) -> tuple[Array, Array]:
     """Return rotation (n, 3, 3) and origin (n, 3) in the world of each joint, by its index."""
     model, data = robot.model, robot.model.createData()

@@ -8,7 +8,7 @@ in the world.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -223,38 +223,3 @@ class SymbolicPosture:
 def vech_symbolic(S: ca.SX) -> ca.SX:
     """Return the (6, 1) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
     return ca.vertcat(*(S[int(i), int(j)] for i, j in zip(ROWS, COLUMNS, strict=True)))
-
-
-def posture_functions(
-    robot: Robot, frames: Iterable[str] = (), axes: str = WORLD
-) -> Mapping[str, ca.Function]:
-    """Return CasADi Functions of the configuration q (nq).
-
-    Parameters
-    ----------
-    frames:
-        Frames to give placements of.
-    axes:
-        Whose axes the inertia is in: ``"world"``, ``"base"`` or a frame.
-
-    Returns
-    -------
-    ``com``: q -> (3,) [m]. ``inertia``: q -> (6,) entries xx xy xz yy yz zz about the CoM [kg m^2].
-    For each frame, by its name: q -> position (3,), rotation (3, 3).
-
-    Raises
-    ------
-    UnknownNameError
-        No such frame.
-    """
-    q = ca.SX.sym("q", robot.nq)
-    here = SymbolicPosture.at(robot, q)
-    inertia = vech_symbolic(here.inertia_in(axes))
-    functions = {
-        "com": ca.Function("com", [q], [here.com], ["q"], ["com"]),
-        "inertia": ca.Function("inertia", [q], [inertia], ["q"], ["inertia"]),
-    }
-    for k, frame in enumerate(frames):
-        outputs = [here.position(frame), here.rotation(frame)]
-        functions[frame] = ca.Function(f"frame_{k}", [q], outputs, ["q"], ["position", "rotation"])
-    return functions

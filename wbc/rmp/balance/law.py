@@ -137,33 +137,3 @@ class BalanceLaw(Protocol):
         InvalidInputError
             Wrong sizes or not finite.
         """
-
-
-@dataclass(frozen=True, eq=False)
-class CentroidalReference:
-    """What a command means for a robot with this pendulum: targets of humanoid controllers."""
-
-    com_acceleration: Array  # c'' [m/s^2], up last: (3,), planar (2,)
-    momentum_rate: Array  # k_G' about the CoM [N m]: (3,) world axes, planar (1,)
-    inertia_rate: Array  # about the masses' axes [kg m^2/s]: (3,), planar (1,)
-
-
-def centroidal_reference(
-    model: Pendulum, q: Array, v: Array, command: Command
-) -> CentroidalReference:
-    """Return the CoM acceleration, momentum rate and inertia rate that a command brings about.
-
-    Raises
-    ------
-    InvalidInputError
-        Wrong sizes, not finite, or a configuration that the pendulum cannot have.
-    """
-    a = model.forward_dynamics(q, v, command.force, command.cop_acceleration)
-    push = model.ground_reaction(q, v, a)
-    gravity = np.zeros(len(push))
-    gravity[-1] = -model.gravity
-    return CentroidalReference(
-        com_acceleration=push / model.mass + gravity,
-        momentum_rate=np.atleast_1d(model.momentum_rate(q, command.force)),
-        inertia_rate=np.atleast_1d(model.inertia_rate(q, v)),
-    )

@@ -12,8 +12,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -329,7 +327,4 @@ def _write(file: Path, fit: Fit) -> None:
     entry = {"shape": kind, "core": shape.core.tolist(), "radius": shape.radius, "bulge": fit.bulge}
     with contextlib.suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            json.dump(entry, stream)
-        os.replace(name, file)
+        files.write_whole(file, lambda stream: stream.write(json.dumps(entry).encode()))

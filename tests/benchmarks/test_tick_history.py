@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 from wbc.bench.compare import Verdict
-from wbc.bench.history import FORMAT, NothingToCompareError, changes_since, last_like
 from wbc.errors import InvalidInputError
 
 
