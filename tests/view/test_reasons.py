@@ -8,16 +8,15 @@ from matplotlib.figure import Figure
 
 from tests.texts import REACH
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.motion.dropouts import runs
 from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.robot.collision import Capsule, HalfSpace, Hull
 from wbc.run import Result
 from wbc.view import run_figure, style
-from wbc.view.captions import captions
 from wbc.view.history import read_history
 from wbc.view.options import LAYERS, View
-from wbc.view.portrait import Pose, portraits_of
-from wbc.view.reasons import spans
+from wbc.view.portrait import Pose, captions, portraits_of
 from wbc.view.solids import solid_surface
 
 
@@ -156,7 +155,7 @@ def test_views_by_words() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_spans_are_the_runs_of_true(seed: int) -> None:
     on = np.random.default_rng(seed).random(50) < 0.5
-    found = spans(on)
+    found = runs(on)
     again = np.zeros(50, dtype=bool)
     for first, end in found:
         again[first:end] = True

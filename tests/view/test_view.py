@@ -15,8 +15,7 @@ import wbc.view
 from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
-from wbc.view.captions import LINE, captions
-from wbc.view.portrait import portraits_of
+from wbc.view.portrait import LINE, captions, portraits_of
 from wbc.view.series import spread
 from wbc.view.style import save
 

@@ -21,11 +21,20 @@ from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
 from wbc.validate import Array, finite_number
 from wbc.view import style
 from wbc.view.camera import Camera
-from wbc.view.captions import LINE, captions, write_caption
 from wbc.view.history import History, Run, read_history
 from wbc.view.options import View
 from wbc.view.panel import Panel
-from wbc.view.portrait import DEFAULT, INCH, Portrait, draw_pendulum, extent_of, portrait_of
+from wbc.view.portrait import (
+    DEFAULT,
+    INCH,
+    LINE,
+    Portrait,
+    captions,
+    draw_pendulum,
+    extent_of,
+    portrait_of,
+    write_caption,
+)
 from wbc.view.render import render
 from wbc.view.simplify import within
 

@@ -14,13 +14,7 @@ from numpy.typing import NDArray
 from wbc.problem.pendulum.result import PendulumHistory
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.pendulum_plots import (
-    HEIGHT,
-    SOLID,
-    STANDS,
-    plots_of,
-    view_side,
-)
+from wbc.view.pendulum_plots import HEIGHT, SOLID, STANDS, plots_of, view_side
 from wbc.view.pendulum_plots import WIDTH as PLOT_WIDTH
 from wbc.view.style import picture_file, save
 

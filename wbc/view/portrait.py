@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
@@ -18,7 +20,7 @@ from wbc.robot.geometry import Mesh, RobotMeshes
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.camera import Camera, viewing_axes
-from wbc.view.options import View
+from wbc.view.options import LAYERS, View
 from wbc.view.panel import Panel
 from wbc.view.render import render
 from wbc.view.scene import Scene, principal_sections, silhouette, sole_outline
@@ -31,6 +33,7 @@ REACHED = 5e-3  # m: a target no farther than this from its point is not marked
 SUNK = 0.02  # m: a robot reaching lower than this below z = 0 is not meant to stand there
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
+LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch
 NARROW = 1.0 / 3.3  # distance between two of them where there is less room, part of the width
 
 
@@ -238,6 +241,30 @@ def draw_pendulum(
     for aim in portrait.aims if shows("targets") else ():
         if aim.distant:
             panel.target(aim.point, aim.wanted, style.YELLOW, 4.0 * size)
+
+
+def captions(portraits: Sequence[Portrait], width: float) -> list[str]:
+    """Return in lines what the marks in the pictures are, for a figure so wide [inches]."""
+    there = {
+        "leg": any(one.foot is not None for one in portraits),
+        "soles": any(one.outlines for one in portraits),
+        "obstacles": any(one.scene.solids for one in portraits),
+        "targets": any(aim.distant for one in portraits for aim in one.aims),
+    }
+    view = portraits[0].view
+    told = [
+        text for name, text in LAYERS.items() if text and view.shows(name) and there.get(name, True)
+    ]
+    return textwrap.wrap("; ".join(told), round(CHARACTERS * width))
+
+
+def write_caption(figure: Figure, lines: Sequence[str], top: float) -> None:
+    """Write lines at a height above a figure's lower edge [inches]."""
+    total = figure.get_size_inches()[1]
+    figure.text(
+        0.5, top / total, "\n".join(lines), ha="center", va="top", fontsize=7.0,
+        color=style.GREY, linespacing=1.25,
+    )  # fmt: skip
 
 
 def _extent(portraits: Sequence[Portrait]) -> Array:

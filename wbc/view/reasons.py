@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
+from wbc.motion.dropouts import runs
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.series import Series, plot_curves, shortened
@@ -48,9 +49,7 @@ def plot_held_back(axes: Axes, time: Array, active: Mapping[str, NDArray[np.bool
     style.plain(axes, title, "time [s]", "")
     dt = float(time[1] - time[0]) if len(time) > 1 else 1.0
     for row, label in enumerate(shown):
-        bars = [
-            (float(time[a]), float(time[b - 1] - time[a] + dt)) for a, b in spans(active[label])
-        ]
+        bars = [(float(time[a]), float(time[b - 1] - time[a] + dt)) for a, b in runs(active[label])]
         colour = style.SERIES[row % len(style.SERIES)]
         axes.broken_barh(bars, (row - 0.5 * THICK, THICK), color=colour, linewidth=0.0)
     axes.set_xlim(float(time[0]), float(time[-1]) + (dt if len(time) == 1 else 0.0))
@@ -65,9 +64,3 @@ def _brief(label: str) -> str:
     for ending in ("_link", "_joint"):
         label = label.replace(ending, "")
     return shortened(label, LONGEST)
-
-
-def spans(on: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first index and end of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], on, [False])).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -11,9 +11,17 @@ from numpy.typing import ArrayLike
 
 from wbc.robot import Robot
 from wbc.view import style
-from wbc.view.captions import LINE, captions, write_caption
 from wbc.view.options import View
-from wbc.view.portrait import DEFAULT, Pose, draw_portraits, portraits_of, shape_of
+from wbc.view.portrait import (
+    DEFAULT,
+    LINE,
+    Pose,
+    captions,
+    draw_portraits,
+    portraits_of,
+    shape_of,
+    write_caption,
+)
 
 PANEL_WIDTH = 3.6  # inches, of a picture in a figure of robots
 PANEL_SHAPE = (0.8, 1.5)  # its height to width, at least and at most

@@ -17,10 +17,17 @@ from matplotlib.figure import Figure
 from wbc.robot import Robot
 from wbc.validate import Array
 from wbc.view import style
-from wbc.view.captions import LINE, captions, write_caption
 from wbc.view.history import History, Phase, Run, read_history
 from wbc.view.options import View
-from wbc.view.portrait import DEFAULT, draw_portraits, portraits_of, shape_of
+from wbc.view.portrait import (
+    DEFAULT,
+    LINE,
+    captions,
+    draw_portraits,
+    portraits_of,
+    shape_of,
+    write_caption,
+)
 from wbc.view.reasons import plot_clearance, plot_held_back
 from wbc.view.series import plot_errors, plot_moments, shortened
 
@@ -78,8 +85,8 @@ def run_figure(robot: Robot, history: History, *, title: str, view: View = DEFAU
     portraits = portraits_of(robot, ends, view)
     half = 0.5 * WIDTH
     high = half * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
-    reasons = [*_reasons(run)]
-    rows = 2 if reasons else 1
+    why = [*reasons(run)]
+    rows = 2 if why else 1
     caption = captions(portraits, WIDTH)
     below = BETWEEN + LINE * len(caption) + rows * PLOT
     figure = style.sheet(WIDTH, HEADING + high + below, title, rows * PLOT)
@@ -88,13 +95,13 @@ def run_figure(robot: Robot, history: History, *, title: str, view: View = DEFAU
     grid = figure.add_gridspec(rows, 2)
     plot_errors(figure.add_subplot(grid[0, 0]), run.time, run.errors)
     plot_moments(figure.add_subplot(grid[0, 1]), run.time, run.moments)
-    for k, draw in enumerate(reasons):
-        place = grid[1, k] if len(reasons) > 1 else grid[1, :]
+    for k, draw in enumerate(why):
+        place = grid[1, k] if len(why) > 1 else grid[1, :]
         draw(figure.add_subplot(place))
     return figure
 
 
-def _reasons(run: Run) -> Iterator[Callable[[Axes], None]]:
+def reasons(run: Run) -> Iterator[Callable[[Axes], None]]:
     """Yield what draws why the robot did not do more."""
     if run.clearance:
         yield lambda axes: plot_clearance(axes, run.time, run.clearance)
@@ -109,10 +116,8 @@ ROW = 6  # portraits side by side, at most
 FEWEST = 4  # fewer are not drawn larger than a quarter
 PHASED_SHAPE = (0.9, 1.7)  # height to width, at least and at most
 TOP, TITLE, BELOW_PANEL = 0.45, 0.5, 0.3  # inches
-ROW_OF_PLOTS, NAMES = (
-    1.95,
-    1.1,
-)  # inches, of a plot and, all in all, of the phases' names and the times
+ROW_OF_PLOTS = 1.95  # inches
+NAMES = 1.1  # inches, all in all of the phases' names and the times
 BAND = "#F1F3F6"  # behind every other phase
 SLANT = 32.0  # degrees
 
@@ -158,7 +163,7 @@ def _plots(run: Run) -> Iterator[Callable[[Axes], None]]:
         yield lambda axes: _plot_balance(axes, run.time, balance)
     yield lambda axes: _plot_moments(axes, run)
     yield lambda axes: plot_errors(axes, run.time, run.errors)
-    yield from _reasons(run)
+    yield from reasons(run)
 
 
 def _plot_moments(axes: Axes, run: Run) -> None:

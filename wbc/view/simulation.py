@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
+from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array
 from wbc.view import style
@@ -143,9 +144,7 @@ def _read(robot: Robot, arrays: Mapping[str, Any]) -> dict[str, Array]:
 
 def _pushes(run: Mapping[str, Array]) -> list[tuple[int, int]]:
     """Return the first and last row of each time in which something pushed."""
-    on = np.concatenate(([False], (run["push"] != 0.0).any(axis=1), [False]))
-    edges = np.flatnonzero(on[1:] != on[:-1])
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(begin, end - 1) for begin, end in runs((run["push"] != 0.0).any(axis=1))]
 
 
 def _instants(run: Mapping[str, Array]) -> list[int]:

@@ -16,21 +16,19 @@ from multiprocessing.connection import Connection
 import numpy as np
 import viser
 
-from wbc.view.live.controls import Controls
+from wbc.view.live.controls import Controls, PushControls
 from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
 from wbc.view.live.layers.layer import Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
-from wbc.view.live.layers.pulls import PullLayer
-from wbc.view.live.layers.pushes import PushLayer
+from wbc.view.live.layers.pushes import PullLayer, PushLayer
 from wbc.view.live.layers.robot import RobotLayer, RobotShapes
 from wbc.view.live.layers.targets import HandlesLayer, TargetsLayer
 from wbc.view.live.messages import Cast, Frame, Replay, Request, Restart, Setup
 from wbc.view.live.origin import own_pages_only
 from wbc.view.live.panel import Panel
 from wbc.view.live.process import Failed, Ready
-from wbc.view.live.pushing import PushControls
 from wbc.view.live.recording import Recording
 from wbc.view.live.shown import Shown
 from wbc.view.live.sliders import Sliders

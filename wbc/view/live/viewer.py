@@ -20,14 +20,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.validate import Array
 from wbc.view.live.mailbox import Mailbox
-from wbc.view.live.messages import (
-    Frame,
-    Pulled,
-    Replay,
-    Request,
-    Setup,
-    Wish,
-)
+from wbc.view.live.messages import Frame, Pulled, Replay, Request, Setup, Wish
 from wbc.view.live.process import HOST, Failed, PageProcess, free_place, require_viser
 from wbc.view.live.steering import Steering
 from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import base64
 import html
+import io
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from wbc.errors import InvalidInputError
 from wbc.files import write_whole
 from wbc.problem.pendulum.result import PendulumHistory, unit_of
 from wbc.robot import Robot
+from wbc.view import style
 from wbc.view.history import History, read_history
 from wbc.view.pendulum_plots import plots_of
-from wbc.view.report.plots import plot_picture, report_plots
 from wbc.view.report.replay import pendulum_replay, replay_data, replay_rows
+from wbc.view.run import reasons
+from wbc.view.series import plot_errors, plot_moments
 from wbc.view.simulation import simulation_plots
 
 SHOWN = 12  # rows of a table
+WIDTH, HEIGHT, DPI = 6.0, 2.7, 130  # inches of a plot, pixels per inch
+Draw = Callable[[Axes], None]
 Table = tuple[str, Sequence[str], Iterable[Sequence[str]]]  # title, heads, rows
 
 
@@ -74,10 +83,14 @@ def report_text(
     """Return the page that :func:`write_report` writes."""
     run = read_history(robot, history)
     data = replay_data(run, replay_rows(run.time))
-    draws = report_plots(run)
+    draws: list[Draw] = [
+        lambda axes: plot_errors(axes, run.time, run.errors),
+        lambda axes: plot_moments(axes, run.time, run.moments),
+        *reasons(run),
+    ]
     if simulation is not None:
         draws = [*simulation_plots(robot, simulation), *draws]
-    data["plots"] = [plot_picture(draw) for draw in draws]
+    data["plots"] = [_plot_picture(draw) for draw in draws]
     return _page(data, summary, title)
 
 
@@ -101,10 +114,28 @@ def write_pendulum_report(
     report_format(path)
     data = pendulum_replay(history, replay_rows(history.time))
     data["plots"] = [
-        plot_picture(lambda axes, draw=draw: draw(axes, history))  # type: ignore[misc]
+        _plot_picture(lambda axes, draw=draw: draw(axes, history))  # type: ignore[misc]
         for draw in plots_of(history)
     ]
     return _write(path, _page(data, summary, title))
+
+
+def _plot_picture(draw: Draw) -> dict[str, Any]:
+    """Return a plot as PNG in base64, and where the ends of its time axis are, if it has one."""
+    figure = style.sheet(WIDTH, HEIGHT, None, HEIGHT)
+    figure.set_dpi(DPI)
+    axes = figure.subplots()
+    draw(axes)
+    FigureCanvasAgg(figure).draw()  # the layout is known only then
+    place, over_time = axes.get_position(), axes.get_xlabel().startswith("time")
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DPI)
+    return {
+        "png": base64.b64encode(file.getvalue()).decode("ascii"),
+        "times": list(map(float, axes.get_xlim())) if over_time else None,
+        "across": [float(place.x0), float(place.x1)],
+        "title": axes.get_title(loc="left"),
+    }
 
 
 def _write(path: str | Path, text: str) -> Path:

@@ -6,14 +6,7 @@ import numpy as np
 from viser import SceneApi
 
 from wbc.robot import Robot
-from wbc.view.live.layers.layer import (
-    BLACK,
-    GREY,
-    ORANGE,
-    SKY,
-    Layer,
-    closed,
-)
+from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, closed
 from wbc.view.live.shown import Shown
 
 LIFT = 1e-3  # m above the ground: what is drawn on it would flicker
@@ -53,17 +46,9 @@ class SupportLayer(Layer):
     def __init__(self, scene: SceneApi, size: float, robot: Robot) -> None:
         super().__init__(scene, size)
         self._soles = {
-            foot.name: scene.add_line_segments(
-                f"{self.path}/{foot.name}",
-                np.zeros((len(foot.polygon), 2, 3)),
-                GREY,
-                thickness=0.004 * size,
-            )
-            for foot in robot.feet.values()
+            foot.name: self.lines(foot.name, GREY, thickness=0.004) for foot in robot.feet.values()
         }
-        self._polygon = scene.add_line_segments(
-            f"{self.path}/polygon", np.zeros((1, 2, 3)), SKY, thickness=0.006 * size
-        )
+        self._polygon = self.lines("polygon", SKY, thickness=0.006)
 
     def show(self, shown: Shown) -> None:
         """Outline soles and polygon."""
@@ -95,9 +80,7 @@ class ComLayer(Layer):
         self._foot = scene.add_cylinder(
             f"{self.path}/projection", 0.012 * size, 0.002, BLACK, cast_shadow=False
         )
-        self._plumb = scene.add_line_segments(
-            f"{self.path}/plumb", np.zeros((1, 2, 3)), GREY, thickness=0.002 * size
-        )
+        self._plumb = self.lines("plumb", GREY, thickness=0.002)
 
     def show(self, shown: Shown) -> None:
         """Put the CoM and what is below it."""

@@ -47,6 +47,13 @@ class Layer(ABC):
     def cast(self, cast: Cast) -> None:  # noqa: B027 - most layers do not care
         """Take note of another controller, or other contacts."""
 
+    def lines(self, name: str, colour: Colour, thickness: float, visible: bool = True) -> Any:
+        """Return a node of straight lines; thickness in parts of the robot's size."""
+        points = np.zeros((1, 2, 3))
+        return self.scene.add_line_segments(
+            f"{self.path}/{name}", points, colour, thickness=thickness * self.size, visible=visible
+        )
+
     def arrows(self, name: str, colour: Colour, shaft: float, head: float, length: float) -> Any:
         """Return a node of arrows, hidden until it has points; sizes in parts of the robot's."""
         return self.scene.add_arrows(

@@ -81,9 +81,7 @@ class MarginsLayer(Layer):
         self._robot = robot
         self._watched: list[Watched] = []
         self.nearest: list[Pair] = []
-        self._lines = scene.add_line_segments(
-            f"{self.path}/lines", np.zeros((1, 2, 3)), GREEN, thickness=0.008 * size, visible=False
-        )
+        self._lines = self.lines("lines", GREEN, thickness=0.008, visible=False)
 
     def cast(self, cast: Cast) -> None:
         """Take note of what is kept apart."""

@@ -99,9 +99,7 @@ class LegLayer(Layer):
 
     def __init__(self, scene: SceneApi, size: float) -> None:
         super().__init__(scene, size)
-        self._leg = scene.add_line_segments(
-            f"{self.path}/leg", np.zeros((1, 2, 3)), BLACK, thickness=0.008 * size
-        )
+        self._leg = self.lines("leg", BLACK, thickness=0.008)
         disc = {"cast_shadow": False, "receive_shadow": False}
         self._cop = scene.add_cylinder(f"{self.path}/cop", 0.02 * size, 0.003, ORANGE, **disc)
         self._cmp = scene.add_cylinder(f"{self.path}/cmp", 0.014 * size, 0.004, PURPLE, **disc)

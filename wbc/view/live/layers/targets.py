@@ -92,9 +92,7 @@ class TargetsLayer(Layer):
         self._places: list[tuple[Place, Any]] = []
         self._shapes: list[tuple[TaskInfo, Any]] = []
         self._axes: list[TaskInfo] = []
-        self._lines = scene.add_line_segments(
-            f"{self.path}/lines", np.zeros((1, 2, 3)), GREEN, thickness=0.004 * size, visible=False
-        )
+        self._lines = self.lines("lines", GREEN, thickness=0.004, visible=False)
         self._arrows = self.arrows("axes", GREEN, shaft=0.005, head=0.012, length=0.03)
 
     def cast(self, cast: Cast) -> None:
