@@ -7,6 +7,8 @@ from math import inf
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+
 from wbc.qp.daqp import Daqp
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
@@ -23,7 +25,7 @@ ACTIVE_SET_ITERATIONS = 300
 # up to 996 in 10,000 ticks from wild states, and a few all.
 ONE_OFF_ITERATIONS = 1000
 # Cap on the outer iterations of warm solves: most take 1 to 3, and 20 took up to 49 ms. Cold ones
-# keep theirs: capped at 8, a hard sequence became a cold solve in every tick, 1.4 ms for 0.3.
+# keep theirs: with 12 every hundredth ordinary QP would be left to the active-set method.
 WARM_ITERATIONS = 8
 # Of cold ones of QPs whose solution is known already: all 20 took up to 18 ms.
 COLD_ITERATIONS = 10
@@ -57,18 +59,18 @@ class _Attempt(NamedTuple):
 class ProxQP:
     """ProxQP's dense solver, its solutions checked, its failures retried.
 
-    Policy: (1) solve warm from the last tick, or cold; (2) if our KKT residuals reject that, solve
-    by an active-set method (DAQP, 0.1 to 0.4 ms): weights over many decades stall ProxQP, of 400
-    QPs that did it solved 396; (3) look for rows in conflict; (4) if there are none solve cold in a
-    new workspace, and settle the active set by a few exact steps (:mod:`wbc.qp.polish`); (5) accept
-    a solution within 100 eps: a robot that stands still for want of 1e-7 rad/s is worse off, and
-    the residuals tell; (6) return a status that says what was found. The workspace of a failed tick
-    is dropped, so a failure cannot affect the next tick. Where ProxQP ran into its cap, the next
-    QPs of that name go to the active-set method first, then to step (3) if it calls them
-    infeasible: what stalls once, stalls in every tick, for milliseconds each. ProxQP is asked again
-    once both fail (not if ``quick``), and after a while: 100 QPs, and twice as many after every
-    stall. Between calls nothing is kept but that and the warm start. ``Solution.solver`` says who
-    answered.
+    Policy: (1) solve in few iterations warm from the last tick, or cold; (2) if our KKT residuals
+    reject that, solve by an active-set method (DAQP, 0.1 to 0.4 ms): weights over many decades
+    stall ProxQP, of 400 QPs that did it solved 396; (3) look for rows in conflict; (4) if there are
+    none settle the active set by a few exact steps (:mod:`wbc.qp.polish`), or accept a solution
+    within 100 eps: a robot that stands still for want of 1e-7 rad/s is worse off, and the residuals
+    tell; (5) do (4) with what ProxQP comes to from nothing; (6) return a status that says what was
+    found. The workspace of a failed tick is dropped, so a failure cannot affect the next tick.
+    Where ProxQP ran into its cap, the next QPs of that name go to the active-set method first, then
+    to step (3) if it calls them infeasible: what stalls once, stalls in every tick, for a
+    millisecond each. ProxQP is asked again once both fail (not if ``quick``), and after a while:
+    100 QPs, and twice as many after every stall. Between calls nothing is kept but that and the
+    warm start. ``Solution.solver`` says who answered.
 
     Parameters
     ----------
@@ -142,7 +144,7 @@ class ProxQP:
             return attempt.accepted
         if attempt.capped:
             self._pause(workspace)
-        return self._retry(qp, check, attempt.raw, exact, cold=attempt.cold)
+        return self._retry(qp, check, attempt, exact)
 
     def _is_paused(self, workspace: Hashable) -> bool:
         """Whether ProxQP is left in peace now; counts."""
@@ -205,26 +207,30 @@ class ProxQP:
         return nearly.accept(qp, exact, attempts) or check.judge(qp, exact, attempts)
 
     def _retry(
-        self, qp: QP, check: SolveCheck, raw: RawSolution, exact: RawSolution | None, cold: bool
+        self, qp: QP, check: SolveCheck, attempt: _Attempt, exact: RawSolution | None
     ) -> Solution:
         """Solve by other means what was not solved, or return a status that says why not."""
-        settled = None
+        settled, by, raw = None, check._replace(solver=Daqp.name), attempt.raw
         if exact is None:
             exact = self._active_set.answer(qp)
-            settled = check._replace(solver=Daqp.name).accept(qp, exact, 2)
-        settled = settled or check.refute(qp, raw, 2)
+            settled = by.accept(qp, exact, 2)
+        settled = settled or check.refute(qp, raw, 2) or self._nearly(qp, by, exact, 2)
         if settled is not None:
             return settled
-        if not cold:
+        if not attempt.cold:
             raw = Workspace.create(qp, self.eps, self.max_iterations).solve_cold()
             settled = check.accept(qp, raw, 3)
-            if settled is not None:
-                return settled
-        polished = polish(qp, raw)
-        nearly = check._replace(eps=NEARLY * self.eps)
         return (
-            check.accept(qp, polished, 4)
-            or nearly._replace(solver=Daqp.name).accept(qp, exact, 4)
-            or nearly.accept(qp, raw, 4)
-            or check._replace(explain=False).judge(qp, polished, 4)  # refuted it was not
+            settled
+            or self._nearly(qp, check, raw, 4)
+            or check._replace(explain=False).judge(qp, raw, 4)  # refuted it was not
         )
+
+    def _nearly(
+        self, qp: QP, check: SolveCheck, raw: RawSolution, attempts: int
+    ) -> Solution | None:
+        """Return what settles the active set of an answer, or the answer if it is nearly right."""
+        if not np.isfinite(raw.x).all():
+            return None
+        nearly = check._replace(eps=NEARLY * self.eps)
+        return check.accept(qp, polish(qp, raw), attempts) or nearly.accept(qp, raw, attempts)
