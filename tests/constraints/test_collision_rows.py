@@ -152,6 +152,8 @@ def test_where_a_command_leads_is_looked_at(robot) -> None:
     assert cut is not None
     assert cut.labels == ("wall",)
     assert greediest(cut) * DT == pytest.approx(0.1 - SKIN, rel=1e-9)
+    assert wall.still_violated(there, v, DT, rows, cut)
+    assert not wall.still_violated(here, 0.0 * v, DT, rows, cut)
     v[0] = 1.0
     assert not wall.may_violate(rows, v, DT)
     there = robot.snapshot(robot.integrate(here.q, v, DT))

@@ -181,18 +181,32 @@ class Margin(Constraint):
         A distance may end half a skin inside; one that began further inside may not shrink more.
         """
         after = self.distances(there, self._watched(rows, v, dt))
+        lacking = self._lacking(after, rows, dt)
+        violated = np.flatnonzero(lacking)
+        if not violated.size:
+            return None
+        matrix = after.jacobian[violated]
+        least = np.minimum(matrix @ v + lacking[violated] / dt, 0.0)
+        labels = self.labels(after)
+        chosen = tuple(labels[k] for k in violated)
+        rate = None if after.rate is None else after.rate[violated]
+        which = Distances(after.keys[violated], after.clearance[violated], matrix, rate)
+        return Bounds(chosen, matrix, least, np.full(violated.size, np.inf), distances=which)
+
+    def still_violated(
+        self, there: Snapshot, v: Array, dt: float, rows: Bounds, cut: Bounds
+    ) -> bool:
+        """Look at the distances of ``cut`` alone."""
+        if cut.distances is None:
+            return False
+        return bool(self._lacking(self.distances(there, cut.distances.keys), rows, dt).any())
+
+    def _lacking(self, after: Distances, rows: Bounds, dt: float) -> Array:
+        """Return what clearances (m,) must end higher by [m]; 0 where nothing is violated."""
         start, drift = _matched(rows.distances, after)
         clearance = after.clearance if after.rate is None else after.clearance + dt * after.rate
         floor = np.minimum(-USED, start + dt * np.minimum(drift, 0.0) - ROUNDING)
-        violated = np.flatnonzero(clearance < floor)
-        if not violated.size:
-            return None
-        lacking = np.minimum(0.0, start[violated]) - clearance[violated]
-        matrix = after.jacobian[violated]
-        least = np.minimum(matrix @ v + lacking / dt, 0.0)
-        labels = self.labels(after)
-        chosen = tuple(labels[k] for k in violated)
-        return Bounds(chosen, matrix, least, np.full(violated.size, np.inf))
+        return np.where(clearance < floor, np.minimum(0.0, start) - clearance, 0.0)
 
     def _least(self, distances: Distances, v: Array, dt: float) -> Array:
         """Return an estimate (m,) from below of the clearances where ``v`` leads."""

@@ -55,28 +55,42 @@ class MarginRows(NamedTuple):
 
     def violated(self, v: Array) -> list[Bounds]:
         """Return the rows of margins that are violated where ``v`` leads."""
-        return list(self._cuts(v))
+        return [cut for _, cut in self._cuts(v)]
 
     def step_scale(self, v: Array) -> float:
         """Return the part of ``v`` that leads to no violation."""
-        kept = (scale for scale in SCALES if next(self._cuts(scale * v), None) is None)
-        return next(kept, 0.0)
+        suspect: tuple[int, Bounds] | None = None
+        for scale in SCALES:
+            suspect = next(self._cuts(scale * v, suspect), None)
+            if suspect is None:
+                return scale
+        return 0.0
 
-    def _cuts(self, v: Array) -> Iterator[Bounds]:
-        """Yield the rows of margins that are violated where ``v`` leads, by constraint."""
+    def _cuts(
+        self, v: Array, suspect: tuple[int, Bounds] | None = None
+    ) -> Iterator[tuple[int, Bounds]]:
+        """Yield the rows of margins that are violated where ``v`` leads, by constraint.
+
+        ``suspect`` is what was violated elsewhere: looked at first, for less, and enough.
+        """
         doubtful = [
-            (constraint, part)
-            for constraint, part in zip(self.constraints, self.parts, strict=True)
+            k
+            for k, (constraint, part) in enumerate(zip(self.constraints, self.parts, strict=True))
             if self.slacks.is_hard(constraint.name) and constraint.may_violate(part, v, self.dt)
         ]
         if not doubtful:
             return
-        robot = self.snapshot.robot
-        there = robot.snapshot(robot.integrate(self.snapshot.q, v, self.dt))
-        for constraint, part in doubtful:
-            cut = constraint.cutting_planes(there, v, self.dt, part)
-            if cut is not None:
-                yield cut
+        robot, step = self.snapshot.robot, (v, self.dt)
+        there = robot.snapshot(robot.integrate(self.snapshot.q, *step))
+        if suspect is not None:
+            k, cut = suspect
+            if self.constraints[k].still_violated(there, *step, self.parts[k], cut):
+                yield suspect
+                return
+        for k in doubtful:
+            found = self.constraints[k].cutting_planes(there, *step, self.parts[k])
+            if found is not None:
+                yield k, found
 
 
 class Attempt(NamedTuple):
