@@ -274,7 +274,6 @@ def collision_of(name: str) -> SelfCollision:
 @cache
 def ball_of(name: str) -> tuple[Obstacles, Obstacle]:
     ball = Obstacle.sphere("ball", np.zeros(3), 0.1)
-    ball.move(np.eye(3), (1.0, 0.0, 1.0))
     return Obstacles(robot_named(name), [ball]), ball
 
 
@@ -421,6 +420,7 @@ class Episode:
             constraints.append(collision_of(robot.name))
         if rng.random() < 0.15:
             obstacles, self.ball = ball_of(robot.name)
+            self.ball.move(np.eye(3), (1.0, 0.0, 1.0))  # another episode left it elsewhere
             constraints.append(obstacles)
         if rng.random() < 0.2:
             constraints.append(ComSupport.over(here))

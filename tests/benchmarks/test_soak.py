@@ -59,6 +59,17 @@ def test_a_run_goes_on_where_it_was_killed(tmp_path: Path) -> None:
     assert json.loads(path.read_text())["episodes"] == 1
 
 
+def test_an_episode_is_determined_by_its_number_whatever_ran_before() -> None:
+    numbers = (k for k in range(100) if Episode(Record(seed=5), 5, k).ball is not None)
+    number, places = next(numbers), []
+    for _ in range(2):
+        episode = Episode(Record(seed=5), 5, number)
+        episode.run(15)
+        places.append(episode.q)
+        episode.ball.move(np.eye(3), episode.robot.snapshot(episode.q).com)
+    np.testing.assert_array_equal(*places)
+
+
 def test_it_sees_commands_outside_limits_and_not_finite(robot_named) -> None:
     robot = robot_named("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))
