@@ -7,6 +7,7 @@ as ``min`` or a call without result could be wrong.
 import ast
 import hashlib
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,10 +177,16 @@ def files() -> list[Path]:
     return [p for p in every if not any(part in p.name for part in LEFT_OUT)]
 
 
+@cache
+def source(path: Path) -> str:
+    """Return the text of a file as it was when it was first read: it may change meanwhile."""
+    return path.read_text()
+
+
 def faults() -> Iterator[Fault]:
     """Yield every fault there could be."""
     for path in files():
-        text = path.read_text()
+        text = source(path)
         name, digest = str(path.relative_to(ROOT)), hashlib.sha256(text.encode()).hexdigest()[:8]
         places, lines = Places(), text.splitlines()
         places.visit(ast.parse(text))

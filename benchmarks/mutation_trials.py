@@ -23,7 +23,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.mutation_places import ROOT, Fault, Places, files
+from benchmarks.mutation_places import ROOT, Fault, Places, files, source
 
 TESTS = ("tests/tasks", "tests/constraints", "tests/controllers", "tests/qp")
 TESTS += tuple(f"tests/robot/test_{name}.py" for name in ("state", "kernel", "series", "symbolic"))
@@ -139,7 +139,7 @@ class Trials:
             self.note(fault, "never called")
             return
         path = ROOT / fault.file
-        sound, faulty = compile(path.read_text(), str(path), "exec"), faulty_code(fault)
+        sound, faulty = compile(source(path), str(path), "exec"), faulty_code(fault)
         if not _replace(sound, faulty, str(path), try_only=True):
             self.note(fault, LATER)
             return
@@ -220,7 +220,7 @@ def _of(chosen: list[str], tests: Tests) -> str:
 def faulty_code(fault: Fault) -> CodeType:
     """Return the code of a file with a fault."""
     path = ROOT / fault.file
-    tree = ast.fix_missing_locations(Places(fault.place).visit(ast.parse(path.read_text())))
+    tree = ast.fix_missing_locations(Places(fault.place).visit(ast.parse(source(path))))
     return compile(tree, str(path), "exec")
 
 
