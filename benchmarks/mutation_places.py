@@ -95,8 +95,10 @@ class Places(ast.NodeTransformer):
         return self._at(node, "if not", lambda: _set(node, "test", ast.Not(), node.test))
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
-        """The other one."""
+        """The other one; not of words."""
         self.generic_visit(node)
+        if isinstance(node.body, ast.Constant) and isinstance(node.body.value, str):
+            return node
         return self._at(node, "if not", lambda: _set(node, "test", ast.Not(), node.test))
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
@@ -138,7 +140,9 @@ class Places(ast.NodeTransformer):
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
-        """Another choice."""
+        """Another choice; of two ends of a range it does not matter whose size is asked."""
+        if node.attr == "size" and isinstance(node.value, ast.Attribute):
+            return node
         self.generic_visit(node)
         if node.attr in CHOICES and node.attr != "abs":
             what = f"{node.attr} -> {CHOICES[node.attr]}"

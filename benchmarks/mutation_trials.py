@@ -32,10 +32,24 @@ WARM = ("hoap2_like", "g1_27", "talos", "icub", "romeo", "mixed_joints")  # no f
 MOST = 8.0  # CPU seconds of tests for one fault; the quickest are taken
 MEMORY = 8 << 30  # bytes of address space for one fault
 LATER = "outside functions"
+OF_CORE = ("WBC_NATIVE", "core")  # in reasons to skip a test
 Tests = dict[str, dict[str, Any]]
 
 
-class Runs:
+class Unskipped:
+    """A plugin of pytest that runs the tests of the core although it is off: they turn it on."""
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Drop the marks that skip tests where there is no core."""
+        for node in {node for item in items for node in item.listchain()}:
+            node.own_markers[:] = [
+                mark
+                for mark in node.own_markers
+                if mark.name != "skipif" or not any(word in str(mark.kwargs) for word in OF_CORE)
+            ]
+
+
+class Runs(Unskipped):
     """A plugin of pytest that ends the process at the first failure, and says which test it was."""
 
     def __init__(self, pipe: int) -> None:
@@ -80,7 +94,7 @@ class Watch:
             self.seen.setdefault(report.nodeid, {})["passed"] = False
 
 
-class Trials:
+class Trials(Unskipped):
     """Verdicts on a sample of faults, kept in a file; a plugin of the pytest that collects."""
 
     def __init__(self, sample: list[Fault], path: Path, watched: Path) -> None:
