@@ -5,11 +5,14 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import qpsolvers
+from scipy.sparse import csc_matrix
 
 import wbc
 from tests.conftest import MIXED
@@ -39,7 +42,7 @@ def test_torques_and_forces_balance_gravity(name: str, robot_named: Load) -> Non
         needed -= J.T @ wrench
         assert np.hypot(*wrench[:2]) <= 0.6 * wrench[2] + 1e-6 * robot.mass
     size = 9.81 * robot.mass
-    # The base's balance is a cost of 1e6 beside torques of 1e-3: it is missed by their ratio.
+    # The base's balance is a cost of 1e6 beside torques of 1: it is missed by their ratio.
     np.testing.assert_allclose(needed[:6], 0.0, atol=1e-4 * size)
     np.testing.assert_allclose(needed[6:], stance.torque, atol=1e-9 * size)
 
@@ -133,3 +136,105 @@ def test_a_robot_without_feet_is_told_so() -> None:
     assert not robot.feet
     with pytest.raises((UnknownNameError, InvalidInputError), match=r"f(oo|ee)t"):
         wbc.support(here, "double")
+
+
+def other_solvers_stance(here: Snapshot, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return torques, and torques beyond ``most``, of the documented costs by another solver.
+
+    Unknowns: forces at the corners by the weight, and the excess. Rows are written out corner by
+    corner, in the world's axes, from Pinocchio's point Jacobians.
+    """
+    robot = here.robot
+    model, data = robot.model, robot.model.createData()
+    weight = 9.81 * robot.mass
+    gravity = pin.computeGeneralizedGravity(model, data, here.q) / weight
+    pin.computeJointJacobians(model, data, here.q)
+    pin.updateFramePlacements(model, data)
+    columns, normals, cones = [], [], []
+    for foot in robot.feet.values():
+        frame = robot.frame_id(foot.frame)
+        R = data.oMf[frame].rotation
+        J = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        for corner in foot.polygon:
+            arm = R @ np.append(corner, 0.0)
+            columns.append((J[:3] - pin.skew(arm) @ J[3:]).T @ R)
+            normals.append([0.0, 0.0, 1.0])
+            slope = 0.6 * np.cos(np.pi / 4)
+            cones.append([[1, 0, -slope], [0, 1, -slope], [-1, 0, -slope], [0, -1, -slope]])
+    by_force, count, n = np.hstack(columns), len(normals), robot.nv - 6
+    k = 3 * count
+    G = np.zeros((5 * count + 2 * n, k + n))
+    for c, cone in enumerate(cones):
+        G[4 * c : 4 * c + 4, 3 * c : 3 * c + 3] = cone
+        G[4 * count + c, 3 * c + 2] = -1.0
+    below = slice(5 * count, 5 * count + n)
+    G[below, :k], G[below, k:] = -by_force[6:], -np.eye(n)
+    G[5 * count + n :] = -G[below]
+    h = np.concatenate(
+        (np.zeros(5 * count), most / weight - gravity[6:], most / weight + gravity[6:])
+    )
+    base, joints = by_force[:6], by_force[6:]
+    # A thousand times the costs; the base's, a million times that of torques, as equalities.
+    P = np.zeros((k + n, k + n))
+    P[:k, :k] = joints.T @ joints + 1e-3 * np.eye(k)
+    P[k:, k:] = 1e6 * np.eye(n)
+    g = np.concatenate((-joints.T @ gravity[6:], np.zeros(n)))
+    A = csc_matrix(np.hstack((base, np.zeros((6, n)))))
+    problem = csc_matrix(P), g, csc_matrix(G), h, A, gravity[:6]
+    x = qpsolvers.solve_qp(*problem, solver="clarabel", tol_gap_abs=1e-12, tol_gap_rel=1e-12)
+    return weight * (gravity[6:] - joints @ x[:k]), weight * x[k:]
+
+
+@pytest.mark.parametrize("effort", [1e4, 8.0])
+def test_torques_are_the_least_and_exceed_the_limits_least(
+    robot_named: Load, effort: float
+) -> None:
+    """With limits out of the way, and with limits that some joints must exceed."""
+    robot = Robot.load("g1", effort={"*": effort})
+    here = standing(robot)
+    stance = wbc.stance_torques(here, wbc.support(here, "double"))
+    expected, beyond = other_solvers_stance(here, np.full(robot.nv - 6, effort))
+    np.testing.assert_allclose(stance.torque, expected, rtol=0, atol=1e-3 * 9.81)
+    lacking = set(np.flatnonzero(np.abs(beyond) > 0.05))
+    assert {robot.joint_names[k] for k in lacking} == set(stance.overloaded)
+    assert bool(lacking) == (effort < 10.0)
+
+
+def test_what_is_beyond_a_limit_by_rounding_is_not(robot_named: Load) -> None:
+    """A thousandth of a limit, and a millionth of the weight at a metre: by hand."""
+    robot = robot_named("g1")
+    here = standing(robot)
+    stance = wbc.stance_torques(here, wbc.support(here, "double"))
+    n, weight = robot.nv - 6, robot.weight
+    for most, over, said in ((50.0, 1.0009, False), (50.0, 1.0011, True), (0.0, 0.0, False)):
+        torque = np.zeros(n)
+        torque[3] = -over * most
+        found = replace(stance, torque=torque, most=np.full(n, most)).overloaded
+        assert found == ({robot.joint_names[3]: (-over * most, most)} if said else {})
+    for by, said in ((0.9e-6, False), (1.1e-6, True)):
+        torque = np.full(n, by * weight)
+        assert bool(replace(stance, torque=torque, most=np.zeros(n)).overloaded) is said
+    for by, held in ((0.9e-3, True), (1.1e-3, False)):
+        assert replace(stance, unheld=np.array([0, 0, 0, 0, -by * weight, 0])).held is held
+    words = replace(stance, unheld=np.array([3.0, 0, 4.0, 0, 12.0, 5.0]) * weight).report()
+    assert f"{5 * weight:.4g} N and {13 * weight:.4g} N m" in words
+    assert "left_sole, right_sole" in words
+
+
+def test_gears_bear_by_no_motor_of_their_own(geared: Robot) -> None:
+    """The follower's torque is carried by its driver: virtual work over the gear's motion."""
+    q = geared.postures["neutral"]
+    here = geared.snapshot(q)
+    stance = wbc.stance_torques(here, ())
+    gravity = pin.computeGeneralizedGravity(geared.model, geared.model.createData(), q)
+    name = next(iter(geared.couplings))
+    follower, driver = (
+        geared.joint_index(one) - 6 for one in (name, geared.couplings[name].driver)
+    )
+    assert stance.most[follower] == 0.0
+    work = gravity[6 + driver] + geared.couplings[name].ratio * gravity[6 + follower]
+    # What is beyond a limit costs a thousand times as much as torque, which so much of it is left.
+    assert stance.torque[follower] == pytest.approx(0.0, abs=2e-3 * abs(work))
+    assert stance.torque[driver] == pytest.approx(work, rel=2e-3)
+    others = np.delete(np.arange(geared.nv - 6), (follower, driver))
+    np.testing.assert_allclose(stance.torque[others], gravity[6 + others], atol=1e-3)
