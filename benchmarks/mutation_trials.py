@@ -139,13 +139,17 @@ class Trials(Unskipped):
         for name in WARM:
             load(name)
         tests = self._watch(items)
+        self._all(items, tests)
+        while self._forgotten(items, tests):
+            self._all(items, tests)
+        return True
+
+    def _all(self, items: dict[str, pytest.Item], tests: Tests) -> None:
         for k, fault in enumerate(self.sample):
             if not self.known(fault, tests):
                 self._one(fault, items, tests)
                 verdict = self.found()[fault.key]["verdict"]
                 self.say(f"{k + 1}: {fault.file}:{fault.line}: {verdict}")
-        self._without_fault(items)
-        return True
 
     def _one(self, fault: Fault, items: dict[str, pytest.Item], tests: Tests) -> None:
         chosen, spent = chosen_tests(fault, tests, _finders(self.found(), fault.file))
@@ -183,19 +187,24 @@ class Trials(Unskipped):
             known = json.loads(self.watched.read_text())
         return {key: one for key, one in known.items() if one["passed"]}
 
-    def _without_fault(self, items: dict[str, pytest.Item]) -> None:
-        """Run the tests that found faults without any: a fault found by one that fails is not."""
+    def _forgotten(self, items: dict[str, pytest.Item], tests: Tests) -> int:
+        """Run the tests that found faults without any; forget those that fail, and their faults."""
         finders = sorted({one["test"] for one in self.found().values()} & set(items))
 
         def fails(names: list[str]) -> bool:
             few = [items[name] for name in names]
             return _tried(lambda pipe: _run(few, Runs(pipe)), 600.0)[0] != "survived"
 
-        for name in finders if finders and fails(finders) else ():
-            if fails([name]):
-                self.say(f"fails without a fault too: {name}")
-                rest = {k: one for k, one in self.found().items() if one["test"] != name}
-                self.path.write_text(json.dumps(rest, indent=0))
+        wrong = [name for name in finders if fails([name])] if finders and fails(finders) else []
+        for name in wrong:
+            self.say(f"fails without a fault too: {name}")
+            tests.pop(name)
+            stored = json.loads(self.watched.read_text())
+            stored[name]["passed"] = False
+            self.watched.write_text(json.dumps(stored))
+            rest = {k: one for k, one in self.found().items() if one["test"] != name}
+            self.path.write_text(json.dumps(rest, indent=0))
+        return len(wrong)
 
 
 def tried_afresh(trials: Trials) -> None:
