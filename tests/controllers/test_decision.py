@@ -12,6 +12,7 @@ import pytest
 
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import Controller
+from wbc.controllers.levels import Outcome
 from wbc.controllers.plan import Decision, Physics
 from wbc.laws import Residual, Rows
 from wbc.robot import Robot, Snapshot
@@ -41,6 +42,9 @@ class WrenchController(Controller):
         M, J = snapshot.mass_matrix[:6] / self.dt, self.jacobian(snapshot)
         matrix = np.concatenate((M, -J.T[:6]), axis=1)
         return Physics([Rows(matrix, M @ snapshot.v - snapshot.bias[:6], np.ones(6))])
+
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[np.ndarray, dict]:
+        return np.zeros(self.robot.nv), {}
 
     def jacobian(self, snapshot: Snapshot) -> np.ndarray:
         return np.concatenate([contact.residual(snapshot).jacobian for contact in self.contacts])
