@@ -59,38 +59,21 @@ class Residual(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows ``matrix @ x = target`` to be met by the unknown x as well as ``weight`` asks.
+    """Rows ``matrix @ x = target`` to be met by the unknown x as well as ``weight`` asks."""
 
-    Attributes
-    ----------
-    matrix:
-        (k, nv), or (k, n) where rows speak of unknowns behind the velocity too.
-    target:
-        (k,).
-    weight:
-        (k,) factors applied before squaring.
-    damping:
-        Added to the diagonal of the quadratic cost: a number, or (nv,).
-    curvature:
-        (nv, nv) added to the quadratic cost, possibly indefinite; None for none.
-    singular_threshold:
-        Singular values of ``matrix`` below which the target is reduced; 0 for never.
-    rate, bias:
-        The target is ``-rate * error - bias``, in [1/s] and (k,); 0 and None for rows that are not
-        of this form.
-    columns:
-        As of :class:`Residual`.
-    """
-
-    matrix: Array
-    target: Array
-    weight: Array
-    damping: float | Array = 0.0
+    matrix: Array  # (k, nv), or (k, n) where rows speak of unknowns behind the velocity too
+    target: Array  # (k,)
+    weight: Array  # (k,) factors applied before squaring
+    damping: float | Array = 0.0  # added to the diagonal of the quadratic cost: a number, or (nv,)
+    # (nv, nv) added to the quadratic cost, possibly indefinite; None for none.
     curvature: Array | None = None
+    # Singular values of matrix below which the target is reduced; 0 for never.
     singular_threshold: float = 0.0
+    # rate and bias: the target is -rate * error - bias, in [1/s] and (k,); 0 and None for rows
+    # that are not of this form.
     rate: float = 0.0
     bias: Array | None = None
-    columns: Columns | None = None
+    columns: Columns | None = None  # as of Residual
 
 
 def stacked(matrices: Sequence[Array], n: int) -> Array:

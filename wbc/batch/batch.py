@@ -16,22 +16,13 @@ MOMENT = 0.2  # s to wait for a row, before looking whether the campaign is to e
 
 
 class BatchProgress(NamedTuple):
-    """How far a campaign is.
+    """How far a campaign is."""
 
-    Attributes
-    ----------
-    done, total:
-        Runs; what was done before this call counts.
-    new:
-        Runs done in this call.
-    row:
-        The last.
-    """
-
+    # done and total: runs; what was done before this call counts.
     done: int
     total: int
-    new: int
-    row: Row
+    new: int  # runs done in this call
+    row: Row  # the last
 
 
 def run_batch(

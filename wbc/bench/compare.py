@@ -37,26 +37,18 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Change:
-    """A solver then and now, on the sequences that both files have.
-
-    Attributes
-    ----------
-    ratio, low, high:
-        Time now over time then, and the interval that it lies in; NaN if that is not known.
-    success:
-        Share of QPs solved, then and now.
-    reason:
-        Why nothing is known, in words; else empty.
-    """
+    """A solver then and now, on the sequences that both files have."""
 
     eps: str
     solver: str
     verdict: Verdict
+    # ratio, low and high: time now over time then, and the interval that it lies in; NaN if that
+    # is not known.
     ratio: float
     low: float
     high: float
-    success: tuple[float, float]
-    reason: str = ""
+    success: tuple[float, float]  # share of QPs solved, then and now
+    reason: str = ""  # why nothing is known, in words; else empty
 
 
 def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[list[Change], list[str]]:

@@ -23,32 +23,16 @@ REFERENCE = 200  # solutions of the linear system that tells how fast the machin
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A candidate on a sequence of k QPs, r times.
-
-    Attributes
-    ----------
-    eps:
-        Accuracy asked for.
-    seconds:
-        (r, k) thread CPU time.
-    iterations:
-        (k,) as the solver counts them, 0 if it does not.
-    residuals:
-        (k,) worst KKT residual; infinite where there was no finite answer.
-    success:
-        (k,) whether it said solved, and the residuals agree, each time.
-    reference:
-        (r,) seconds that a fixed computation took just before and after, on average.
-    """
+    """A candidate on a sequence of k QPs, r times."""
 
     sequence: str
     solver: str
-    eps: float
-    seconds: Array
-    iterations: NDArray[np.int64]
-    residuals: Array
-    success: NDArray[np.bool_]
-    reference: Array
+    eps: float  # accuracy asked for
+    seconds: Array  # (r, k) thread CPU time
+    iterations: NDArray[np.int64]  # (k,) as the solver counts them, 0 if it does not
+    residuals: Array  # (k,) worst KKT residual; infinite where there was no finite answer
+    success: NDArray[np.bool_]  # (k,) whether it said solved, and the residuals agree, each time
+    reference: Array  # (r,) seconds that a fixed computation took just before and after, on average
 
 
 def measure(

@@ -30,18 +30,10 @@ Sizes = tuple[int, int, int]  # unknowns, equality rows, inequality rows
 
 @dataclass(frozen=True, eq=False)
 class QpSequence:
-    """QPs in order.
+    """QPs in order."""
 
-    Attributes
-    ----------
-    name:
-        Such as ``g1 torque hard``.
-    about:
-        What it was recorded from: level, robot and so on, as plain data.
-    """
-
-    name: str
-    about: Mapping[str, Any]
+    name: str  # such as g1 torque hard
+    about: Mapping[str, Any]  # what it was recorded from: level, robot and so on, as plain data
     qps: tuple[QP, ...]
 
     def sizes(self) -> list[Sizes]:

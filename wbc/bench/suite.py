@@ -40,20 +40,12 @@ class NothingToRecordError(InvalidInputError):
 
 @dataclass(frozen=True)
 class Job:
-    """A standard job.
+    """A standard job."""
 
-    Attributes
-    ----------
-    robot:
-        A name that :meth:`wbc.robot.Robot.load` knows, ``arm``, or ``long`` (62 joints).
-    pairs:
-        How many pairs of bodies are kept apart, the nearest.
-    """
-
-    robot: str
+    robot: str  # a name that Robot.load knows, arm, or long (62 joints)
     level: str
     hard: bool
-    pairs: int = 0
+    pairs: int = 0  # how many pairs of bodies are kept apart, the nearest
 
     @property
     def name(self) -> str:

@@ -68,28 +68,15 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Ended:
-    """A run that has ended.
+    """A run that has ended."""
 
-    Attributes
-    ----------
-    save, draw:
-        Write the result, and a picture of it, into a file.
-    tell:
-        Print what came of it, and which files were written.
-    code:
-        The exit code.
-    interrupted:
-        The exit code if the user ended it.
-    history:
-        To be played again, if it was watched.
-    """
-
+    # save and draw: write the result, and a picture of it, into a file.
     save: Callable[[Path], object]
     draw: Callable[[Path], object]
-    tell: Callable[[Iterable[Path]], object]
-    code: int
-    interrupted: int | None
-    history: History | None
+    tell: Callable[[Iterable[Path]], object]  # print what came of it, and which files were written
+    code: int  # the exit code
+    interrupted: int | None  # the exit code if the user ended it
+    history: History | None  # to be played again, if it was watched
 
 
 def check_outputs(output: list[Path], plot: Path | None) -> None:

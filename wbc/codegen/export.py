@@ -18,17 +18,11 @@ SOLVER = "controller.solver"
 
 
 class Export(NamedTuple):
-    """What was written.
-
-    Attributes
-    ----------
-    solver:
-        The problem's own, if that is not DAQP, which the C calls.
-    """
+    """What was written."""
 
     folder: Path
     recording: Recording
-    solver: str | None
+    solver: str | None  # the problem's own, if that is not DAQP, which the C calls
 
 
 def export_problem(

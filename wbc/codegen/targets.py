@@ -20,15 +20,9 @@ _WORDS = {Kind.POINT: "position", Kind.ORIENTATION: "orientation"}
 
 
 class Part(NamedTuple):
-    """A block of rows: one of a task's, or a contact's.
+    """A block of rows: one of a task's, or a contact's."""
 
-    Attributes
-    ----------
-    name:
-        In C.
-    """
-
-    name: str
+    name: str  # in C
     task: Task
     number: int
     kind: Kind

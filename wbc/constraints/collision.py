@@ -22,25 +22,13 @@ if TYPE_CHECKING:
 
 
 class WatchedPairs(NamedTuple):
-    """What the native core must know to keep pairs of bodies apart.
-
-    Attributes
-    ----------
-    kept:
-        (N,) distance that each pair keeps, skin included [m].
-    shorter:
-        (N,) length of the shorter body of each pair [m].
-    rows:
-        How many pairs get one.
-    acceleration:
-        (nv - 6,) of the joints that braking may count on, or None.
-    """
+    """What the native core must know to keep pairs of bodies apart."""
 
     pairs: NativePairs
-    kept: Array
-    shorter: Array
-    rows: int
-    acceleration: Array | None
+    kept: Array  # (N,) distance that each pair keeps, skin included [m]
+    shorter: Array  # (N,) length of the shorter body of each pair [m]
+    rows: int  # how many pairs get one
+    acceleration: Array | None  # (nv - 6,) of the joints that braking may count on, or None
     braking: BrakingParameters
 
 

@@ -85,20 +85,11 @@ class SymbolicRows(NamedTuple):
 
 
 class SeparatedPairs(NamedTuple):
-    """Pairs of bodies that postures must keep apart.
+    """Pairs of bodies that postures must keep apart."""
 
-    Attributes
-    ----------
-    model:
-        Bodies and pairs.
-    distance:
-        What every pair, or each of them (N,), keeps [m].
-    places:
-        Rotation (3, 3) and origin (3,) of each body that does not hang on the robot, by index.
-    """
-
-    model: CollisionModel
-    distance: float | Array
+    model: CollisionModel  # bodies and pairs
+    distance: float | Array  # what every pair, or each of them (N,), keeps [m]
+    # Rotation (3, 3) and origin (3,) of each body that does not hang on the robot, by index.
     places: Mapping[int, tuple[Array, Array]]
 
 

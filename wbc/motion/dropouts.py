@@ -31,25 +31,14 @@ MOST_FRAMES = 1_000_000  # with 3 kB or so each
 
 @dataclass(frozen=True)
 class Dropout:
-    """Something that a recording lacks.
+    """Something that a recording lacks."""
 
-    Attributes
-    ----------
-    kind:
-        ``gap in time``, ``missing numbers`` or ``frozen``.
-    start, end:
-        Times of the last good row before and the first one after [s].
-    columns:
-        What is concerned: joints and base columns.
-    filled:
-        True if it was interpolated over; else the rows are as recorded.
-    """
-
-    kind: str
+    kind: str  # gap in time, missing numbers or frozen
+    # start and end: times of the last good row before and the first one after [s].
     start: float
     end: float
-    columns: tuple[str, ...]
-    filled: bool
+    columns: tuple[str, ...]  # what is concerned: joints and base columns
+    filled: bool  # true if it was interpolated over; else the rows are as recorded
 
     @property
     def duration(self) -> float:

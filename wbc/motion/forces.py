@@ -22,20 +22,14 @@ PREFIX = "forces/"
 class MeasuredForces:
     """Wrenches of the ground on the feet.
 
-    Attributes
-    ----------
-    time:
-        (n,) [s], increasing.
-    wrenches:
-        By foot: (n, 6) force [N] and moment [N m] at the origin of its sole's frame, world axes.
-
     Raises
     ------
     InvalidInputError
         Arrays of other shapes, or not finite.
     """
 
-    time: Array
+    time: Array  # (n,) [s], increasing
+    # By foot: (n, 6) force [N] and moment [N m] at the origin of its sole's frame, world axes.
     wrenches: Mapping[str, Array]
 
     def __post_init__(self) -> None:

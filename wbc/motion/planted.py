@@ -24,18 +24,10 @@ EASE = 0.1  # s in which a foot that takes over comes to lie flat
 
 @dataclass(frozen=True, eq=False)
 class PlantedBase:
-    """The base as a planted foot tells it.
+    """The base as a planted foot tells it."""
 
-    Attributes
-    ----------
-    base:
-        Position [m] and quaternion xyzw (n, 7).
-    foot:
-        Which foot is planted (n,), index among ``robot.feet``.
-    """
-
-    base: Array
-    foot: NDArray[np.intp]
+    base: Array  # position [m] and quaternion xyzw (n, 7)
+    foot: NDArray[np.intp]  # which foot is planted (n,), index among robot.feet
 
     @property
     def changes(self) -> bool:

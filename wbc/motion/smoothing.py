@@ -35,22 +35,15 @@ TERMS = 6  # by a polynomial of so many terms
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A smooth motion at even times.
+    """A smooth motion at even times."""
 
-    Attributes
-    ----------
-    time:
-        (n,) [s].
-    q, v, acceleration:
-        Configurations (n, nq), velocities and their rates (n, nv); the base's in base axes.
-    planted:
-        Planted foot (n,), index among ``robot.feet``; None if the base was recorded.
-    """
-
-    time: Array
+    time: Array  # (n,) [s]
+    # q, v and acceleration: configurations (n, nq), velocities and their rates (n, nv); the
+    # base's in base axes.
     q: Array
     v: Array
     acceleration: Array
+    # Planted foot (n,), index among robot.feet; None if the base was recorded.
     planted: NDArray[np.intp] | None
 
 

@@ -62,24 +62,12 @@ def shortened(text: str, most: int = 60) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Rows of numbers.
+    """Rows of numbers."""
 
-    Attributes
-    ----------
-    source:
-        The file, as it was named.
-    columns:
-        Column names (k).
-    values:
-        Numbers (n, k), NaN where there is none.
-    lines:
-        Line of each row in a text file, (n,); empty if it is not one.
-    """
-
-    source: str
-    columns: tuple[str, ...]
-    values: Array
-    lines: tuple[int, ...] = ()
+    source: str  # the file, as it was named
+    columns: tuple[str, ...]  # column names (k)
+    values: Array  # numbers (n, k), NaN where there is none
+    lines: tuple[int, ...] = ()  # line of each row in a text file, (n,); empty if it is not one
 
     def __post_init__(self) -> None:
         name, count = Counter(self.columns).most_common(1)[0] if self.columns else ("", 0)

@@ -56,28 +56,15 @@ class CampaignSpec(Section):
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a campaign.
+    """One run of a campaign."""
 
-    Attributes
-    ----------
-    number:
-        From 0 on.
-    problem, path:
-        Its name in this campaign, and its file.
-    case:
-        The name of its case, if there are cases.
-    seed:
-        If there are seeds.
-    overrides:
-        Everything that replaces the file's values, by key path.
-    """
-
-    number: int
+    number: int  # from 0 on
+    # problem and path: its name in this campaign, and its file.
     problem: str
     path: Path
-    case: str | None
-    seed: int | None
-    overrides: Mapping[str, Any]
+    case: str | None  # the name of its case, if there are cases
+    seed: int | None  # if there are seeds
+    overrides: Mapping[str, Any]  # everything that replaces the file's values, by key path
 
     def describe(self) -> str:
         """Return what tells this run from others, in words."""
@@ -89,23 +76,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign file, read and checked.
+    """A campaign file, read and checked."""
 
-    Attributes
-    ----------
-    path:
-        The file.
-    spec:
-        What it says.
-    texts:
-        The problems' texts by name.
-    runs:
-        In order: problem by problem, case by case, the last key of the grid and then seeds fastest.
-    """
-
-    path: Path
-    spec: CampaignSpec
-    texts: Mapping[str, str]
+    path: Path  # the file
+    spec: CampaignSpec  # what it says
+    texts: Mapping[str, str]  # the problems' texts by name
+    # In order: problem by problem, case by case, the last key of the grid and then seeds fastest.
     runs: tuple[Run, ...]
 
     def made_of(self) -> dict[str, Any]:

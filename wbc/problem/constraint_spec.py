@@ -14,20 +14,13 @@ from wbc.robot import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class BuiltConstraint:
-    """A constraint, ready for any contacts and any time.
+    """A constraint, ready for any contacts and any time."""
 
-    Attributes
-    ----------
-    during:
-        Returns the constraint while contacts are held that begin at a state; None for none.
-    move_to:
-        Puts what moves by itself where it is at a time [s].
-    unwatched:
-        Pairs of bodies that are in contact by design and therefore not watched, with the reason.
-    """
-
+    # Returns the constraint while contacts are held that begin at a state; None for none.
     during: Callable[[Snapshot, Sequence[Contact]], Constraint | None]
+    # Puts what moves by itself where it is at a time [s].
     move_to: Callable[[float], None] | None = None
+    # Pairs of bodies that are in contact by design and therefore not watched, with the reason.
     unwatched: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -59,18 +52,10 @@ class ConstraintSpec(Section):
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a robot must respect beside its limits, ready for any contacts and any time.
+    """What a robot must respect beside its limits, ready for any contacts and any time."""
 
-    Attributes
-    ----------
-    constraints:
-        By name.
-    slack:
-        Weights of those that may give way, by name.
-    """
-
-    constraints: Mapping[str, BuiltConstraint]
-    slack: Mapping[str, float]
+    constraints: Mapping[str, BuiltConstraint]  # by name
+    slack: Mapping[str, float]  # weights of those that may give way, by name
 
     def around(self, snapshot: Snapshot, contacts: Sequence[Contact]) -> list[Constraint]:
         """Return the constraints while ``contacts`` are held, from ``snapshot`` on.

@@ -20,33 +20,17 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What a problem is made of, at its start.
-
-    Attributes
-    ----------
-    start:
-        Configuration (nq,).
-    targeted:
-        The tasks, and how their targets are moved.
-    contacts:
-        What is held in the first phase.
-    phases:
-        What happens, in order; a run without phases is one.
-    contact_slack:
-        Weights of the contacts that may give way, by frame.
-    plan:
-        What tasks follow, or None.
-    """
+    """What a problem is made of, at its start."""
 
     robot: Robot
-    start: Array
-    targeted: tuple[TargetedTask, ...]
-    contacts: tuple[Contact, ...]
-    phases: tuple[Phase, ...]
+    start: Array  # configuration (nq,)
+    targeted: tuple[TargetedTask, ...]  # the tasks, and how their targets are moved
+    contacts: tuple[Contact, ...]  # what is held in the first phase
+    phases: tuple[Phase, ...]  # what happens, in order; a run without phases is one
     limits: Limits | None
     surroundings: Surroundings
-    contact_slack: Mapping[str, float]
-    plan: PlanReference | None
+    contact_slack: Mapping[str, float]  # weights of the contacts that may give way, by frame
+    plan: PlanReference | None  # what tasks follow, or None
 
     @property
     def tasks(self) -> tuple[Task, ...]:

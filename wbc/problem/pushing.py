@@ -21,24 +21,13 @@ from wbc.validate import Array, check_fields, finite_number
 
 @dataclass(frozen=True)
 class PushSettings:
-    """How a robot is pushed, and when it counts as at rest again.
+    """How a robot is pushed, and when it counts as at rest again."""
 
-    Attributes
-    ----------
-    body:
-        What is pushed, where the CoM is at the start; the place is carried along with the body.
-    duration:
-        Of the push, whose force is constant [s].
-    at:
-        When it begins [s].
-    rest:
-        Speed of the CoM in the end, below which the robot is at rest [m/s].
-    """
-
+    # What is pushed, where the CoM is at the start; the place is carried along with the body.
     body: str = "base"
-    duration: float = 0.1
-    at: float = 0.1
-    rest: float = 0.05
+    duration: float = 0.1  # of the push, whose force is constant [s]
+    at: float = 0.1  # when it begins [s]
+    rest: float = 0.05  # speed of the CoM in the end, below which the robot is at rest [m/s]
 
     def __post_init__(self) -> None:
         check_fields(self, "push, ", "duration", "rest", above=0.0)
@@ -143,18 +132,10 @@ class PushedProblem:
 
 @dataclass(frozen=True)
 class LoadPushed:
-    """Loads a problem to be pushed, in whatever process: to be pickled.
+    """Loads a problem to be pushed, in whatever process: to be pickled."""
 
-    Attributes
-    ----------
-    path:
-        Of the problem's file.
-    overrides:
-        Values that replace the file's, by key path.
-    """
-
-    path: Path
-    overrides: Mapping[str, Any]
+    path: Path  # of the problem's file
+    overrides: Mapping[str, Any]  # values that replace the file's, by key path
     settings: PushSettings
     text: str
 

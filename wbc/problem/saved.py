@@ -35,24 +35,13 @@ REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
 
 @dataclass(frozen=True, eq=False)
 class SavedRun:
-    """A run, as it was or as its file tells.
+    """A run, as it was or as its file tells."""
 
-    Attributes
-    ----------
-    name:
-        What to call it.
-    history:
-        Every tick.
-    summary:
-        What :meth:`wbc.run.Result.summary` returned, with the problem's text and versions.
-    simulation:
-        Of a simulation, the arrays that :meth:`wbc.simulation.SimulationResult.save` writes.
-    """
-
-    name: str
+    name: str  # what to call it
     robot: Robot
-    history: History
-    summary: Mapping[str, Any]
+    history: History  # every tick
+    summary: Mapping[str, Any]  # what Result.summary returned, with the problem's text and versions
+    # Of a simulation, the arrays that SimulationResult.save writes.
     simulation: Mapping[str, NDArray[Any]] | None = None
 
     @classmethod

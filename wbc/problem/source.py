@@ -63,26 +63,13 @@ def parse_path(text: str) -> KeyPath:
 
 @dataclass(frozen=True)
 class Source:
-    """Plain data, and where each part of it was written.
+    """Plain data, and where each part of it was written."""
 
-    Attributes
-    ----------
-    name:
-        The file, as messages name it.
-    text:
-        The file's text.
-    data:
-        Mappings, lists, text, numbers, booleans and None.
-    lines:
-        Line of every key and list entry, counted from 1.
-    overridden:
-        What replaced the file's value at a key path, for messages.
-    """
-
-    name: str
-    text: str
-    data: Any
-    lines: Mapping[KeyPath, int]
+    name: str  # the file, as messages name it
+    text: str  # the file's text
+    data: Any  # mappings, lists, text, numbers, booleans and None
+    lines: Mapping[KeyPath, int]  # line of every key and list entry, counted from 1
+    # What replaced the file's value at a key path, for messages.
     overridden: Mapping[KeyPath, str] = field(default_factory=dict)
 
     def where(self, path: KeyPath) -> str:

@@ -26,25 +26,14 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """One shape of a link.
+    """One shape of a link."""
 
-    Attributes
-    ----------
-    name:
-        The link.
-    vertices:
-        (k, 3) [m], read-only.
-    faces:
-        Triangles (m, 3) as indices of vertices, read-only. Their winding is the file's and may be
-        either.
-    colour:
-        Red, green, blue in [0, 1], as the file says.
-    """
-
-    name: str
-    vertices: Array
+    name: str  # the link
+    vertices: Array  # (k, 3) [m], read-only
+    # Triangles (m, 3) as indices of vertices, read-only. Their winding is the file's and may be
+    # either.
     faces: NDArray[np.int64]
-    colour: tuple[float, float, float]
+    colour: tuple[float, float, float]  # red, green, blue in [0, 1], as the file says
 
     def __post_init__(self) -> None:
         read_only(self.vertices)

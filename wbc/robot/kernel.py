@@ -91,19 +91,11 @@ class NativeTree:
 
 
 class NativeState(NamedTuple):
-    """What the core found at one state.
+    """What the core found at one state."""
 
-    Attributes
-    ----------
-    array:
-        All of it, read-only; see source/core.h.
-    slots:
-        Where frames begin in it, by name.
-    """
-
-    array: Array
+    array: Array  # all of it, read-only; see source/core.h
     tree: NativeTree
-    slots: Mapping[str, int]
+    slots: Mapping[str, int]  # where frames begin in it, by name
 
     def part(self, name: str, *shape: int) -> Array:
         """Return a quantity by the name of its place: a view on the whole."""
@@ -145,18 +137,10 @@ class NativeState(NamedTuple):
 
 
 class NativeMotion(NamedTuple):
-    """Mass matrix, bias forces, and second derivatives at zero acceleration of v.
+    """Mass matrix, bias forces, and second derivatives at zero acceleration of v."""
 
-    Attributes
-    ----------
-    array:
-        All of it, read-only; see source/core.h.
-    state:
-        The array of the :class:`NativeState` that it belongs to.
-    """
-
-    array: Array
-    state: Array
+    array: Array  # all of it, read-only; see source/core.h
+    state: Array  # the array of the NativeState that it belongs to
     tree: NativeTree
 
     def part(self, name: str, *shape: int) -> Array:

@@ -26,38 +26,23 @@ _HERE = Path(__file__).parent / "models"
 
 @dataclass(frozen=True)
 class NamedRobot:
-    """A robot known by name.
+    """A robot known by name."""
 
-    Attributes
-    ----------
-    urdf, srdf:
-        Files, relative to the folder of robots (or to this package's, if ``shipped``).
-    locked:
-        Joints that are held, and at what [rad].
-    feet:
-        Its feet.
-    standing:
-        A posture with bent knees and level soles: joint or pattern to value [rad]; others are 0.
-    base_quaternion:
-        Orientation (x, y, z, w) of the base in that posture, to make the robot face +x.
-    armature:
-        Rotor inertia as felt at joints or patterns [kg m^2], where the file has none and the mass
-        matrix would be singular without.
-    notes:
-        What a user should know about the files.
-    shipped:
-        True if the files come with this package.
-    """
-
+    # urdf and srdf: files, relative to the folder of robots (or to this package's, if shipped).
     urdf: str
     srdf: str | None = None
+    # Joints that are held, and at what [rad].
     locked: Mapping[str, float] = field(default_factory=dict)
-    feet: Mapping[str, FootSpec] = field(default_factory=dict)
+    feet: Mapping[str, FootSpec] = field(default_factory=dict)  # its feet
+    # A posture with bent knees and level soles: joint or pattern to value [rad]; others are 0.
     standing: Mapping[str, float] = field(default_factory=dict)
+    # Orientation (x, y, z, w) of the base in that posture, to make the robot face +x.
     base_quaternion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    # Rotor inertia as felt at joints or patterns [kg m^2], where the file has none and the mass
+    # matrix would be singular without.
     armature: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    shipped: bool = False
+    notes: tuple[str, ...] = ()  # what a user should know about the files
+    shipped: bool = False  # true if the files come with this package
 
 
 @dataclass(frozen=True)

@@ -24,25 +24,17 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class CentroidalSeries:
-    """The robot as a whole in n frames.
+    """The robot as a whole in n frames."""
 
-    Attributes
-    ----------
-    com:
-        CoM (n, 3) [m].
-    momentum, momentum_rate:
-        Centroidal momentum and its rate (n, 6): linear [kg m/s], angular [kg m^2/s].
-    inertia, inertia_rate:
-        Centroidal CRB inertia (n, 3, 3) [kg m^2] and its rate [kg m^2/s].
-    soles:
-        Placement of each foot's sole frame in the world (n, 4, 4), homogeneous.
-    """
-
-    com: Array
+    com: Array  # CoM (n, 3) [m]
+    # momentum and momentum_rate: centroidal momentum and its rate (n, 6): linear [kg m/s],
+    # angular [kg m^2/s].
     momentum: Array
     momentum_rate: Array
+    # inertia and inertia_rate: centroidal CRB inertia (n, 3, 3) [kg m^2] and its rate [kg m^2/s].
     inertia: Array
     inertia_rate: Array
+    # Placement of each foot's sole frame in the world (n, 4, 4), homogeneous.
     soles: Mapping[str, Array]
 
 

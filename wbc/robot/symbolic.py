@@ -144,23 +144,12 @@ class SymbolicPosture:
     """What a :class:`~wbc.robot.model.Snapshot` at rest tells, as expressions.
 
     Expressions take NumPy arrays and operators, ``@`` included; a vector is a column (k, 1).
-
-    Attributes
-    ----------
-    local:
-        The robot as seen from its base.
-    base:
-        Where the base is in the world.
-    joints:
-        Joint positions (nv-6, 1) [rad or m].
-    free_rotations:
-        Rotations (3, 3) that are unknowns of tasks, by the tasks' names; see
-        :meth:`wbc.tasks.Task.free_rotation`.
     """
 
-    local: LocalRobot
-    base: Placement
-    joints: ca.SX
+    local: LocalRobot  # the robot as seen from its base
+    base: Placement  # where the base is in the world
+    joints: ca.SX  # joint positions (nv-6, 1) [rad or m]
+    # Rotations (3, 3) that are unknowns of tasks, by the tasks' names; see Task.free_rotation.
     free_rotations: Mapping[str, ca.SX] = field(default_factory=dict)
 
     @classmethod

@@ -12,24 +12,12 @@ from wbc.tasks import Task
 
 
 class Leader(Protocol):
-    """Leads from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does.
+    """Leads from tick to tick, as :class:`~wbc.run.phases.PhaseExecutor` does."""
 
-    Attributes
-    ----------
-    controller:
-        In charge now.
-    standing:
-        What it holds and keeps.
-    complaint:
-        Why it could not go on, which ended the run; else None.
-    notes:
-        What else is worth saying in the end.
-    """
-
-    controller: Controller
-    standing: Standing
-    complaint: str | None
-    notes: Sequence[str]
+    controller: Controller  # in charge now
+    standing: Standing  # what it holds and keeps
+    complaint: str | None  # why it could not go on, which ended the run; else None
+    notes: Sequence[str]  # what else is worth saying in the end
 
     @property
     def tasks(self) -> Sequence[Task]:

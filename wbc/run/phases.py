@@ -37,21 +37,11 @@ ChangeController = Callable[[Controller, Sequence[Task], Sequence[Contact], Snap
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What a phase does with a task.
+    """What a phase does with a task."""
 
-    Attributes
-    ----------
-    goal:
-        Where its target goes; None: it stays where it is.
-    weight:
-        (k,) at the end of the phase; None: the task is off.
-    at_once:
-        The task comes in or goes out at once, and not within the phase.
-    """
-
-    goal: Goal | None
-    weight: Array | None
-    at_once: bool = False
+    goal: Goal | None  # where its target goes; None: it stays where it is
+    weight: Array | None  # (k,) at the end of the phase; None: the task is off
+    at_once: bool = False  # the task comes in or goes out at once, and not within the phase
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,17 +29,11 @@ class Space(NamedTuple):
     """Where targets of one kind live: ``moved(start, difference(start, end)) == end``.
 
     Parts of a displacement add up: ``moved(moved(x, s d), t d) == moved(x, (s + t) d)``.
-
-    Attributes
-    ----------
-    difference:
-        Returns the displacement, a vector, from one value to another.
-    moved:
-        Returns the value at the end of a displacement.
     """
 
+    # Returns the displacement, a vector, from one value to another.
     difference: Callable[[Array, Array], Array]
-    moved: Callable[[Array, Array], Array]
+    moved: Callable[[Array, Array], Array]  # returns the value at the end of a displacement
 
 
 def configurations(robot: Robot) -> Space:
@@ -153,33 +147,19 @@ class MovingTarget:
 
 @dataclass(frozen=True, eq=False)
 class TargetedTask:
-    """A task, and how its target is found and moved.
-
-    Attributes
-    ----------
-    goal:
-        Where the target should be.
-    current:
-        The task quantity's current value, in the form of the target.
-    space:
-        Where both live.
-    set_target:
-        Sets the task's target.
-    ramp:
-        Time [s] in which the target moves from the start to the goal, or None.
-    course:
-        Where the target goes instead, from the start of the run on, or None.
-    weight:
-        (k,) of the task as it was made; that of the task itself may change in a run.
-    """
+    """A task, and how its target is found and moved."""
 
     task: Task
-    goal: Goal
+    goal: Goal  # where the target should be
+    # The task quantity's current value, in the form of the target.
     current: Callable[[Snapshot], Array]
-    space: Space
-    set_target: SetTarget
+    space: Space  # where both live
+    set_target: SetTarget  # sets the task's target
+    # Time [s] in which the target moves from the start to the goal, or None.
     ramp: float | None = None
+    # Where the target goes instead, from the start of the run on, or None.
     course: Course | None = None
+    # (k,) of the task as it was made; that of the task itself may change in a run.
     weight: Array = field(init=False)
 
     def __post_init__(self) -> None:

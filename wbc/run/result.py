@@ -23,22 +23,13 @@ SHOWN_FAILURES = 5
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
-    """A task at the end of a run.
+    """A task at the end of a run."""
 
-    Attributes
-    ----------
-    error:
-        (k,) actual minus target.
-    rows, units:
-        Names and units of its entries.
-    tolerance:
-        On the norm of the error, if the problem gives one.
-    """
-
-    error: Array
+    error: Array  # (k,) actual minus target
+    # rows and units: names and units of its entries.
     rows: tuple[str, ...]
     units: tuple[str, ...]
-    tolerance: float | None = None
+    tolerance: float | None = None  # on the norm of the error, if the problem gives one
 
     @property
     def norm(self) -> float:
@@ -48,20 +39,12 @@ class TaskResult:
 
 @dataclass(frozen=True, eq=False)
 class InertiaReading:
-    """What an inertia task controls, in kg m^2 and as plain entries of the matrix.
+    """What an inertia task controls, in kg m^2 and as plain entries of the matrix."""
 
-    Attributes
-    ----------
-    axes:
-        The frame whose axes these are; ``principal`` for principal moments.
-    components:
-        Names of the entries below.
-    start, wanted, reached:
-        (k,) at the start, at the end of the target's ramp, and at the end of the run.
-    """
-
-    axes: str
-    components: tuple[str, ...]
+    axes: str  # the frame whose axes these are; principal for principal moments
+    components: tuple[str, ...]  # names of the entries below
+    # start, wanted and reached: (k,) at the start, at the end of the target's ramp, and at the
+    # end of the run.
     start: Array
     wanted: Array
     reached: Array

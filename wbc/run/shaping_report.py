@@ -14,93 +14,53 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """A posture that keeps every constraint.
+    """A posture that keeps every constraint."""
 
-    Attributes
-    ----------
-    q:
-        (nq,).
-    cost:
-        Sum over the tasks of gain * 1/2 |weight * error|^2.
-    relative_errors:
-        |actual - target| / |target| of each inertia task.
-    status, optimal:
-        IPOPT's own word, and whether it says that the conditions of optimality hold.
-    starts:
-        Numbers of the starts that led here; 0 is the start of the run.
-    tried:
-        What came of moving there: ``"arrived"``, or why not; None if it was not tried.
-    """
-
-    q: Array
-    cost: float
-    relative_errors: Mapping[str, float]
+    q: Array  # (nq,)
+    cost: float  # sum over the tasks of gain * 1/2 |weight * error|^2
+    relative_errors: Mapping[str, float]  # |actual - target| / |target| of each inertia task
+    # status and optimal: IPOPT's own word, and whether it says that the conditions of optimality
+    # hold.
     status: str
     optimal: bool
-    starts: tuple[int, ...]
-    tried: str | None
+    starts: tuple[int, ...]  # numbers of the starts that led here; 0 is the start of the run
+    tried: str | None  # what came of moving there: "arrived", or why not; None if it was not tried
 
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """What the search took.
+    """What the search took."""
 
-    Attributes
-    ----------
-    starts:
-        How many searches were asked for.
-    drawn, searched:
-        Samples drawn, and searches made.
-    iterations:
-        Of IPOPT, in all.
-    build_seconds, search_seconds, reach_seconds:
-        Wall time of making the program and the starts, of searching, and of moving.
-    workers:
-        Processes that searched.
-    stopped:
-        Why it ended before all starts were tried: ``met`` (the tasks are met), ``settled`` (nothing
-        better was found for long), ``seconds`` or ``interrupted``; or None.
-    """
-
-    starts: int
+    starts: int  # how many searches were asked for
+    # drawn and searched: samples drawn, and searches made.
     drawn: int
     searched: int
-    iterations: int
+    iterations: int  # of IPOPT, in all
+    # build_seconds, search_seconds and reach_seconds: wall time of making the program and the
+    # starts, of searching, and of moving.
     build_seconds: float
     search_seconds: float
     reach_seconds: float
-    workers: int
+    workers: int  # processes that searched
+    # Why it ended before all starts were tried: met (the tasks are met), settled (nothing better
+    # was found for long), seconds or interrupted; or None.
     stopped: str | None
 
 
 @dataclass(frozen=True, eq=False)
 class ShapingReport:
-    """What a search over postures came to, and how near the motion came to its best.
+    """What a search over postures came to, and how near the motion came to its best."""
 
-    Attributes
-    ----------
-    postures:
-        Every distinct one found, the best first.
-    rejected:
-        How many starts and samples came to nothing, by reason.
-    cost_start, cost_end:
-        Cost where the motion begins and ends.
-    relative_start, relative_end:
-        |actual - target| / |target| of each inertia task there.
-    led_to:
-        Index of the posture that the motion was led to.
-    arrived:
-        True if it keeps every constraint and ends at that posture's cost.
-    """
-
-    postures: tuple[Posture, ...]
-    rejected: Mapping[str, int]
+    postures: tuple[Posture, ...]  # every distinct one found, the best first
+    rejected: Mapping[str, int]  # how many starts and samples came to nothing, by reason
+    # cost_start and cost_end: cost where the motion begins and ends.
     cost_start: float
     cost_end: float
+    # relative_start and relative_end: |actual - target| / |target| of each inertia task there.
     relative_start: Mapping[str, float]
     relative_end: Mapping[str, float]
-    led_to: int
-    arrived: bool
+    led_to: int  # index of the posture that the motion was led to
+    arrived: bool  # true if it keeps every constraint and ends at that posture's cost
     effort: SearchEffort
 
     @property

@@ -21,34 +21,17 @@ Ground = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What is held and kept in a phase.
+    """What is held and kept in a phase."""
 
-    Attributes
-    ----------
-    phase:
-        The phase's name; empty in a run without phases.
-    contacts:
-        What is held.
-    feet:
-        The feet that stand, if nothing else is held; what then keeps the robot from falling is the
-        polygon of their soles.
-    margins:
-        The constraints that are distances which must not close.
-    yielding:
-        Names of those that may give way.
-    limited:
-        Whether joint position limits must be kept.
-    soft:
-        Frames of contacts that may give way.
-    """
-
-    phase: str
-    contacts: tuple[Contact, ...]
+    phase: str  # the phase's name; empty in a run without phases
+    contacts: tuple[Contact, ...]  # what is held
+    # The feet that stand, if nothing else is held; what then keeps the robot from falling is the
+    # polygon of their soles.
     feet: tuple[str, ...]
-    margins: tuple[Margin, ...] = ()
-    limited: bool = False
-    soft: frozenset[str] = frozenset()
-    yielding: frozenset[str] = frozenset()
+    margins: tuple[Margin, ...] = ()  # the constraints that are distances which must not close
+    limited: bool = False  # whether joint position limits must be kept
+    soft: frozenset[str] = frozenset()  # frames of contacts that may give way
+    yielding: frozenset[str] = frozenset()  # names of those that may give way
 
     @classmethod
     def on(

@@ -18,18 +18,10 @@ PLACE, CORE, RADIUS, NORMAL = "place", "core", "radius", "normal"
 
 @dataclass(frozen=True, eq=False)
 class ObstacleTrack:
-    """An obstacle over a run.
+    """An obstacle over a run."""
 
-    Attributes
-    ----------
-    shape:
-        In the obstacle's own frame.
-    place:
-        (n, 3, 4) rotation and origin [m] of that frame; NaN while it is not watched.
-    """
-
-    shape: Shape
-    place: Array
+    shape: Shape  # in the obstacle's own frame
+    place: Array  # (n, 3, 4) rotation and origin [m] of that frame; NaN while it is not watched
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return what :meth:`from_arrays` makes a track of."""

@@ -12,14 +12,9 @@ from wbc.validate import Array, finite_array, read_only
 
 
 class PlacementTask(Task):
-    """A task whose target is a position and a rotation.
+    """A task whose target is a position and a rotation."""
 
-    Attributes
-    ----------
-    position, rotation:
-        What is wanted: (3,) [m] and (3, 3), read-only.
-    """
-
+    # position and rotation: what is wanted: (3,) [m] and (3, 3), read-only.
     position: Array
     rotation: Array
 

@@ -16,23 +16,12 @@ from wbc.validate import Array
 
 @dataclass(frozen=True)
 class Deviation:
-    """Of a quantity from its plan, while the plan lasted; NaN if nothing was measured then.
+    """Of a quantity from its plan, while the plan lasted; NaN if nothing was measured then."""
 
-    Attributes
-    ----------
-    rms:
-        Root mean square of the distance.
-    worst:
-        Largest distance.
-    at:
-        When it was largest [s].
-    peak:
-        Largest size of the quantity itself in the plan; of places and inertias, of its change.
-    """
-
-    rms: float
-    worst: float
-    at: float
+    rms: float  # root mean square of the distance
+    worst: float  # largest distance
+    at: float  # when it was largest [s]
+    # Largest size of the quantity itself in the plan; of places and inertias, of its change.
     peak: float
 
     @classmethod

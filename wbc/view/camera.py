@@ -20,23 +20,12 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera in the world.
+    """A camera in the world."""
 
-    Attributes
-    ----------
-    eye:
-        Position (3,) [m].
-    axes:
-        Rows (3, 3): right, down and forward in the world. Right is level.
-    focal:
-        Focal length in pixels.
-    width, height:
-        Size of the picture in pixels.
-    """
-
-    eye: Array
-    axes: Array
-    focal: float
+    eye: Array  # position (3,) [m]
+    axes: Array  # Rows (3, 3): right, down and forward in the world. Right is level.
+    focal: float  # focal length in pixels
+    # width and height: size of the picture in pixels.
     width: int
     height: int
 
@@ -112,18 +101,11 @@ def viewing_axes(azimuth: float, elevation: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """What a camera sees.
+    """What a camera sees."""
 
-    Attributes
-    ----------
-    triangle:
-        Index of the nearest triangle in each pixel (height, width); :data:`NOTHING` if none.
-    depth:
-        Its depth [m]; infinite where there is none.
-    """
-
+    # Index of the nearest triangle in each pixel (height, width); NOTHING if none.
     triangle: Indices
-    depth: Array
+    depth: Array  # its depth [m]; infinite where there is none
 
 
 def rasterise(camera: Camera, corners: Array) -> Raster:

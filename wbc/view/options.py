@@ -39,20 +39,13 @@ DIRECTIONS = {
 
 @dataclass(frozen=True)
 class View:
-    """What is drawn, and where the camera stands.
+    """What is drawn, and where the camera stands."""
 
-    Attributes
-    ----------
-    azimuth, elevation:
-        Where the camera stands as seen from the robot [rad]; azimuth 0 is in front, pi/2 on its
-        left.
-    layers:
-        Names of :data:`LAYERS`.
-    """
-
+    # azimuth and elevation: where the camera stands as seen from the robot [rad]; azimuth 0 is in
+    # front, pi/2 on its left.
     azimuth: float = float(np.deg2rad(DIRECTIONS["front-left"][0]))
     elevation: float = float(np.deg2rad(DIRECTIONS["front-left"][1]))
-    layers: frozenset[str] = EVERYTHING
+    layers: frozenset[str] = EVERYTHING  # names of LAYERS
 
     @classmethod
     def of(cls, view_from: str = "front-left", show: str | Iterable[str] = "all") -> View:

@@ -21,22 +21,13 @@ LINES, MARKS, FRONT = 2, 3, 4  # drawing order
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Axes whose coordinates are the pixels of a picture; lengths given are points of type.
+    """Axes whose coordinates are the pixels of a picture; lengths given are points of type."""
 
-    Attributes
-    ----------
-    axes:
-        Where to draw.
-    camera, picture:
-        Where the picture was taken from, and the picture.
-    point:
-        Pixels in a point of type (1/72 inch).
-    """
-
-    axes: Axes
+    axes: Axes  # where to draw
+    # camera and picture: where the picture was taken from, and the picture.
     camera: Camera
     picture: Picture
-    point: float
+    point: float  # pixels in a point of type (1/72 inch)
 
     def show(self) -> None:
         """Draw the picture itself."""

@@ -52,61 +52,28 @@ class Aimed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """What is to be drawn of a robot.
+    """What is to be drawn of a robot."""
 
-    Attributes
-    ----------
-    q:
-        (nq,).
-    stands:
-        Whether it stands on feet: then it has a leg, from the ground under the CoM.
-    grounded:
-        Whether there is a ground; a floating robot has none.
-    obstacles:
-        Shapes, and rotation and origin (3, 4) of each.
-    aims:
-        Where tasks want points of the robot.
-    """
-
-    q: ArrayLike
+    q: ArrayLike  # (nq,)
+    # Whether it stands on feet: then it has a leg, from the ground under the CoM.
     stands: bool = True
-    grounded: bool = True
-    obstacles: Sequence[tuple[Shape, Array]] = ()
-    aims: Sequence[Aimed] = ()
+    grounded: bool = True  # whether there is a ground; a floating robot has none
+    obstacles: Sequence[tuple[Shape, Array]] = ()  # shapes, and rotation and origin (3, 4) of each
+    aims: Sequence[Aimed] = ()  # where tasks want points of the robot
 
 
 @dataclass(frozen=True, eq=False)
 class Portrait:
-    """A robot in one configuration.
+    """A robot in one configuration."""
 
-    Attributes
-    ----------
-    name:
-        What is written above it.
-    snapshot:
-        The robot at that configuration.
-    scene:
-        Its meshes, ellipsoid, CoM and ground.
-    outlines:
-        Closed curves (k, 3) [m]: the soles, or the support polygon.
-    foot:
-        Lower end of the pendulum's leg (3,) [m]; None for no leg.
-    radii:
-        Distances (3,) [m] of the reaction masses from the CoM.
-    aims:
-        Where tasks want points of the robot.
-    view:
-        What is drawn, and from where.
-    """
-
-    name: str
-    snapshot: Snapshot
-    scene: Scene
-    outlines: Sequence[Array]
-    foot: Array | None
-    radii: Array
-    aims: Sequence[Aimed] = ()
-    view: View = DEFAULT
+    name: str  # what is written above it
+    snapshot: Snapshot  # the robot at that configuration
+    scene: Scene  # its meshes, ellipsoid, CoM and ground
+    outlines: Sequence[Array]  # closed curves (k, 3) [m]: the soles, or the support polygon
+    foot: Array | None  # lower end of the pendulum's leg (3,) [m]; None for no leg
+    radii: Array  # distances (3,) [m] of the reaction masses from the CoM
+    aims: Sequence[Aimed] = ()  # where tasks want points of the robot
+    view: View = DEFAULT  # what is drawn, and from where
 
 
 def portraits_of(

@@ -16,34 +16,17 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is drawn, in world coordinates.
+    """What is drawn, in world coordinates."""
 
-    Attributes
-    ----------
-    meshes:
-        The robot; empty if its description holds no shapes.
-    ellipsoid, centre:
-        Its equimomental ellipsoid in world axes, and the CoM (3,) [m].
-    tint:
-        Colour of the ellipsoid, (3,) in [0, 1].
-    ground:
-        Altitude of the ground [m].
-    grounded:
-        Whether there is a ground to draw; a floating robot has none.
-    glass:
-        Whether the ellipsoid is drawn.
-    solids:
-        Obstacles; what is behind them shows through a little.
-    """
-
-    meshes: Sequence[Mesh]
+    meshes: Sequence[Mesh]  # the robot; empty if its description holds no shapes
+    # ellipsoid and centre: its equimomental ellipsoid in world axes, and the CoM (3,) [m].
     ellipsoid: Ellipsoid
     centre: Array
-    tint: Array
-    ground: float
-    grounded: bool = True
-    glass: bool = True
-    solids: Sequence[Mesh] = ()
+    tint: Array  # colour of the ellipsoid, (3,) in [0, 1]
+    ground: float  # altitude of the ground [m]
+    grounded: bool = True  # whether there is a ground to draw; a floating robot has none
+    glass: bool = True  # whether the ellipsoid is drawn
+    solids: Sequence[Mesh] = ()  # obstacles; what is behind them shows through a little
 
     @cached_property
     def corners(self) -> Array:

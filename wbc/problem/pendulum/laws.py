@@ -28,23 +28,14 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a law is made for.
+    """What a law is made for."""
 
-    Attributes
-    ----------
-    pendulum:
-        A PlanarRmp or a SolidRmp.
-    q, v:
-        Start (nq,), (nv,).
-    dt:
-        Time between commands [s].
-    """
-
-    pendulum: Any
+    pendulum: Any  # a PlanarRmp or a SolidRmp
     bounds: Bounds
+    # q and v: start (nq,), (nv,).
     q: Array
     v: Array
-    dt: float
+    dt: float  # time between commands [s]
 
     @property
     def lengths(self) -> tuple[float, Any]:

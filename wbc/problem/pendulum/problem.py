@@ -23,24 +23,12 @@ from wbc.tracking.pendulum import RobotPendulum, pendulum_of
 
 @dataclass(frozen=True, eq=False)
 class PendulumProblem:
-    """A reaction mass pendulum under a balance law, or with a motion to plan.
+    """A reaction mass pendulum under a balance law, or with a motion to plan."""
 
-    Attributes
-    ----------
-    source:
-        The file's text and data.
-    overrides:
-        What replaces the file's values, by key path.
-    spec:
-        The validated description.
-    parts:
-        What it means: a law with its start, or a planning problem.
-    """
-
-    source: Source
-    overrides: Mapping[str, Any]
-    spec: PendulumSpec
-    parts: Balance | Planning
+    source: Source  # the file's text and data
+    overrides: Mapping[str, Any]  # what replaces the file's values, by key path
+    spec: PendulumSpec  # the validated description
+    parts: Balance | Planning  # what it means: a law with its start, or a planning problem
 
     def __repr__(self) -> str:
         return f"PendulumProblem({self.source.name!r}, {self.spec.model!r}, {self.mass:g} kg)"

@@ -49,45 +49,24 @@ class Support(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PendulumHistory:
-    """A pendulum's motion in space (x, y, z), z up; a planar one moves in y = 0.
+    """A pendulum's motion in space (x, y, z), z up; a planar one moves in y = 0."""
 
-    Attributes
-    ----------
-    flat:
-        Whether the pendulum is planar.
-    time:
-        (n,) [s].
-    phase:
-        What the law or the schedule calls each moment (n,).
-    com, com_velocity:
-        (n, 3) [m], [m/s].
-    foot:
-        Lower end of the leg (n, 3) [m]; NaN in flight.
-    cop, cmp:
-        Where the ground pushes, and where its force through the CoM meets the ground (n, 3) [m];
-        NaN in flight, and at the end of a simulation, where nothing is commanded any more.
-    radii:
-        Distances r_k of the masses (n, 3) [m]; a planar pendulum has (r, 0, 0).
-    axes:
-        Axes of the masses as columns of rotation matrices (n, 3, 3).
-    momentum:
-        Angular momentum k_G about the CoM (n, 3) [kg m^2/s].
-    supports:
-        Support polygons, in order of time.
-    """
-
-    flat: bool
-    time: Array
-    phase: tuple[str, ...]
+    flat: bool  # whether the pendulum is planar
+    time: Array  # (n,) [s]
+    phase: tuple[str, ...]  # what the law or the schedule calls each moment (n,)
+    # com and com_velocity: (n, 3) [m], [m/s].
     com: Array
     com_velocity: Array
-    foot: Array
+    foot: Array  # lower end of the leg (n, 3) [m]; NaN in flight
+    # cop and cmp: where the ground pushes, and where its force through the CoM meets the ground
+    # (n, 3) [m]; NaN in flight, and at the end of a simulation, where nothing is commanded any
+    # more.
     cop: Array
     cmp: Array
-    radii: Array
-    axes: Array
-    momentum: Array
-    supports: tuple[Support, ...]
+    radii: Array  # distances r_k of the masses (n, 3) [m]; a planar pendulum has (r, 0, 0)
+    axes: Array  # axes of the masses as columns of rotation matrices (n, 3, 3)
+    momentum: Array  # angular momentum k_G about the CoM (n, 3) [kg m^2/s]
+    supports: tuple[Support, ...]  # support polygons, in order of time
 
 
 class PendulumStatus(StrEnum):
@@ -117,29 +96,17 @@ class PendulumStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class PendulumResult:
-    """What came of a pendulum's problem.
+    """What came of a pendulum's problem."""
 
-    Attributes
-    ----------
-    status, reason:
-        How it ended, and why that is so in words.
-    measures:
-        What was measured, in SI units. Of a simulation: those that ``stop.accept`` can limit, by
-        its names, and for each bound ``margin to ...``, negative where it was broken.
-    history:
-        The motion in space.
-    arrays:
-        What an ``.npz`` file holds beside the history.
-    provenance:
-        Problem text, overrides and versions.
-    """
-
+    # status and reason: how it ended, and why that is so in words.
     status: PendulumStatus
     reason: str
+    # What was measured, in SI units. Of a simulation: those that stop.accept can limit, by its
+    # names, and for each bound margin to ..., negative where it was broken.
     measures: Mapping[str, float]
-    history: PendulumHistory
-    arrays: Mapping[str, NDArray[np.generic]]
-    provenance: Mapping[str, Any]
+    history: PendulumHistory  # the motion in space
+    arrays: Mapping[str, NDArray[np.generic]]  # what an .npz file holds beside the history
+    provenance: Mapping[str, Any]  # problem text, overrides and versions
 
     def __repr__(self) -> str:
         return f"PendulumResult({self.status.value}, {len(self.history.time)} times)"

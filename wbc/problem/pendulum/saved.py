@@ -18,19 +18,11 @@ PLACES = ("com", "com_velocity", "foot", "cop", "cmp", "radii", "momentum")
 
 @dataclass(frozen=True, eq=False)
 class SavedPendulum:
-    """A pendulum's motion, as it was or as its file tells.
+    """A pendulum's motion, as it was or as its file tells."""
 
-    Attributes
-    ----------
-    name:
-        What to call it.
-    summary:
-        What :meth:`~wbc.problem.pendulum.result.PendulumResult.summary` returned.
-    """
-
-    name: str
+    name: str  # what to call it
     history: PendulumHistory
-    summary: Mapping[str, Any]
+    summary: Mapping[str, Any]  # what PendulumResult.summary returned
 
     @classmethod
     def of(cls, result: PendulumResult, name: str) -> SavedPendulum:

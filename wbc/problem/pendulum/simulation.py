@@ -38,20 +38,12 @@ _ENDINGS = {
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """A law, and what it is tried on.
+    """A law, and what it is tried on."""
 
-    Attributes
-    ----------
-    spec:
-        The law's description.
-    plant:
-        The pendulum that moves.
-    """
-
-    spec: LawSpec
+    spec: LawSpec  # the law's description
     law: BalanceLaw
     setting: Setting
-    plant: Pendulum
+    plant: Pendulum  # the pendulum that moves
     pushes: tuple[Push, ...]
     stop: PendulumStopSpec
 

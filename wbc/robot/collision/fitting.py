@@ -35,15 +35,10 @@ VERSION = 2  # of the fit and of the file: change it, and everything is fitted a
 
 
 class Fit(NamedTuple):
-    """A shape that holds all points given.
-
-    Attributes
-    ----------
-    bulge:
-        How far the shape sticks out of the points' convex hull, at most [m] (sampled for capsules).
-    """
+    """A shape that holds all points given."""
 
     shape: Solid
+    # How far the shape sticks out of the points' convex hull, at most [m] (sampled for capsules).
     bulge: float
 
 

@@ -26,27 +26,14 @@ NARROWED = 3
 
 
 class PairDistances(NamedTuple):
-    """Distances, normals and nearest points of k pairs of bodies.
+    """Distances, normals and nearest points of k pairs of bodies."""
 
-    Attributes
-    ----------
-    pairs:
-        (k,) which of the model's pairs, increasing.
-    distance:
-        (k,) between the surfaces [m], negative where they overlap.
-    normal:
-        (k, 3) unit vectors from the second body to the first, world axes.
-    point:
-        (k, 3) on the surface of the first body; that of the second is ``point - distance normal``.
-    snapshot:
-        The state they were measured in.
-    """
-
-    pairs: Index
-    distance: Array
-    normal: Array
+    pairs: Index  # (k,) which of the model's pairs, increasing
+    distance: Array  # (k,) between the surfaces [m], negative where they overlap
+    normal: Array  # (k, 3) unit vectors from the second body to the first, world axes
+    # (k, 3) on the surface of the first body; that of the second is point - distance normal.
     point: Array
-    snapshot: Snapshot
+    snapshot: Snapshot  # the state they were measured in
 
     def take(self, chosen: Index) -> PairDistances:
         """Return some of them, by their places here."""

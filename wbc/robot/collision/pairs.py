@@ -33,26 +33,16 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Selection:
-    """Pairs of bodies to keep apart.
+    """Pairs of bodies to keep apart."""
 
-    Attributes
-    ----------
-    bodies:
-        Those given, and after them finer ones, for pairs that stand nearer than simple shapes tell.
-    pairs:
-        Indices of bodies.
-    margins:
-        Distance that each pair can keep [m]: the clearance, or half of what there is when standing.
-    excluded:
-        Every other pair of different joints, by its label, and the reason.
-    finer:
-        Pairs with finer shapes, by label, and how far these and the raw shapes stand apart.
-    """
-
+    # Those given, and after them finer ones, for pairs that stand nearer than simple shapes tell.
     bodies: tuple[Body, ...]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[Pair, ...]  # indices of bodies
+    # Distance that each pair can keep [m]: the clearance, or half of what there is when standing.
     margins: tuple[float, ...]
+    # Every other pair of different joints, by its label, and the reason.
     excluded: Mapping[str, str]
+    # Pairs with finer shapes, by label, and how far these and the raw shapes stand apart.
     finer: Mapping[str, str]
 
 

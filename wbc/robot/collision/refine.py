@@ -35,20 +35,12 @@ EVEN = 1e-6
 
 
 class FinerPair(NamedTuple):
-    """Bodies to be kept apart, each first from each second, in place of one pair.
-
-    Attributes
-    ----------
-    distance:
-        The least of them when standing [m].
-    raw:
-        That of the raw shapes [m].
-    """
+    """Bodies to be kept apart, each first from each second, in place of one pair."""
 
     first: tuple[Body, ...]
     second: tuple[Body, ...]
-    distance: float
-    raw: float
+    distance: float  # the least of them when standing [m]
+    raw: float  # that of the raw shapes [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,18 +17,10 @@ _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 @dataclass(frozen=True, eq=False)
 class Capsule:
-    """All points within ``radius`` of a segment; a sphere where both ends are one point.
+    """All points within ``radius`` of a segment; a sphere where both ends are one point."""
 
-    Attributes
-    ----------
-    ends:
-        (2, 3) [m].
-    radius:
-        [m], not negative.
-    """
-
-    ends: Array
-    radius: float
+    ends: Array  # (2, 3) [m]
+    radius: float  # [m], not negative
 
     @classmethod
     def of(cls, start: ArrayLike, end: ArrayLike, radius: float) -> Capsule:
@@ -52,18 +44,10 @@ class Capsule:
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """All points within ``radius`` of the convex hull of ``vertices``; a box has 8 of them.
+    """All points within ``radius`` of the convex hull of ``vertices``; a box has 8 of them."""
 
-    Attributes
-    ----------
-    vertices:
-        (k, 3) [m], each a corner of the hull, not all in one plane.
-    radius:
-        [m], not negative; 0 for a plain polytope.
-    """
-
-    vertices: Array
-    radius: float = 0.0
+    vertices: Array  # (k, 3) [m], each a corner of the hull, not all in one plane
+    radius: float = 0.0  # [m], not negative; 0 for a plain polytope
 
     @classmethod
     def box(cls, size: ArrayLike, centre: ArrayLike = _ZERO) -> Hull:
@@ -84,18 +68,10 @@ class Hull:
 
 @dataclass(frozen=True, eq=False)
 class HalfSpace:
-    """All points x with ``normal . x <= offset``: a floor, a wall, a table without end.
+    """All points x with ``normal . x <= offset``: a floor, a wall, a table without end."""
 
-    Attributes
-    ----------
-    normal:
-        (3,) unit vector that points out of it.
-    offset:
-        Of its surface along the normal [m].
-    """
-
-    normal: Array
-    offset: float
+    normal: Array  # (3,) unit vector that points out of it
+    offset: float  # of its surface along the normal [m]
 
     @classmethod
     def of(cls, normal: ArrayLike, offset: float) -> HalfSpace:
@@ -134,27 +110,14 @@ def moved(shape: Solid, rotation: Array, origin: Array) -> Solid:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One shape on one link.
+    """One shape on one link."""
 
-    Attributes
-    ----------
-    name:
-        For labels: the link's, numbered where the link has several shapes.
-    link:
-        The link that carries it.
-    joint:
-        Pinocchio's index of the joint that moves it; 0 for what does not move with the robot.
-    shape:
-        In that joint's frame.
-    bulge:
-        How far the shape may stick out of what it stands for [m].
-    """
-
-    name: str
-    link: str
+    name: str  # for labels: the link's, numbered where the link has several shapes
+    link: str  # the link that carries it
+    # Pinocchio's index of the joint that moves it; 0 for what does not move with the robot.
     joint: int
-    shape: Shape
-    bulge: float = 0.0
+    shape: Shape  # in that joint's frame
+    bulge: float = 0.0  # how far the shape may stick out of what it stands for [m]
 
     @property
     def bounding_ball(self) -> tuple[Array, float]:

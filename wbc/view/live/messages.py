@@ -16,47 +16,24 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """Once, before anything else.
-
-    Attributes
-    ----------
-    clock:
-        Whether the loop can be paused, stepped, slowed down and begun again.
-    steer:
-        Whether targets and weights can be changed.
-    push:
-        The largest push that is offered [N s]; 0: the robot cannot be pushed.
-    """
+    """Once, before anything else."""
 
     robot: Robot
     title: str
-    clock: bool
-    steer: bool
-    push: float = 0.0
+    clock: bool  # whether the loop can be paused, stepped, slowed down and begun again
+    steer: bool  # whether targets and weights can be changed
+    push: float = 0.0  # the largest push that is offered [N s]; 0: the robot cannot be pushed
 
 
 class TaskInfo(NamedTuple):
-    """A task as the page knows it.
-
-    Attributes
-    ----------
-    kind:
-        ``com``, ``position``, ``orientation``, ``pose``, ``axis``, ``inertia``, ``principal`` or
-        ``other``.
-    frame:
-        The frame it moves, or in whose axes its inertia is.
-    axis:
-        (3,) of ``axis``, in the frame's axes.
-    units:
-        Of the entries of its error.
-    """
+    """A task as the page knows it."""
 
     name: str
-    kind: str
-    frame: str
+    kind: str  # com, position, orientation, pose, axis, inertia, principal or other
+    frame: str  # the frame it moves, or in whose axes its inertia is
     rows: tuple[str, ...]
-    units: tuple[str, ...]
-    axis: Array | None = None
+    units: tuple[str, ...]  # of the entries of its error
+    axis: Array | None = None  # (3,) of axis, in the frame's axes
 
 
 class Pulled(NamedTuple):
@@ -75,22 +52,13 @@ class ContactInfo(NamedTuple):
 
 
 class PairsInfo(NamedTuple):
-    """The bodies that a constraint keeps apart.
-
-    Attributes
-    ----------
-    pairs:
-        N pairs of indices of bodies.
-    margins:
-        (N,) distance that each pair keeps [m].
-    obstacles:
-        Names and shapes of the last bodies, which do not hang on the robot.
-    """
+    """The bodies that a constraint keeps apart."""
 
     name: str
     bodies: tuple[Body, ...]
-    pairs: tuple[tuple[int, int], ...]
-    margins: Array
+    pairs: tuple[tuple[int, int], ...]  # N pairs of indices of bodies
+    margins: Array  # (N,) distance that each pair keeps [m]
+    # Names and shapes of the last bodies, which do not hang on the robot.
     obstacles: tuple[tuple[str, Shape], ...]
 
 
@@ -106,70 +74,44 @@ class Cast:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What a tick says of itself.
-
-    Attributes
-    ----------
-    seconds:
-        The tick's time, of which ``solve`` was spent in the solver; None: not recorded.
-    active:
-        Rows that hold the command back, the strongest first; None: not recorded.
-    at_limit:
-        Joints at a bound of their velocity (their range, with braking distance, or their rate),
-        with ``lower`` or ``upper``.
-    relaxed:
-        What gave way, and by how much.
-    forces:
-        (6,) wrench at each contact's frame, world axes, by contact; empty at the velocity level.
-    acceleration:
-        (nv,), or None at the velocity level.
-    """
+    """What a tick says of itself."""
 
     ok: bool
     report: str
-    seconds: float
+    seconds: float  # the tick's time, of which solve was spent in the solver; None: not recorded
     solve: float | None
     step_scale: float
     errors: Mapping[str, Array]
+    # Rows that hold the command back, the strongest first; None: not recorded.
     active: tuple[str, ...] | None
+    # Joints at a bound of their velocity (their range, with braking distance, or their rate),
+    # with lower or upper.
     at_limit: tuple[str, ...] | None
-    relaxed: Mapping[str, float]
+    relaxed: Mapping[str, float]  # what gave way, and by how much
+    # (6,) wrench at each contact's frame, world axes, by contact; empty at the velocity level.
     forces: Mapping[str, Array]
-    acceleration: Array | None
+    acceleration: Array | None  # (nv,), or None at the velocity level
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The robot at one instant.
+    """The robot at one instant."""
 
-    Attributes
-    ----------
-    time:
-        [s].
-    targets:
-        Target of each task, by name: position; rotation; position and rotation; direction; inertia
-        xx xy xz yy yz zz or principal moments [kg m^2].
-    obstacles:
-        Rotation and origin of each obstacle, by its name.
-    remark:
-        What the user should know, such as why the loop ended.
-    push:
-        (3,) force that pushes the robot now [N], world axes; None where nothing can.
-    pull:
-        What the user pulls at, and how; None while nobody does.
-    """
-
-    time: float
+    time: float  # [s]
     q: Array
     v: Array
     told: Told | None = None
+    # Target of each task, by name: position; rotation; position and rotation; direction; inertia
+    # xx xy xz yy yz zz or principal moments [kg m^2].
     targets: Mapping[str, tuple[Array, ...]] = field(default_factory=dict)
+    # Rotation and origin of each obstacle, by its name.
     obstacles: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     phase: str = ""
-    remark: str = ""
+    remark: str = ""  # what the user should know, such as why the loop ended
     playing: bool = True
+    # (3,) force that pushes the robot now [N], world axes; None where nothing can.
     push: Array | None = None
-    pull: Pulled | None = None
+    pull: Pulled | None = None  # what the user pulls at, and how; None while nobody does
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,22 +171,13 @@ class PushRobot(NamedTuple):
 
 
 class PullRobot(NamedTuple):
-    """Pull a point of the robot by a spring from now on, until :class:`LetGo`.
+    """Pull a point of the robot by a spring from now on, until :class:`LetGo`."""
 
-    Attributes
-    ----------
-    frame, point:
-        What is pulled: (3,) in the frame's axes from its origin [m].
-    target:
-        Where it is pulled to (3,) [m], world axes.
-    stiffness:
-        [N/m].
-    """
-
+    # frame and point: what is pulled: (3,) in the frame's axes from its origin [m].
     frame: str
     point: Array
-    target: Array
-    stiffness: float
+    target: Array  # where it is pulled to (3,) [m], world axes
+    stiffness: float  # [N/m]
 
 
 class LetGo(NamedTuple):
