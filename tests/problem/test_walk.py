@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.problem.loading import complaint_of, problem_of
@@ -79,6 +80,78 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
 )
 def test_mistakes(tmp_path: Path, overrides: dict[str, Any], said: str) -> None:
     assert said in complaint_of(tmp_path, WALK, overrides)
+
+
+FOOTSTEPS = """\
+robot: hoap2_like
+gait:
+  relative: true
+  footsteps:
+    - {foot: left, x: 0.02, y: 0.095}
+    - {foot: right, x: 0.03, y: -0.1, yaw: 0.1, duration: 0.3}
+    - {foot: left, x: 0.0, y: 0.095}
+simulation: {duration: 2.2}
+"""
+
+
+@pytest.mark.slow
+def test_it_walks_on_footsteps_and_says_where_feet_landed(tmp_path: Path) -> None:
+    one = problem(tmp_path, FOOTSTEPS)
+    result = one.simulate()
+    assert result.status is SimulationStatus.STOOD
+    (note,) = result.notes
+    assert note.startswith("footsteps: 3 of 3 made; feet landed within ")
+    # By the simulation's own state: from the right foot, in its axes.
+    end = result.robot.snapshot(result.arrays["q"][-1])
+    left, right = (end.position(result.robot.feet[foot].frame) for foot in ("left", "right"))
+    R = end.rotation(result.robot.feet["right"].frame)
+    np.testing.assert_allclose(R.T @ (left - right), (0.0, 0.095, 0.0), atol=3e-3)
+
+
+def test_footsteps_in_the_world_are_those_of_relative_ones(tmp_path: Path) -> None:
+    relative = problem(tmp_path, FOOTSTEPS)
+    assert isinstance(relative.spec, WalkSpec)
+    start = relative.parts.robot.snapshot(relative.parts.start)
+    given = [step.footstep for step in relative.spec.gait.footsteps]
+    world = walker_in(relative).follow(given, start, relative=True)
+    steps = [vars(step) for step in world]
+    absolute = problem(tmp_path, FOOTSTEPS, {"gait.relative": False, "gait.footsteps": steps})
+    assert isinstance(absolute.spec, WalkSpec)
+    assert [step.footstep for step in absolute.spec.gait.footsteps] == list(world)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"x": 0.5}, "footsteps[1].x: 0.5 m ahead of the left foot is out of reach of the legs"),
+        ({"y": -0.5}, "footsteps[1].y: 0.5 m beside the left foot is out of reach of the legs"),
+        ({"y": 0.1}, "footsteps[1].y: -0.1 m beside the left foot, on its own side, is across it"),
+        ({"yaw": 0.7}, "footsteps[1].yaw: 0.7 rad from the left foot is out of reach of the hips"),
+        ({"y": -0.075, "x": 0.0, "yaw": 0.4}, "footsteps[1].yaw: the sole would stand on that"),
+        ({"x": 0.14}, "footsteps[1].duration: the foot goes 0."),
+        ({"duration": 0}, "footsteps[1].duration: must be greater than 0, got 0"),
+        ({"duration": 0.01}, "footsteps[1].duration: 0.01 s on one foot; 0."),
+        ({"foot": "left"}, "footsteps[1].foot: the left one has just landed; it must be right"),
+        ({"foot": "rihgt"}, "did you mean 'right'"),
+        ({"z": 1.0}, "footsteps[1].z: unknown key"),
+    ],
+)
+def test_mistakes_in_footsteps(tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    step = {"foot": "right", "x": 0.03, "y": -0.1} | change
+    steps = [{"foot": "left", "x": 0.02, "y": 0.095}, step]
+    assert said in complaint_of(tmp_path, FOOTSTEPS, {"gait.footsteps": steps})
+
+
+def test_every_footstep_that_cannot_be_is_told_at_once(tmp_path: Path) -> None:
+    far = [{"foot": "left", "x": 0.9, "y": 0.1}, {"foot": "right", "x": 0.0, "y": -0.9}]
+    told = complaint_of(tmp_path, FOOTSTEPS, {"gait.footsteps": far})
+    assert "footsteps[0].x" in told and "footsteps[1].y" in told
+
+
+def test_a_walk_says_where_to(tmp_path: Path) -> None:
+    text = "robot: hoap2_like\ngait: {clearance: 0.02}\nsimulation: {duration: 1}\n"
+    assert "gait: says not where to: give commands, or footsteps" in complaint_of(tmp_path, text)
+    assert "gait.footsteps: empty" in complaint_of(tmp_path, FOOTSTEPS, {"gait.footsteps": []})
 
 
 def test_a_walk_is_not_run(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Walking: footsteps from a velocity, adapted to the capture point that is measured."""
 
 from wbc.gait.command import Admitted, CommandLimits, Velocity
+from wbc.gait.given import Footstep, Landing
 from wbc.gait.settings import GaitSettings
 from wbc.gait.walker import Walker
 from wbc.gait.whole_body import WalkingWeights
@@ -9,7 +10,9 @@ from wbc.robot.legs import Legs
 __all__ = [
     "Admitted",
     "CommandLimits",
+    "Footstep",
     "GaitSettings",
+    "Landing",
     "Legs",
     "Velocity",
     "Walker",

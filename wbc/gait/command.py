@@ -65,6 +65,8 @@ class CommandLimits:
         Longest step [m].
     apart:
         Farthest that feet are apart sideways [m].
+    turn:
+        Farthest that feet are turned against each other, either way [rad].
     swing:
         Largest acceleration of a foot in the air [m/s^2].
     """
@@ -75,6 +77,7 @@ class CommandLimits:
     why: tuple[str, str, str]
     step: float
     apart: float
+    turn: float
     swing: float
 
     @classmethod
@@ -94,8 +97,9 @@ class CommandLimits:
             / (PEAK_ACCELERATION * per_speed),
         }
         limiting = min(able, key=lambda key: able[key])
+        turn = min(MOST_TURN, legs.turn)
         turning = {
-            "turn of the feet in one step": min(MOST_TURN, legs.turn) / T,
+            "turn of the feet in one step": turn / T,
             "speed at which hips turn": legs.turn_speed / (PEAK * per_speed - 1.0),
         }
         slowest = min(turning, key=lambda key: turning[key])
@@ -109,6 +113,7 @@ class CommandLimits:
             (limiting, least, slowest),
             2.0 * reach,
             apart,
+            turn,
             legs.swing_acceleration,
         )
 

@@ -1,7 +1,8 @@
-"""A walk by a schedule of commands."""
+"""A walk by a schedule of commands, and by footsteps that were given."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ from wbc.constraints import Contact
 from wbc.controllers import Controller
 from wbc.errors import InvalidInputError
 from wbc.gait.command import Velocity
+from wbc.gait.given import Landing
 from wbc.gait.walker import Walker
 from wbc.robot import Snapshot
 from wbc.run.standing import Standing
@@ -31,17 +33,14 @@ class CommandedWalk:
 
     Parameters
     ----------
+    walker:
+        Footsteps that it was told to follow are made from the start on.
     commands:
-        In order of time; before the first the robot stands.
+        In order of time; before the first the robot stands, or makes its footsteps.
     forces:
         What the soles feel; None: feet land when they should.
     move_world:
         Called before each tick with the time [s], for instance to move obstacles.
-
-    Attributes
-    ----------
-    notes:
-        What of the commands was beyond the legs, in words.
 
     Raises
     ------
@@ -60,7 +59,8 @@ class CommandedWalk:
         self.walker = walker
         self.complaint: str | None = None
         self.controller: Controller = walker.controller
-        self.notes: Sequence[str] = ()
+        self._beyond: tuple[str, ...] = ()
+        self._given = len(walker.coming)
         self._coming, self._forces, self._move_world = list(commands), forces, move_world
         self.standing = self._standing()
 
@@ -68,6 +68,13 @@ class CommandedWalk:
     def tasks(self) -> tuple[Task, ...]:
         """Those whose errors mean something all the time."""
         return self.walker.lasting_tasks
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What of the commands was beyond the legs, and how far feet landed from footsteps."""
+        if not self._given:
+            return self._beyond
+        return (*self._beyond, landings_in_words(self.walker.landings, self._given))
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller:
         """Give the commands that are due; return the controller, its goals set."""
@@ -77,7 +84,7 @@ class CommandedWalk:
             command = self._coming.pop(0)
             reason = self.walker.command(*command.velocity).reason
             if reason:
-                self.notes = (*self.notes, f"command at {command.at:g} s: {reason}")
+                self._beyond = (*self._beyond, f"command at {command.at:g} s: {reason}")
         self.walker.prepare(snapshot, None if self._forces is None else self._forces())
         if self.controller.contacts != self.standing.contacts:
             self.standing = self._standing()
@@ -92,6 +99,19 @@ class CommandedWalk:
         made = self.controller
         contacts = [one for one in made.contacts if isinstance(one, Contact)]
         return Standing.on("", contacts, made.constraints, made.limits, made.slacks.is_hard)
+
+
+def landings_in_words(landings: Sequence[Landing], count: int) -> str:
+    """Return how many of ``count`` footsteps were made, and how well."""
+    made = f"footsteps: {len(landings)} of {count} made"
+    if not landings:
+        return made
+    worst = max(range(len(landings)), key=lambda k: landings[k].distance)
+    way, turn = landings[worst].distance, max(one.turn for one in landings)
+    return (
+        f"{made}; feet landed within {1e3 * way:.1f} mm (footstep {worst + 1}) and"
+        f" {math.degrees(turn):.1f} degrees of them, as measured"
+    )
 
 
 def check_order(commands: Sequence[TimedCommand]) -> None:

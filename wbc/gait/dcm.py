@@ -65,7 +65,10 @@ def shift_gain(omega: float, double: float) -> float:
 
 
 def dcm_offsets(
-    steps: Sequence[Array], times: StepTimes, omega: float, last: Array | None = None
+    steps: Sequence[Array],
+    times: StepTimes | Sequence[StepTimes],
+    omega: float,
+    last: Array | None = None,
 ) -> Array:
     """Return b (k + 1, 2): the DCM relative to each foot when it alone begins to bear.
 
@@ -73,11 +76,14 @@ def dcm_offsets(
     ----------
     steps:
         k displacements (2,) from each foot to the next [m].
+    times:
+        Of all steps, or k of them: on the foot that a step leaves behind, and on both.
     last:
         The offset (2,) after the last step; None: the DCM is over that foot.
     """
-    gain, decay = shift_gain(omega, times.double), math.exp(-omega * times.total)
+    each = [times] * len(steps) if isinstance(times, StepTimes) else times
     found = [np.zeros(2) if last is None else np.asarray(last, dtype=float)]
-    for step in reversed(steps):
+    for step, time in zip(reversed(steps), reversed(each), strict=True):
+        gain, decay = shift_gain(omega, time.double), math.exp(-omega * time.total)
         found.append(decay * (gain * step + found[-1]))
     return np.array(found[::-1])

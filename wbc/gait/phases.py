@@ -7,9 +7,16 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from wbc.gait.swing import SwingFoot
+from wbc.gait.command import Velocity
+from wbc.gait.footsteps import other
+from wbc.gait.given import Footstep
+from wbc.gait.settings import GaitSettings
+from wbc.gait.swing import Motion, SwingFoot, yaw_of
 from wbc.robot import Snapshot
 from wbc.validate import Array
+
+# A foot that does not find the ground goes on down at this speed, in units of height times omega.
+DESCENT = 0.08
 
 
 class Measured(NamedTuple):
@@ -44,6 +51,10 @@ class Measured(NamedTuple):
             {foot: snapshot.position(frame) for foot, frame in frames.items()},
             {foot: snapshot.rotation(frame) for foot, frame in frames.items()},
         )
+
+    def pose(self, foot: str) -> Array:
+        """Return x, y [m] and yaw [rad] of a foot (3,)."""
+        return planar(self.places[foot], self.rotations[foot])
 
     @property
     def middle(self) -> Array:
@@ -103,6 +114,8 @@ class SingleSupport:
         Where it lands (2,) [m].
     offset:
         Of the DCM from there, when that foot alone begins to bear (2,) [m].
+    given:
+        The footstep that it is asked to make, and those after it, if any.
     """
 
     support: str
@@ -111,6 +124,60 @@ class SingleSupport:
     left: float
     goal: Array
     offset: Array
+    given: tuple[Footstep, ...] = ()
+
+    @classmethod
+    def begun(
+        cls,
+        foot: str,
+        now: Measured,
+        normal: Array,
+        gait: GaitSettings,
+        given: tuple[Footstep, ...] = (),
+    ) -> Self:
+        """Return the phase in which ``foot`` leaves the ground, whose ``normal`` is (3,)."""
+        pose, height = now.pose(foot), float(now.places[foot][2])
+        descent = DESCENT * gait.height * gait.omega
+        swing = SwingFoot(Motion.rest(pose), height, normal, gait.clearance, descent)
+        single = given[0].single(gait) if given else gait.single
+        return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), given)
 
 
 Phase = Standing | DoubleSupport | SingleSupport
+
+
+def planar(place: Array, rotation: Array) -> Array:
+    """Return x, y [m] and yaw [rad] (3,)."""
+    return np.append(place[:2], yaw_of(rotation))
+
+
+def planar_feet(snapshot: Snapshot) -> dict[str, Array]:
+    """Return x, y [m] and yaw [rad] of the soles (3,), by foot."""
+    frames = {foot: sole.frame for foot, sole in snapshot.robot.feet.items()}
+    return {
+        foot: planar(snapshot.position(frame), snapshot.rotation(frame))
+        for foot, frame in frames.items()
+    }
+
+
+def next_foot(phase: Phase) -> str | None:
+    """Return the foot that makes the next step that is not begun; None if both can."""
+    if isinstance(phase, SingleSupport):
+        return phase.support
+    if isinstance(phase, DoubleSupport) and not phase.halts:
+        return other(phase.support)
+    return None
+
+
+def landing_pose(phase: SingleSupport, heading: float, velocity: Velocity) -> Array:
+    """Return x, y [m] and yaw [rad] with which the foot in the air lands (3,)."""
+    turned = heading + velocity.yaw_rate * max(phase.left, 0.0)
+    return np.append(phase.goal, phase.given[0].yaw if phase.given else turned)
+
+
+def feet_after(phase: Phase, now: Measured, heading: float, velocity: Velocity) -> dict[str, Array]:
+    """Return x, y [m] and yaw [rad] of both feet (3,), of one in the air where it lands."""
+    feet = {foot: now.pose(foot) for foot in now.places}
+    if isinstance(phase, SingleSupport):
+        feet[other(phase.support)] = landing_pose(phase, heading, velocity)
+    return feet

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from wbc.gait.adaptation import Reach, StepBounds, StepPlan, adapt_step
+from wbc.gait.adaptation import WEIGHTS, Reach, StepBounds, StepPlan, StepWeights, adapt_step
 from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
+from wbc.gait.given import SHORTEST, Footstep, given_offsets, velocity_on
 from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import turned
+from wbc.gait.swing import turned, yaw_of
+from wbc.robot import Robot
 from wbc.robot.legs import Legs
 from wbc.validate import Array
 
-# The time in the air may shrink and grow to these parts of it.
-SHORTEST, LONGEST = 0.45, 1.3
+# The time in the air may grow to this part of it.
+LONGEST = 1.3
 # How much of the hips' acceleration a foot in the air may count on when it must hurry: more than
 # all, as pelvis and trunk give way too. Of 100 N pushes on a G1 those towards the standing foot are
 # lost at 0.5.
@@ -28,8 +31,14 @@ HASTE = 1.5
 SOLE_SHARE = 0.6
 # A step that is shorter than this part of its usual time had to hurry.
 HURRIED = 0.9
+# A foot that bears this part of the weight has landed.
+TOUCH = 0.1
 # Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
 DECIDED = 0.15
+# A step at rest ends the walk if it is this near to its place [m].
+BESIDE = 0.03
+# A footstep that is given is left only where the sole and the time of the landing do not suffice.
+GIVEN = StepWeights(place=100.0)
 
 
 class Reference(NamedTuple):
@@ -66,14 +75,22 @@ class StepPlanner:
         return Reference(middle[:2], middle[:2], float(middle[2]))
 
     def double(
-        self, phase: DoubleSupport, now: Measured, heading: float, velocity: Velocity
+        self,
+        phase: DoubleSupport,
+        now: Measured,
+        heading: float,
+        velocity: Velocity,
+        coming: Sequence[Footstep] = (),
     ) -> Reference:
-        """Return the reference on both feet."""
+        """Return the reference on both feet; ``coming`` are footsteps that are given."""
         omega, left = self.gait.omega, max(phase.left, 0.0)
         new, old = now.places[phase.support], now.places[other(phase.support)]
         if phase.halts:
             end = last = now.middle[:2]
             ground = float(now.middle[2])
+        elif coming:
+            end, ground = new[:2], float(new[2])
+            last = end + given_offsets(end, coming, self.gait)[0]
         else:
             end, ground = new[:2], float(new[2])
             ahead = heading + velocity.yaw_rate * left
@@ -111,14 +128,42 @@ class StepPlanner:
         height = self.legs.com_height_for(max(apart - self.legs.width, 0.0))
         return max(self.gait.height - height, 0.0)
 
+    def single_time(self, phase: SingleSupport) -> float:
+        """Return how long a phase should last [s]."""
+        return phase.given[0].single(self.gait) if phase.given else self.gait.single
+
+    def touch(self, phase: SingleSupport) -> float:
+        """Return which part of the weight a foot bears that has landed.
+
+        A slow one touches more softly, by the square of its speed.
+        """
+        return TOUCH * min(1.0, self.gait.single / self.single_time(phase)) ** 2
+
     def double_time(self, phase: SingleSupport) -> float:
         """Return how long the double support lasts that ends a phase now [s].
 
         A foot that lands before its time waits, unless it had to hurry: then time is what lacks.
         """
-        hurried = phase.elapsed + phase.left < HURRIED * self.gait.single
+        hurried = phase.elapsed + phase.left < HURRIED * self.single_time(phase)
         early = 0.0 if hurried else min(max(phase.left, 0.0), self.gait.double)
         return self.gait.double + early
+
+    def velocity_on_steps(self, phase: Phase, now: Measured, heading: float) -> Velocity | None:
+        """Return the velocity of the footstep that is being made, if it was given."""
+        if not (isinstance(phase, SingleSupport) and phase.given):
+            return None
+        left = max(phase.left, 0.0) + self.gait.double
+        return velocity_on(now.pose(phase.support), phase.given[0], heading, left, self.gait)
+
+    def at_its_end(
+        self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity
+    ) -> bool:
+        """Return whether a robot that is to stand can do so, as its foot lands."""
+        if phase.given:
+            return True
+        start, place = now.places[phase.support][:2], now.places[other(phase.support)][:2]
+        nominal = start + self.footsteps.step(phase.support, heading, velocity)
+        return velocity.at_rest and float(np.linalg.norm(place - nominal)) < BESIDE
 
     def adapted(
         self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity
@@ -131,14 +176,19 @@ class StepPlanner:
         soon = DECIDED / omega
         if phase.left <= soon:
             return phase
-        base, R = now.places[support][:2], turned(heading)[:2, :2]
-        began = heading - velocity.yaw_rate * phase.elapsed  # the heading of the standing foot
-        landing = heading + velocity.yaw_rate * phase.left
-        step = self.footsteps.step(support, began, velocity)
-        offset = self.footsteps.offset(other(support), landing, velocity)
-        nominal = StepPlan(
-            R.T @ step, max(gait.single - phase.elapsed, soon), R.T @ offset, np.zeros(2)
-        )
+        base, single = now.places[support][:2], self.single_time(phase)
+        if phase.given:
+            R = turned(yaw_of(now.rotations[support]))[:2, :2]
+            step: Array = phase.given[0].place - base
+            weights = GIVEN
+            offset = given_offsets(base, phase.given, gait)[1]
+        else:
+            R, weights = turned(heading)[:2, :2], WEIGHTS
+            began = heading - velocity.yaw_rate * phase.elapsed  # the heading of the standing foot
+            landing = heading + velocity.yaw_rate * phase.left
+            step = self.footsteps.step(support, began, velocity)
+            offset = self.footsteps.offset(other(support), landing, velocity)
+        nominal = StepPlan(R.T @ step, max(single - phase.elapsed, soon), R.T @ offset, np.zeros(2))
         sign, far = SIGN[other(support)], self.limits.step
         beside = sorted((sign * gait.least_width, sign * self.limits.apart))
         lower, upper = np.array((-far, beside[0])), np.array((far, beside[1]))
@@ -146,8 +196,8 @@ class StepPlanner:
         reach = Reach(
             R.T @ (level.value[:2] - base), R.T @ level.rate[:2], HASTE * self.limits.swing
         )
-        least = max(soon, SHORTEST * gait.single - phase.elapsed, reach.least_time(lower, upper))
-        most = max(least, LONGEST * gait.single - phase.elapsed)
+        least = max(soon, SHORTEST * single - phase.elapsed, reach.least_time(lower, upper))
+        most = max(least, LONGEST * single - phase.elapsed)
         bounds = StepBounds(
             lower,
             upper,
@@ -157,5 +207,21 @@ class StepPlanner:
             reach,
             min(max(phase.left, least), most),
         )
-        plan = adapt_step(R.T @ (now.dcm - base), nominal, bounds, omega, gait.double)
+        plan = adapt_step(R.T @ (now.dcm - base), nominal, bounds, omega, gait.double, weights)
         return replace(phase, left=plan.left, goal=base + R @ plan.place, offset=R @ plan.offset)
+
+    def within(self, phase: Phase, vrp: Array, now: Measured) -> Array:
+        """Return the point (2,) nearest to ``vrp`` on the sole that bears alone."""
+        if not isinstance(phase, SingleSupport):
+            return vrp
+        R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
+        half = self.soles[phase.support]
+        return place + R @ np.clip(R.T @ (vrp - place), -half, half)
+
+
+def half_sizes(robot: Robot) -> dict[str, Array]:
+    """Return how far each sole reaches from its middle (2,) [m], the lesser of both ways."""
+    return {
+        name: np.minimum(foot.polygon.max(axis=0), -foot.polygon.min(axis=0))
+        for name, foot in robot.feet.items()
+    }

@@ -163,3 +163,8 @@ def upright_on(normal: Array) -> Array:
     return np.array(
         ((1.0 - a * x * x, -a * x * y, x), (-a * x * y, 1.0 - a * y * y, y), (-x, -y, z))
     )
+
+
+def unit(vector: Array) -> Array:
+    """Return the direction of a vector."""
+    return np.asarray(vector / np.linalg.norm(vector))

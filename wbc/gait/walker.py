@@ -1,4 +1,4 @@
-"""A robot that walks at a velocity which may change at any time.
+"""A robot that walks at a velocity which may change at any time, or on footsteps.
 
     command -> footsteps -> DCM and VRP in closed form -> the next footstep, adapted (one small QP)
             -> centre of pressure, height, foot in the air -> one torque tick
@@ -27,32 +27,38 @@ from numpy.typing import ArrayLike
 from wbc.constraints import Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
+from wbc.controllers.parts import check_snapshot
 from wbc.controllers.torque import TorqueController
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.gait.command import Admitted, CommandLimits, Velocity
 from wbc.gait.footsteps import first_swing, other
-from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport, Standing
-from wbc.gait.reference import Reference, StepPlanner
+from wbc.gait.given import SHIFT, Footstep, Landing, StepRange
+from wbc.gait.phases import (
+    DoubleSupport,
+    Measured,
+    Phase,
+    SingleSupport,
+    Standing,
+    feet_after,
+    landing_pose,
+    next_foot,
+)
+from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import Motion, SwingFoot, yaw_of
+from wbc.gait.swing import Motion, unit
 from wbc.gait.whole_body import WalkingWeights, WholeBody, heading_of
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
 from wbc.robot.legs import Legs
 from wbc.robot.postures import STANDING
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_number
+from wbc.validate import finite_number
 
-# A foot that bears this part of the weight has landed, if it has done so much of its way: what it
-# bumps into before is an edge.
-TOUCH, DONE = 0.1, 0.7
-# A foot that does not find the ground goes on down at this speed, in units of height times omega,
-# for so long, in units of 1/omega; then it counts as landed.
-DESCENT, LATEST = 0.08, 1.2
-# How long the first shift of the weight takes, and the last one, in units of 1/omega.
-SHIFT = 1.2
-# A step at rest ends the walk if it is this near to its place [m].
-BESIDE = 0.03
+# A foot that is pressed has landed, if it has done so much of its way: what it bumps into before is
+# an edge.
+DONE = 0.7
+# One that does not find the ground counts as landed so late, in units of 1/omega.
+LATEST = 1.2
 # Largest change of the yaw rate [rad/s^2].
 TURN_UP = 2.0
 # The CoM's height follows the ground, and how far apart feet are, as a critically damped spring of
@@ -102,6 +108,10 @@ class Walker:
         What it does now.
     steps:
         How many it has made.
+    coming:
+        Footsteps that were given and not begun yet, in the world.
+    landings:
+        How far feet landed from those that were.
 
     Raises
     ------
@@ -133,11 +143,12 @@ class Walker:
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)
         self._frames = {foot: robot.feet[foot].frame for foot in robot.feet}
-        self._planner = StepPlanner(self.gait, self.limits, legs, _half_sizes(robot))
+        self._planner = StepPlanner(self.gait, self.limits, legs, half_sizes(robot))
+        self._range = StepRange.of(robot, self.gait)
         now = Measured.of(start, self._frames, self.gait.omega, self.gait.height)
         self.heading = heading_of(now.rotations.values())
         self._ground = Motion.rest(np.array((now.middle[2],)))
-        self._normal = _unit(now.normal)
+        self._normal = unit(now.normal)
         self._whole_body = WholeBody(
             start,
             self.heading,
@@ -155,6 +166,8 @@ class Walker:
         self.wanted = self.velocity = Velocity()
         self.phase: Phase = Standing()
         self.steps = 0
+        self.coming: tuple[Footstep, ...] = ()
+        self.landings: tuple[Landing, ...] = ()
 
     def __repr__(self) -> str:
         vx, vy, yaw = self.velocity
@@ -175,10 +188,8 @@ class Walker:
 
         Parameters
         ----------
-        vx, vy:
-            Forwards and to the left [m/s].
-        yaw_rate:
-            To the left [rad/s].
+        vx, vy, yaw_rate:
+            Forwards and to the left [m/s], and turning to the left [rad/s].
 
         Raises
         ------
@@ -188,8 +199,37 @@ class Walker:
         admitted = self.limits.admit(vx, vy, yaw_rate)
         if admitted.reason:
             logging.getLogger(__name__).warning("walking command: %s", admitted.reason)
-        self.wanted = admitted.velocity
+        self.wanted, self.coming = admitted.velocity, ()
         return admitted
+
+    def follow(
+        self, footsteps: Sequence[Footstep], snapshot: Snapshot, *, relative: bool = False
+    ) -> tuple[Footstep, ...]:
+        """Walk on footsteps from now on, and stop on the last; return them in the world.
+
+        A foot in the air lands first. A step leaves its place only if neither the sole nor the time
+        of the landing suffice for the capture point; see :attr:`landings`. A command, or other
+        footsteps, take the place of those that are left.
+
+        Parameters
+        ----------
+        snapshot:
+            Where the robot is.
+        relative:
+            Whether each is seen from the one before, the first from the foot that stands.
+
+        Raises
+        ------
+        InvalidInputError
+            None at all; a foot that is not next; one out of reach, in too short a time, across the
+            other foot or on it. The message names the value and its range.
+        """
+        check_snapshot(self.robot, snapshot)
+        feet = feet_after(self.phase, self._measured(snapshot), self.heading, self.velocity)
+        begins = next_foot(self.phase)
+        self.coming = self._range.admitted(footsteps, feet, begins, relative=relative)
+        self.wanted, self.landings = Velocity(), ()
+        return self.coming
 
     def step(self, snapshot: Snapshot, forces: Mapping[str, ArrayLike] | None = None) -> TorqueTick:
         """Return the command for ``snapshot``; see :meth:`prepare`."""
@@ -208,8 +248,9 @@ class Walker:
             land when they should.
         """
         gait, planner, dt = self.gait, self._planner, self.dt
-        now = Measured.of(snapshot, self._frames, gait.omega, gait.height)
-        self.velocity = self.velocity.towards(self.wanted, gait.acceleration * dt, TURN_UP * dt)
+        now = self._measured(snapshot)
+        wanted = planner.velocity_on_steps(self.phase, now, self.heading) or self.wanted
+        self.velocity = self.velocity.towards(wanted, gait.acceleration * dt, TURN_UP * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
         phase = self._next_phase(snapshot, now, forces)
@@ -218,7 +259,7 @@ class Walker:
             phase = self._swung(phase, now)
             reference = planner.single(phase, now)
         elif isinstance(phase, DoubleSupport):
-            reference = planner.double(phase, now, self.heading, self.velocity)
+            reference = planner.double(phase, now, self.heading, self.velocity, self.coming)
         else:
             reference = planner.standing(now)
         self.phase = phase
@@ -238,22 +279,16 @@ class Walker:
         self._ground = Motion(z + z1 * self.dt, z1, z2)
         height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
-        pressure = np.append(self._within(vrp, now), reference.ground)
+        pressure = np.append(self._planner.within(self.phase, vrp, now), reference.ground)
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
 
-    def _within(self, vrp: Array, now: Measured) -> Array:
-        """Return the point (2,) nearest to ``vrp`` on the sole that bears alone."""
-        phase = self.phase
-        if not isinstance(phase, SingleSupport):
-            return vrp
-        R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
-        half = self._planner.soles[phase.support]
-        return place + R @ np.clip(R.T @ (vrp - place), -half, half)
+    def _measured(self, snapshot: Snapshot) -> Measured:
+        return Measured.of(snapshot, self._frames, self.gait.omega, self.gait.height)
 
     def _swung(self, phase: SingleSupport, now: Measured) -> SingleSupport:
         """Return the phase with the foot in the air led on by a tick."""
         left = max(phase.left, 0.0)
-        goal = np.array((*phase.goal, self.heading + self.velocity.yaw_rate * left))
+        goal = landing_pose(phase, self.heading, self.velocity)
         swing = phase.swing.advanced(goal, phase.left, self.dt)
         x, y, z = phase.swing.normal.tolist()
         dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
@@ -267,10 +302,10 @@ class Walker:
         """Return the phase a tick later, and change what is held where it ends."""
         phase, dt = self.phase, self.dt
         if isinstance(phase, Standing):
-            if self.wanted.at_rest:
+            if self.wanted.at_rest and not self.coming:
                 return phase
-            support = other(first_swing(self.wanted))
-            self._normal = _unit(now.normal)
+            support = other(self.coming[0].foot if self.coming else first_swing(self.wanted))
+            self._normal = unit(now.normal)
             self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
             time = SHIFT / self.gait.omega
             return DoubleSupport(support, now.middle[:2], time, time)
@@ -289,48 +324,26 @@ class Walker:
         """Return whether the foot in the air has landed."""
         if forces is None:
             return phase.left <= 0.0
-        swing = phase.swing
         load = float(np.asarray(forces[self._frames[other(phase.support)]])[2])
-        pressed = swing.done > DONE and load > TOUCH * self.robot.weight
-        return pressed or swing.late > LATEST / self.gait.omega
+        pressed = load > self._planner.touch(phase) * self.robot.weight
+        return (pressed and phase.swing.done > DONE) or phase.swing.late > LATEST / self.gait.omega
 
     def _lifted(self, phase: DoubleSupport, now: Measured) -> SingleSupport:
         """Return the single support that begins."""
-        foot, gait = other(phase.support), self.gait
+        foot = other(phase.support)
         sole = now.rotations[phase.support][:, 2]  # it has settled now
-        self._normal = _unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
-        place, yaw = now.places[foot], yaw_of(now.rotations[foot])
-        swing = SwingFoot(
-            Motion.rest(np.array((place[0], place[1], yaw))),
-            float(place[2]),
-            self._normal,
-            gait.clearance,
-            DESCENT * gait.height * gait.omega,
-        )
-        return SingleSupport(phase.support, swing, 0.0, gait.single, place[:2], np.zeros(2))
+        self._normal = unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
+        given, self.coming = self.coming, self.coming[1:]
+        return SingleSupport.begun(foot, now, self._normal, self.gait, given)
 
     def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: Measured) -> DoubleSupport:
         """Return the double support that begins."""
-        gait, foot = self.gait, other(phase.support)
+        foot, start = other(phase.support), now.places[phase.support][:2]
         self.steps += 1
-        self._whole_body.hold(snapshot, self._frames, gait.ramp)
-        start, place = now.places[phase.support][:2], now.places[foot][:2]
-        rest = self.wanted.at_rest and self.velocity.at_rest
-        nominal = start + self._planner.footsteps.step(phase.support, self.heading, self.velocity)
-        if rest and float(np.linalg.norm(place - nominal)) < BESIDE:
-            time = SHIFT / gait.omega
-            return DoubleSupport(foot, start, time, time, halts=True)
-        duration = self._planner.double_time(phase)
-        return DoubleSupport(foot, start, duration, duration)
-
-
-def _unit(vector: Array) -> Array:
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _half_sizes(robot: Robot) -> dict[str, Array]:
-    """Return how far each sole reaches from its middle (2,) [m], the lesser of both ways."""
-    return {
-        name: np.minimum(foot.polygon.max(axis=0), -foot.polygon.min(axis=0))
-        for name, foot in robot.feet.items()
-    }
+        self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
+        if phase.given:
+            self.landings = (*self.landings, Landing.of(phase.given[0], now.pose(foot)))
+        halts = self.wanted.at_rest and not self.coming
+        halts = halts and self._planner.at_its_end(phase, now, self.heading, self.velocity)
+        time = SHIFT / self.gait.omega if halts else self._planner.double_time(phase)
+        return DoubleSupport(foot, start, time, time, halts=halts)

@@ -44,4 +44,9 @@ def commanded_walk(spec: WalkSpec, parts: Parts, plant: Plant) -> CommandedWalk:
     """Return what leads the walk; its feet feel the ground of ``plant``."""
     forces = partial(getattr, plant, "contact_forces") if spec.gait.feel else None
     commands = [command.timed for command in spec.gait.commands]
-    return CommandedWalk(walker_of(spec, parts), commands, forces, parts.surroundings.move_to)
+    walker = walker_of(spec, parts)
+    if spec.gait.footsteps:
+        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        given = [one.footstep for one in spec.gait.footsteps]
+        walker.follow(given, start, relative=spec.gait.relative)
+    return CommandedWalk(walker, commands, forces, parts.surroundings.move_to)

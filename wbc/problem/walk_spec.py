@@ -1,4 +1,4 @@
-"""A walk, as a problem file describes it: a gait and a schedule of commands."""
+"""A walk, as a problem file describes it: a gait, and a schedule of commands or footsteps."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from wbc.gait import Legs, Velocity, WalkingWeights
-from wbc.gait.command import CommandLimits
+from wbc.gait import Footstep, Legs, Velocity, WalkingWeights
 from wbc.gait.commanded import TimedCommand
+from wbc.gait.given import StepRange, in_world
+from wbc.gait.phases import planar_feet
 from wbc.gait.settings import GaitSettings
 from wbc.problem.controller_spec import TorqueSpec
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Positive, Section
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
-from wbc.robot import Robot
+from wbc.robot import Snapshot
 
 
 class CommandSpec(Section):
@@ -35,11 +36,36 @@ class CommandSpec(Section):
         return TimedCommand(self.at, Velocity(self.vx, self.vy, self.yaw_rate))
 
 
+class FootstepSpec(Section):
+    """Where a foot goes."""
+
+    foot: Literal["left", "right"]
+    """Which one; feet take turns."""
+    x: Number
+    """Of the middle of its sole [m]."""
+    y: Number
+    """To the left [m]."""
+    yaw: Number = 0.0
+    """Its heading, to the left [rad]."""
+    duration: Positive | None = None
+    """How long the other foot stands alone meanwhile [s]; as in the gait if left out."""
+
+    @property
+    def footstep(self) -> Footstep:
+        """The footstep."""
+        return Footstep(**self.model_dump())
+
+
 class GaitSpec(Section):
     """How a robot walks, and when where to; what is left out fits the robot's size."""
 
-    commands: NonEmpty[CommandSpec]
-    """In order of time; each holds until the next."""
+    commands: NonEmpty[CommandSpec] = ()
+    """In order of time; each holds until the next. There must be commands, or footsteps."""
+    footsteps: NonEmpty[FootstepSpec] = ()
+    """Made one after the other from the start on; then it stands. A command ends them."""
+    relative: bool = False
+    """Whether a footstep is seen from the one before, in its axes, the first from the foot that
+    stands; false: in the world."""
     single: Positive | None = None
     """How long it stands on one foot [s]."""
     double: Positive | None = None
@@ -67,12 +93,16 @@ class GaitSpec(Section):
     @property
     def settings(self) -> dict[str, float | None]:
         """Those of :class:`~wbc.gait.GaitSettings`."""
-        return self.model_dump(exclude={"commands", "feel", "weights"})
+        others = {"commands", "footsteps", "relative", "feel", "weights"}
+        return self.model_dump(exclude=others)
 
-    def check(self, robot: Robot, duration: float, mistakes: Mistakes) -> None:
-        """Note what shows only with the robot, and commands that cannot be."""
+    def check(self, start: Snapshot, duration: float, mistakes: Mistakes) -> None:
+        """Note what shows only with the robot, and commands and footsteps that cannot be."""
         with mistakes.at("gait"):
-            CommandLimits.of(legs := Legs.of(robot), GaitSettings.of(legs, **self.settings))
+            settings = GaitSettings.of(Legs.of(start.robot), **self.settings)
+            if not self.commands and not self.footsteps:
+                raise Misplaced("says not where to: give commands, or footsteps")
+            self._check_footsteps(start, StepRange.of(start.robot, settings), mistakes)
         with mistakes.at("gait", "weights"):
             WalkingWeights(**self.weights)
         last = -1.0
@@ -85,6 +115,13 @@ class GaitSpec(Section):
                         f"is given after the end of the simulation ({duration:g} s)", "at"
                     )
             last = command.at
+
+    def _check_footsteps(self, start: Snapshot, able: StepRange, mistakes: Mistakes) -> None:
+        feet = planar_feet(start)
+        given = [one.footstep for one in self.footsteps]
+        world = in_world(given, feet) if self.relative else given
+        for number, key, text in able.complaints(world, feet):
+            mistakes.note(("gait", "footsteps", number), Misplaced(text, key))
 
 
 class WalkSpec(ProblemSpec):

@@ -17,7 +17,10 @@ class Leader(Protocol):
     controller: Controller  # in charge now
     standing: Standing  # what it holds and keeps
     complaint: str | None  # why it could not go on, which ended the run; else None
-    notes: Sequence[str]  # what else is worth saying in the end
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What else is worth saying in the end."""
 
     @property
     def tasks(self) -> Sequence[Task]:

@@ -1,0 +1,313 @@
+"""Footsteps that are given: where each foot goes, what legs can do of it, and the DCM between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait.command import PEAK_ACCELERATION, CommandLimits, Velocity
+from wbc.gait.dcm import StepTimes, dcm_offsets, shift_gain
+from wbc.gait.footsteps import AHEAD, SIGN, other
+from wbc.gait.settings import GaitSettings
+from wbc.gait.swing import turned
+from wbc.minimum_jerk import PEAK
+from wbc.polygon import half_planes
+from wbc.robot import Robot
+from wbc.robot.legs import SIDES, Legs
+from wbc.validate import Array, check_fields, finite_number
+
+# The time in the air may shrink to this part of what is usual, and last so long, in 1/omega: what
+# is not known of the capture point grows by e in each 1/omega.
+SHORTEST, LONGEST_STAND = 0.45, 10.0
+# How long the first shift of the weight takes, and the last one, in units of 1/omega.
+SHIFT = 1.2
+# The heading follows the feet within this time at least [s].
+LEAST_TURN = 0.1
+# Rounding, of what is at the very edge of its range.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Footstep:
+    """Where a foot goes.
+
+    Attributes
+    ----------
+    foot:
+        ``left`` or ``right``.
+    x, y:
+        Of the middle of its sole [m].
+    yaw:
+        Heading of the sole, to the left [rad].
+    duration:
+        How long the other foot stands alone meanwhile [s]; None: as the gait has it.
+    """
+
+    foot: str
+    x: float
+    y: float
+    yaw: float = 0.0
+    duration: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.foot not in SIDES:
+            raise UnknownNameError("foot", self.foot, SIDES)
+        check_fields(self, "footstep, ", "x", "y", "yaw")
+        if self.duration is not None:
+            finite_number("footstep, duration", self.duration, above=0.0)
+
+    @property
+    def place(self) -> Array:
+        """Of the sole (2,) [m]."""
+        return np.array((self.x, self.y))
+
+    @property
+    def pose(self) -> Array:
+        """Place and yaw (3,) [m, rad]."""
+        return np.array((self.x, self.y, self.yaw))
+
+    def seen_from(self, base: Array) -> Self:
+        """Return it relative to a foot at ``base`` (x, y, yaw)."""
+        x, y = (turned(-float(base[2]))[:2, :2] @ (self.place - base[:2])).tolist()
+        return replace(self, x=x, y=y, yaw=math.remainder(self.yaw - float(base[2]), math.tau))
+
+    def carried_to(self, base: Array) -> Self:
+        """Return it in the world, if it is relative to a foot at ``base`` (x, y, yaw)."""
+        x, y = (base[:2] + turned(float(base[2]))[:2, :2] @ self.place).tolist()
+        return replace(self, x=x, y=y, yaw=self.yaw + float(base[2]))
+
+    def single(self, gait: GaitSettings) -> float:
+        """Return how long the other foot stands alone [s]."""
+        return gait.single if self.duration is None else self.duration
+
+
+class Landing(NamedTuple):
+    """How far a foot landed from its footstep, as it was measured then.
+
+    Attributes
+    ----------
+    footstep:
+        In the world.
+    distance:
+        Over the ground [m].
+    turn:
+        About the vertical [rad].
+    """
+
+    footstep: Footstep
+    distance: float
+    turn: float
+
+    @classmethod
+    def of(cls, footstep: Footstep, pose: Array) -> Self:
+        """Return it of a foot at ``pose`` (x, y, yaw)."""
+        way = float(np.linalg.norm(pose[:2] - footstep.place))
+        return cls(footstep, way, abs(math.remainder(pose[2] - footstep.yaw, math.tau)))
+
+
+class Complaint(NamedTuple):
+    """What of footstep ``number``, counted from 0, cannot be, by its key."""
+
+    number: int
+    key: str
+    text: str
+
+
+@dataclass(frozen=True)
+class StepRange:
+    """What footsteps a robot can make.
+
+    Attributes
+    ----------
+    soles:
+        Corners (k, 2) by foot, in its axes [m].
+    """
+
+    gait: GaitSettings
+    limits: CommandLimits
+    legs: Legs
+    soles: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, robot: Robot, gait: GaitSettings) -> Self:
+        """Return it for a robot that walks so."""
+        legs = Legs.of(robot)
+        soles = {foot: sole.polygon for foot, sole in robot.feet.items()}
+        return cls(gait, CommandLimits.of(legs, gait), legs, soles)
+
+    def admitted(
+        self,
+        footsteps: Sequence[Footstep],
+        feet: Mapping[str, Array],
+        first: str | None = None,
+        *,
+        relative: bool = False,
+    ) -> tuple[Footstep, ...]:
+        """Return footsteps in the world, all of which can be made.
+
+        Parameters
+        ----------
+        feet:
+            Where feet are, (x, y, yaw) by foot.
+        first:
+            The foot that has to begin, if any.
+        relative:
+            Whether each is relative to the one before, the first to the foot that stands then.
+
+        Raises
+        ------
+        InvalidInputError
+            None at all; the same foot twice; one out of reach, in too short a time, across the
+            other foot or on it: the message names the value and its range.
+        """
+        if not footsteps:
+            raise InvalidInputError("footsteps: none are given; give at least one, or stop")
+        world = in_world(footsteps, feet) if relative else tuple(footsteps)
+        for number, key, text in self.complaints(world, feet, first):
+            raise InvalidInputError(f"footstep {number + 1} ({world[number].foot}), {key}: {text}")
+        return world
+
+    def complaints(
+        self, world: Sequence[Footstep], feet: Mapping[str, Array], first: str | None = None
+    ) -> Iterator[Complaint]:
+        """Yield what of footsteps in the world cannot be; for ``first`` see :meth:`admitted`."""
+        where = dict(feet)
+        lifts = first
+        for number, step in enumerate(world):
+            if lifts is not None and step.foot != lifts:
+                stands = "stands next" if number == 0 else "has just landed"
+                yield Complaint(number, "foot", f"the {step.foot} one {stands}; it must be {lifts}")
+                return  # all that follows would be complained about too
+            stands = other(step.foot)
+            for key, text in self._of_one(step, where[stands], where[step.foot]):
+                yield Complaint(number, key, text)
+            where[step.foot] = step.pose
+            lifts = stands
+
+    def _of_one(self, step: Footstep, base: Array, before: Array) -> Iterator[tuple[str, str]]:
+        """Yield keys and texts of one that goes from ``before`` beside a foot at ``base``."""
+        seen, stands = step.seen_from(base), other(step.foot)
+        beside = SIGN[step.foot] * seen.y
+        least, wide = self.gait.least_width, self.limits.apart - self.gait.width
+        far = max(beside - self.gait.width, 0.0) / wide
+        if beside < least - ROUNDING:
+            what = "across it" if beside <= 0.0 else "too near"
+            yield (
+                "y",
+                f"{beside:.3g} m beside the {stands} foot, on its own side, is {what}:"
+                f" {least:.3g} (gait.least_width) to {self.limits.apart:.3g} m",
+            )
+        elif far > 1.0 + ROUNDING:
+            yield (
+                "y",
+                f"{beside:.3g} m beside the {stands} foot is out of reach of the legs:"
+                f" {least:.3g} to {self.limits.apart:.3g} m",
+            )
+        else:
+            ahead = self.limits.step * math.sqrt(max(1.0 - far * far, 0.0))
+            if abs(seen.x) > ahead + ROUNDING:
+                yield (
+                    "x",
+                    f"{seen.x:.3g} m ahead of the {stands} foot is out of reach of the legs, as far"
+                    f" beside it as this is: {-ahead:.3g} to {ahead:.3g} m",
+                )
+        turn = self.limits.turn
+        if abs(seen.yaw) > turn + ROUNDING:
+            yield (
+                "yaw",
+                f"{seen.yaw:.3g} rad from the {stands} foot is out of reach of the hips:"
+                f" {-turn:.3g} to {turn:.3g} rad",
+            )
+        elif beside > 0.0 and self._overlap(step.foot, seen):
+            yield (
+                "yaw",
+                f"the sole would stand on that of the {stands} foot, {beside:.3g} m beside it and"
+                f" turned by {seen.yaw:.3g} rad; turn it less, or go farther aside",
+            )
+        yield from self._of_time(step, before)
+
+    def _of_time(self, step: Footstep, before: Array) -> Iterator[tuple[str, str]]:
+        """Yield what does not fit the time in which a foot goes from ``before``."""
+        T = step.single(self.gait)
+        least, most = SHORTEST * self.gait.single, LONGEST_STAND / self.gait.omega
+        if not least <= T <= most:
+            yield "duration", f"{T:.3g} s on one foot; {least:.3g} to {most:.3g} s"
+            return
+        # The pelvis goes half of the way with it, in the whole step.
+        per_rate = PEAK / T - 0.5 / (T + self.gait.double)
+        ways = {
+            "speed of the hips": self.legs.swing_speed / per_rate,
+            "torque of the hips": self.legs.swing_acceleration * T * T / PEAK_ACCELERATION,
+        }
+        why = min(ways, key=lambda key: ways[key])
+        way = float(np.linalg.norm(step.place - before[:2]))
+        if way > ways[why] + ROUNDING:
+            yield (
+                "duration",
+                f"the foot goes {way:.3g} m in {T:.3g} s, beyond the {why}: at most"
+                f" {ways[why]:.3g} m in that time",
+            )
+        turn, able = math.remainder(step.yaw - before[2], math.tau), self.legs.turn_speed / per_rate
+        if abs(turn) > able + ROUNDING:
+            yield (
+                "duration",
+                f"the foot turns by {turn:.3g} rad in {T:.3g} s, beyond the speed at which hips"
+                f" turn: at most {able:.3g} rad in that time",
+            )
+
+    def _overlap(self, foot: str, seen: Footstep) -> bool:
+        """Return whether the sole at ``seen`` lies over the other one (separating axes)."""
+        mine = self.soles[foot] @ turned(seen.yaw)[:2, :2].T + seen.place
+        theirs = self.soles[other(foot)]
+        apart = [(mine, theirs), (theirs, mine)]
+        return not any(
+            np.any((corners @ normals.T - offsets).min(axis=0) >= 0.0)
+            for corners, (normals, offsets) in ((a, half_planes(b)) for a, b in apart)
+        )
+
+
+def in_world(footsteps: Sequence[Footstep], feet: Mapping[str, Array]) -> tuple[Footstep, ...]:
+    """Return footsteps in the world, each of which is given relative to the one before."""
+    found = list[Footstep]()
+    for step in footsteps:
+        base = found[-1].pose if found else feet[other(step.foot)]
+        found.append(step.carried_to(base))
+    return tuple(found)
+
+
+def given_offsets(base: Array, steps: Sequence[Footstep], gait: GaitSettings) -> Array:
+    """Return where the DCM should be from the foot at ``base`` (2,), and from the first footstep.
+
+    Each when that foot alone begins to bear: (2, 2) [m]. After the last footstep the VRP moves to
+    the middle between the feet, and the DCM comes to rest there; in a walk that goes on, the first
+    row is ((1 + alpha) d + b) exp(-omega T) of the second, b (:mod:`wbc.gait.dcm`).
+    """
+    ahead = steps[:AHEAD]
+    places = np.array([base, *(step.place for step in ahead)])
+    ways, last = list(np.diff(places, axis=0)), None
+    if len(ahead) == len(steps):  # the DCM over the last footstep's start, when the VRP leaves
+        leaving = 0.5 * ways[-1] * -math.expm1(-SHIFT) / SHIFT
+        grown = math.exp(gait.omega * gait.double) * leaving
+        last = grown - shift_gain(gait.omega, gait.double) * ways[-1]
+    times = [StepTimes(step.single(gait), gait.double) for step in ahead]
+    return dcm_offsets(ways, times, gait.omega, last)[:2]
+
+
+def velocity_on(
+    base: Array, step: Footstep, heading: float, left: float, gait: GaitSettings
+) -> Velocity:
+    """Return the velocity of a robot that makes a footstep beside a foot at ``base``.
+
+    The middle between the feet moves by the step less the width; the heading is between the feet
+    after the time ``left`` [s].
+    """
+    goal = float(base[2]) + 0.5 * math.remainder(step.yaw - float(base[2]), math.tau)
+    turn = math.remainder(goal - heading, math.tau) / max(left, LEAST_TURN)
+    x, y = (turned(-heading)[:2, :2] @ (step.place - base[:2])).tolist()
+    T = step.single(gait) + gait.double
+    return Velocity(x / T, (y - SIGN[step.foot] * gait.width) / T, turn)
