@@ -11,6 +11,7 @@ import pytest
 
 from wbc.constraints import support
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.gait import Walker
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
 from wbc.robot.foot_guess import words_of
@@ -221,6 +222,33 @@ def test_a_file_whose_other_axis_points_up_stands_upright(tmp_path: Path, axis: 
         place = s.position(f"{side}_sole") - s.position("base")
         np.testing.assert_allclose(place, [0.02, y, -0.56], atol=1e-9)
         np.testing.assert_allclose(s.rotation(f"{side}_sole"), np.eye(3), atol=1e-9)
+
+
+def test_a_robot_that_its_file_lays_down_stands_up(tmp_path: Path) -> None:
+    """As in tasks about getting up: the file's own pose of the base is not how it stands."""
+    legs = "".join(
+        f'<body name="{side}_foot" pos="0 {y} -0.5"><joint name="{side}" axis="0 1 0"'
+        ' range="-50 50"/><geom type="box" pos=".02 0 0" size=".1 .05 .01" mass="1"/></body>'
+        for side, y in (("left", 0.1), ("right", -0.1))
+    )
+    path = tmp_path / "lying.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="trunk" pos="0 0 0.1" quat="0.7071 0 0.7071 0"><freejoint/>'
+        f'<geom type="box" size=".1 .1 .2" mass="5"/>{legs}</body></worldbody></mujoco>'
+    )
+    robot = Robot.load(path)
+    lying, up = (robot.snapshot(robot.postures[name]) for name in ("neutral", "standing"))
+    np.testing.assert_allclose(lying.rotation("trunk")[:, 0], [0, 0, -1], atol=1e-3)
+    np.testing.assert_allclose(up.rotation("trunk"), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(up.position("left_sole"), [0.02, 0.1, 0.0], atol=1e-9)
+
+
+def test_feet_that_are_points_are_said(tmp_path: Path) -> None:
+    ball = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
+    robot = Robot.load(legged(tmp_path, shape=ball))
+    assert "its feet are points" in robot.notes[0]
+    with pytest.raises(InvalidInputError, match=r"walking takes soles .* left_foot, right_foot"):
+        Walker(robot)
 
 
 def test_a_base_that_faces_backwards_is_turned(tmp_path: Path) -> None:

@@ -73,15 +73,13 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     """Return ``q`` with the feet below the base and the left ones to the left, and what was turned.
 
     Files whose y axis points up, or whose x axis points backwards, are recognised by where their
-    feet are. A base that ``q`` turns already is left as it is.
+    feet are. A base that ``q`` turns already is left as it is if the feet are then below it.
 
     Parameters
     ----------
     feet:
         Foot to link; None stands for the links that are called feet.
     """
-    if not np.array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0]):
-        return q, ""
     bodies = {str(frame.name): frame.parentJoint for frame in _bodies(model)}
     if feet is None:
         named = [(foot, joint) for name, joint in bodies.items() if (foot := foot_of(name))]
@@ -97,10 +95,13 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     up, left = _axis_along(-_mean(places.values())), _axis_along(_mean(lefts) - _mean(rights))
     if up is None:
         up = np.array([0.0, 0.0, 1.0])
+    turns = not np.array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0])
+    if turns and float((pin.Quaternion(q[3:7]).matrix() @ up)[2]) > ALONG:
+        return q, ""
     if left is None or not lefts or not rights or abs(float(left @ up)) > 0.5:
         left = np.array([0.0, 1.0, 0.0]) if not up[1] else np.array([0.0, 0.0, -up[1]])
     axes = np.stack([np.cross(left, up), left, up])  # the world's, in the base
-    if np.array_equal(axes, np.eye(3)):
+    if np.array_equal(axes, np.eye(3)) and not turns:
         return q, ""
     turned = q.copy()
     turned[3:7] = pin.Quaternion(axes).coeffs()

@@ -126,7 +126,7 @@ def check_walker(robot: Robot) -> None:
     Raises
     ------
     InvalidInputError
-        No robot, one on a fixed base, or one whose feet are not ``left`` and ``right``.
+        No robot, one on a fixed base, or one whose feet are not ``left`` and ``right`` with soles.
     """
     check_robot("walker, robot", robot)
     if set(robot.feet) != set(SIDES):
@@ -134,6 +134,13 @@ def check_walker(robot: Robot) -> None:
         raise InvalidInputError(
             f"walker: walking takes two feet, left and right; {robot.name} has: {feet}. Name them"
             " in Robot.load(..., feet={'left': ..., 'right': ...})"
+        )
+    points = [foot.link for foot in robot.feet.values() if len(foot.polygon) < 3]
+    if points:
+        raise InvalidInputError(
+            f"walker: walking takes soles to stand on; {robot.name} touches the ground in points"
+            f" with {', '.join(points)}. Give polygons: Robot.load(..., feet={{'left': {{'link':"
+            " ..., 'polygon': [[x, y], ...], 'height': ...}, ...})"
         )
     if robot.fixed_base:
         raise InvalidInputError(f"walker: the base of {robot.name} is fixed; load it floating")

@@ -183,7 +183,11 @@ def settled(
     far = np.abs(limits.joint_positions(found) - limits.joint_positions(q)).max(initial=0.0)
     if far < NEAR and stands(model, found, feet):
         return found, ()
-    return q, ("posture 'standing' does not stand: no posture near it balances on level soles",)
+    corners = sum(len(foot.polygon) for foot in feet.values())
+    why = "no posture near it balances on level soles"
+    if corners < 3:
+        why = "its feet are points: no flat underside was found; give link, polygon and height"
+    return q, (f"posture 'standing' does not stand: {why}",)
 
 
 def _standing_error(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> tuple[Array, Array]:
