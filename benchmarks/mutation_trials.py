@@ -306,7 +306,7 @@ def _options() -> list[str]:
 def _tried(run: Callable[[int], None], spent: float) -> tuple[str, str]:
     """Return the verdict and the test that failed, of tests run in a child."""
     ours, theirs = os.pipe()
-    code = forked(lambda: run(theirs), 30 + 5 * spent)
+    code = forked(lambda: run(theirs), 10 + 3 * spent)
     os.close(theirs)
     test = os.read(ours, 1 << 16).decode()
     os.close(ours)

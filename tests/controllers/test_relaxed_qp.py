@@ -1,0 +1,154 @@
+"""The QP in which only physics is hard: its cost, minimised over slacks, written out by hand."""
+
+import numpy as np
+import pytest
+
+from wbc.constraints import FrictionCone, Limits, support
+from wbc.constraints.contact import Contact
+from wbc.constraints.mechanics import BoltedBase
+from wbc.constraints.rows import Bounds
+from wbc.controllers import TorqueController
+from wbc.controllers.plan import Decision, Physics, Plan
+from wbc.controllers.relaxation import given_way, relaxed_qp
+from wbc.controllers.slack import Slacks
+from wbc.laws import Rows
+from wbc.qp import QP
+from wbc.robot import Robot
+from wbc.tasks import PostureTask
+
+FORCES = 4
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def rows_of(rng: np.random.Generator, k: int, n: int) -> Rows:
+    return Rows(rng.normal(size=(k, n)), rng.normal(size=k), rng.uniform(0.5, 3.0, k))
+
+
+def outside(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    return np.maximum(values - upper, 0.0) + np.maximum(lower - values, 0.0)
+
+
+def least_cost(qp: QP, x: np.ndarray) -> float:
+    """Return the QP's cost at x, its slacks as small as its rows let them be."""
+    slack = np.zeros(qp.g.size - x.size)
+    for k in range(slack.size):
+        (row,) = np.flatnonzero(qp.C[:, x.size + k])
+        value = qp.C[row, : x.size] @ x
+        slack[k] = value - np.clip(value, qp.l[row], qp.u[row])
+    full = np.concatenate((x, slack))
+    assert (qp.C @ full <= qp.u + 1e-9).all() and (qp.C @ full >= qp.l - 1e-9).all()
+    return float(0.5 * full @ qp.P @ full + qp.g @ full)
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
+    """Tasks, contacts, limits and margins at one weight; gears, bolts and physics stay hard."""
+    here = robot.snapshot(robot.posture())
+    nv = robot.nv
+    n = nv + FORCES
+    contacts = [BoltedBase(robot), Contact.hold(here, "left_sole")]
+    damping = rng.uniform(1.0, 2.0, nv)
+    decision = Decision.velocity(robot, damping).extended(
+        [f"force {k}" for k in range(FORCES)], np.zeros(FORCES), np.full(FORCES, np.inf),
+        np.full(FORCES, 0.5),
+    )  # fmt: skip
+    physics_names = tuple(f"dynamics {k}" for k in range(6))
+    plan = Plan.of(decision, [PostureTask(robot, here.q)], contacts, Slacks({}, contacts, ()),
+                   physics_names)  # fmt: skip
+    tasks = [rows_of(rng, 5, nv), rows_of(rng, 3, n)]
+    held = [rows_of(rng, 6, nv), rows_of(rng, 6, nv)]
+    extra, equalities = rows_of(rng, 2, n), rows_of(rng, 6, n)
+    cone = Bounds(("cone a", "cone b"), rng.normal(size=(2, n)), np.full(2, -np.inf), np.ones(2))
+    rest = rng.normal(size=n)
+    physics = Physics([equalities], cone if bounded else None, [extra], [], rest)
+    own_slack = np.array([0.3, np.inf])
+    margins = [
+        Bounds(("m a", "m b"), rng.normal(size=(2, nv)), np.full(2, -0.1), np.full(2, np.inf)),
+        Bounds(("m c", "m d"), rng.normal(size=(2, nv)), np.full(2, -np.inf), np.full(2, 0.2),
+               slack=own_slack),
+        Bounds((), np.zeros((0, nv)), np.zeros(0), np.zeros(0)),
+    ]  # fmt: skip
+    lower, upper = np.full(nv, -np.inf), np.full(nv, np.inf)
+    lower[6:10], upper[8:12] = -0.5, 0.4
+    qp = relaxed_qp(plan, tasks, held, (lower, upper), margins, physics)
+    # Hard: what physics and the bolt say, and the cone; forces keep their bounds, v+ has none.
+    np.testing.assert_array_equal(qp.A[:6, :n], equalities.matrix)
+    np.testing.assert_array_equal(qp.A[6:, :nv], held[0].matrix)
+    np.testing.assert_array_equal(qp.b, np.concatenate((equalities.target, held[0].target)))
+    assert not qp.A[:, n:].any()
+    assert qp.labels.equality == (*physics_names, *plan.held.labels[:6])
+    hard = [k for k in range(len(qp.l)) if not qp.C[k, n:].any()]
+    assert hard == ([0, 1] if bounded else [])
+    np.testing.assert_array_equal(qp.C[hard, :n], cone.matrix[: len(hard)])
+    np.testing.assert_array_equal(qp.lower[:n], np.r_[np.full(nv, -np.inf), np.zeros(FORCES)])
+    assert (qp.upper[:n] == np.inf).all()
+    named = [label for k, label in enumerate(qp.labels.inequality) if k not in hard]
+    assert named == ["m a", "m b", "m c", "m d", *decision.names[6:12]]
+    # Soft: half the squares, weighed as the heaviest row of a task.
+    unit = max(np.square(row.weight).max() for row in tasks)
+
+    def cost(x: np.ndarray) -> float:
+        def squares(row: Rows) -> float:
+            values = row.matrix @ x[: row.matrix.shape[1]] - row.target
+            return float(np.square(row.weight * values).sum())
+
+        total = sum(squares(row) for row in [*tasks, extra])
+        total += squares(held[1]._replace(weight=np.full(6, np.sqrt(unit))))
+        weights = (np.full(2, unit), np.minimum(own_slack, unit))
+        for part, weight in zip(margins, weights, strict=False):
+            missed = outside(part.matrix @ x[:nv], part.lower, part.upper)
+            total += float(weight @ np.square(missed))
+        total += unit * float(np.square(outside(x[:nv], lower, upper)).sum())
+        return 0.5 * (total + float(decision.damping @ np.square(x - rest)))
+
+    points = [0.3 * rng.normal(size=n) for _ in range(40)]
+    if bounded:  # where the cone allows them
+        points = [point for point in points if (cone.matrix @ point <= 1.0).all()]
+    assert len(points) > 5
+    constant = cost(points[0]) - least_cost(qp, points[0])
+    for point in points:
+        assert cost(point) - least_cost(qp, point) == pytest.approx(constant, rel=1e-9)
+    # What is missed is told by name, in its own units, unless it is what solvers leave.
+    full = np.concatenate((points[0], np.zeros(qp.g.size - n)))
+    told = given_way(plan, held, qp, full)
+    values = np.concatenate([row.matrix @ points[0][:nv] - row.target for row in held])
+    expected = {name: v for name, v in zip(plan.held.labels, values, strict=True) if abs(v) > 1e-5}
+    assert told == pytest.approx(expected)
+    full[n + 1], full[n + 2] = 2e-5, 0.5e-5
+    told = given_way(plan, held, qp, full)
+    assert told["m b"] == 2e-5 and "m c" not in told
+
+
+def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(robot: Robot, rng) -> None:
+    """With nothing weighed, slacks cost 1e-6; without limits and margins there are no rows."""
+    here = robot.snapshot(robot.posture())
+    nv = robot.nv
+    decision = Decision.velocity(robot, np.ones(nv))
+    plan = Plan.of(decision, [PostureTask(robot, here.q)], (), Slacks({}, (), ()))
+    idle = rows_of(rng, 3, nv)._replace(weight=np.zeros(3))
+    free = np.full(nv, np.inf)
+    qp = relaxed_qp(plan, [idle], [], (-free, free), [], Physics())
+    assert qp.C.shape == (0, nv) and qp.A.shape == (0, nv)
+    one = Bounds(("m",), np.ones((1, nv)), np.zeros(1), np.ones(1))
+    qp = relaxed_qp(plan, [idle], [], (-free, free), [one], Physics())
+    assert qp.P[nv, nv] == pytest.approx(1e-6)
+
+
+def test_a_load_that_cannot_be_had_is_dropped(robot: Robot) -> None:
+    """A foot that must bear ten times the weight does not; everything else is kept."""
+    here = robot.snapshot(robot.posture())
+    loaded = FrictionCone(least=10.0 * robot.weight)
+    contacts = support(here, "double", friction=loaded)
+    controller = TorqueController(
+        robot, [PostureTask(robot, here.q)], contacts=contacts, limits=Limits(robot), force_ramp=0.0
+    )
+    tick = controller.step(here)
+    assert tick.policy == "relax"
+    assert max(map(abs, tick.slack.values()), default=0.0) < 1e-4  # m/s
+    forces = tick.reaction.normal_forces()
+    assert sum(forces.values()) == pytest.approx(robot.weight, rel=0.05)
+    assert (np.abs(tick.torque) <= controller.torque_bounds + 1e-9).all()

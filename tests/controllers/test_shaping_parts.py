@@ -1,0 +1,287 @@
+"""Parts of the search and of the motion, one by one: what is declared of each, by hand."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.constraints import ComSupport, Limits, Obstacles, PositionBox, SelfCollision, support
+from wbc.constraints.margin import SKIN, USED
+from wbc.controllers.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
+from wbc.controllers.shaping.motion import INTERRUPTED, GuidingTasks, Reach
+from wbc.controllers.shaping.nlp import build_nlp
+from wbc.controllers.shaping.outcome import Candidate, Kept, Motion, ShapingOutcome
+from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
+from wbc.controllers.shaping.separation import SeparatedIpopt, searcher
+from wbc.errors import InvalidInputError
+from wbc.robot import Robot
+from wbc.robot.collision import Obstacle
+from wbc.tasks import ComTask, InertiaTask, PostureTask
+
+KEPT = Kept(0.0, 1.0, None, None, ())
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def candidate(q: np.ndarray, cost: float = 1.0, kept: Kept = KEPT) -> Candidate:
+    return Candidate(q, cost, {}, kept, "ok", True, 1, (0,))
+
+
+def problem_of(robot: Robot, tasks, contacts=(), constraints=(), limits=None) -> ShapingProblem:
+    limits = Limits(robot) if limits is None else limits
+    return ShapingProblem(robot, tuple(tasks), tuple(contacts), limits, tuple(constraints))
+
+
+# ---------------------------------------------------------------------- evaluation
+
+
+def test_the_worst_of_several_constraints_of_a_kind_is_told(robot) -> None:
+    """Two polygons and two boxes: distances from their edges and faces by hand."""
+    here = robot.snapshot(robot.posture())
+    (x, y, _), base = here.com, here.position("base")
+    polygons = [
+        ComSupport(
+            robot, [[x - a, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x - a, y + 1]], margin=m
+        )
+        for a, m in ((0.05, 0.01), (0.03, 0.005))
+    ]
+    boxes = [PositionBox(robot, "base", base - a, base + 1.0) for a in (0.2, 0.1)]
+    problem = problem_of(robot, [PostureTask(robot, here.q)], (), [*polygons, *boxes])
+    kept = kept_constraints(problem, here, FOUND)
+    assert kept.support == pytest.approx(0.025) and kept.clearance == pytest.approx(0.1)
+    assert kept.broken == () and kept.contact == 0.0
+    joints = robot.limits.joint_positions(here.q)
+    inside = np.minimum(joints - robot.limits.lower, robot.limits.upper - joints)
+    assert kept.limit == pytest.approx(inside.min())
+    without = kept_constraints(problem_of(robot, problem.tasks), here, FOUND)
+    assert without.support is None and without.clearance is None
+
+
+@pytest.mark.parametrize(("what", "allowed"), [
+    ("contact", 1e-6), ("limit", 1e-7), ("support", 1e-7), ("clearance", 1e-6)])  # fmt: skip
+def test_what_a_search_found_may_be_off_by_rounding_only(robot, what: str, allowed: float) -> None:
+    """Just beyond its tolerance a posture is broken and says by what; just within it is not."""
+    here = robot.snapshot(robot.posture())
+    (x, y, _), base = here.com, here.position("base")
+    assert getattr(FOUND, what) == allowed
+    for by, broken in ((0.9 * allowed, False), (1.1 * allowed, True)):
+        contacts, constraints, limits = [], [], Limits(robot)
+        if what == "contact":
+            (held,) = support(here, "left")
+            contacts = [type(held)(robot, held.frame, held.position + [0, 0, by], held.rotation)]
+        elif what == "support":
+            edge = x - 0.01 + by
+            corners = [[edge, y - 1], [x + 1, y - 1], [x + 1, y + 1], [edge, y + 1]]
+            constraints = [ComSupport(robot, corners, margin=0.01)]
+        elif what == "clearance":
+            constraints = [PositionBox(robot, "base", base + [0, 0, by], base + 1.0)]
+        else:
+            joints = robot.limits.joint_positions(here.q)
+            span = np.minimum(joints - robot.limits.lower, robot.limits.upper - joints)
+            limits = Limits(robot, margin=float(span.min()) + by)
+        problem = problem_of(robot, [PostureTask(robot, here.q)], contacts, constraints, limits)
+        kept = kept_constraints(problem, here, FOUND)
+        assert bool(kept.broken) is broken
+        assert any(v == pytest.approx(by, rel=1e-3) for v in violations(problem, here).values())
+        excused = FOUND.excusing(violations(problem, here))
+        assert not kept_constraints(problem, here, excused).broken
+
+
+def test_only_the_worst_three_pairs_are_named(robot) -> None:
+    """Of all bodies that are nearer than an absurd margin, the nearest first."""
+    here = robot.snapshot(robot.posture())
+    bodies = SelfCollision(robot, margin=0.0)
+    bodies.margins = np.full(len(bodies.model.pairs), 0.5)
+    bodies._kept = bodies.margins + SKIN
+    problem = problem_of(robot, [PostureTask(robot, here.q)], (), [bodies])
+    kept = kept_constraints(problem, here, Tolerances(1.0, 1.0, 1.0, 1e-4))
+    assert len(kept.broken) == 3
+    lacking = [float(words.split(" lacks ")[1].split()[0]) for words in kept.broken]
+    assert lacking == sorted(lacking, reverse=True)
+    assert kept.clearance == pytest.approx(-lacking[0], rel=0.05)
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_an_obstacle_that_moves_along_one_axis_is_refused(robot, axis: int) -> None:
+    ball = Obstacle.sphere("ball", (1.0, 0.0, 0.0), 0.1)
+    motion = np.zeros(6)
+    motion[axis] = 0.1
+    ball.velocity, ball.angular_velocity = motion[:3], motion[3:]
+    problem = problem_of(robot, [PostureTask(robot, robot.posture())], (),
+                         [Obstacles(robot, [ball])])  # fmt: skip
+    with pytest.raises(InvalidInputError, match="'ball' moves"):
+        build_nlp(problem)
+
+
+# ---------------------------------------------------------------------- keeping apart
+
+
+def test_the_way_back_to_standing_ends_at_the_first_free_place(robot) -> None:
+    """Twenty steps on the straight line of the joints, whatever the base; else the best place."""
+    q = robot.posture()
+    task = InertiaTask(robot, np.eye(3))  # world axes: the base turns too
+    built = build_nlp(problem_of(robot, [task], (), [SelfCollision(robot)]))
+    search = searcher(built.nlp)
+    assert isinstance(search, SeparatedIpopt)
+    rng = np.random.default_rng(1)
+    there = robot.integrate(q, 0.3 * rng.normal(size=robot.nv), 1.0)
+    start = built.start(there)
+    home = built.start(robot.postures["standing"])
+    joints = [k for k, unknown in enumerate(built.kept) if unknown < robot.nv - 6]
+    assert 0 < len(joints) < start.x.size
+
+    class Scripted:
+        def __init__(self, excess: Callable[[float], float]) -> None:
+            self.excess = excess
+
+        def least(self, x: np.ndarray, p: np.ndarray) -> float:
+            way = home.x[joints] - start.x[joints]
+            share = float((x[joints] - start.x[joints]) @ way / (way @ way))
+            np.testing.assert_allclose(x[joints], start.x[joints] + share * way, atol=1e-12)
+            others = np.delete(np.arange(x.size), joints)
+            np.testing.assert_array_equal(x[others], start.x[others])
+            return self.excess(share)
+
+    def retreat(excess: Callable[[float], float]) -> tuple[float, float]:
+        search._pairs = Scripted(excess)  # type: ignore[assignment]
+        x, share = search._retreat(start.x, start.p)
+        way = home.x[joints] - start.x[joints]
+        return float((x[joints] - start.x[joints]) @ way / (way @ way)), share
+
+    assert retreat(lambda share: 0.0) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert retreat(lambda share: share - 0.47) == pytest.approx((0.5, 0.5))
+    assert retreat(lambda share: -USED if share > 0.29 else -1.01 * USED) == pytest.approx(
+        (0.3, 0.3)
+    )
+    # Nothing is free: the least bad place, and the whole line.
+    assert retreat(lambda share: -0.1 - abs(share - 0.7)) == pytest.approx((0.7, 1.0))
+
+
+# ---------------------------------------------------------------------- the motion
+
+
+def scripted(q: np.ndarray, cost: float, arrived: bool, broken: tuple[str, ...]) -> Motion:
+    kept = replace(KEPT, broken=broken)
+    return Motion(np.zeros(1), q[None], np.zeros((1, 3)), np.array([9.0, cost]), candidate(q), kept,
+                  arrived, True, ())  # fmt: skip
+
+
+def test_candidates_are_tried_until_one_is_reached_and_the_best_motion_is_kept(robot) -> None:
+    """Arrived counts most, then what keeps the constraints, then the least cost."""
+    q = robot.posture()
+
+    def tried(script: list[tuple[float, bool, str]], attempts: int = 9) -> tuple[float, list[int]]:
+        candidates = [candidate(q, float(k)) for k in range(len(script))]
+        outcome = ShapingOutcome(tuple(candidates), (), None)  # type: ignore[arg-type]
+        problem = problem_of(robot, [PostureTask(robot, q)])
+        reach = Reach(problem, q, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
+        asked: list[int] = []
+
+        def motion(one: Candidate, number: int) -> tuple[Motion, str]:
+            assert one is candidates[number]
+            asked.append(number)
+            cost, arrived, reason = script[number]
+            broken = (reason,) if reason.startswith("at ") else ()
+            return scripted(q, cost, arrived, broken), "arrived" if arrived else reason
+
+        object.__setattr__(reach, "motion", motion)
+        best = reach.best(outcome, attempts)
+        assert [one.candidate for one in best.attempts] == asked
+        assert [one.cost for one in best.attempts] == [script[k][0] for k in asked]
+        return float(best.cost[-1]), asked
+
+    assert tried([(3.0, False, "slow"), (2.0, True, ""), (1.0, True, "")]) == (2.0, [0, 1])
+    assert tried([(3.0, False, "slow"), (2.0, False, INTERRUPTED), (1.0, True, "")]) == (
+        2.0,
+        [0, 1],
+    )
+    assert tried([(3.0, False, "slow"), (1.0, False, "at 1 s"), (2.0, False, "slow")]) == (
+        2.0, [0, 1, 2])  # fmt: skip
+    assert tried([(3.0, False, "at 1 s"), (2.0, False, "at 2 s")], attempts=1) == (3.0, [0])
+
+
+@pytest.mark.parametrize("leans", [0.0099, 0.0101, None])
+def test_guides_lead_along_the_straight_line_in_time(robot, leans: float | None) -> None:
+    """Half way in half the time, by half the difference; at half the speed limits."""
+    q = robot.posture()
+    here = robot.snapshot(q)
+    rng = np.random.default_rng(4)
+    end = robot.integrate(q, 0.4 * rng.normal(size=robot.nv), 1.0)
+    there = robot.snapshot(end)
+    tasks = [InertiaTask(robot, np.eye(3), weight=2.0), ComTask(robot, here.com, weight=[1, 2, 5])]
+    supports = [] if leans is None else [ComSupport.over(here)]
+    limits = Limits(robot, velocity=0.2)
+    problem = problem_of(robot, tasks, (), supports, limits)
+    guide = GuidingTasks(problem, q, candidate(end, kept=replace(KEPT, support=leans)))
+    names = [task.name for task in guide.tasks]
+    assert names == ["guide: posture", "guide: base"] + ["guide: com"] * (leans is not None)
+    way = robot.difference(q, end)
+    # The smoothest way is at most 1.875 times as fast as the mean.
+    slowest = (1.875 * np.abs(way[6:]) / (0.5 * limits.speed)).max()
+    assert guide.duration == pytest.approx(np.clip(slowest, 2.0, 20.0))
+    assert 2.0 < guide.duration < 20.0
+    for time, part in ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (7.0, 1.0)):
+        guide.move_to(time * guide.duration)
+        middle = robot.snapshot(robot.integrate(q, part * way, 1.0))
+        np.testing.assert_allclose(guide.tasks[0].target, middle.q, atol=1e-12)
+        np.testing.assert_allclose(guide.tasks[1].target[:3, 3], middle.position("base"))
+        np.testing.assert_allclose(guide.tasks[1].target[:3, :3], middle.rotation("base"))
+        if leans is not None:
+            np.testing.assert_allclose(
+                guide.tasks[2].target, here.com + part * (there.com - here.com)
+            )
+    assert len(guide.lasting) == (leans == 0.0099)
+    for held in guide.lasting:  # a thousand times as stiff, in square, as anything after it
+        stiffness = sum(
+            (task.weight[:, None] * task.residual(there).jacobian).T
+            @ (task.weight[:, None] * task.residual(there).jacobian)
+            for task in tasks
+        )
+        expected = np.sqrt(1000.0 * np.linalg.eigvalsh(stiffness)[-1])
+        np.testing.assert_allclose(held.weight, expected, rtol=1e-9)
+        np.testing.assert_allclose(held.target, there.com)
+        assert held.rows == ("x", "y")
+    held = support(here, "left")
+    anchored = GuidingTasks(problem_of(robot, tasks, held, (), limits), q, candidate(end))
+    assert [task.name for task in anchored.tasks] == ["guide: posture"]
+    # As quick as anything may be, and as slow.
+    near = GuidingTasks(problem, q, candidate(robot.integrate(q, 1e-3 * way, 1.0)))
+    assert near.duration == 2.0
+    slow = problem_of(robot, tasks, (), (), Limits(robot, velocity=1e-3))
+    assert GuidingTasks(slow, q, candidate(end)).duration == 20.0
+
+
+def test_the_cost_that_is_reached_may_be_above_by_the_tolerance(robot) -> None:
+    """And by a billionth of the start's: a target that is met to that is met."""
+    q = robot.posture()
+    task = PostureTask(robot, q, weight=3.0, gain=1.0)
+    far = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 0.1)], 1.0)
+    start = posture_cost([task], robot.snapshot(far))
+    states = [robot.snapshot(far), robot.snapshot(q, np.zeros(robot.nv))]
+    off = robot.snapshot(robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, 1e-3)], 1.0))
+    problem = problem_of(robot, [task])
+    reach = Reach(problem, far, 0.01, 0.01, None, None, lambda tasks: None, None)  # type: ignore
+
+    def reason(end, cost: float, at_rest: bool = True) -> str:
+        from wbc.controllers.shaping.motion import _Rollout
+
+        rollout = _Rollout([states[0], end], at_rest, "")
+        object.__setattr__(reach, "_rollout", lambda *_: rollout)
+        motion, said = reach.motion(candidate(q, cost), 0)
+        assert motion.arrived == (said == "arrived")
+        return said
+
+    reached = posture_cost([task], off)
+    assert start > reached > 0.0
+    assert reason(off, reached / 1.0099) == "arrived"
+    assert reason(off, reached / 1.0101).startswith("came to rest at cost")
+    assert reason(off, reached / 1.0101, at_rest=False).startswith("was still moving when the time")
+    assert reason(states[1], 0.0) == "arrived"
+    for share, said in ((0.9e-9, "arrived"), (1.1e-9, "came to rest")):
+        step = np.sqrt(share) * 0.1
+        near = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, step)], 1.0)
+        assert reason(robot.snapshot(near), 0.0).startswith(said)
