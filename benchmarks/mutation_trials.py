@@ -27,8 +27,11 @@ from benchmarks.mutation_places import ROOT, Fault, Places, files, source
 
 TESTS = ("tests/tasks", "tests/constraints", "tests/controllers", "tests/qp")
 TESTS += tuple(f"tests/robot/test_{name}.py" for name in ("state", "kernel", "series", "symbolic"))
-TESTS += tuple(f"tests/test_{name}.py" for name in ("bad_input", "errata", "reduction", "repr"))
+TESTS += tuple(
+    f"tests/test_{name}.py" for name in ("bad_input", "defaults", "errata", "reduction", "repr")
+)
 WARM = ("hoap2_like", "g1_27", "talos", "icub", "romeo", "mixed_joints")  # no faults in loading
+ALWAYS = "tests/test_defaults.py"  # looks at signatures, and calls nothing
 MOST = 8.0  # CPU seconds of tests for one fault; the quickest are taken
 MEMORY = 8 << 30  # bytes of address space for one fault
 LATER = "outside functions"
@@ -225,6 +228,7 @@ def chosen_tests(fault: Fault, tests: Tests, first: set[str]) -> tuple[list[str]
     for name in sorted(tests, key=lambda name: (name not in first, float(tests[name]["seconds"]))):
         calls = tests[name]["calls"]
         found = called in calls if fault.function else any(c.startswith(called) for c in calls)
+        found = found or name.startswith(ALWAYS)
         if found and spent + tests[name]["seconds"] <= MOST:
             chosen.append(name)
             spent += tests[name]["seconds"]

@@ -1,0 +1,145 @@
+"""Answers of every backend: shapes, finite numbers, refusals, counts of attempts, and words."""
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.qp import QP, installed_solvers, make_backend
+from wbc.qp.conflict import least_violation
+from wbc.qp.daqp import Daqp, KeptDaqp
+from wbc.qp.least_infeasible import least_infeasible
+from wbc.qp.problem import Labels
+from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, RawSolution, Solution, Status
+
+EVERY = (*installed_solvers(), "pseudo_inverse")
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize(("me", "mi"), [(0, 0), (2, 0), (2, 3), (0, 3)])
+def test_points_and_multipliers_have_the_sizes_of_the_qp(
+    name: str, me: int, mi: int, solvable
+) -> None:
+    if name == "pseudo_inverse" and mi:
+        pytest.skip("it keeps no inequality rows")
+    qp = solvable(np.random.default_rng(3), me=me, mi=mi)
+    found = make_backend(name).solve(qp)
+    assert found.solved or name == "pseudo_inverse"
+    sizes = {"x": 8, "y": me, "z": mi, "z_box": 8}
+    assert {key: getattr(found, key).shape for key in sizes} == {k: (n,) for k, n in sizes.items()}
+    assert all(np.isfinite(getattr(found, key)).all() for key in sizes)
+    assert found.attempts >= 1 and found.solve_time > 0.0
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_what_is_no_qp_is_refused_by_every_backend(name: str) -> None:
+    backend = make_backend(name)
+    n = 2
+    good = QP.build(np.eye(n), np.ones(n), lower=[-1.0, -1.0], upper=[1.0, 1.0])
+    for field, value in (("g", [np.nan, 0.0]), ("P", [[np.inf, 0.0], [0.0, 1.0]]),
+                         ("lower", [2.0, 0.0]), ("upper", [-np.inf, 1.0])):  # fmt: skip
+        fields = {key: getattr(good, key) for key in good.__slots__} | {field: np.array(value)}
+        with pytest.raises(InvalidInputError):
+            backend.solve(QP(**fields))
+
+
+def test_the_pseudo_inverse_is_the_damped_one_clipped(rng) -> None:
+    """Oracle: the normal equations in the null space of A by SVD, then the bounds."""
+    A, J = rng.normal(size=(2, 6)), rng.normal(size=(9, 6))
+    P, g = J.T @ J, rng.normal(size=6)
+    null = np.linalg.svd(A)[2][2:].T
+    expected = null @ np.linalg.solve(null.T @ P @ null, -null.T @ g)
+    free = QP.build(P, g, A=A, b=np.zeros(2))
+    np.testing.assert_allclose(make_backend("pseudo_inverse").solve(free).x, expected, atol=1e-10)
+    unconstrained = np.linalg.solve(P, -g)
+    ends = np.abs(unconstrained).mean()
+    clipped = make_backend("pseudo_inverse").solve(
+        QP.build(P, g, lower=[-ends] * 6, upper=[ends] * 6)
+    )
+    np.testing.assert_allclose(clipped.x, np.clip(unconstrained, -ends, ends), atol=1e-12)
+    pulled = np.abs(unconstrained) > ends
+    np.testing.assert_allclose(clipped.z_box[pulled], -(P @ clipped.x + g)[pulled], atol=1e-12)
+    assert pulled.any() and not clipped.z_box[~pulled].any() and clipped.iterations == 1
+
+
+def test_daqp_kept_from_qp_to_qp_finds_what_it_finds_anew(ticks, solvable) -> None:
+    """In ticks one after the other, of other sizes in between, and one without solution."""
+    kept, answers = KeptDaqp(1e-8), 0
+    box = {"lower": -np.ones(35), "upper": np.ones(35)}
+    rows = {"A": np.zeros((12, 35)), "b": np.zeros(12), "C": np.ones((3, 35))}
+    no_way = QP.build(np.eye(35), np.ones(35), l=[90.0] * 3, u=[95.0] * 3, **rows, **box)
+    sequence = [*ticks(1, 4, mi=3), *ticks(2, 3, mi=2), solvable(np.random.default_rng(1)),
+                *ticks(3, 2, mi=3), no_way]  # fmt: skip
+    for qp in sequence:
+        found, expected = kept.answer(qp), Daqp().solve(qp, quick=True)
+        assert (found.claim is Status.SOLVED) == expected.solved == (qp is not no_way)
+        if qp is no_way:
+            assert found.claim is Status.INFEASIBLE
+            continue
+        np.testing.assert_allclose(found.x, expected.x, atol=1e-6)
+        gradient = qp.P @ found.x + qp.g + found.y @ qp.A + found.z @ qp.C + found.z_box
+        np.testing.assert_allclose(gradient, 0.0, atol=1e-5 * np.abs(qp.g).max())
+        answers += 1
+    assert answers == len(sequence) - 1
+
+
+def test_without_rows_the_least_violation_is_none_near_zero() -> None:
+    qp = QP.build(np.eye(3), np.ones(3), lower=[-1.0, 0.5, -9.0], upper=[1.0, 2.0, -0.5])
+    x, violation = least_violation(qp)
+    np.testing.assert_array_equal(x, [0.0, 0.5, -0.5])
+    assert violation.size == 0
+
+
+def test_only_rows_that_are_missed_are_named_in_their_own_units() -> None:
+    """To 1e-7 of a row's length and of 1 + |x|; a row of zeros counts as one of length 1."""
+    labels = Labels(("far", "zero"), ("below", "met"), ("a", "b"))
+    qp = QP.build(np.eye(2), np.zeros(2), A=[[100.0, 0.0], [0.0, 0.0]], b=[300.0, 4.0],
+                  C=[[0.0, 2.0], [0.0, 1.0]], l=[5.0, -1.0], u=[6.0, 1.5],
+                  lower=[-1.0, -1.0], upper=[1.0, 2.0], labels=labels)  # fmt: skip
+    found = least_infeasible(qp)
+    assert found.x[0] == 1.0
+    assert found.slack["far"] == pytest.approx(-200.0) and found.slack["zero"] == pytest.approx(
+        -4.0
+    )
+    # The two rows on b meet half-way, in rows of unit length: 2.5 and 1.5, so b is 2 = its bound.
+    assert found.x[1] == pytest.approx(2.0) and found.slack["below"] == pytest.approx(-1.0)
+    assert found.slack["met"] == pytest.approx(0.5)
+    near = QP.build(np.eye(1), [0.0], A=[[1.0], [1.0]], b=[1.0, 1.0 + 1e-8])
+    assert not least_infeasible(near).slack
+
+
+WORDS: dict[str, tuple[str, str]] = {
+    "equality": (ConflictRow("a", 0.5, 1.0).describe(), "'a', missed by 0.5"),
+    "bound": (ConflictRow("x", 0.0, 1.0, "upper bound").describe(), "'x' (upper bound)"),
+    "small": (ConflictRow("x", 1e-9, 1.0, "lower limit").describe(),
+              "'x' (lower limit), missed by 1e-09"),
+    "no more": (Conflict(tuple(ConflictRow(str(k), 0.0, 1.0) for k in range(6))).describe(),
+                "these cannot all hold: '0'; '1'; '2'; '3'; '4'; '5'"),
+    "one more": (Conflict(tuple(ConflictRow(str(k), 0.0, 1.0) for k in range(7))).describe(),
+                 "these cannot all hold: '0'; '1'; '2'; '3'; '4'; '5'; and 1 more"),
+    "shown": (Conflict(tuple(ConflictRow(str(k), 0.0, 1.0) for k in range(4))).describe(1),
+              "these cannot all hold: '0'; and 3 more"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WORDS)
+def test_conflicts_in_words(case: str) -> None:
+    found, expected = WORDS[case]
+    assert found == expected
+
+
+def test_a_solution_in_words() -> None:
+    none, residuals = np.zeros(0), KktResiduals(1e-9, 2e-8, 3e-7)
+    one = Solution(np.zeros(3), none, none, none, Status.FAILED, residuals, 7, 0.1, "daqp")
+    assert one.describe() == (
+        "daqp: failed after 7 iterations in attempt 1 (primal residual 1.0e-09, dual 2.0e-08,"
+        " complementarity 3.0e-07)"
+    )
+    assert not one.solved
+    assert repr(one) == "Solution(failed by daqp, 3 variables, 7 iterations)"
+    qp = QP.build(np.eye(2), np.ones(2), C=np.ones((1, 2)), u=[1.0], A=np.ones((1, 2)), b=[0.0])
+    assert repr(qp) == "QP(2 variables, 1 equalities, 1 inequalities)"
+    raw = RawSolution.none(qp, Status.INFEASIBLE, "no way")
+    assert [len(part) for part in (raw.x, raw.y, raw.z, raw.z_box)] == [2, 1, 1, 2]
+    assert np.isnan(raw.x).all() and np.isnan(raw.z).all() and raw.iterations == 0
+    assert Labels.numbered(2, 1, 1).variables == ("x0", "x1")
+    assert Labels.numbered(2) == Labels((), (), ("x0", "x1"))
