@@ -55,8 +55,7 @@ Output = Annotated[
 Solver = Annotated[
     str | None,
     typer.Option(
-        help="QP solver; short for --set controller.solver=NAME.",
-        autocompletion=solvers_beginning,
+        help="QP solver; short for --set controller.solver=NAME.", autocompletion=solvers_beginning
     ),
 ]
 Assign = Annotated[
@@ -69,8 +68,7 @@ Assign = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Watched = Annotated[
-    bool,
-    typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C."),
+    bool, typer.Option("--view", help="Watch it in a browser; the page stays until Ctrl-C.")
 ]
 SavedOrProblem = Annotated[
     Path,

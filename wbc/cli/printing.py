@@ -199,10 +199,7 @@ def search_rows(report: ShapingReport) -> Iterator[tuple[str, str]]:
             "rejected",
             "; ".join(f"{count} x {reason}" for reason, count in report.rejected.items()),
         )
-    yield (
-        "motion",
-        f"cost {_above(report.above_best)}, found in {effort.reach_seconds:.1f} s",
-    )
+    yield ("motion", f"cost {_above(report.above_best)}, found in {effort.reach_seconds:.1f} s")
 
 
 def _above(part: float) -> str:

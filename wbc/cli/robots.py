@@ -87,8 +87,7 @@ def _limit(value: float) -> str:
 
 def collisions(
     robot: Annotated[
-        str,
-        typer.Argument(help="Name or file of a robot.", autocompletion=robots_beginning),
+        str, typer.Argument(help="Name or file of a robot.", autocompletion=robots_beginning)
     ],
     margin: Annotated[float, typer.Option(help="Distance that bodies keep [m].")] = 0.01,
     fit: Annotated[str, typer.Option(help="capsule or hull")] = "capsule",

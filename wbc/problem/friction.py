@@ -8,15 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from wbc.constraints.friction import MOST_FACETS, FrictionCone
-from wbc.problem.section import (
-    MAPPING,
-    NUMBER,
-    NonNegative,
-    Positive,
-    Section,
-    default_of,
-    forms,
-)
+from wbc.problem.section import MAPPING, NUMBER, NonNegative, Positive, Section, default_of, forms
 
 
 class FrictionSpec(Section):

@@ -100,10 +100,7 @@ def read_section(section: type[SectionT], source: Source) -> SectionT:
 
 
 def complaints(
-    error: ValidationError,
-    source: Source,
-    keys: Mapping[int, KnownKeys],
-    below: KeyPath = (),
+    error: ValidationError, source: Source, keys: Mapping[int, KnownKeys], below: KeyPath = ()
 ) -> list[tuple[KeyPath, str]]:
     """Return every complaint: where it belongs, and its text.
 

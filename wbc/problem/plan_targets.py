@@ -135,11 +135,7 @@ def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: 
 
 
 def _reference(
-    spec: ProblemSpec,
-    wanted: FromPlan,
-    start: Snapshot,
-    contacts: Sequence[Contact],
-    folder: Path,
+    spec: ProblemSpec, wanted: FromPlan, start: Snapshot, contacts: Sequence[Contact], folder: Path
 ) -> PlanReference:
     """Return the plan that a problem's tasks follow.
 

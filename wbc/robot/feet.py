@@ -102,10 +102,7 @@ class Foot:
 
 
 def find_feet(
-    model: pin.Model,
-    geometry: GeometrySource,
-    specs: Mapping[str, FootSpec] | None,
-    q: Array,
+    model: pin.Model, geometry: GeometrySource, specs: Mapping[str, FootSpec] | None, q: Array
 ) -> tuple[dict[str, Foot], tuple[str, ...]]:
     """Return the feet of a robot and notes, adding a sole frame to ``model`` for each.
 

@@ -17,13 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.spatial import (
-    FROBENIUS_WEIGHTS,
-    commutator_matrix,
-    skew,
-    vech,
-    vech_inverse,
-)
+from wbc.spatial import FROBENIUS_WEIGHTS, commutator_matrix, skew, vech, vech_inverse
 from wbc.validate import Array
 
 _ONE = np.eye(3)

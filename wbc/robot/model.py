@@ -19,12 +19,7 @@ from wbc.robot.drives import JointValues, effort_note, set_drives
 from wbc.robot.feet import FootSpec, find_feet
 from wbc.robot.foot_guess import arm_reason, upright
 from wbc.robot.formats import read_description
-from wbc.robot.formats.description import (
-    Coupling,
-    Description,
-    GeometrySource,
-    lock_joints,
-)
+from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
 from wbc.robot.library import NamedRobot, Source, find_robot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.model_checks import check_supported

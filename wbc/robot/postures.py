@@ -64,10 +64,7 @@ def _joint_values(group: ET.Element, srdf: Path) -> Iterable[tuple[str, tuple[fl
 
 
 def named_postures(
-    limits: Limits,
-    neutral: Array,
-    states: Mapping[str, State],
-    known: NamedRobot | None,
+    limits: Limits, neutral: Array, states: Mapping[str, State], known: NamedRobot | None
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the postures of a robot by name, not yet set on the ground, and notes.
 

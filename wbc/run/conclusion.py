@@ -9,15 +9,7 @@ import numpy as np
 
 from wbc.robot import Snapshot
 from wbc.run.history import History, Measured, Recorder
-from wbc.run.result import (
-    Failure,
-    HeldBack,
-    InertiaReading,
-    PhaseResult,
-    Result,
-    TaskResult,
-    Worst,
-)
+from wbc.run.result import Failure, HeldBack, InertiaReading, PhaseResult, Result, TaskResult, Worst
 from wbc.run.standing import Standing
 from wbc.run.stopping import Stop, ending
 from wbc.spatial import COMPONENTS, DIAGONAL, vech_inverse
@@ -159,10 +151,7 @@ def _held_back(history: History) -> dict[str, HeldBack]:
 
 
 def _not_kept(
-    stop: Stop,
-    states: Sequence[Measured],
-    standings: Sequence[Standing],
-    balance: Worst | None,
+    stop: Stop, states: Sequence[Measured], standings: Sequence[Standing], balance: Worst | None
 ) -> Iterator[str]:
     """Yield in words what was to be kept all the time and was not."""
     if stop.balance is not None and balance is not None and balance.value < stop.balance:

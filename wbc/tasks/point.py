@@ -29,12 +29,7 @@ class PointTask(Task):
     """Bring a point to ``target`` along some of the world's axes."""
 
     def __init__(
-        self,
-        robot: Robot,
-        name: str,
-        target: ArrayLike,
-        axes: Sequence[str],
-        **law: Unpack[Gains],
+        self, robot: Robot, name: str, target: ArrayLike, axes: Sequence[str], **law: Unpack[Gains]
     ) -> None:
         axes = names_of("axes of a point", axes)
         super().__init__(robot, name, axes, **law)

@@ -33,14 +33,7 @@ from wbc.robot.model import check_robot
 from wbc.tasks.keywords import FIRST_ORDER, SECOND_ORDER, LawKeywords
 from wbc.tasks.sealed import Sealed, check_attribute
 from wbc.tasks.weights import checked_weight, warn_if_lost
-from wbc.validate import (
-    Array,
-    finite_array,
-    finite_number,
-    names_of,
-    plain_copy,
-    read_only,
-)
+from wbc.validate import Array, finite_array, finite_number, names_of, plain_copy, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import Expression, SymbolicPosture

@@ -33,12 +33,7 @@ NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed",
 
 
 def plot_simulation(
-    robot: Robot,
-    arrays: Mapping[str, Any],
-    path: str | Path,
-    *,
-    title: str,
-    view: View = DEFAULT,
+    robot: Robot, arrays: Mapping[str, Any], path: str | Path, *, title: str, view: View = DEFAULT
 ) -> Path:
     """Draw a simulation: see :func:`simulation_figure`.
 

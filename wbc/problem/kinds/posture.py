@@ -9,14 +9,7 @@ import numpy as np
 from pydantic import Discriminator, Field
 
 from wbc.flight.rounds import Rounds
-from wbc.problem.section import (
-    MAPPING,
-    WORD,
-    Name,
-    NonNegative,
-    Number,
-    form_of,
-)
+from wbc.problem.section import MAPPING, WORD, Name, NonNegative, Number, form_of
 from wbc.problem.targets import LOOP, LoopTarget
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot

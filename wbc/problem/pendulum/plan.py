@@ -59,8 +59,7 @@ from wbc.tracking.reference import DOUBLE
 FINER = 4
 
 _Durations = Annotated[
-    Annotated[Size, NUMBER] | Annotated[Two[Size], LIST],
-    forms("seconds, or [least, greatest]"),
+    Annotated[Size, NUMBER] | Annotated[Two[Size], LIST], forms("seconds, or [least, greatest]")
 ]
 _Com = Annotated[
     Annotated[Components, LIST] | Annotated[Offset, MAPPING],
@@ -208,10 +207,7 @@ class PlanSpec(Section):
     """The most that IPOPT may take."""
 
     def build(
-        self,
-        pendulum: PlanarRmp | SolidRmp,
-        mistakes: Mistakes,
-        robot: RobotPendulum | None = None,
+        self, pendulum: PlanarRmp | SolidRmp, mistakes: Mistakes, robot: RobotPendulum | None = None
     ) -> Planning:
         """Return what to plan, for a pendulum that may be a robot's.
 

@@ -11,14 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import checked_polygon, convex_hull, half_planes
-from wbc.validate import (
-    Array,
-    finite_array,
-    finite_number,
-    finite_vector,
-    interval,
-    set_fields,
-)
+from wbc.validate import Array, finite_array, finite_number, finite_vector, interval, set_fields
 
 Components = Sequence[float | None]
 # Names of a plan's states, each with three components; the orientation's are Rodrigues parameters.

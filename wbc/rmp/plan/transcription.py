@@ -12,15 +12,7 @@ import numpy as np
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.plan import rows as constraint
-from wbc.rmp.plan.layout import (
-    Indices,
-    Layout,
-    fixed_in_plane,
-    lay_out,
-    moving,
-    scale_of,
-    units_of,
-)
+from wbc.rmp.plan.layout import Indices, Layout, fixed_in_plane, lay_out, moving, scale_of, units_of
 from wbc.rmp.plan.motion import CONTROLS, motion
 from wbc.rmp.plan.nlp import Block, Nlp, Piece, assemble, piece
 from wbc.rmp.plan.problem import PlanProblem
