@@ -10,8 +10,7 @@ from tests.problem.loading import complaint_of, problem_of
 from wbc.errors import InvalidInputError
 from wbc.gait import Walker
 from wbc.problem import Problem
-from wbc.problem.walk import walker_of
-from wbc.problem.walk_spec import WalkSpec
+from wbc.problem.walk import WalkSpec, walker_of
 from wbc.simulation import SimulationStatus
 
 WALK = """\

@@ -14,8 +14,7 @@ from PIL import Image
 from tests.texts import STAND
 from wbc.errors import InvalidInputError
 from wbc.problem import Problem, load_problem
-from wbc.problem.pendulum.result import PendulumResult
-from wbc.problem.pendulum.saved import SavedPendulum
+from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
 from wbc.problem.saved import SavedRun, load_result
 from wbc.robot import Robot
 from wbc.simulation import SimulationResult

@@ -19,9 +19,8 @@ from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.robots import collisions, robots
-from wbc.cli.run import EXIT_CODES, run
+from wbc.cli.run import EXIT_CODES, SIM_EXIT_CODES, run, sim
 from wbc.cli.saved import export, render, report
-from wbc.cli.sim import SIM_EXIT_CODES, sim
 from wbc.cli.view import view
 
 app = typer.Typer(

@@ -15,6 +15,7 @@ from wbc.cli.errors import BAD_INPUT, complain
 from wbc.errors import InvalidInputError, WbcError
 from wbc.problem import Result
 from wbc.problem.pendulum.result import PendulumResult
+from wbc.run.saving import result_format
 
 
 @dataclass
@@ -81,6 +82,15 @@ def draw_result(
         draw(result.robot, result.history, path, title=title, view=View.of(view_from, show))
     else:
         plot_pendulum(result.history, path, title=title)
+
+
+def check_outputs(output: list[Path], plot: Path | None) -> None:
+    """Raise for files that could not be written or drawn, before any work is done."""
+    for each in output:
+        result_format(each)
+        check_place("--output", each)
+    if plot is not None:
+        check_picture("--plot", plot)
 
 
 def check_picture(option: str, path: Path) -> None:

@@ -12,7 +12,6 @@ import typer
 
 from wbc.cli.errors import complain, errors_in_one_line, print_note, print_notes
 from wbc.cli.options import Assign, Quiet, Solver, overrides_of
-from wbc.cli.running import check_outputs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,6 +84,7 @@ def push(
     file's own are left out.
     """
     with errors_in_one_line():
+        from wbc.cli.outputs import check_outputs
         from wbc.problem.pushing import LoadPushed, PushSettings
         from wbc.simulation import PushGrid
 

@@ -1,13 +1,17 @@
-"""``wbc run``: a problem, run, printed, written and drawn."""
+"""``wbc run`` and ``wbc sim``: a problem, run or simulated, printed, written and drawn."""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_notes
+from wbc.cli.errors import NOT_REACHED, QP_FAILED, complain, errors_in_one_line, print_notes
 from wbc.cli.options import (
     Assign,
     Output,
@@ -19,19 +23,26 @@ from wbc.cli.options import (
     check_view,
     overrides_of,
 )
-from wbc.cli.running import Ended, Wanted, exit_code, finish
 
 if TYPE_CHECKING:
-    from wbc.cli.interrupts import Interrupts
     from wbc.problem import Problem, Result
     from wbc.problem.pendulum.problem import PendulumProblem
-    from wbc.problem.pendulum.result import PendulumResult
+    from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
+    from wbc.run import History
+    from wbc.run.callbacks import Show as ShowTick
+    from wbc.run.stopping import RunStatus
+    from wbc.simulation import SimulationStatus
     from wbc.view.live.watching import Watching
 
 EXIT_CODES = (
     "Exit codes: 0 solved; 1 bad input; 2 wrong usage; 3 not at rest or a tolerance not met in"
     " time, or balance, contacts or margins not kept; 4 a QP failed; 130 or 143 ended by Ctrl-C or"
     " SIGTERM, with what was computed until then written."
+)
+SIM_EXIT_CODES = (
+    "Exit codes: 0 it stood, and every tolerance was met; 1 bad input, or the physics blew up; 2"
+    " wrong usage; 3 it fell, or a tolerance was not met; 4 a tick had no solution; 130 or 143"
+    " ended by Ctrl-C or SIGTERM, with what was computed until then written."
 )
 
 
@@ -52,57 +63,214 @@ def run(
     """Run a problem and say what came of it."""
     with errors_in_one_line():
         check_view(view_from, show)
-        wanted = Wanted(problem, output or [], plot, quiet, view)
+        wanted = _Wanted(problem, output or [], plot, quiet, view)
         wanted.check()
-        code = _solve(wanted, (view_from, show), overrides_of(assign, solver))
+        code = _run(wanted, (view_from, show), overrides_of(assign, solver))
     raise typer.Exit(code)
 
 
-def _solve(wanted: Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> int:
+def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> int:
     """Run a problem, write and print what came of it, and return the exit code."""
+    from wbc.cli.interrupts import Interrupts, noted_interrupts
     from wbc.cli.outputs import draw_result
     from wbc.cli.printing import print_pendulum_result, print_result
+    from wbc.cli.progress import shown_progress
     from wbc.problem import Problem, Result, load_problem
 
     problem = load_problem(wanted.path, overrides)
     if isinstance(problem, Problem) and not wanted.quiet:
         print_notes(problem.parts.robot)
     watching = wanted.watching(problem)
-    result, interrupts = _run(problem, wanted.quiet, watching)
+    plans = not isinstance(problem, Problem) and problem.spec.plan is not None
+    # Ctrl-C ends a plan at once: there is nothing to keep until it is done.
+    listening = nullcontext(Interrupts()) if plans else noted_interrupts()
+    result: Result | PendulumResult
+    with shown_progress(wanted.quiet) as progress, listening as interrupts:
+        if isinstance(problem, Problem):
+            result = problem.run(progress, cancelled=interrupts, show=_shown_by(watching))
+        else:
+            result = problem.run(progress, cancelled=interrupts)
     interrupted = interrupts() or _search_interrupted(result)
-    ended = Ended(
+
+    def tell(written: Iterable[Path]) -> None:
+        if isinstance(result, Result):
+            print_result(result, written)
+        else:
+            print_pendulum_result(result, written)
+
+    return _finish(
+        wanted,
+        watching,
         save=result.save,
         draw=lambda path: draw_result(result, path, wanted.name, *look),
-        tell=lambda written: (
-            print_result(result, written)
-            if isinstance(result, Result)
-            else print_pendulum_result(result, written)
-        ),
-        code=exit_code(result.status),
+        tell=tell,
+        code=_exit_code(result.status),
         interrupted=interrupts.exit_code if interrupted else None,
         history=result.history if isinstance(result, Result) else None,
     )
-    return finish(wanted, ended, watching)
-
-
-def _run(
-    problem: Problem | PendulumProblem, quiet: bool, watching: Watching | None
-) -> tuple[Result | PendulumResult, Interrupts]:
-    """Run a problem, until its end or a signal."""
-    from wbc.cli.interrupts import Interrupts, noted_interrupts
-    from wbc.cli.progress import shown_progress
-    from wbc.problem import Problem
-
-    with shown_progress(quiet) as progress:
-        if not isinstance(problem, Problem) and problem.spec.plan is not None:
-            return problem.run(progress), Interrupts()  # nothing to keep until it is done
-        with noted_interrupts() as interrupts:
-            if watching is not None and isinstance(problem, Problem):
-                return problem.run(progress, cancelled=interrupts, show=watching.show), interrupts
-            return problem.run(progress, cancelled=interrupts), interrupts
 
 
 def _search_interrupted(result: Result | PendulumResult) -> bool:
     """Return whether Ctrl-C ended the search over postures, which listens for it itself."""
     shaping = getattr(result, "shaping", None)
     return shaping is not None and shaping.effort.stopped == "interrupted"
+
+
+def sim(
+    problem: Annotated[
+        Path,
+        typer.Argument(
+            help="A problem of the torque level; - reads it from stdin.", metavar="PROBLEM.yaml"
+        ),
+    ],
+    output: Output = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the simulation into a picture.")] = None,
+    solver: Solver = None,
+    assign: Assign = None,
+    quiet: Quiet = False,
+    view: Watched = False,
+) -> None:
+    """Simulate a problem of the torque level and say whether the robot stood."""
+    with errors_in_one_line():
+        wanted = _Wanted(problem, output or [], plot, quiet, view)
+        wanted.check()
+        code = _simulate(wanted, overrides_of(assign, solver))
+    raise typer.Exit(code)
+
+
+def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
+    """Simulate a problem, write and print what came of it, and return the exit code."""
+    from wbc.cli.interrupts import noted_interrupts
+    from wbc.cli.progress import shown_progress
+    from wbc.cli.sim_report import print_simulation
+    from wbc.errors import InvalidInputError
+    from wbc.problem import Problem, load_problem
+
+    path = wanted.path
+    problem = load_problem(path, overrides)
+    if not isinstance(problem, Problem):
+        raise InvalidInputError(f"{path}: a pendulum's problem simulates itself: wbc run {path}")
+    if not wanted.quiet:
+        print_notes(problem.parts.robot)
+    watching = wanted.watching(problem)
+    with shown_progress(wanted.quiet) as progress, noted_interrupts() as interrupts:
+        result = problem.simulate(progress, cancelled=interrupts, show=_shown_by(watching))
+
+    def draw(picture: Path) -> None:
+        from wbc.view.simulation import plot_simulation
+
+        title = f"{wanted.name}: {result.reason}"
+        plot_simulation(result.robot, result.arrays, picture, title=title)
+
+    return _finish(
+        wanted,
+        watching,
+        save=result.save,
+        draw=draw,
+        tell=lambda written: print_simulation(result, written),
+        code=_exit_code(result.status),
+        interrupted=interrupts.exit_code if interrupts() else None,
+        history=result.run.history,
+    )
+
+
+# ---------------------------------------------------------------------- what both share
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What a user wants of a run besides the run itself."""
+
+    path: Path
+    output: list[Path]
+    plot: Path | None
+    quiet: bool
+    view: bool
+
+    @property
+    def name(self) -> str:
+        """Of the problem, as titles and files have it."""
+        return "stdin" if str(self.path) == "-" else self.path.stem
+
+    def check(self) -> None:
+        """Raise for what could not be written, drawn or shown, before any work is done."""
+        from wbc.cli.outputs import check_outputs
+        from wbc.view.live.process import require_viser
+
+        check_outputs(self.output, self.plot)
+        if self.view:
+            require_viser()
+
+    def watching(self, problem: Problem | PendulumProblem) -> Watching | None:
+        """Return what shows the run, if that is wanted.
+
+        Raises
+        ------
+        InvalidInputError
+            A pendulum's problem: the viewer shows robots.
+        """
+        from wbc.errors import InvalidInputError
+        from wbc.problem import Problem
+        from wbc.view.live.watching import Watching
+
+        if not self.view:
+            return None
+        if not isinstance(problem, Problem):
+            raise InvalidInputError(
+                "--view shows robots, and this is a pendulum's problem; use --plot"
+            )
+        return Watching(problem.parts.robot, title=self.name)
+
+
+def _shown_by(watching: Watching | None) -> ShowTick | None:
+    return None if watching is None else watching.show
+
+
+def _exit_code(status: RunStatus | SimulationStatus | PendulumStatus) -> int:
+    """Return the exit code of a run that ended so."""
+    if status.good:
+        return 0
+    return QP_FAILED if status.value == "qp_failed" else NOT_REACHED
+
+
+def _finish(
+    wanted: _Wanted,
+    watching: Watching | None,
+    *,
+    save: Callable[[Path], object],
+    draw: Callable[[Path], object],
+    tell: Callable[[Iterable[Path]], object],
+    code: int,
+    interrupted: int | None,
+    history: History | None,
+) -> int:
+    """Write, draw, print and show what came of a run; return the exit code.
+
+    Parameters
+    ----------
+    interrupted:
+        The exit code if the user ended it.
+    history:
+        To be played again, if it was watched.
+    """
+    from wbc.cli.outputs import Outputs
+
+    output, outputs = wanted.output, Outputs()
+    if interrupted is not None and not output:
+        output = [Path(tempfile.mkdtemp(prefix="wbc-")) / f"{wanted.name}.npz"]
+    for each in output:
+        outputs.save(each, save)
+    if wanted.plot is not None:
+        outputs.draw(wanted.plot, draw)
+    if not wanted.quiet:
+        tell(outputs.written)
+    code = outputs.exit_code(code)
+    if interrupted is not None:
+        where = ", ".join(str(one) for one in outputs.written) or "nowhere"
+        complain(f"interrupted; what was computed until then is in {where}")
+        return interrupted
+    if watching is not None and history is not None:
+        watching.replay(history)
+        typer.echo(f"it can be played again at {watching.viewer.url}; Ctrl-C ends", err=True)
+        watching.viewer.wait()
+    return code

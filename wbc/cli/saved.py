@@ -17,8 +17,7 @@ from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom
 if TYPE_CHECKING:
     from wbc.cli.progress import ProgressCall
     from wbc.problem import Result
-    from wbc.problem.pendulum.result import PendulumResult
-    from wbc.problem.pendulum.saved import SavedPendulum
+    from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
     from wbc.problem.saved import SavedRun
     from wbc.simulation import SimulationResult
 
@@ -44,7 +43,7 @@ def render(
     with errors_in_one_line():
         from wbc.cli.outputs import check_place, require_matplotlib
         from wbc.cli.progress import shown_progress
-        from wbc.problem.pendulum.saved import SavedPendulum
+        from wbc.problem.pendulum.result import SavedPendulum
 
         require_matplotlib("wbc render")
         from wbc.view.film import film_format, film_run
@@ -104,7 +103,7 @@ def report(
 
 
 def _write_report(saved: SavedRun | SavedPendulum, path: Path, title: str) -> None:
-    from wbc.problem.pendulum.saved import SavedPendulum
+    from wbc.problem.pendulum.result import SavedPendulum
     from wbc.view.report.report import write_pendulum_report, write_report
 
     if isinstance(saved, SavedPendulum):
@@ -156,7 +155,7 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
     from wbc.cli.progress import shown_progress
     from wbc.errors import InvalidInputError
     from wbc.problem import Problem, load_problem
-    from wbc.problem.pendulum.saved import SavedPendulum
+    from wbc.problem.pendulum.result import SavedPendulum
     from wbc.problem.saved import SavedRun, load_result
     from wbc.robot import Robot
 

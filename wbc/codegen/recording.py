@@ -14,7 +14,7 @@ from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.problem import Problem
 from wbc.problem.controller_spec import QpSpec, TorqueSpec
-from wbc.problem.walk_spec import WalkSpec
+from wbc.problem.walk import WalkSpec
 from wbc.qp.daqp import Daqp
 from wbc.robot import Snapshot
 from wbc.validate import Array

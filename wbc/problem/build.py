@@ -28,8 +28,7 @@ from wbc.problem.simulation_spec import turned_with
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
 from wbc.problem.support import check_said, contacts_of, slack_by_frame
-from wbc.problem.walk import walker_of
-from wbc.problem.walk_spec import WalkSpec
+from wbc.problem.walk import WalkSpec, walker_of
 from wbc.robot import Snapshot
 from wbc.run.phases import Phase
 from wbc.run.ramps import TargetedTask

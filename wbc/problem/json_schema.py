@@ -7,7 +7,7 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.walk_spec import WalkSpec
+from wbc.problem.walk import WalkSpec
 
 
 def json_schema() -> dict[str, Any]:

@@ -21,8 +21,7 @@ from wbc.problem.provenance import provenance, version_of, versions
 from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.walk import commanded_walk
-from wbc.problem.walk_spec import WalkSpec
+from wbc.problem.walk import WalkSpec, commanded_walk
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
 from wbc.run.leader import Leader
 from wbc.run.phases import Loads, PhaseExecutor

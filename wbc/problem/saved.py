@@ -16,7 +16,7 @@ from wbc.files import read_arrays
 from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
-from wbc.problem.pendulum.saved import SavedPendulum, pendulum_of
+from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
 from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.spec import ProblemSpec

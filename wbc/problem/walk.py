@@ -1,17 +1,147 @@
-"""A walk made of what a file describes: its walker, and who leads it by the commands."""
+"""A walk: a gait and a schedule of commands or footsteps, as a file describes them, and made."""
 
 from __future__ import annotations
 
 from functools import partial
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from wbc.gait import Walker, WalkingWeights
-from wbc.gait.commanded import CommandedWalk
+from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
+from wbc.gait.commanded import CommandedWalk, TimedCommand
+from wbc.gait.given import StepRange, in_world
+from wbc.gait.phases import planar_feet
+from wbc.gait.settings import GaitSettings
+from wbc.problem.controller_spec import TorqueSpec
+from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.parts import Parts
-from wbc.problem.walk_spec import WalkSpec
+from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Positive, Section
+from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
+from wbc.robot import Snapshot
 from wbc.run.ramps import MinimumJerk
 from wbc.simulation import Plant
+
+
+class CommandSpec(Section):
+    """A velocity from some time on; what is left out is 0, so {at: 5} stops."""
+
+    at: NonNegative
+    """From when on [s]."""
+    vx: Number = 0.0
+    """Forwards [m/s]."""
+    vy: Number = 0.0
+    """To the left [m/s]."""
+    yaw_rate: Number = 0.0
+    """To the left [rad/s]."""
+
+    @property
+    def timed(self) -> TimedCommand:
+        """The command."""
+        return TimedCommand(self.at, Velocity(self.vx, self.vy, self.yaw_rate))
+
+
+class FootstepSpec(Section):
+    """Where a foot goes."""
+
+    foot: Literal["left", "right"]
+    """Which one; feet take turns."""
+    x: Number
+    """Of the middle of its sole [m]."""
+    y: Number
+    """To the left [m]."""
+    yaw: Number = 0.0
+    """Its heading, to the left [rad]."""
+    duration: Positive | None = None
+    """How long the other foot stands alone meanwhile [s]; as in the gait if left out."""
+
+    @property
+    def footstep(self) -> Footstep:
+        """The footstep."""
+        return Footstep(**self.model_dump())
+
+
+class GaitSpec(Section):
+    """How a robot walks, and when where to; what is left out fits the robot's size."""
+
+    commands: NonEmpty[CommandSpec] = ()
+    """In order of time; each holds until the next. There must be commands, or footsteps."""
+    footsteps: NonEmpty[FootstepSpec] = ()
+    """Made one after the other from the start on; then it stands. A command ends them."""
+    relative: bool = False
+    """Whether a footstep is seen from the one before, in its axes, the first from the foot that
+    stands; false: in the world."""
+    single: Positive | None = None
+    """How long it stands on one foot [s]."""
+    double: Positive | None = None
+    """How long it stands on both feet between steps [s]."""
+    height: Positive | None = None
+    """Of the CoM over the soles [m]."""
+    width: Positive | None = None
+    """Distance of the feet from each other [m]."""
+    least_width: Positive | None = None
+    """Least that a recovery step may leave of it [m]."""
+    clearance: Positive | None = None
+    """How high feet are lifted [m]."""
+    ramp: Positive | None = None
+    """How long a foot takes to bear its load and to give it up [s]."""
+    acceleration: Positive | None = None
+    """At which a commanded velocity is followed [m/s^2]."""
+    gain: Positive | None = None
+    """How far beyond the capture point the pressure goes, by its error."""
+    feel: bool = True
+    """Whether feet land when they feel the ground, by its true forces, without noise or delay;
+    false: when they should."""
+    weights: Annotated[dict[str, Any], KeysOf(WalkingWeights)] = Field(default_factory=dict)
+    """Weights of the walking tasks and their stiffness."""
+
+    @property
+    def settings(self) -> dict[str, float | None]:
+        """Those of :class:`~wbc.gait.GaitSettings`."""
+        others = {"commands", "footsteps", "relative", "feel", "weights"}
+        return self.model_dump(exclude=others)
+
+    def check(self, start: Snapshot, duration: float, mistakes: Mistakes) -> None:
+        """Note what shows only with the robot, and commands and footsteps that cannot be."""
+        with mistakes.at("gait"):
+            settings = GaitSettings.of(Legs.of(start.robot), **self.settings)
+            if not self.commands and not self.footsteps:
+                raise Misplaced("says not where to: give commands, or footsteps")
+            self._check_footsteps(start, StepRange.of(start.robot, settings), mistakes)
+        with mistakes.at("gait", "weights"):
+            WalkingWeights(**self.weights)
+        last = -1.0
+        for k, command in enumerate(self.commands):
+            with mistakes.at("gait", "commands", k):
+                if command.at <= last:
+                    raise Misplaced(f"comes after the one at {last:g} s; order them by time", "at")
+                if command.at >= duration:
+                    raise Misplaced(
+                        f"is given after the end of the simulation ({duration:g} s)", "at"
+                    )
+            last = command.at
+
+    def _check_footsteps(self, start: Snapshot, able: StepRange, mistakes: Mistakes) -> None:
+        feet = planar_feet(start)
+        given = [one.footstep for one in self.footsteps]
+        world = in_world(given, feet) if self.relative else given
+        for number, key, text in able.complaints(world, feet):
+            mistakes.note(("gait", "footsteps", number), Misplaced(text, key))
+
+
+class WalkSpec(ProblemSpec):
+    """A walk: a robot, a gait with commands, and what else it should do and respect."""
+
+    gait: GaitSpec
+    """How it walks, and where to."""
+    support: Literal["double"] = "double"
+    """A walk begins on both feet."""
+    tasks: dict[PlainName, AnyTask] = Field(default_factory=dict)
+    """What the robot should do besides walking; targets are relative to the start, in the world."""
+    phases: None = None
+    """A walk has none: it is led by commands."""
+    controller: TorqueSpec = TorqueSpec(level="torque", solver="daqp")
+    """How the tasks are turned into torques."""
 
 
 def walker_of(spec: WalkSpec, parts: Parts) -> Walker:

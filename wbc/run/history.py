@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from wbc.constraints import Limits
 from wbc.controllers import Tick
 from wbc.controllers.closed_loop import LoopTick
+from wbc.controllers.tick import ACTIVE, NEGLIGIBLE
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
-from wbc.run.holding import holding_rows
 from wbc.run.standing import Standing
 from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
 from wbc.spatial import vech
@@ -62,7 +62,7 @@ class History:
         is not in use.
     active:
         (n,) whether a row held the command back, by the label of each that ever did; see
-        :func:`wbc.run.holding.holding_rows`.
+        :func:`holding_rows`.
     points, targets:
         (n, 3) the point that each task with a place to go to moves, and that place [m], by task;
         NaN while the task is off.
@@ -253,6 +253,38 @@ class Recorder:
             for name, place in columns["obstacles"].items()
         }
         return History(**columns)
+
+
+def holding_rows(tick: Tick) -> tuple[str, ...]:
+    """Return the labels of what held a command back: ``tick.active``, then joints at a bound.
+
+    A joint is at a bound where a limit of its position, speed or acceleration decides its velocity,
+    as in ``left_knee lower bound``.
+    """
+    if not tick.ok:
+        return ()
+    return (*tick.active, *(f"{name} {side} bound" for name, side, _ in held_joints(tick)))
+
+
+class HeldJoint(NamedTuple):
+    """A joint at a bound of its velocity, ``lower`` or ``upper``, and the bound's multiplier."""
+
+    name: str
+    side: str
+    pull: float
+
+
+def held_joints(tick: Tick) -> list[HeldJoint]:
+    """Return the joints whose velocity a bound holds back, in the robot's order; none if failed."""
+    if not tick.ok:
+        return []
+    pull = tick.solution.z_box[: tick.velocity.size]
+    least = max(NEGLIGIBLE, ACTIVE * float(np.abs(tick.solution.z_box).max(initial=0.0)))
+    names = tick.qp.labels.variables
+    return [
+        HeldJoint(names[k], "upper" if pull[k] > 0.0 else "lower", abs(float(pull[k])))
+        for k in np.flatnonzero(np.abs(pull) > least).tolist()
+    ]
 
 
 def _kkt_residual(tick: Tick) -> float:

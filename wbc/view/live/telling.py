@@ -11,7 +11,7 @@ from wbc.controllers import Controller, Tick
 from wbc.controllers.tick import NEGLIGIBLE
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.collision import CollisionModel
-from wbc.run.holding import held_joints
+from wbc.run.history import held_joints
 from wbc.tasks import (
     AxisTask,
     ComTask,

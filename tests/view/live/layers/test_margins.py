@@ -7,7 +7,7 @@ import wbc
 from tests.view.live.conftest import Stage, frame_at
 from wbc.constraints.margin import SKIN
 from wbc.rotations import exp_rotation
-from wbc.view.live.layers.solids import surface_of
+from wbc.view.live.layers.layer import surface_of
 from wbc.view.live.telling import cast_of
 
 

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from viser import SceneApi
 
-from wbc.rotations import quaternion_from
+from wbc.robot.collision import Capsule, Shape
+from wbc.robot.geometry import Surface, rounded_cylinder
+from wbc.rotations import quaternion_from, rotation_from
 from wbc.validate import Array
 from wbc.view import palette
 from wbc.view.live.messages import Cast
 from wbc.view.live.shown import Shown
+from wbc.view.solids import solid_surface
 
 Colour = tuple[int, int, int]
 BLACK, ORANGE, SKY, GREEN = (
@@ -23,6 +26,8 @@ BLUE, VERMILION, PURPLE, GREY = (
 )
 PRINCIPAL = tuple(palette.rgb(one) for one in palette.PRINCIPAL)
 AROUND = 64  # points of a circle
+PLANE = 2.0  # m: side of what is drawn of a half-space
+Z = np.array([0.0, 0.0, 1.0])
 
 
 class Layer(ABC):
@@ -95,3 +100,25 @@ def circle() -> Array:
     """Return points (k, 3) of the unit circle in the x-y plane."""
     angles = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
     return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)])
+
+
+def surface_of(shape: Shape) -> Surface:
+    """Return the surface of a collision shape; of a half-space a square about its own origin."""
+    if isinstance(shape, Capsule):
+        return _capsule(shape)
+    return solid_surface(shape, np.zeros(3), 0.5 * PLANE, -0.5 * PLANE)
+
+
+def _capsule(shape: Capsule) -> Surface:
+    """Return a capsule's surface, smooth around its own axis."""
+    start, end = shape.ends
+    length = float(np.linalg.norm(end - start))
+    around_z = rounded_cylinder(shape.radius, 0.5 * length)
+    R = _turn_z_to((end - start) / length if length > 0.0 else Z)
+    return Surface(around_z.vertices @ R.T + 0.5 * (start + end), around_z.faces)
+
+
+def _turn_z_to(direction: Array) -> Array:
+    """Return a rotation that turns z into a unit vector."""
+    w, x, y, z = along(direction)
+    return rotation_from(np.array([x, y, z, w]))

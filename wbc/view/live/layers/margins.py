@@ -10,8 +10,7 @@ from viser import SceneApi
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, HalfSpace
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREEN, ORANGE, SKY, VERMILION, Layer, wxyz
-from wbc.view.live.layers.solids import surface_of
+from wbc.view.live.layers.layer import GREEN, ORANGE, SKY, VERMILION, Layer, surface_of, wxyz
 from wbc.view.live.messages import Cast, PairsInfo
 from wbc.view.live.shown import Shown
 

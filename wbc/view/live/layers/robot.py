@@ -12,8 +12,7 @@ from wbc.robot import Robot
 from wbc.robot.collision import robot_bodies
 from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
 from wbc.validate import Array
-from wbc.view.live.layers.layer import GREY, Layer, wxyz
-from wbc.view.live.layers.solids import surface_of
+from wbc.view.live.layers.layer import GREY, Layer, surface_of, wxyz
 from wbc.view.live.shown import Shown
 
 PALE = 0.92  # the brightest that a shape is drawn: white would have no shading
