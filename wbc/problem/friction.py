@@ -8,7 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from wbc.constraints.friction import MOST_FACETS, FrictionCone
-from wbc.problem.section import MAPPING, NUMBER, NonNegative, Positive, Section, default_of, forms
+from wbc.problem.section import Forms, NonNegative, Positive, Section, default_of
 
 
 class FrictionSpec(Section):
@@ -35,8 +35,7 @@ class FrictionSpec(Section):
 
 
 Friction = Annotated[
-    Annotated[Positive, NUMBER] | Annotated[FrictionSpec, MAPPING],
-    forms("a coefficient, or {coefficient: ..., facets: ...}"),
+    Positive | FrictionSpec, Forms("a coefficient, or {coefficient: ..., facets: ...}")
 ]
 
 

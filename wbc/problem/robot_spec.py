@@ -12,8 +12,7 @@ from wbc.constraints import Limits
 from wbc.constraints.limits import BRAKING
 from wbc.problem.mistakes import Mistakes
 from wbc.problem.section import (
-    MAPPING,
-    WORD,
+    Forms,
     Fraction,
     JointNumbers,
     ListOf,
@@ -28,7 +27,6 @@ from wbc.problem.section import (
     Section,
     Words,
     default_of,
-    forms,
 )
 from wbc.robot import FootSpec, Robot
 
@@ -97,8 +95,7 @@ class RobotSpec(Section):
 
 
 RobotChoice = Annotated[
-    Annotated[Name, WORD] | Annotated[RobotSpec, MAPPING],
-    forms("a robot's name, a .urdf or .xml file, or {model: ..., locked: ...}"),
+    Name | RobotSpec, Forms("a robot's name, a .urdf or .xml file, or {model: ..., locked: ...}")
 ]
 
 
@@ -161,6 +158,6 @@ class LimitsSpec(Section):
 
 
 LimitsChoice = Annotated[
-    Annotated[Literal["none"], WORD] | Annotated[LimitsSpec, MAPPING],
-    forms("none, or keys such as margin: and velocity: (leave limits out for the defaults)"),
+    Literal["none"] | LimitsSpec,
+    Forms("none, or keys such as margin: and velocity: (leave limits out for the defaults)"),
 ]

@@ -14,13 +14,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field as DataclassField
 from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     Strict,
@@ -173,11 +172,47 @@ def form_of(value: Any) -> str | None:
     return MATRIX.tag if nested else LIST.tag
 
 
-def forms(expected: str) -> Discriminator:
-    """Return what picks a form of a union; ``expected`` names the forms in messages."""
-    return Discriminator(
-        form_of, custom_error_type="form", custom_error_message=f"expected {expected}"
-    )
+@dataclass(frozen=True)
+class Forms:
+    """Annotates a union of which the form that a value is written in picks the member.
+
+    The form of a member follows from its type, unless it is annotated by a tag of its own.
+
+    Parameters
+    ----------
+    expected:
+        Names the forms in messages.
+    pick:
+        Returns the tag of the form in which a value is written; None: in none of them.
+    """
+
+    expected: str
+    pick: Callable[[Any], str | None] = form_of
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.tagged_union_schema(
+            {_tag_of(member): handler.generate_schema(member) for member in get_args(source)},
+            self.pick,
+            custom_error_type="form",
+            custom_error_message=f"expected {self.expected}",
+        )
+
+
+def _tag_of(member: Any) -> str:
+    """Return the tag of the form that a member of a union is written in."""
+    kind, *notes = get_args(member) if get_origin(member) is Annotated else (member,)
+    own = [note.tag for note in notes if isinstance(note, Tag)]
+    if own:
+        return own[0]
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Literal:
+        return START.tag if parts == (START_WORD,) else WORD.tag
+    if origin is tuple:
+        entry = get_args(parts[0])[0] if get_origin(parts[0]) is Annotated else parts[0]
+        return MATRIX.tag if get_origin(entry) is tuple else LIST.tag
+    return {str: WORD.tag, float: NUMBER.tag}.get(kind, MAPPING.tag)
 
 
 def _distinct(entries: tuple[str, ...]) -> tuple[str, ...]:
@@ -215,17 +250,15 @@ Range = Two[float]  # (least, greatest); infinity is no limit; what gets it chec
 
 # Numbers of joints, one for all or by name or pattern.
 JointNumbers = Annotated[
-    Annotated[NonNegative, NUMBER] | Annotated[dict[Name, NonNegative], MAPPING],
-    forms("a number, or {joint or pattern: number}"),
+    NonNegative | dict[Name, NonNegative], Forms("a number, or {joint or pattern: number}")
 ]
 PositiveJointNumbers = Annotated[
-    Annotated[Positive, NUMBER] | Annotated[dict[Name, Positive], MAPPING],
-    forms("a number, or {joint or pattern: number}"),
+    Positive | dict[Name, Positive], Forms("a number, or {joint or pattern: number}")
 ]
 
 Weight = Annotated[
-    Annotated[NonNegative, NUMBER] | Annotated[NonEmpty[NonNegative], LIST],
-    forms("a number, or a list with one for each row of the task"),
+    NonNegative | NonEmpty[NonNegative],
+    Forms("a number, or a list with one for each row of the task"),
 ]
 
 

@@ -12,9 +12,7 @@ from pydantic import Field
 from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.section import (
-    LIST,
-    NUMBER,
-    WORD,
+    Forms,
     KeysOf,
     ListOf,
     Name,
@@ -28,7 +26,6 @@ from wbc.problem.section import (
     Three,
     Words,
     default_of,
-    forms,
 )
 from wbc.robot import Snapshot
 from wbc.rotations import rotation_from
@@ -47,8 +44,7 @@ from wbc.validate import Array
 
 Seed = Annotated[int, Field(ge=0)]
 Strength = Annotated[
-    Annotated[Positive, NUMBER] | Annotated[Point, LIST],
-    forms("a number (with angle or direction), or a list [x, y, z]"),
+    Positive | Point, Forms("a number (with angle or direction), or a list [x, y, z]")
 ]
 STRENGTHS = ("force", "impulse", "impulse_ratio")
 EVEN = 1e-6  # a time is so many physics steps, to this part of one
@@ -96,10 +92,7 @@ class PushSpec(Section):
     """Direction in the horizontal plane [rad]: 0 is forwards (world x), pi/2 to the left."""
     direction: Point | None = None
     """Direction in world axes; its length does not matter."""
-    point: Annotated[
-        Annotated[Literal["com"], WORD] | Annotated[Point, LIST],
-        forms("com, or [x, y, z] in the body's axes"),
-    ] = "com"
+    point: Annotated[Literal["com"] | Point, Forms("com, or [x, y, z] in the body's axes")] = "com"
     """Where it acts: com, where the CoM is at the start, carried along with the body; or a place
     in the body's axes [m]."""
     at: NonNegative

@@ -14,10 +14,7 @@ from wbc.errors import InvalidInputError
 from wbc.problem.friction import FrictionSpec, cone
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    LIST,
-    MAPPING,
-    NUMBER,
-    WORD,
+    Forms,
     ListOf,
     Name,
     NonEmpty,
@@ -25,7 +22,6 @@ from wbc.problem.section import (
     Number,
     Positive,
     Section,
-    forms,
 )
 from wbc.robot import Robot, Snapshot
 
@@ -46,10 +42,8 @@ class ContactSpec(Section):
     """At the torque level: damping [1/s]; left out: critical."""
     friction: (
         Annotated[
-            Annotated[Positive, NUMBER]
-            | Annotated[FrictionSpec, MAPPING]
-            | Annotated[Literal["grip"], WORD],
-            forms("a coefficient, {coefficient: ..., facets: ...}, or grip"),
+            Positive | FrictionSpec | Literal["grip"],
+            Forms("a coefficient, {coefficient: ..., facets: ...}, or grip"),
         ]
         | None
     ) = None
@@ -73,17 +67,13 @@ class ContactSpec(Section):
 
 
 Support = Annotated[
-    Annotated[Literal["floating", "left", "right", "double"], WORD]
-    | Annotated[
-        NonEmpty[
-            Annotated[
-                Annotated[Name, WORD] | Annotated[ContactSpec, MAPPING],
-                forms("a frame's name, or {frame: ..., type: fixed or point}"),
-            ]
-        ],
-        LIST,
+    Literal["floating", "left", "right", "double"]
+    | NonEmpty[
+        Annotated[
+            Name | ContactSpec, Forms("a frame's name, or {frame: ..., type: fixed or point}")
+        ]
     ],
-    forms("floating, left, right, double, or a list of frames"),
+    Forms("floating, left, right, double, or a list of frames"),
 ]
 
 

@@ -10,14 +10,13 @@ from difflib import get_close_matches
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Field, Tag
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    LIST,
-    MAPPING,
     START,
     Distinct,
+    Forms,
     ListOf,
     Name,
     NonEmpty,
@@ -29,7 +28,6 @@ from wbc.problem.section import (
     Section,
     Words,
     form_of,
-    forms,
 )
 from wbc.rotations import rotation_from
 from wbc.tasks.point import AXES
@@ -47,8 +45,7 @@ class Offset(Section):
 
 
 PointTarget = Annotated[
-    Annotated[Point, LIST] | Annotated[Offset, MAPPING] | Annotated[Start, START],
-    forms("[x, y, z] in metres, {offset: [x, y, z]}, or start"),
+    Point | Offset | Start, Forms("[x, y, z] in metres, {offset: [x, y, z]}, or start")
 ]
 
 
@@ -145,14 +142,10 @@ def _rotation_form(value: object) -> str | None:
 
 
 RotationTarget = Annotated[
-    Annotated[Rpy, Tag("(rpy)")]
-    | Annotated[QuaternionTarget, Tag("(quaternion)")]
-    | Annotated[Start, START],
-    Discriminator(
-        _rotation_form,
-        custom_error_type="form",
-        custom_error_message="expected {rpy: [roll, pitch, yaw]} in radians, "
-        "{quaternion: [x, y, z, w]}, or start",
+    Annotated[Rpy, Tag("(rpy)")] | Annotated[QuaternionTarget, Tag("(quaternion)")] | Start,
+    Forms(
+        pick=_rotation_form,
+        expected="{rpy: [roll, pitch, yaw]} in radians, {quaternion: [x, y, z, w]}, or start",
     ),
 ]
 

@@ -7,16 +7,14 @@ from difflib import get_close_matches
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Discriminator, Tag
+from pydantic import BaseModel, Tag
 
 from wbc.errors import UnknownNameError
 from wbc.laws import AccelerationLaw
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    LIST,
     MAPPING,
-    START,
-    WORD,
+    Forms,
     Name,
     Number,
     Point,
@@ -24,7 +22,6 @@ from wbc.problem.section import (
     Section,
     Weight,
     default_of,
-    forms,
 )
 from wbc.problem.targets import PLAN, Axes, FromPlan, Offset, Start, form_with_plan, point
 from wbc.problem.task_spec import ErrorTaskSpec
@@ -60,16 +57,10 @@ def _form(value: object) -> str | None:
 
 
 ComTarget = Annotated[
-    Annotated[Point, LIST]
-    | Annotated[Offset, MAPPING]
-    | Annotated[Over, OVER]
-    | Annotated[FromPlan, PLAN]
-    | Annotated[Start, START],
-    Discriminator(
-        _form,
-        custom_error_type="form",
-        custom_error_message="expected [x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, "
-        "{plan: file}, or start",
+    Point | Offset | Annotated[Over, OVER] | Annotated[FromPlan, PLAN] | Start,
+    Forms(
+        pick=_form,
+        expected="[x, y, z] in metres, {offset: [x, y, z]}, {over: foot}, {plan: file}, or start",
     ),
 ]
 
@@ -100,8 +91,8 @@ class ComSpec(ErrorTaskSpec):
     """Time [s] in which the target moves smoothly from the place at the start."""
     law: (
         Annotated[
-            Annotated[Literal["capture_point"], WORD] | Annotated[CapturePointLaw, MAPPING],
-            forms("capture_point, or {type: capture_point, gain: ...}"),
+            Literal["capture_point"] | CapturePointLaw,
+            Forms("capture_point, or {type: capture_point, gain: ...}"),
         ]
         | None
     ) = None

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import LIST, MAPPING, ListOf, Name, Number, Weight, default_of, forms
+from wbc.problem.section import Forms, ListOf, Name, Number, Weight, default_of
 from wbc.problem.targets import FromPlan
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
@@ -17,9 +17,8 @@ from wbc.tasks import CopTask
 from wbc.validate import Array
 
 CopTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=2, max_length=3), LIST]
-    | Annotated[FromPlan, MAPPING],
-    forms("[x, y] or [x, y, z] in metres, or {plan: file}"),
+    Annotated[ListOf[Number], Field(min_length=2, max_length=3)] | FromPlan,
+    Forms("[x, y] or [x, y, z] in metres, or {plan: file}"),
 ]
 
 

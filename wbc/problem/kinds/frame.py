@@ -6,18 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from wbc.problem.section import (
-    LIST,
-    MAPPING,
-    START,
-    Name,
-    Point,
-    Positive,
-    Section,
-    Weight,
-    default_of,
-    forms,
-)
+from wbc.problem.section import Forms, Name, Point, Positive, Section, Weight, default_of
 from wbc.problem.targets import Axes, PointTarget, RotationTarget, Start, point, rotation
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
@@ -110,10 +99,7 @@ class PoseSpec(FrameSpec):
     """Position and orientation of a frame at once."""
 
     control: Literal["pose"]
-    target: Annotated[
-        Annotated[PlacementTarget, MAPPING] | Annotated[Start, START],
-        forms("{position: ..., orientation: ...}, or start"),
-    ]
+    target: Annotated[PlacementTarget | Start, Forms("{position: ..., orientation: ...}, or start")]
     """Wanted position and orientation."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:
@@ -138,9 +124,7 @@ class AxisSpec(FrameSpec):
     control: Literal["axis"]
     axis: Point = tuple(float(entry) for entry in default_of(AxisTask, "axis"))
     """The axis, in the frame's own axes."""
-    target: Annotated[
-        Annotated[Point, LIST] | Annotated[Start, START], forms("a direction [x, y, z], or start")
-    ]
+    target: Annotated[Point | Start, Forms("a direction [x, y, z], or start")]
     """Wanted direction, world axes; its length does not matter."""
 
     def build(self, name: str, start: Snapshot) -> TargetedTask:

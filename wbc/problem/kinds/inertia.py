@@ -5,18 +5,13 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field
+from pydantic import Field
 
 from wbc.errors import InvalidInputError
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    LIST,
-    MAPPING,
-    MATRIX,
-    NUMBER,
-    START,
-    WORD,
     Distinct,
+    Forms,
     ListOf,
     Name,
     NonEmpty,
@@ -29,7 +24,6 @@ from wbc.problem.section import (
     Weight,
     Words,
     default_of,
-    forms,
 )
 from wbc.problem.targets import PLAN, FromPlan, Start, form_with_plan
 from wbc.problem.task_spec import ErrorTaskSpec
@@ -44,9 +38,9 @@ COMPONENTS = {"all": ALL, "diagonal": DIAGONAL_COMPONENTS, "trace": TRACE}
 PRINCIPAL = "principal"
 
 Components = Annotated[
-    Annotated[str, Words((*COMPONENTS, PRINCIPAL)), WORD]
-    | Annotated[NonEmpty[Annotated[str, Words(ALL)]], Distinct, LIST],
-    forms(f"{', '.join((*COMPONENTS, PRINCIPAL))}, or a list of {' '.join(ALL)}"),
+    Annotated[str, Words((*COMPONENTS, PRINCIPAL))]
+    | Annotated[NonEmpty[Annotated[str, Words(ALL)]], Distinct],
+    Forms(f"{', '.join((*COMPONENTS, PRINCIPAL))}, or a list of {' '.join(ALL)}"),
 ]
 
 
@@ -54,23 +48,22 @@ class Scale(Section):
     """An inertia given by factors on the one at the start."""
 
     scale: Annotated[
-        Annotated[NonNegative, NUMBER] | Annotated[Three[NonNegative], LIST],
-        forms("one factor, or three for the diagonal entries (or the principal moments)"),
+        NonNegative | Three[NonNegative],
+        Forms("one factor, or three for the diagonal entries (or the principal moments)"),
     ]
     """One factor for every component, or three for xx, yy, zz (or the principal moments)."""
 
 
 InertiaTarget = Annotated[
-    Annotated[Number, NUMBER]
-    | Annotated[ListOf[Number], Field(min_length=3, max_length=6), LIST]
-    | Annotated[Three[Point], MATRIX]
-    | Annotated[Scale, MAPPING]
+    Number
+    | Annotated[ListOf[Number], Field(min_length=3, max_length=6)]
+    | Three[Point]
+    | Scale
     | Annotated[FromPlan, PLAN]
-    | Annotated[Start, START],
-    Discriminator(
-        form_with_plan,
-        custom_error_type="form",
-        custom_error_message="expected numbers in kg m^2 (three diagonal entries or principal "
+    | Start,
+    Forms(
+        pick=form_with_plan,
+        expected="numbers in kg m^2 (three diagonal entries or principal "
         "moments, six entries xx xy xz yy yz zz, a 3x3 matrix, or one number for the trace), "
         "{scale: factor}, {plan: file}, or start",
     ),

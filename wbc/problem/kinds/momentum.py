@@ -8,10 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from wbc.problem.section import (
-    LIST,
-    MAPPING,
-    WORD,
     Distinct,
+    Forms,
     ListOf,
     NonEmpty,
     NonNegative,
@@ -19,7 +17,6 @@ from wbc.problem.section import (
     Weight,
     Words,
     default_of,
-    forms,
 )
 from wbc.problem.targets import FromPlan, entries
 from wbc.problem.task_spec import MotionTaskSpec
@@ -33,14 +30,13 @@ ROWS = LINEAR + ANGULAR
 COMPONENTS = {"all": ROWS, "linear": LINEAR, "angular": ANGULAR}
 
 Components = Annotated[
-    Annotated[str, Words(tuple(COMPONENTS)), WORD]
-    | Annotated[NonEmpty[Annotated[str, Words(ROWS)]], Distinct, LIST],
-    forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
+    Annotated[str, Words(tuple(COMPONENTS))]
+    | Annotated[NonEmpty[Annotated[str, Words(ROWS)]], Distinct],
+    Forms(f"{', '.join(COMPONENTS)}, or a list of {' '.join(ROWS)}"),
 ]
 MomentumTarget = Annotated[
-    Annotated[ListOf[Number], Field(min_length=1, max_length=6), LIST]
-    | Annotated[FromPlan, MAPPING],
-    forms("a list of numbers, or {plan: file}"),
+    Annotated[ListOf[Number], Field(min_length=1, max_length=6)] | FromPlan,
+    Forms("a list of numbers, or {plan: file}"),
 ]
 
 

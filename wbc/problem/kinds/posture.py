@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field
+from pydantic import Field
 
 from wbc.flight.rounds import Rounds
-from wbc.problem.section import MAPPING, WORD, Name, NonNegative, Number, form_of
+from wbc.problem.section import WORD, Forms, Name, NonNegative, Number, form_of
 from wbc.problem.targets import LOOP, LoopTarget
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Robot, Snapshot
@@ -27,13 +27,8 @@ def _form(value: object) -> str | None:
 # "start" is a word like the names of postures: as a form of its own it would match twice in the
 # JSON Schema.
 PostureTarget = Annotated[
-    Annotated[dict[Name, Number], MAPPING] | Annotated[LoopTarget, LOOP] | Annotated[Name, WORD],
-    Discriminator(
-        _form,
-        custom_error_type="form",
-        custom_error_message="expected the name of a posture, {joint: value}, {loop: ...}, or "
-        "start",
-    ),
+    dict[Name, Number] | Annotated[LoopTarget, LOOP] | Name,
+    Forms(pick=_form, expected="the name of a posture, {joint: value}, {loop: ...}, or start"),
 ]
 
 

@@ -7,17 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from wbc.problem.kinds.frame import PlacementTarget
-from wbc.problem.section import (
-    MAPPING,
-    START,
-    Distinct,
-    Name,
-    NonEmpty,
-    Weight,
-    Words,
-    default_of,
-    forms,
-)
+from wbc.problem.section import Distinct, Forms, Name, NonEmpty, Weight, Words, default_of
 from wbc.problem.targets import Start, point, rotation
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
@@ -41,8 +31,7 @@ class RelativePoseSpec(ErrorTaskSpec):
     )
     """Which of x y z rx ry rz are controlled, in axes of ``relative_to``."""
     target: Annotated[
-        Annotated[PlacementTarget, MAPPING] | Annotated[Start, START],
-        forms("{position: ..., orientation: ...}, or start"),
+        PlacementTarget | Start, Forms("{position: ..., orientation: ...}, or start")
     ] = "start"
     """Wanted position [m] and orientation, in axes of ``relative_to``."""
     weight: Weight = 1.0

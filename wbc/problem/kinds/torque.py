@@ -6,17 +6,14 @@ from typing import Annotated, Literal
 
 from wbc.problem.mistakes import Misplaced
 from wbc.problem.section import (
-    LIST,
-    MAPPING,
-    NUMBER,
     Distinct,
+    Forms,
     Name,
     Names,
     NonEmpty,
     NonNegative,
     Number,
     default_of,
-    forms,
 )
 from wbc.problem.task_spec import ForceTaskSpec
 from wbc.robot import Snapshot
@@ -24,10 +21,8 @@ from wbc.run.ramps import TargetedTask, unmeasured
 from wbc.tasks import TorqueTask
 
 Torques = Annotated[
-    Annotated[Number, NUMBER]
-    | Annotated[NonEmpty[Number], LIST]
-    | Annotated[dict[Name, Number], MAPPING],
-    forms("a number, {joint: torque}, or a list with one for each joint"),
+    Number | NonEmpty[Number] | dict[Name, Number],
+    Forms("a number, {joint: torque}, or a list with one for each joint"),
 ]
 
 

@@ -8,17 +8,14 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 
 from wbc.problem.mistakes import Misplaced, Mistakes
 from wbc.problem.pendulum.result import PendulumHistory, PendulumResult, PendulumStatus, Support
 from wbc.problem.section import (
-    LIST,
     MAPPING,
-    MATRIX,
-    NUMBER,
-    WORD,
     Components,
+    Forms,
     KeysOf,
     Name,
     NonEmpty,
@@ -29,7 +26,6 @@ from wbc.problem.section import (
     Size,
     Two,
     form_of,
-    forms,
 )
 from wbc.problem.targets import Offset
 from wbc.rmp.ground import centroidal_moment_pivot
@@ -58,12 +54,10 @@ from wbc.tracking.reference import DOUBLE
 # Moments between two knots, so that curves look like curves.
 FINER = 4
 
-_Durations = Annotated[
-    Annotated[Size, NUMBER] | Annotated[Two[Size], LIST], forms("seconds, or [least, greatest]")
-]
+_Durations = Annotated[Size | Two[Size], Forms("seconds, or [least, greatest]")]
 _Com = Annotated[
-    Annotated[Components, LIST] | Annotated[Offset, MAPPING],
-    forms("[x, y, z] in metres, null where free, or {offset: [x, y, z]} from the robot's"),
+    Components | Offset,
+    Forms("[x, y, z] in metres, null where free, or {offset: [x, y, z]} from the robot's"),
 ]
 _State = Annotated[dict[str, Any], KeysOf(State, com=_Com)]
 _Limits = Annotated[dict[str, Any], KeysOf(Limits)]
@@ -110,15 +104,14 @@ def _support_form(value: Any) -> str | None:
 
 
 _Support = Annotated[
-    Annotated[Literal["flight"], WORD]
-    | Annotated[NonEmpty[Pair], MATRIX]
-    | Annotated[RectangleSpec, MAPPING]
+    Literal["flight"]
+    | NonEmpty[Pair]
+    | RectangleSpec
     | Annotated[HullSpec, Tag("(hull)")]
     | Annotated[SolesSpec, Tag("(soles)")],
-    Discriminator(
-        _support_form,
-        custom_error_type="form",
-        custom_error_message="expected flight, corners [[x, y], ...] anticlockwise, "
+    Forms(
+        pick=_support_form,
+        expected="flight, corners [[x, y], ...] anticlockwise, "
         "{at: [x, y], size: [length, width]}, {hull: [...]} of several, or {soles: double}",
     ),
 ]

@@ -11,8 +11,7 @@ from wbc.problem.pendulum.plan import PlanSpec
 from wbc.problem.pendulum.start import PendulumStartSpec
 from wbc.problem.robot_spec import RobotChoice
 from wbc.problem.section import (
-    LIST,
-    MATRIX,
+    Forms,
     KeysOf,
     ListOf,
     Name,
@@ -22,13 +21,12 @@ from wbc.problem.section import (
     Positive,
     Section,
     Size,
-    forms,
 )
 from wbc.rmp.balance.law import Bounds
 
 _Polygon = Annotated[
-    Annotated[Pair, LIST] | Annotated[ListOf[Pair], Field(min_length=3), MATRIX],
-    forms("[least x, greatest x] (planar), or corners [[x, y], ...] (solid)"),
+    Pair | Annotated[ListOf[Pair], Field(min_length=3)],
+    Forms("[least x, greatest x] (planar), or corners [[x, y], ...] (solid)"),
 ]
 
 

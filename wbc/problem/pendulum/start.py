@@ -9,26 +9,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wbc.problem.mistakes import Misplaced
-from wbc.problem.section import (
-    LIST,
-    NUMBER,
-    NonNegative,
-    Number,
-    Point,
-    Section,
-    Size,
-    Three,
-    forms,
-)
+from wbc.problem.section import Forms, NonNegative, Number, Point, Section, Size, Three
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
 from wbc.validate import Array
 
 _OneOrThree = Annotated[
-    Annotated[NonNegative, NUMBER] | Annotated[Three[NonNegative], LIST],
-    forms("one number, or three for a solid pendulum"),
+    NonNegative | Three[NonNegative], Forms("one number, or three for a solid pendulum")
 ]
-_Spin = Annotated[Annotated[Number, NUMBER] | Annotated[Point, LIST], forms("a rate, or three")]
+_Spin = Annotated[Number | Point, Forms("a rate, or three")]
 
 
 class RatesSpec(Section):
