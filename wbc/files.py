@@ -45,6 +45,20 @@ def cache_folder(kind: str) -> Path | None:
     return user_cache_path("wbc", appauthor=False) / kind
 
 
+def ending_of(path: str | Path, endings: Collection[str], expected: str) -> str:
+    """Return the ending of a file's name, in small letters.
+
+    Raises
+    ------
+    InvalidInputError
+        None of ``endings``; ``expected`` tells what is written.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in endings:
+        raise InvalidInputError(f"{path}: {expected}")
+    return ending
+
+
 def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
     """Write a neighbour first and rename it: an interrupted run leaves no half file.
 

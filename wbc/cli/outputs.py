@@ -7,14 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from wbc.cli.errors import BAD_INPUT, complain
 from wbc.errors import InvalidInputError, WbcError
-from wbc.problem import Result
-from wbc.problem.pendulum.result import PendulumResult
 from wbc.run.saving import result_format
 
 
@@ -63,25 +60,6 @@ def write_one(path: Path, save: Callable[[Path], object], quiet: bool) -> int:
         for each in outputs.written:
             typer.echo(f"written  {each} ({each.stat().st_size / 1e6:.1f} MB)")
     return outputs.exit_code()
-
-
-def draw_result(
-    result: Result | PendulumResult,
-    path: Path,
-    name: str,
-    view_from: str = "front-left",
-    show: str = "all",
-) -> None:
-    """Draw what came of the problem ``name``."""
-    from wbc.view import plot_pendulum, plot_run
-    from wbc.view.options import View
-
-    title = f"{name}: {result.status.value.replace('_', ' ')}"
-    if isinstance(result, Result):
-        draw: Callable[..., Any] = plot_run  # a History has every array that it reads
-        draw(result.robot, result.history, path, title=title, view=View.of(view_from, show))
-    else:
-        plot_pendulum(result.history, path, title=title)
 
 
 def check_outputs(output: list[Path], plot: Path | None) -> None:

@@ -72,7 +72,6 @@ def run(
 def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> int:
     """Run a problem, write and print what came of it, and return the exit code."""
     from wbc.cli.interrupts import Interrupts, noted_interrupts
-    from wbc.cli.outputs import draw_result
     from wbc.cli.printing import print_pendulum_result, print_result
     from wbc.cli.progress import shown_progress
     from wbc.problem import Problem, Result, load_problem
@@ -92,6 +91,16 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
             result = problem.run(progress, cancelled=interrupts)
     interrupted = interrupts() or _search_interrupted(result)
 
+    def draw(path: Path) -> None:
+        from wbc.view import plot_pendulum, plot_run
+        from wbc.view.options import View
+
+        title = f"{wanted.name}: {result.status.value.replace('_', ' ')}"
+        if isinstance(result, Result):
+            plot_run(result.robot, result.history, path, title=title, view=View.of(*look))
+        else:
+            plot_pendulum(result.history, path, title=title)
+
     def tell(written: Iterable[Path]) -> None:
         if isinstance(result, Result):
             print_result(result, written)
@@ -102,7 +111,7 @@ def _run(wanted: _Wanted, look: tuple[str, str], overrides: dict[str, Any]) -> i
         wanted,
         watching,
         save=result.save,
-        draw=lambda path: draw_result(result, path, wanted.name, *look),
+        draw=draw,
         tell=tell,
         code=_exit_code(result.status),
         interrupted=interrupts.exit_code if interrupted else None,

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
-from wbc.files import write_whole
+from wbc.files import ending_of, write_whole
 from wbc.motion.dropouts import Dropout
 from wbc.rmp.axes import Bools
 from wbc.robot import Robot
@@ -56,12 +55,8 @@ def series_format(path: str | Path) -> str:
     InvalidInputError
         Neither ``.npz`` nor ``.csv``.
     """
-    ending = Path(path).suffix.lower()
-    if ending not in FORMATS:
-        raise InvalidInputError(
-            f"{path}: a series is written as .npz (everything) or .csv (the pendulum)"
-        )
-    return ending
+    expected = "a series is written as .npz (everything) or .csv (the pendulum)"
+    return ending_of(path, FORMATS, expected)
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,7 +174,7 @@ def _check_stop(spec: ProblemSpec, mistakes: Mistakes) -> None:
     stop = spec.whole_stop
     where: tuple[str, ...] = ("phases",)
     if spec.phases is None:
-        where = ("simulation" if spec.controller.level == TORQUE else "stop", "duration")
+        where = (spec.timed_by, "duration")
     ticks = stop.duration / spec.controller.dt
     with mistakes.at(*where):
         if ticks > MAX_TICKS:
@@ -197,9 +197,8 @@ def _check_ramps(spec: ProblemSpec, mistakes: Mistakes) -> None:
     for name, ramp in _ramps(spec):
         with mistakes.at("tasks", name, "ramp"):
             if ramp > spec.whole_stop.duration:
-                section = "simulation" if spec.controller.level == TORQUE else "stop"
                 raise InvalidInputError(
-                    f"{ramp:g} s is longer than the run ({section}.duration,"
+                    f"{ramp:g} s is longer than the run ({spec.timed_by}.duration,"
                     f" {spec.whole_stop.duration:g} s)"
                 )
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from wbc.constraints import Contact, Limits
 from wbc.controllers import Controller
 from wbc.problem.constraint_spec import Surroundings
@@ -31,6 +33,11 @@ class Parts:
     surroundings: Surroundings
     contact_slack: Mapping[str, float]  # weights of the contacts that may give way, by frame
     plan: PlanReference | None  # what tasks follow, or None
+
+    @property
+    def at_start(self) -> Snapshot:
+        """The robot at its start, at rest."""
+        return self.robot.snapshot(self.start, np.zeros(self.robot.nv))
 
     @property
     def tasks(self) -> tuple[Task, ...]:

@@ -126,9 +126,8 @@ def check_loops(spec: ProblemSpec, built: Mapping[str, TargetedTask], mistakes: 
                 refuse_course(spec.tasks[name].target, None)
             lasts, duration = one.course.duration, spec.whole_stop.duration
             if lasts > duration + spec.controller.dt:
-                section = "simulation" if spec.controller.level == "torque" else "stop"
                 raise Misplaced(
-                    f"the rounds take {lasts:g} s, longer than the run ({section}.duration,"
+                    f"the rounds take {lasts:g} s, longer than the run ({spec.timed_by}.duration,"
                     f" {duration:g} s)",
                     "target",
                 )
@@ -161,8 +160,7 @@ def _reference(
     reference = PlanReference(plan, start, feet=feet, begins=wanted.begins, flights=flights)
     duration = spec.whole_stop.duration
     if reference.ends > duration + spec.controller.dt:
-        section = "simulation" if spec.controller.level == "torque" else "stop"
-        where = f"{section}.duration" if spec.phases is None else "all phases"
+        where = f"{spec.timed_by}.duration" if spec.phases is None else "all phases"
         raise Misplaced(
             f"the plan ends at {reference.ends:g} s, after the run ({where}, {duration:g} s)"
         )

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from wbc.errors import InvalidInputError
 from wbc.problem.build import build
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
@@ -95,7 +93,7 @@ class Problem:
             )
         stop = Stop(**spec.whole_stop.model_dump())
         made_with = self._made_with(versions())
-        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        start = parts.at_start
         if isinstance(controller, GlobalSpec):
             from wbc.run.global_shaping import shape_globally  # only now: it loads CasADi
 
@@ -167,8 +165,8 @@ class Problem:
             MuJoCo is not installed.
         """
         spec, parts = self.spec, self.parts
-        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
-        return spec.simulation.plant(start, held_feet(parts.contacts), spec.controller.dt)
+        feet = held_feet(parts.contacts)
+        return spec.simulation.plant(parts.at_start, feet, spec.controller.dt)
 
     def leader(self, plant: Plant) -> Leader:
         """Return what leads a simulation of ``plant`` from the start; it serves one run.
@@ -191,7 +189,7 @@ class Problem:
             [name for name, task in spec.tasks.items() if task.active],
             partial(parts.controller, spec.controller),
             parts.change,
-            parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv)),
+            parts.at_start,
             parts.surroundings.move_to,
             spec.ground_height,
             TOUCHED if spec.controller.level == "torque" else FLAT,

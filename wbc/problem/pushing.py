@@ -55,7 +55,7 @@ class PushedProblem:
             )
         self.problem, self.settings = problem, settings
         self.robot = parts.robot
-        self.start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+        self.start = parts.at_start
         self.feet = held_feet(parts.contacts)
         if not self.feet:
             raise InvalidInputError(

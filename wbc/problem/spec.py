@@ -142,6 +142,11 @@ class ProblemSpec(Section):
         return None if level else self.simulation.ground().height
 
     @property
+    def timed_by(self) -> str:
+        """The section that says how long the problem lasts if there are no phases."""
+        return "simulation" if self.controller.level == "torque" else "stop"
+
+    @property
     def whole_stop(self) -> StopSpec:
         """When the run really ends: ``stop``, but after the last phase if there are phases.
 

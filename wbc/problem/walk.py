@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 from wbc.gait import Footstep, Legs, Velocity, Walker, WalkingWeights
@@ -152,7 +151,7 @@ def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
     WbcError
         A robot that cannot walk, or settings that do not fit it.
     """
-    start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+    start = parts.at_start
     for one in parts.targeted:
         goal = one.goal(start, one.current(start))
         one.set_target(*MinimumJerk(goal, goal, 1.0, one.space).at(0.0))
@@ -176,7 +175,6 @@ def commanded_walk(spec: WalkSpec, parts: Parts, plant: Plant) -> CommandedWalk:
     commands = [command.timed for command in spec.gait.commands]
     walker = walker_of(spec, parts)
     if spec.gait.footsteps:
-        start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
         given = [one.footstep for one in spec.gait.footsteps]
-        walker.follow(given, start, relative=spec.gait.relative)
+        walker.follow(given, parts.at_start, relative=spec.gait.relative)
     return CommandedWalk(walker, commands, forces, parts.surroundings.move_to)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError
-from wbc.files import write_whole
+from wbc.files import ending_of, write_whole
 from wbc.validate import Array
 
 FORMATS = (".json", ".npz", ".csv")
@@ -30,13 +29,8 @@ def result_format(path: str | Path) -> str:
     InvalidInputError
         None of ``.json``, ``.npz`` and ``.csv``.
     """
-    ending = Path(path).suffix.lower()
-    if ending not in FORMATS:
-        raise InvalidInputError(
-            f"{path}: a result is written as .json (summary), .npz (summary and histories) or .csv"
-            " (a table with a row per tick)"
-        )
-    return ending
+    what = "a result is written as .json (summary), .npz (summary and histories) or .csv"
+    return ending_of(path, FORMATS, f"{what} (a table with a row per tick)")
 
 
 def save_result(

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image  # matplotlib brings it
 
 from wbc.errors import InvalidInputError
+from wbc.files import ending_of
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
 from wbc.validate import Array, finite_number
@@ -73,9 +74,7 @@ def film_format(path: str | Path) -> str:
     InvalidInputError
         Neither ``.gif`` nor ``.mp4``, or ``.mp4`` without ffmpeg.
     """
-    ending = Path(path).suffix.lower()
-    if ending not in FORMATS:
-        raise InvalidInputError(f"{path}: a film is written as .gif or .mp4")
+    ending = ending_of(path, FORMATS, "a film is written as .gif or .mp4")
     if ending == ".mp4" and not FFMpegWriter.isAvailable():
         raise InvalidInputError(f"{path}: needs the program ffmpeg; install it, or write a .gif")
     return ending

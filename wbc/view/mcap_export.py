@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc import __version__
-from wbc.errors import InvalidInputError, WbcError
-from wbc.files import write_whole
+from wbc.errors import WbcError
+from wbc.files import ending_of, write_whole
 from wbc.robot import Robot, Snapshot
 from wbc.run.history import History
 from wbc.validate import Array
@@ -42,8 +42,7 @@ class Topic(NamedTuple):
 
 def mcap_format(path: str | Path) -> None:
     """Raise unless a file can be written: InvalidInputError for its ending, WbcError for want."""
-    if Path(path).suffix.lower() != ".mcap":
-        raise InvalidInputError(f"{path}: a run is exported as .mcap")
+    ending_of(path, (".mcap",), "a run is exported as .mcap")
     if find_spec("mcap") is None:
         raise WbcError("wbc export needs the package mcap: pip install 'wbc[mcap]'")
 

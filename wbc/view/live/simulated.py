@@ -101,7 +101,7 @@ def pulled(wanted: PullRobot, now: Snapshot) -> Pulled:
 def strongest_push(problem: Problem) -> float:
     """Return the largest push that the page offers [N s]."""
     parts = problem.parts
-    start = parts.robot.snapshot(parts.start, np.zeros(parts.robot.nv))
+    start = parts.at_start
     feet = held_feet(parts.contacts)
     if not feet:
         return JUMP * parts.robot.mass

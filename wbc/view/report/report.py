@@ -15,8 +15,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from wbc.errors import InvalidInputError
-from wbc.files import write_whole
+from wbc.files import ending_of, write_whole
 from wbc.problem.pendulum.result import PendulumHistory, unit_of
 from wbc.robot import Robot
 from wbc.view import style
@@ -35,8 +34,7 @@ Table = tuple[str, Sequence[str], Iterable[Sequence[str]]]  # title, heads, rows
 
 def report_format(path: str | Path) -> None:
     """Raise InvalidInputError unless the file's ending is ``.html``."""
-    if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise InvalidInputError(f"{path}: a report is written as .html")
+    ending_of(path, (".html", ".htm"), "a report is written as .html")
 
 
 def write_report(
