@@ -81,9 +81,11 @@ def test_the_loop_ends_with_the_fall_unless_told_otherwise(load: Load) -> None:
     for falls in (FallLimits(), None):
         plant.reset(robot.posture("standing"))
         plant.push("base", [60.0, 0.0, 0.0], "com", duration=0.1)  # 6 N s on 7 kg
-        ticks = list(simulate(controller, plant, 1.0, falls=falls))
+        # It falls at 0.35 s. Commanded on as if it stood, a robot that lies thrashes: some reach
+        # 1e5 rad/s from 0.57 s on, which the physics does not survive.
+        ticks = list(simulate(controller, plant, 0.45, falls=falls))
         assert not ticks[-1].verdict.stood
-        assert (len(ticks) == 500) == (falls is None)
+        assert (len(ticks) == 225) == (falls is None)
 
 
 def test_lost_frames_hold_the_torque(load: Load) -> None:
