@@ -244,6 +244,40 @@ def test_meshes_of_a_million_triangles_are_refused_by_their_size(tmp_path: Path,
         _ = robot.collision_model
 
 
+@pytest.mark.parametrize("kind", HUGE)
+@pytest.mark.parametrize(
+    ("count", "said"), [(400_001, "400001 triangles, more than 400000"), (2, "")]
+)
+def test_triangles_of_binary_stl_are_counted_before_they_are_read(
+    tmp_path: Path, kind: str, count: int, said: str
+) -> None:
+    """Below the size that is refused, too: 670,000 triangles fit into it."""
+    corners = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4")
+    triangle = corners.tobytes() + b"\0\0"
+    (tmp_path / f"r.{kind}").write_text(HUGE[kind].replace("TAG", "collision"))
+    stl = b"\0" * 80 + count.to_bytes(4, "little") + count * triangle
+    (tmp_path / "ball.stl").write_bytes(stl)
+    robot = Robot.load(tmp_path / f"r.{kind}")
+    if said:
+        with pytest.raises(ModelError, match=rf"ball\.stl: {said}; export the mesh with fewer"):
+            _ = robot.collision_model
+    else:
+        assert robot.collision_model.ngeoms == 1
+
+
+def test_triangles_of_obj_files_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wbc.robot.formats.mesh_files.MOST_TRIANGLES", 3)
+    path = tmp_path / "mesh.obj"
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    path.write_text(corners + "f 1 2 3 4\nf 1 2 3\n")
+    assert len(read_mesh(path).faces) == 3
+    path.write_text(corners + "f 1 2 3 4\nf 4 3 2 1\n")
+    with pytest.raises(ModelError, match="4 triangles, more than 3"):
+        read_mesh(path)
+
+
 def test_a_huge_mesh_to_look_at_is_in_nobodys_way(tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_text(HUGE["urdf"].replace("TAG", "visual"))
     with (tmp_path / "ball.stl").open("wb") as file:

@@ -31,7 +31,10 @@ _UP = {
 }
 # MeshLab writes Y_UP whatever the axes are (TIAGo, Borinot: their URDFs mean z).
 _UP_UNKNOWN = ("MeshLab", "VCGLib")
-MOST_BYTES = 32 << 20  # of a mesh file; a million triangles take a quarter of a minute to read
+# Of a mesh file. 400,000 triangles (the most of any robot at hand: 351,394) take 1.6 s of CPU time
+# to read, 2 to draw and 4.4 to fit a shape to; a million took 44.
+MOST_BYTES, MOST_TRIANGLES = 32 << 20, 400_000
+_STL_HEADER, _STL_TRIANGLE = 84, 50  # bytes of a binary STL file
 _DEEPEST = 100  # nodes inside each other
 _LINES = {"lines", "linestrips"}
 
@@ -102,14 +105,31 @@ def refuse_huge_meshes(files: Iterable[Path]) -> None:
     Raises
     ------
     ModelError
-        A file is larger than :data:`MOST_BYTES`.
+        A file is larger than :data:`MOST_BYTES`, or a binary STL with more than
+        :data:`MOST_TRIANGLES`.
     """
     for path in files:
-        if path.is_file() and path.stat().st_size > MOST_BYTES:
-            raise ModelError(
-                f"{path}: {path.stat().st_size >> 20} MB, larger than {MOST_BYTES >> 20} MB; export"
-                " the mesh with fewer triangles, some thousand show any link"
-            )
+        if not path.is_file():
+            continue
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            raise _too_much(path, f"{size >> 20} MB, larger than {MOST_BYTES >> 20} MB")
+        if path.suffix.lower() == ".stl" and size > _STL_TRIANGLE * MOST_TRIANGLES:
+            with path.open("rb") as file:
+                count = int.from_bytes(file.read(_STL_HEADER)[80:], "little")
+            if size == _STL_HEADER + _STL_TRIANGLE * count:  # else text, with a tenth for its bytes
+                _refuse_triangles(path, count)
+
+
+def _refuse_triangles(path: Path, count: int) -> None:
+    if count > MOST_TRIANGLES:
+        raise _too_much(path, f"{count} triangles, more than {MOST_TRIANGLES}")
+
+
+def _too_much(path: Path, what: str) -> ModelError:
+    return ModelError(
+        f"{path}: {what}; export the mesh with fewer triangles, some thousand show any link"
+    )
 
 
 def exact_meshes(shapes: pin.GeometryModel) -> None:
@@ -136,7 +156,7 @@ def read_mesh(path: Path) -> Triangles:
     Raises
     ------
     ModelError
-        The file uses what is not supported, or is damaged.
+        The file uses what is not supported, is damaged, or has more than :data:`MOST_TRIANGLES`.
     """
     try:
         mesh = _READERS[path.suffix.lower()](path)
@@ -144,6 +164,7 @@ def read_mesh(path: Path) -> Triangles:
         raise ModelError(f"{path}: damaged mesh: {error!r}; export it again") from error
     if not np.isfinite(mesh.vertices).all():
         raise ModelError(f"{path}: damaged mesh: a vertex is not finite; export it again")
+    _refuse_triangles(path, len(mesh.faces))
     if not len(mesh.faces):
         raise ModelError(f"{path}: no triangles; export the mesh with triangles or polygons")
     return mesh
