@@ -195,3 +195,24 @@ def test_what_bears_no_force_has_no_unknowns(geared: Robot) -> None:
     np.testing.assert_allclose(force[6:], expected)
     with pytest.raises(InvalidInputError, match="where its forces act is not known"):
         ContactForces(geared, [Contact.hold(here, geared.frame_names[-1])], UNIT)
+
+
+def test_what_leaves_the_exact_cone_is_told_in_newtons() -> None:
+    cone = FrictionCone(0.5)
+    assert cone.excess(np.array([3.0, 4.0, 12.0])) == pytest.approx(5.0 - 6.0)
+    assert cone.excess(np.array([-3.0, 4.0, 2.0])) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("facets", "inner"), [(3, True), (4, False), (8, True), (64, False)])
+def test_pyramids_are_inside_the_cone_or_around_it(facets: int, inner: bool) -> None:
+    """Along its edges and along the middles of its faces: one of the two touches the cone."""
+    cone = FrictionCone(0.5, facets=facets, inner=inner)
+    A = cone.matrix()
+    assert A.shape == (facets, 3)
+    turn = 2.0 * np.pi * np.arange(facets) / facets
+    for offset, touches in ((0.0, not inner), (np.pi / facets, inner)):
+        for angle in turn + offset:
+            way = np.array([np.cos(angle), np.sin(angle), 0.0])
+            most = min(float(-row[2] / (row @ way)) for row in A if row @ way > 1e-9)
+            assert (abs(most - 0.5) < 1e-12) == touches
+            assert most <= 0.5 + 1e-12 if inner else most >= 0.5 - 1e-12

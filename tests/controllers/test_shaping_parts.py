@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,10 +11,10 @@ from wbc.constraints import ComSupport, Limits, Obstacles, PositionBox, SelfColl
 from wbc.constraints.margin import SKIN, USED
 from wbc.controllers.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
 from wbc.controllers.shaping.motion import INTERRUPTED, GuidingTasks, Reach
-from wbc.controllers.shaping.nlp import build_nlp
+from wbc.controllers.shaping.nlp import BuiltNlp, build_nlp
 from wbc.controllers.shaping.outcome import Candidate, Kept, Motion, ShapingOutcome
 from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
-from wbc.controllers.shaping.separation import SeparatedIpopt, searcher
+from wbc.controllers.shaping.separation import ActivePairs, SeparatedIpopt, searcher
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.collision import Obstacle
@@ -120,11 +121,17 @@ def test_an_obstacle_that_moves_along_one_axis_is_refused(robot, axis: int) -> N
 # ---------------------------------------------------------------------- keeping apart
 
 
+@cache
+def kept_apart(robot: Robot, fit: str) -> BuiltNlp:
+    """In world axes: the base turns too."""
+    watched = SelfCollision(robot, margin=0.01, fit=fit)
+    return build_nlp(problem_of(robot, [InertiaTask(robot, np.eye(3))], (), [watched]))
+
+
 def test_the_way_back_to_standing_ends_at_the_first_free_place(robot) -> None:
     """Twenty steps on the straight line of the joints, whatever the base; else the best place."""
     q = robot.posture()
-    task = InertiaTask(robot, np.eye(3))  # world axes: the base turns too
-    built = build_nlp(problem_of(robot, [task], (), [SelfCollision(robot)]))
+    built = kept_apart(robot, "capsule")
     search = searcher(built.nlp)
     assert isinstance(search, SeparatedIpopt)
     rng = np.random.default_rng(1)
@@ -159,6 +166,65 @@ def test_the_way_back_to_standing_ends_at_the_first_free_place(robot) -> None:
     )
     # Nothing is free: the least bad place, and the whole line.
     assert retreat(lambda share: -0.1 - abs(share - 0.7)) == pytest.approx((0.7, 1.0))
+
+
+def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
+    """Which are too near by the constraint's own distances; of hulls the foremost corners."""
+    q = robot.posture()
+    for fit in ("capsule", "hull"):
+        built = kept_apart(robot, fit)
+        (watched,) = built.unknowns.problem.constraints
+        pairs = ActivePairs(built.nlp.separation)
+        start = built.start(q)
+        assert not pairs.grow(start.x, start.p) and pairs.used == {}
+        found = watched.model.measure(robot.snapshot(q), np.arange(len(watched.model.pairs)))
+        kept = watched.margins + SKIN
+        assert pairs.least(start.x, start.p) == pytest.approx((found.distance - kept).min())
+        folded = q.copy()
+        folded[7:] = robot.limits.lower
+        bad = built.start(folded)
+        found = watched.model.measure(robot.snapshot(folded), np.arange(len(watched.model.pairs)))
+        near = np.flatnonzero(found.distance - kept < -USED)
+        assert near.size and pairs.grow(bad.x, bad.p)
+        assert sorted(pairs.used) == near.tolist()
+        assert not pairs.grow(bad.x, bad.p), "the same posture needs nothing more"
+        bodies = built.nlp.separation.bodies
+        for k, corners in pairs.used.items():
+            for body, chosen, sign in zip(bodies.pairs[k], corners, (-1.0, 1.0), strict=True):
+                every = bodies.corners(int(body))
+                if len(every) <= 8:
+                    assert chosen == frozenset(range(len(every)))
+                    continue
+                R = robot.snapshot(folded).joint_placements[0][bodies.bodies[int(body)].joint]
+                along = sign * (every @ R.T) @ found.normal[k]
+                assert chosen == frozenset(np.flatnonzero(along >= along.max() - 0.005).tolist())
+        # Planes lie half-way between the bodies, as seen from the base.
+        planes = pairs.planes(bad.x, bad.p).reshape(-1, 4)
+        here = robot.snapshot(folded)
+        n = planes[:, :3] @ here.rotation("base").T
+        np.testing.assert_allclose(n, found.normal[near], atol=1e-9)
+        middle = found.point[near] - 0.5 * found.distance[near, None] * found.normal[near]
+        offsets = np.einsum("ki,ki->k", n, middle - here.position("base"))
+        np.testing.assert_allclose(planes[:, 3], offsets, atol=1e-9)
+
+
+def test_a_search_goes_on_from_its_start_unless_only_standing_is_free(robot) -> None:
+    built = build_nlp(
+        problem_of(robot, [InertiaTask(robot, np.eye(3))], (), [SelfCollision(robot)])
+    )
+    search = searcher(built.nlp)
+    start = built.start(robot.posture())
+    first, x, answer = start.x + 1.0, start.x + 2.0, start.x + 3.0
+    for share, expected in ((0.0, x), (0.95, x), (1.0, answer)):
+
+        def retreat(given, p, share=share):
+            if given is start.x:
+                return x, share
+            assert given is first
+            return answer, 1.0
+
+        search._retreat = retreat  # type: ignore[method-assign, union-attr]
+        assert search._free(start, first) is expected  # type: ignore[union-attr]
 
 
 # ---------------------------------------------------------------------- the motion

@@ -1,0 +1,110 @@
+"""What a tick tells: its names, what holds it back, and why there is no command."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits, PositionBox, support
+from wbc.controllers import KinematicController
+from wbc.qp import Labels, Status
+from wbc.robot import Robot
+from wbc.tasks import ComTask, PositionTask, PostureTask
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+@pytest.mark.parametrize(
+    ("count", "told"),
+    [(1, "t0"), (3, "t0, t1, t2"), (4, "t0, t1, t2 and 1 more"), (6, "t0, t1, t2 and 3 more")],
+)
+def test_three_errors_are_named(robot, count: int, told: str) -> None:
+    here = robot.snapshot(robot.posture())
+    tasks = [ComTask(robot, here.com, name=f"t{k}") for k in range(count)]
+    tick = KinematicController(robot, tasks, contacts=()).step(here)
+    assert repr(tick) == f"Tick(solved, nv={robot.nv}, errors: {told})"
+    assert tick.report() == "solved" and tick.ok
+
+
+def test_rows_that_hold_back_are_told_the_strongest_first(robot) -> None:
+    """Of scripted multipliers: names once, on levels above as well, noise and zeros left out."""
+    here = robot.snapshot(robot.posture())
+    box = PositionBox(robot, "base", here.position("base") - 1.0, here.position("base") + 1.0)
+    tick = KinematicController(robot, [ComTask(robot, here.com)], contacts=support(here, "left"),
+                               constraints=[box]).step(here)  # fmt: skip
+    names = tick.qp.labels.inequality
+    assert len(names) == 6 and tick.active == ()
+
+    def active(z: list[float], y: list[float] = (), labels: Labels | None = None) -> tuple:
+        solution = replace(tick.solution, z=np.array(z), y=np.array([*y]))
+        given = labels or Labels((), names, tick.qp.labels.variables)
+        return replace(tick, solution=solution, qp=replace(tick.qp, labels=given)).active
+
+    assert active([0.0, -3.0, 0.0, 5.0, 0.0, 0.0]) == (names[3], names[1])
+    twice = Labels((names[2], "com x"), (names[0], names[0], *names[2:]), ())
+    assert active([1.0, -2.0, 0.0, 0.0, 0.0, 0.0], [7.0, 9.0], twice) == (names[2], names[0])
+    failed = replace(tick.solution, status=Status.FAILED, z=np.ones(6))
+    assert replace(tick, solution=failed, status=Status.FAILED).active == ()
+
+
+def test_a_command_that_misses_rows_says_which(robot) -> None:
+    """A foot held a metre away: half the velocity, none, or the nearest; each policy by name."""
+    here = robot.snapshot(robot.posture(), 0.1 * np.ones(robot.nv))
+    left, right = support(here, "double")
+    far = type(left)(robot, left.frame, left.position + [1.0, 0.0, 0.0], left.rotation)
+    limits = Limits(robot)
+    expected = {"hold": np.zeros(robot.nv), "damp": 0.5 * here.v}
+    for policy in ("hold", "damp", "closest"):
+        controller = KinematicController(
+            robot, [PostureTask(robot, here.q)], contacts=[far, right], limits=limits,
+            on_failure=policy,
+        )  # fmt: skip
+        tick = controller.step(here)
+        assert not tick.ok and tick.policy == policy and f"command by {policy!r}" in tick.report()
+        assert "left_sole" in tick.report()
+        lower, upper = limits.box(here, controller.dt)
+        assert (tick.velocity >= lower - 1e-9).all() and (tick.velocity <= upper + 1e-9).all()
+        if policy in expected:
+            np.testing.assert_allclose(tick.velocity, np.clip(expected[policy], lower, upper))
+            assert not tick.slack
+            continue
+        assert ", which misses " in tick.report()
+        J, target = tick.qp.A, tick.qp.b
+        missed = J @ tick.velocity - target
+        for name, by in tick.slack.items():
+            assert missed[tick.qp.labels.equality.index(name)] == pytest.approx(by, rel=1e-6)
+        assert max(map(abs, tick.slack.values())) > 1.0
+
+
+def test_a_failed_torque_tick_brings_joints_to_rest(robot) -> None:
+    """Where no solver answers: joints slow down by dt / 50 ms, within the torque bounds."""
+    from wbc.controllers import TorqueController
+    from wbc.qp import ProxQP
+
+    class Silent(ProxQP):
+        def solve(self, qp, workspace="default", quick=False):
+            found = super().solve(qp, workspace, quick)
+            return replace(found, status=Status.FAILED, message="no answer")
+
+    rng = np.random.default_rng(1)
+    here = robot.snapshot(robot.posture(), 0.1 * rng.normal(size=robot.nv))
+    for dt, share in ((0.002, 0.96), (0.1, 0.0)):
+        controller = TorqueController(
+            robot, [PositionTask(robot, "left_hand", here.com)], contacts=support(here, "double"),
+            solver=Silent(), dt=dt,
+        )  # fmt: skip
+        tick = controller.step(here)
+        assert not tick.ok and tick.policy == "damp"
+        expected = np.r_[here.v[:6], share * here.v[6:]]
+        np.testing.assert_allclose(tick.velocity, expected, atol=1e-12)
+        np.testing.assert_allclose(tick.acceleration, (expected - here.v) / dt, atol=1e-9)
+        bounds = controller.torque_bounds
+        raw = here.mass_matrix @ tick.acceleration + here.bias + robot_damping(robot, expected)
+        np.testing.assert_allclose(tick.torque, np.clip(raw[6:], -bounds, bounds), atol=1e-6)
+
+
+def robot_damping(robot: Robot, v: np.ndarray) -> np.ndarray:
+    return np.r_[np.zeros(6), robot.damping * v[6:]]
