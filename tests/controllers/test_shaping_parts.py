@@ -209,9 +209,7 @@ def test_pairs_that_are_too_near_are_added_until_none_is_new(robot) -> None:
 
 
 def test_a_search_goes_on_from_its_start_unless_only_standing_is_free(robot) -> None:
-    built = build_nlp(
-        problem_of(robot, [InertiaTask(robot, np.eye(3))], (), [SelfCollision(robot)])
-    )
+    built = kept_apart(robot, "capsule")
     search = searcher(built.nlp)
     start = built.start(robot.posture())
     first, x, answer = start.x + 1.0, start.x + 2.0, start.x + 3.0
