@@ -1,0 +1,140 @@
+"""What must not change an answer: rows that repeat each other, say nothing, or are scaled.
+
+And the linear algebra of levels against pseudo-inverses and a linear program.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from wbc.controllers.active_set import _beside, _positive_kernel, achieved_rows
+from wbc.controllers.singular import reduce_singular
+from wbc.laws import Rows
+
+N = 9
+
+
+def task(rng: np.random.Generator, k: int, threshold: float, weight: float = 1.0) -> Rows:
+    matrix = rng.normal(size=(k, N))
+    matrix[-1] = matrix[0] + 1e-2 * rng.normal(size=N)  # nearly repeats the first
+    return Rows(matrix, rng.normal(size=k), weight * rng.uniform(0.5, 2.0, k),
+                singular_threshold=threshold)  # fmt: skip
+
+
+def exact(matrix: np.ndarray, target: np.ndarray) -> Rows:
+    return Rows(matrix, target, np.ones(len(target)))
+
+
+def asked(rows: list[Rows], held: list[Rows], root: np.ndarray) -> np.ndarray:
+    """Return what is asked for in the end, and what was found of each task's singular values."""
+    out, found = reduce_singular(rows, held, root)
+    told = [[one.rank, one.least] for _, one in sorted(found.items())]
+    return np.concatenate([*(row.target for row in out), np.ravel(told)])
+
+
+@pytest.mark.parametrize("weighed", [False, True])
+def test_held_rows_may_repeat_each_other_say_nothing_and_have_any_scale(rng, weighed: bool) -> None:
+    root = np.sqrt(rng.uniform(0.5, 4.0, N)) if weighed else np.ones(N)
+    A, b = rng.normal(size=(3, N)), rng.normal(size=3)
+    rows = [task(rng, 3, 0.3), task(rng, 2, 0.1), task(rng, 2, 0.0)]
+    expected = asked(rows, [exact(A, b)], root)
+    assert np.abs(expected[:3] - rows[0].target).max() > 1e-3, "something is singular"
+    np.testing.assert_array_equal(expected[5:7], rows[2].target)
+    nothing = exact(np.zeros((2, N)), np.zeros(2))
+    for held in (
+        [exact(A[:1], b[:1]), exact(A[1:], b[1:])],
+        [exact(A, b), exact(A[::-1], b[::-1])],
+        [exact(1e4 * A, 1e4 * b)],
+        [exact(A * [[1.0], [1e3], [1e-2]], b * [1.0, 1e3, 1e-2])],
+        [nothing, exact(A, b)],
+        [exact(A, b), nothing],
+        [exact(np.vstack((A, A[0] - 2.0 * A[1])), np.r_[b, b[0] - 2.0 * b[1]])],
+    ):
+        np.testing.assert_allclose(asked(rows, held, root), expected, rtol=1e-6, atol=1e-7)
+    free = asked(rows, [], root)
+    np.testing.assert_allclose(asked(rows, [nothing], root), free, atol=1e-12)
+    assert np.abs(free - expected).max() > 1e-3
+
+
+def test_weights_count_beside_each_other_only(rng) -> None:
+    """A thousandth of all weights changes nothing; rows of weight 0 are as if they were not."""
+    root, held = np.ones(N), [exact(rng.normal(size=(2, N)), rng.normal(size=2))]
+    rows = [task(rng, 3, 0.3), task(rng, 4, 0.2)]
+    expected = asked(rows, held, root)
+    for factor in (1e-3, 1e3):
+        scaled = [row._replace(weight=factor * row.weight) for row in rows]
+        np.testing.assert_allclose(asked(scaled, held, root), expected, rtol=1e-6, atol=1e-8)
+    idle = rows[1]._replace(weight=rows[1].weight * [1.0, 0.0, 1.0, 1.0])
+    without = rows[1]._replace(matrix=rows[1].matrix[[0, 2, 3]], target=rows[1].target[[0, 2, 3]],
+                               weight=rows[1].weight[[0, 2, 3]])  # fmt: skip
+    found, other = asked([rows[0], idle], held, root), asked([rows[0], without], held, root)
+    np.testing.assert_allclose(np.delete(found, 4), other, atol=1e-10)
+    assert found[4] == rows[1].target[1]
+    off = rows[1]._replace(weight=np.zeros(4))
+    np.testing.assert_allclose(asked([rows[0], off], held, root),
+                               np.insert(asked([rows[0]], held, root), 3, off.target))  # fmt: skip
+
+
+def test_one_singular_direction_is_scaled_by_its_square_over_the_threshold(rng) -> None:
+    """A task of singular value s below t asks for (s / t)^2 there, and for all of it elsewhere."""
+    U, V = (np.linalg.qr(rng.normal(size=(n, n)))[0] for n in (3, N))
+    target = rng.normal(size=3)
+    for s, t in ((0.05, 0.1), (0.02, 0.1), (0.0999, 0.1), (0.2, 0.1)):
+        row = Rows(U @ np.diag([2.0, 1.0, s]) @ V[:3], target, np.ones(3), singular_threshold=t)
+        found = asked([row], [], np.ones(N))
+        share = min(1.0, (s / t) ** 2)
+        expected = U @ (np.array([1.0, 1.0, share]) * (U.T @ target))
+        np.testing.assert_allclose(found[:3], expected, atol=1e-9)
+        assert found[3] == (3 if s >= t else 2)
+        assert found[4] == pytest.approx(s)
+
+
+def test_what_lies_beside_rows_is_orthogonal_to_them(rng) -> None:
+    """Oracle: the projector of the pseudo-inverse."""
+    vectors = rng.normal(size=(4, N))
+    A = rng.normal(size=(3, N))
+    for held in (np.zeros((0, N)), A, np.vstack((A, 2.0 * A)), np.vstack((np.zeros(N), A)),
+                 A * [[1e-6], [1.0], [1e6]], rng.normal(size=(N + 2, N))):  # fmt: skip
+        unit = held / np.maximum(np.linalg.norm(held, axis=1), 1e-300)[:, None]
+        expected = vectors - vectors @ np.linalg.pinv(unit, rcond=1e-9) @ unit
+        np.testing.assert_allclose(_beside(held, vectors), expected, atol=1e-9)
+
+
+def in_some_combination(vectors: np.ndarray, k: int) -> bool:
+    """Whether z >= 0 with z_k = 1 and z @ vectors = 0 exists; by HiGHS."""
+    bounds = [(1.0, 1.0) if j == k else (0.0, None) for j in range(len(vectors))]
+    found = linprog(np.zeros(len(vectors)), A_eq=vectors.T, b_eq=np.zeros(vectors.shape[1]),
+                    bounds=bounds)  # fmt: skip
+    return found.status == 0
+
+
+def test_those_returned_take_part_in_a_positive_combination(rng) -> None:
+    """A cone that holds a line, and vectors beside it that do not."""
+    several = 0
+    for _ in range(30):
+        within = rng.normal(size=(4, 2)) @ rng.normal(size=(2, 5))
+        within = np.vstack((within, -rng.uniform(0.5, 2.0, 4) @ within))
+        lone = np.vstack((within, rng.normal(size=(2, 5))))
+        guess = rng.uniform(0.5, 2.0, len(lone))
+        kept = _positive_kernel(lone, guess)
+        assert all(in_some_combination(lone, int(k)) for k in kept)
+        several += len(kept) >= 3
+        assert not {5, 6} & set(kept.tolist())
+        assert _positive_kernel(rng.normal(size=(3, 5)), np.ones(3)).size == 0
+    assert several > 15
+    assert _positive_kernel(np.zeros((0, 5)), np.zeros(0)).size == 0
+    # z is known: all are kept, as are all of a multiple of it.
+    vectors = rng.normal(size=(3, 5))
+    z = np.array([1.0, 2.0, 0.5, 1.0])
+    vectors = np.vstack((vectors, -(z[:3] @ vectors)))
+    for factor in (1.0, 1e-3, 1e3):
+        assert _positive_kernel(vectors, factor * z).tolist() == [0, 1, 2, 3]
+
+
+def test_what_is_achieved_is_kept_but_for_rows_without_weight(rng) -> None:
+    rows, x = task(rng, 4, 0.0), rng.normal(size=N + 3)
+    rows = rows._replace(weight=np.array([1.0, 0.0, 1e-9, 2.0]))
+    (held,) = achieved_rows([rows], x)
+    np.testing.assert_array_equal(held.matrix, rows.matrix[[0, 2, 3]])
+    np.testing.assert_allclose(held.target, rows.matrix[[0, 2, 3]] @ x[:N])
+    np.testing.assert_array_equal(held.weight, 1.0)
