@@ -5,6 +5,7 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.tasks import InertiaTask, PrincipalInertiaTask
 from wbc.tasks.principal_inertia import turning_ratios
@@ -193,3 +194,21 @@ def test_targets_out_of_reach_are_arrived_at_in_a_second(mode, name, factors, ro
         q = robot.integrate(q, v, 0.005)
     assert min(norms) < 0.95 * norms[0]
     assert norms[200] < 1.01 * min(norms)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("entry", [(0, 1), (0, 2), (1, 2)])
+def test_a_target_is_symmetric_to_rounding_whatever_its_size(robot_named, size, entry) -> None:
+    """Entries may differ by 1e-9 of the largest, which may stand anywhere."""
+    robot = robot_named("hoap2_like")
+    for largest in ((0, 0), (1, 1), (2, 2), entry):
+        target = size * np.diag([0.1, 0.2, 0.3])
+        target[largest] = target[largest[::-1]] = -size if largest == entry else size
+        for off, taken in ((0.9e-9, True), (1.1e-9, False)):
+            given = target.copy()
+            given[entry] += off * size
+            if taken:
+                InertiaTask(robot, given)
+                continue
+            with pytest.raises(InvalidInputError, match="symmetric"):
+                InertiaTask(robot, given)

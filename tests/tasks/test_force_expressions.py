@@ -1,0 +1,169 @@
+"""Forces and torques by the unknowns x = (v+, f): each task's error at random x, by hand.
+
+Torques by Pinocchio's recursive Newton-Euler, wrenches by adding up what corners bear.
+"""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.constraints import Contact, FrictionCone, PointContact
+from wbc.controllers.contact_forces import ContactForces, Reaction
+from wbc.controllers.dynamics import TickDynamics
+from wbc.robot import Robot, Snapshot
+from wbc.tasks import (
+    ContactForceTask,
+    CopTask,
+    ForceRateTask,
+    LoadShareTask,
+    TorqueTask,
+)
+
+DT = 0.004
+FRAMES = ("left_sole", "right_sole", "left_hand")
+
+
+class Tick:
+    """A robot on a surface, a point and a grip, with a random decision."""
+
+    def __init__(self, robot: Robot, here: Snapshot, rng: np.random.Generator, last=None) -> None:
+        contacts = [
+            Contact.hold(here, "left_sole", friction=FrictionCone()),
+            PointContact.hold(here, "right_sole"),
+            Contact.hold(here, "left_hand", friction=None),
+        ]
+        self.layout = ContactForces(robot, contacts, robot.mass / DT)
+        self.dynamics = TickDynamics.at(here, self.layout, last)
+        self.v = here.v + 0.1 * rng.normal(size=robot.nv)
+        self.f = rng.normal(size=self.layout.size)
+        self.x = np.concatenate((self.v, self.f))
+        found = Reaction(self.layout, here, self.f).wrenches()
+        self.wrenches = {name: np.resize(one, 6) for name, one in found.items()}
+
+    def error(self, task) -> np.ndarray:
+        matrix, constant = task.expression(self.dynamics)
+        rows = task.force_rows(self.dynamics)
+        np.testing.assert_allclose(rows.matrix, matrix * DT / task.robot.mass)
+        np.testing.assert_allclose(rows.target, -constant * DT / task.robot.mass)
+        np.testing.assert_array_equal(rows.weight, task.weight)
+        return matrix @ self.x + constant
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+@pytest.fixture
+def here(robot: Robot, rng, random_snapshot) -> Snapshot:
+    return random_snapshot(robot, rng)
+
+
+@pytest.fixture
+def tick(robot: Robot, here: Snapshot, rng) -> Tick:
+    return Tick(robot, here, rng)
+
+
+def inverse_dynamics(tick: Tick, here: Snapshot) -> np.ndarray:
+    """Return the generalized forces beside the contacts', joints' damping included."""
+    robot = here.robot
+    data = robot.model.createData()
+    tau = pin.rnea(robot.model, data, here.q, here.v, (tick.v - here.v) / DT)
+    pin.computeJointJacobians(robot.model, data, here.q)
+    pin.updateFramePlacements(robot.model, data)
+    for frame, wrench in tick.wrenches.items():
+        J = pin.getFrameJacobian(
+            robot.model, data, robot.model.getFrameId(frame), pin.LOCAL_WORLD_ALIGNED
+        )
+        tau = tau - J.T @ wrench
+    tau[6:] += robot.damping * tick.v[6:]
+    return tau
+
+
+def test_torques_are_inverse_dynamics(tick: Tick, here: Snapshot, robot: Robot, rng) -> None:
+    tau = inverse_dynamics(tick, here)
+    size = np.abs(tau).max()
+    dynamics = tick.dynamics
+    found = dynamics.unit * (dynamics.matrix @ tick.x + dynamics.offset)
+    np.testing.assert_allclose(found, tau, atol=1e-9 * size)
+    np.testing.assert_allclose(dynamics.torques(tick.x), tau[6:], atol=1e-9 * size)
+    some = [3, 0, 7]
+    one = dynamics.torque(some)
+    np.testing.assert_allclose(one.matrix @ tick.x + one.constant, tau[6:][some], atol=1e-9 * size)
+    # With the base velocity that its dynamics ask for, nothing is left on the base.
+    met = dynamics.exact(tick.x)
+    np.testing.assert_array_equal(met[6:], tick.x[6:])
+    left = dynamics.unit * (dynamics.matrix[:6] @ met + dynamics.offset[:6])
+    np.testing.assert_allclose(left, 0.0, atol=1e-9 * size)
+    assert (dynamics.size, dynamics.contacts) == (tick.x.size, tick.layout.frames)
+    assert dynamics.unit == robot.mass / DT
+    wanted = rng.normal(size=robot.nv - 6)
+    np.testing.assert_allclose(
+        tick.error(TorqueTask(robot, wanted)), tau[6:] - wanted, atol=1e-9 * size
+    )
+    name, other = robot.joint_names[4], robot.joint_names[2]
+    task = TorqueTask(robot, {name: 3.0}, joints=[name, other])
+    assert task.rows == (other, name)
+    expected = tau[6:][[2, 4]] - [0.0, 3.0]
+    np.testing.assert_allclose(tick.error(task), expected, atol=1e-9 * size)
+    np.testing.assert_allclose(tick.error(TorqueTask(robot, 2.0, joints=[name])),
+                               tau[6:][[4]] - 2.0, atol=1e-9 * size)  # fmt: skip
+
+
+def test_wrenches_shares_and_changes(tick: Tick, here: Snapshot, robot: Robot, rng) -> None:
+    target = rng.normal(size=6)
+    for frame in FRAMES:
+        task = ContactForceTask(robot, frame, target)
+        np.testing.assert_allclose(tick.error(task), tick.wrenches[frame] - target, atol=1e-9)
+    some = ContactForceTask(robot, "left_hand", target, components=("mz", "fx"))
+    np.testing.assert_allclose(tick.error(some), (tick.wrenches["left_hand"] - target)[[5, 0]])
+    assert some.units == ("N m", "N")
+    away = ContactForceTask(robot, "right_hand", target)
+    np.testing.assert_allclose(tick.error(away), -target, err_msg="a frame that is no contact")
+    shares = {"left_sole": 1.0, "right_hand": 5.0, "right_sole": 3.0}
+    vertical = [tick.wrenches[frame][2] for frame in ("left_sole", "right_sole")]
+    found = tick.error(LoadShareTask(robot, shares))
+    whole = sum(vertical)
+    expected = [vertical[0] - 0.25 * whole, 0.0, vertical[1] - 0.75 * whole]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    lone = LoadShareTask(robot, {"right_hand": 1.0})
+    np.testing.assert_array_equal(tick.error(lone), [0.0])
+    # Changes: none in a first tick; of a contact that is new from nothing.
+    frames = [*FRAMES, "right_hand"]
+    task = ForceRateTask(robot, frames)
+    np.testing.assert_array_equal(tick.error(task), np.zeros(24))
+    last = {"left_sole": rng.normal(size=6), "right_hand": rng.normal(size=6)}
+    later = Tick(robot, here, rng, last)
+    none = np.zeros(6)
+    parts = [later.wrenches[frame] - last.get(frame, none) for frame in FRAMES]
+    np.testing.assert_allclose(later.error(task), np.concatenate((*parts, none)), atol=1e-9)
+    assert ForceRateTask(robot).frames == ("left_sole", "right_sole")
+    assert task.units == ("N", "N", "N", "N m", "N m", "N m") * 4
+
+
+def test_the_cop_is_wanted_where_moments_vanish(
+    tick: Tick, here: Snapshot, robot: Robot, rng
+) -> None:
+    """Of all contacts about a point in the world or at their mean height; of one in its plane."""
+
+    def moment_about(point: np.ndarray) -> np.ndarray:
+        return sum(
+            wrench[3:] + np.cross(here.position(frame) - point, wrench[:3])
+            for frame, wrench in tick.wrenches.items()
+        )
+
+    point = rng.normal(size=3)
+    np.testing.assert_allclose(tick.error(CopTask(robot, point)), moment_about(point)[:2])
+    mean = np.mean([here.position(frame)[2] for frame in FRAMES])
+    flat = CopTask(robot, point[:2])
+    np.testing.assert_allclose(tick.error(flat), moment_about(np.r_[point[:2], mean])[:2])
+    R, wrench = here.rotation("left_hand"), tick.wrenches["left_hand"]
+    own = CopTask(robot, [0.1, -0.2], frame="left_hand")
+    arm = -R @ [0.1, -0.2, 0.0]
+    expected = R.T @ (wrench[3:] + np.cross(arm, wrench[:3]))
+    np.testing.assert_allclose(tick.error(own), expected[:2], atol=1e-9)
+    away = CopTask(robot, [0.1, -0.2], frame="right_hand")
+    np.testing.assert_array_equal(tick.error(away), [0.0, 0.0])
+    in_the_air = TickDynamics.at(here, ContactForces(robot, [], robot.mass / DT), None)
+    matrix, constant = flat.expression(in_the_air)
+    assert matrix.shape == (2, robot.nv) and not matrix.any() and not constant.any()
