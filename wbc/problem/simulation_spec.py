@@ -73,6 +73,9 @@ class TerrainSpec(Section):
     """Boxes on the ground."""
     time_constant: Positive = default_of(Terrain, "time_constant")
     """How fast a contact returns from penetration [s]: larger is softer ground."""
+    drift: bool = default_of(Terrain, "drift")
+    """Whether contacts follow J' q' as well, which MuJoCo leaves out: feet then rest while legs
+    fold quickly, as in a landing."""
 
 
 class PushSpec(Section):
@@ -228,7 +231,7 @@ class SimulationSpec(Section):
         terrain = self.terrain
         steps = tuple(Step(**step.model_dump()) for step in terrain.steps)
         slope = terrain.slope[0], terrain.slope[1]
-        return Terrain(self.friction, slope, steps, terrain.time_constant)
+        return Terrain(self.friction, slope, steps, terrain.time_constant, terrain.drift)
 
     def check(
         self, start: Snapshot, feet: Sequence[str], dt: float, duration: float, mistakes: Mistakes

@@ -11,8 +11,10 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
+from wbc.robot.postures import STANDING
 from wbc.robot.tree import LARGEST
 from wbc.simulation.build import build
+from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
 from wbc.simulation.engine import SimulationError, check_warnings, load_mujoco, quietly
 from wbc.simulation.mismatch import EXACT, ModelMismatch
@@ -24,7 +26,6 @@ from wbc.simulation.terrain import Terrain
 from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one
-STANDING = "standing"
 PERFECT = Sensors()
 
 
@@ -109,19 +110,17 @@ class Plant:
         self.sensors, self.mismatch = sensors, mismatch
         self._delay = self._substeps("sensors, delay", sensors.delay, least=0)
         self._latency = self._substeps("sensors, latency", sensors.latency, least=0)
-        if terrain is None:
-            terrain = Terrain() if friction is None else Terrain(friction=friction)
+        terrain = terrain or (Terrain() if friction is None else Terrain(friction=friction))
         self.terrain = terrain
         options = ShapeOptions(shapes, bool(terrain.steps), self_collision)
         self._built = build(self._mujoco, robot, terrain, mismatch, options, self.physics_dt)
-        self.notes = self._built.notes
-        self.model = self._built.model
+        self.notes, self.model = self._built.notes, self._built.model
         if gravity is not None:
             self.model.opt.gravity = finite_array("plant, gravity", gravity, (3,))
         self.data = self._mujoco.MjData(self.model)
+        self._drift = ContactDrift(self.model) if terrain.drift else None
         self.states = StateMap(robot, self.model)
-        limits = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
-        self._most_torque = np.asarray(limits)
+        self._most_torque = robot.limits.effort if saturate else np.full(robot.nv - BASE_NV, np.inf)
         self.reset(robot.postures[STANDING])
 
     def __repr__(self) -> str:
@@ -207,10 +206,9 @@ class Plant:
         applied = np.clip(torque, -self._most_torque, self._most_torque)
         self.saturated += applied != torque
         self.torque = read_only(applied)
-        self.push_force = np.zeros(3)
-        self._contacts, self._frame = None, None
+        self.push_force, self._contacts, self._frame = np.zeros(3), None, None
         with quietly(self._mujoco):
-            if self.pushes or self._delay or self._latency:
+            if self.pushes or self._delay or self._latency or self._drift:
                 self._step_one_by_one(applied, count)
             else:
                 self.states.torques_to_mujoco(applied, self.data.qfrc_applied)
@@ -271,6 +269,8 @@ class Plant:
             self.push_force = apply_pushes(
                 self.pushes, self.robot, self._built.bodies, data, self.physics_dt
             )
+            if self._drift is not None:
+                self._drift.subtract(data)
             mujoco.mj_step2(model, data)
             self._past.append((data.qpos.copy(), data.qvel.copy()))
         self.pushes = [push for push in self.pushes if push.end > self.time + 1e-9]

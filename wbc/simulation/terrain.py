@@ -63,12 +63,16 @@ class Terrain:
     time_constant:
         How fast a contact returns from penetration, critically damped [s]; MuJoCo's ``solref``.
         At 0.01 s a standing robot sinks in by 0.06 mm.
+    drift:
+        Whether contacts hold points whose bodies turn and fold, too, which MuJoCo's by themselves
+        do not; see :mod:`wbc.simulation.contact_drift`. It takes time.
     """
 
     friction: float = 0.8
     slope: tuple[float, float] = (0.0, 0.0)
     steps: tuple[Step, ...] = ()
     time_constant: float = 0.01
+    drift: bool = False
 
     def __post_init__(self) -> None:
         check_fields(self, "terrain, ", "friction", least=0.0)
