@@ -31,7 +31,7 @@ import numpy as np
 from raw_shapes import RawShapes
 
 import wbc
-from wbc.constraints import SelfCollision
+from wbc.constraints import BrakingParameters, SelfCollision
 from wbc.controllers import Controller
 from wbc.gait import Velocity, Walker
 from wbc.gait.commanded import CommandedWalk, TimedCommand
@@ -59,17 +59,21 @@ MOST = 60.0  # s
 # G1 is pushed while it walks at this speed [m/s], at its trunk, by 100 N for 0.2 s.
 PUSHED, FORCE, LASTING = 0.5, 100.0, 0.2
 SIDEWAYS = 12.0  # N s on a G1, and its part of M omega d on others, at as slow a walk
+MARGIN = 5e-3  # m, of the constraint
+# How its margins brake: as joints can [rad/s^2], by so much of the clearance in a tick. By default
+# braking counts on 5 m/s^2, which an upper arm that turns 2 cm from the trunk does not have.
+BRAKES, GAIN = 40.0, 0.1
 # What trials depend on beside their own numbers.
 MADE_OF = {
     "wbc": wbc.__version__,
     "dt": DT,
     "armature": ARMATURE,
     "push": (FORCE, LASTING, SIDEWAYS),
+    "margin": (MARGIN, BRAKES, GAIN),
 }
 MOMENT = 1.0  # s to wait for what came of a trial
 # Every how many ticks raw shapes are measured, and how far apart pairs stand that count [m].
 MEASURED, STANDS = 10, 0.02
-MARGIN = 5e-3  # m, of the constraint
 GROUPS = ("speed", "push", "sideways", "ground", "schedule", "meshes")
 
 
@@ -193,6 +197,13 @@ def force_on(trial: Trial) -> float:
     return SIDEWAYS / LASTING * own / known
 
 
+def kept_apart(robot: wbc.Robot) -> SelfCollision:
+    """Return the constraint that keeps a robot's bodies apart."""
+    limits = wbc.Limits(robot, acceleration=BRAKES)
+    braking = BrakingParameters(gain=GAIN)
+    return SelfCollision(robot, margin=MARGIN, braking=braking, limits=limits)
+
+
 def walked(trial: Trial) -> dict[str, Any]:
     """Walk; return what came of it, as plain data."""
     robot = robot_named(trial.robot)
@@ -210,7 +221,7 @@ def walked(trial: Trial) -> dict[str, Any]:
     plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=ModelMismatch(mass=mass))
     # The soles lie flat on the ground.
     plant.reset(turned_with(robot.posture("standing"), terrain.normal))
-    margins = [SelfCollision(robot, margin=MARGIN)] if trial.bodies else []
+    margins = [kept_apart(robot)] if trial.bodies else []
     walker = Walker(robot, constraints=margins, dt=DT)
     nearest = Nearest(robot) if trial.group == "meshes" else None
     commands = [TimedCommand(at, Velocity(*velocity)) for at, *velocity in trial.commands]

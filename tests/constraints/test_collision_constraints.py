@@ -449,6 +449,16 @@ def test_no_pair_is_left_unwatched_silently(name, robot_named, monkeypatch, tmp_
     assert set(margins.finer).isdisjoint(margins.excluded)
 
 
+def test_a_pair_has_room_where_the_robot_stands() -> None:
+    """A ball for a disc 5 mm thick stood 0.09 mm outside the margin, and each bow was inside."""
+    robot = Robot.load("hoap2_like")
+    margins = SelfCollision(robot, margin=0.005)
+    assert "torso#3 vs left_hip_yaw_link" in margins.finer
+    standing = margins.model.nearest(robot.snapshot(robot.posture("standing"))).distance
+    full = margins.margins == 0.005
+    assert (standing[full] > 0.0055).all()
+
+
 def test_pairs_without_rows_are_watched_where_the_command_leads(robot, rng) -> None:
     """One row a tick for all pairs: another one may be farther away now and nearer next."""
     margins = SelfCollision(robot, margin=0.01, pairs=1)

@@ -115,6 +115,12 @@ def test_on_a_slope_the_robot_is_turned_with_the_ground(tmp_path: Path) -> None:
     assert one.simulate().status is SimulationStatus.STOOD
 
 
+def test_contacts_with_drift_are_asked_for(tmp_path: Path) -> None:
+    assert not problem(tmp_path).spec.simulation.ground().drift
+    one = problem(tmp_path, overrides={"simulation.terrain.drift": True})
+    assert one.spec.simulation.ground().drift and one.plant().terrain.drift
+
+
 def test_turning_with_a_plane() -> None:
     normal = np.array((-0.3, 0.2, 1.0)) / np.linalg.norm((-0.3, 0.2, 1.0))
     q = np.array((1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.4))

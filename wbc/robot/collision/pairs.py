@@ -61,8 +61,8 @@ def select_pairs(
     the robot's SRDF disables; those whose raw shapes (meshes as they are) touch when standing;
     those that touch in 95 % of 200 random postures (always the same ones); those that never come
     near. ``include`` brings back whatever it names but ``exclude`` does not. Pairs that only the
-    simple shapes show nearer than ``clearance``, or almost always touching, get finer ones: see
-    :mod:`wbc.robot.collision.refine`.
+    simple shapes show nearer than ``clearance`` and a millimetre, or almost always touching, get
+    finer ones: see :mod:`wbc.robot.collision.refine`.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class _Candidates:
     def refine(self) -> dict[Pair, str]:
         """Give finer shapes to the pairs that need them; return those that touch, and how."""
         distance, touching = self._distance, {}
-        near = (distance[0] < self._clearance) | self._almost_always_touching()
+        near = (distance[0] < self._clearance + SPARE) | self._almost_always_touching()
         shapes = FinerShapes(self._robot, self._bodies) if near.any() else None
         for k in np.flatnonzero(near).tolist():
             pair = self._pairs[k]
