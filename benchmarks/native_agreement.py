@@ -1,16 +1,20 @@
 """How well the native core and Python agree, at both levels, on six robots.
 
+Two robots are loaded from one file, with WBC_NATIVE=require and off, and get the same tasks: what
+is said of the second is Pinocchio, NumPy and DAQP called from Python, with nothing of the core.
+
 velocity, torque: the QPs of random ticks. States around standing, from still to rushing, targets
 that move, limits and torque bounds in reach, contacts of all kinds. Each tick that the core takes
 is set up by Python too; printed is the largest difference of any entry of the two QPs, relative to
 the largest entry of its field where that is above 1, and how many ticks the core handed over.
 
-velocity-margin, torque-margin: whole ticks of one controller with limits and self-collision, in
-closed loop with targets out of reach, thrown off its way now and then. Of each tick that the core
-answers the Python tick must say the same: solved, nothing cut, the same labels (of pairs that are
-equally near it may take others: then their clearances are compared); printed are the differences
-of the QPs, of the commands, and in how many ticks pairs held the robot, were inside their margin,
-and limits held it.
+velocity-margin, torque-margin: whole ticks with limits and self-collision, in closed loop with
+targets out of reach, thrown off its way now and then. Of each tick that the core answers the Python
+tick must say the same: solved, nothing cut, the same labels (of pairs that are equally near it may
+take others: then their clearances are compared); printed are the differences of the QPs, of the
+commands, and in how many ticks pairs held the robot, were inside their margin, and limits held it.
+Both take distances and normals of pairs from the core, as coal's of hulls are good to 1e-7 m only;
+their Jacobians and all that follows are Python's own.
 
 pairs: the 25 nearest pairs in Python, with coal. Distances of capsules and their Jacobians; of
 hulls the distance, for which coal's tolerance is 1e-7 m.
@@ -32,24 +36,34 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 import wbc
-from wbc.controllers.controller import Controller
+from wbc.constraints.margin import SKIN
+from wbc.controllers.native_problem import NativeProblem
+from wbc.controllers.native_tick import NativeController
+from wbc.controllers.tick import ACTIVE, NEGLIGIBLE
+from wbc.controllers.torque_tick import TorqueTick
 from wbc.native import VARIABLE
 from wbc.qp.problem import QP
 from wbc.robot.collision import Capsule, CollisionModel
+from wbc.robot.collision.model import Index, PairDistances
 from wbc.robot.names import BASE
 from wbc.rotations import exp_rotation
+from wbc.validate import Array
 
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
 FIELDS = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
 LEVELS = {"velocity": wbc.KinematicController, "torque": wbc.TorqueController}
+COMMANDS = {wbc.Tick: ("velocity",), TorqueTick: ("velocity", "torque")}
 WHAT = (*LEVELS, *(f"{level}-margin" for level in LEVELS), "pairs")
 EPISODE = 50
 
@@ -61,7 +75,7 @@ class Found:
     compared: int = 0
     handed: int = 0
     worst: float = 0.0
-    other: float = 0.0  # of commands [rad/s, m/s], relative where above 1; of hulls' distances [m]
+    other: float = 0.0  # of commands, relative where above 1; of hulls' distances [m]
     refuted: int = 0  # ticks of which Python says something else
     held: int = 0  # ticks with an active pair,
     inside: int = 0  # with a pair inside its margin by more than the skin,
@@ -139,42 +153,51 @@ def contacts_of(here: wbc.Snapshot, rng: np.random.Generator) -> list[wbc.Contac
     return contacts
 
 
-def difference(controller: Controller, here: wbc.Snapshot) -> float | None:
-    """Return the largest difference of the two QPs; None if the core handed the tick over."""
-    native = controller._native
-    found = None if native is None else controller._native_problem(native, here)
-    if found is None:
-        return None
-    tick = Controller._step(controller, here)
-    if tick.policy is not None:  # another QP than the first
-        return 0.0
-    return of_qps(found.qp, tick.qp)
-
-
 def of_qps(one: QP, other: QP) -> float:
-    """Return the largest difference of two QPs."""
-    worst = 0.0
-    for field in FIELDS:
-        ours, theirs = getattr(one, field), getattr(other, field)
-        finite = np.isfinite(theirs)
-        if ours.shape != theirs.shape or not np.array_equal(ours[~finite], theirs[~finite]):
-            return np.inf
-        scale = max(1.0, np.abs(theirs[finite]).max(initial=0.0))
-        worst = max(worst, np.abs(ours[finite] - theirs[finite]).max(initial=0.0) / scale)
-    return float(worst)
+    """Return the largest difference of two QPs; infinity if other entries are infinite."""
+    return max(apart(getattr(one, field), getattr(other, field)) for field in FIELDS)
 
 
-def compare(robot: wbc.Robot, level: type[Controller], rng: np.random.Generator) -> Found:
+def apart(ours: Array, theirs: Array) -> float:
+    """Return the largest difference of two arrays, relative to their largest entry if above 1."""
+    if ours.shape != theirs.shape:
+        return np.inf
+    size = np.abs(theirs)
+    scale = size.max(initial=1.0)
+    if scale < np.inf:
+        gap = np.abs(ours - theirs)
+    else:  # bounds: infinite ones must be the same
+        finite = size < np.inf
+        scale = size.max(initial=1.0, where=finite)
+        gap = np.abs(np.subtract(ours, theirs, out=np.zeros(ours.shape), where=finite))
+        gap[~finite & (ours != theirs)] = np.inf
+    worst = float(gap.max(initial=0.0)) / scale
+    return np.inf if np.isnan(worst) else worst
+
+
+def compare(sides: "Sides", level: type[NativeController], rng: np.random.Generator) -> Found:
     """Compare the QPs of one episode."""
-    standing, found = robot.snapshot(robot.posture("standing")), Found()
-    limits = wbc.Limits(robot) if rng.random() < 0.8 else None
-    contacts, tasks = contacts_of(standing, rng), tasks_of(standing, rng)
-    controller = level(robot, tasks, contacts=contacts, limits=limits, solver="daqp")
+    limited, found, made = rng.random() < 0.8, Found(), []
+    for side, chance in zip(sides, (rng, deepcopy(rng)), strict=True):
+        robot = side.robot
+        standing = robot.snapshot(robot.posture("standing"))
+        contacts, tasks = contacts_of(standing, chance), tasks_of(standing, chance)
+        limits = side.limits if limited else None
+        made.append(level(robot, tasks, contacts=contacts, limits=limits, solver="daqp"))
+    controller, plain = made
+    native, robot = controller._native, sides.native.robot
     for _ in range(EPISODE):
         size = 10.0 ** rng.uniform(-4, -1)
-        q = robot.integrate(standing.q, size * rng.normal(size=robot.nv), 1.0)
-        here = robot.snapshot(q, 10.0 ** rng.uniform(-1, 1) * size * rng.normal(size=robot.nv))
-        found.add(difference(controller, here))
+        q = robot.integrate(robot.posture("standing"), size * rng.normal(size=robot.nv), 1.0)
+        v = 10.0 ** rng.uniform(-1, 1) * size * rng.normal(size=robot.nv)
+        ours = None if native is None else controller._native_problem(native, robot.snapshot(q, v))
+        if ours is None:
+            found.add(None)
+            continue
+        with without_core():
+            theirs = plain.step(sides.plain.robot.snapshot(q, v))
+        # By a policy it may be another QP than the first.
+        found.add(0.0 if theirs.policy is not None else of_qps(ours.qp, theirs.qp))
     return found
 
 
@@ -190,21 +213,20 @@ def reaching(here: wbc.Snapshot, rng: np.random.Generator) -> list[wbc.Task]:
     return tasks
 
 
-def compare_ticks(
-    robot: wbc.Robot,
-    level: type[Controller],
-    limits: wbc.Limits,
-    margin: wbc.SelfCollision,
-    rng: np.random.Generator,
-) -> Found:
+def compare_ticks(sides: "Sides", level: type[NativeController], rng: np.random.Generator) -> Found:
     """Compare whole ticks of one episode in closed loop."""
-    here, found = robot.snapshot(robot.posture("standing")), Found()
-    contacts = wbc.support(here, str(rng.choice(["floating", "left", "right", "double"])))
-    tasks = reaching(here, rng)
-    controller = level(
-        robot, tasks, contacts=contacts, limits=limits, constraints=[margin], solver="daqp"
-    )
-    q, v = here.q, np.zeros(robot.nv)
+    found, made = Found(), []
+    support = str(rng.choice(["floating", "left", "right", "double"]))
+    for side, chance in zip(sides, (rng, deepcopy(rng)), strict=True):
+        here = side.robot.snapshot(side.robot.posture("standing"))
+        kept = {"limits": side.limits, "constraints": [side.margin]}
+        contacts = wbc.support(here, support)
+        made.append(
+            level(side.robot, reaching(here, chance), contacts=contacts, solver="daqp", **kept)
+        )
+    controller, plain = made
+    robot = sides.native.robot
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
     for _ in range(EPISODE):
         if rng.random() < 0.2:
             size = 10.0 ** rng.uniform(-6, -2)
@@ -212,35 +234,50 @@ def compare_ticks(
             q = robot.limits.clamped(q)
             v = v + 10.0 * size * rng.normal(size=robot.nv)
         state = robot.snapshot(q, v)
-        found.join(compare_tick(controller, state))
-        v = controller.step(state).velocity
+        ours = answered(controller, state)
+        if ours is None:
+            found.add(None)
+            v = controller.step(state).velocity
+        else:
+            with without_core():
+                theirs = plain.step(sides.plain.robot.snapshot(q, v))
+            found.join(compare_tick(controller, state, ours, theirs))
+            v = theirs.velocity
         q = robot.integrate(q, v, controller.dt)
     return found
 
 
-def compare_tick(controller: Controller, state: wbc.Snapshot) -> Found:
-    """Compare one tick that the core answers by itself."""
-    native = controller._native
+def answered(controller: NativeController, state: wbc.Snapshot) -> NativeProblem | None:
+    """Return the core's answer; None: it handed the tick over."""
+    native = controller.native
     ours = None if native is None else controller._native_problem(native, state)
-    if ours is None or native.margin is None or not ours.solved:
-        return Found(handed=1)
-    theirs = Controller._step(controller, state)
+    return ours if ours is not None and ours.solved and native.margin is not None else None
+
+
+def compare_tick(
+    controller: NativeController, state: wbc.Snapshot, ours: NativeProblem, theirs: wbc.Tick
+) -> Found:
+    """Compare one tick of the core with Python's."""
     one = Found(compared=1)
     same = (theirs.status.value, theirs.policy, theirs.step_scale) == ("solved", None, 1.0)
     rows = ours.qp.labels.inequality, theirs.qp.labels.inequality
     if not same or len(rows[0]) != len(rows[1]):
         one.refuted = 1
         return one
+    clearance = ours._answer.clearance
     if rows[0] != rows[1]:
-        near = controller.constraints[0].distances(state).clearance, ours._answer.clearance
-        one.worst = float(np.abs(np.sort(near[0]) - np.sort(near[1])).max())
+        near = controller.constraints[0].distances(state).clearance
+        one.worst = float(np.abs(np.sort(near) - np.sort(clearance)).max())
         return one
     one.worst = of_qps(ours.qp, theirs.qp)
-    x, y = ours.solution.x[: state.v.size], theirs.solution.x[: state.v.size]
-    one.other = float(np.abs(x - y).max() / max(1.0, np.abs(y).max()))
-    one.held = int(any(" vs " in name for name in theirs.active))
-    one.inside = int((controller.constraints[0].distances(state).clearance < -1e-4).any())
-    bounded = np.minimum(y - theirs.qp.lower[: y.size], theirs.qp.upper[: y.size] - y)
+    tick = controller._native_tick(ours, state, controller._deviations(ours, state))
+    commands = [(getattr(tick, name), getattr(theirs, name)) for name in COMMANDS[type(tick)]]
+    one.other = max(apart(*both) for both in commands)
+    x, z, qp, nv = theirs.solution.x, theirs.solution.z, theirs.qp, state.v.size
+    pull = np.abs(z)  # as Tick.active
+    one.held = int(pull[-clearance.size :].max() > max(NEGLIGIBLE, ACTIVE * pull.max()))
+    one.inside = int((clearance < -SKIN).any())
+    bounded = np.minimum(x[:nv] - qp.lower[:nv], qp.upper[:nv] - x[:nv])
     one.limited = int((bounded < 1e-9).any())
     return one
 
@@ -270,23 +307,74 @@ def compare_pairs(ours: CollisionModel, theirs: CollisionModel, rng: np.random.G
     return found
 
 
+class SamePairs(CollisionModel):
+    """Pairs on one robot, found and measured on another with the core."""
+
+    def __init__(self, robot: wbc.Robot, other: CollisionModel) -> None:
+        super().__init__(robot, other.bodies, other.pairs.tolist())
+        self._other = other
+
+    def nearest(self, snapshot: wbc.Snapshot, count: int | None = None) -> PairDistances:
+        there = self._other.robot.snapshot(snapshot.q)
+        return self._other.nearest(there, count)._replace(snapshot=snapshot)
+
+    def measure(self, snapshot: wbc.Snapshot, pairs: Index) -> PairDistances:
+        there = self._other.robot.snapshot(snapshot.q)
+        return self._other.measure(there, pairs)._replace(snapshot=snapshot)
+
+
+class Side(NamedTuple):
+    """A robot and what it keeps."""
+
+    robot: wbc.Robot
+    limits: wbc.Limits
+    margin: wbc.SelfCollision | None = None
+
+
+class Sides(NamedTuple):
+    """One robot with the core, and without."""
+
+    native: Side
+    plain: Side
+
+
+@contextmanager
+def without_core() -> Iterator[None]:
+    """Have WBC_NATIVE=off meanwhile."""
+    os.environ[VARIABLE] = "off"
+    yield
+    os.environ[VARIABLE] = "require"
+
+
+@lru_cache(maxsize=1)
+def sides_of(name: str, margin: bool) -> Sides:
+    """Load a robot twice."""
+    robot = wbc.Robot.load(name)
+    with without_core():
+        plain = wbc.Robot.load(name)
+        assert plain.native is None  # it keeps what it found when it was first asked
+    assert robot.native is not None
+    limits, others = wbc.Limits(robot), wbc.Limits(plain)
+    if not margin:
+        return Sides(Side(robot, limits), Side(plain, others))
+    kept = wbc.SelfCollision(robot, limits=limits)
+    same = wbc.SelfCollision(plain, model=SamePairs(plain, kept.model), limits=others)
+    same.margins, same._kept, same._closer = kept.margins, kept._kept, kept._closer
+    return Sides(Side(robot, limits, kept), Side(plain, others, same))
+
+
 def episodes_of(name: str, what: str) -> Callable[[np.random.Generator], Found] | None:
     """Return what compares one episode; None: the core takes none of them."""
-    robot = wbc.Robot.load(name)
+    sides = sides_of(name, "margin" in what)
     if what in LEVELS:
-        return partial(compare, robot, LEVELS[what])
+        return partial(compare, sides, LEVELS[what])
     if what != "pairs":
-        limits = wbc.Limits(robot)
-        margin = wbc.SelfCollision(robot, limits=limits)
-        return partial(compare_ticks, robot, LEVELS[what.removesuffix("-margin")], limits, margin)
-    ours = wbc.SelfCollision(robot).model
+        return partial(compare_ticks, sides, LEVELS[what.removesuffix("-margin")])
+    ours = wbc.SelfCollision(sides.native.robot).model
     if ours.native is None:
         return None
-    os.environ[VARIABLE] = "off"
-    plain = wbc.Robot.load(name)
-    assert plain.native is None  # it keeps what it found when it was first asked
-    os.environ[VARIABLE] = "require"
-    return partial(compare_pairs, ours, CollisionModel(plain, ours.bodies, ours.pairs.tolist()))
+    plain = CollisionModel(sides.plain.robot, ours.bodies, ours.pairs.tolist())
+    return partial(compare_pairs, ours, plain)
 
 
 def run(name: str, what: str, ticks: int, seed: int, kept: Kept) -> str:
