@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -28,22 +28,24 @@ def log_jacobian(R: Array) -> Array:
 def log_jacobian_rate(r: Array, rate: Array, w: Array) -> Array:
     """Return dJ/dt w (3,) of :func:`log_jacobian`, at the rotation vector ``r`` moving at ``rate``.
 
-    J = 1 + [r]/2 + c(t) [r]^2 with t = |r| and c = 1/t^2 - (1 + cos t) / (2 t sin t).
+    J = 1 + [r]/2 + c(t) [r]^2 with t = |r| and c = 1/t^2 - (1 + cos t) / (2 t sin t), and
+    [r]^2 w = r (r'w) - w t^2.
     """
-    at, moving, turning = r.tolist(), rate.tolist(), w.tolist()  # plain numbers: 3 us, not 12
-    t = math.hypot(*at)
+    # Plain numbers: a third of the time of arrays this small.
+    (rx, ry, rz), (dx, dy, dz), (wx, wy, wz) = r.tolist(), rate.tolist(), w.tolist()
+    t = math.hypot(rx, ry, rz)
     c, slope = _second_order_coefficient(t)
-    along = sum(x * y for x, y in zip(at, moving, strict=True))
+    along = rx * dx + ry * dy + rz * dz
     growth = slope * along / t if t > 0.0 else 0.0
-    carried, crossed = _cross(at, turning), _cross(moving, turning)
-    twice, first, second = _cross(at, carried), _cross(moving, carried), _cross(at, crossed)
-    parts = zip(crossed, twice, first, second, strict=True)
-    return np.array([0.5 * h + growth * g + c * (a + b) for h, g, a, b in parts])
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    (ax, ay, az), (bx, by, bz) = a, b
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    on_r, on_rate = rx * wx + ry * wy + rz * wz, dx * wx + dy * wy + dz * wz
+    a, b, d = growth * on_r + c * on_rate, c * on_r, growth * t * t + 2.0 * c * along
+    return np.array(
+        (
+            0.5 * (dy * wz - dz * wy) + a * rx + b * dx - d * wx,
+            0.5 * (dz * wx - dx * wz) + a * ry + b * dy - d * wy,
+            0.5 * (dx * wy - dy * wx) + a * rz + b * dz - d * wz,
+        )
+    )
 
 
 def _second_order_coefficient(t: float) -> tuple[float, float]:

@@ -89,7 +89,8 @@ class Outcome(NamedTuple):
         ``names`` are those of the unknowns.
         """
         solution, nv = self.solution, self.nv
-        if solution.status is not Status.SOLVED:
+        # What is kept to the last row keeps the box.
+        if solution.status is not Status.SOLVED or solution.residuals.primal <= TOLERANCE:
             return self
         lower, upper, v = self.first.lower[:nv], self.first.upper[:nv], solution.x[:nv]
         excess = np.maximum(lower - v, v - upper)

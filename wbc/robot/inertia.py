@@ -33,7 +33,12 @@ _CHANGES = np.concatenate(
     (np.einsum("wad,sdb->swab", _TURNS, _SECOND_MOMENTS).reshape(18, 9), np.eye(9))
 )
 _RATES = np.array([vech(C + C.T) for C in (_CHANGES @ _INERTIA).reshape(27, 3, 3)]).T.copy()
-_TURNS_BESIDE = _TURNS.transpose(1, 0, 2).reshape(3, 9)
+# From a matrix H, flat, to vech of what S'' = H + H' makes of the inertia (9, 6).
+_TWICE = np.array([vech((X + X.T).ravel().dot(_INERTIA)) for X in _BASIS])
+# From carried moments, summed for each axis w that bodies turn about, to the same of [w] (C + C').
+_TURNED_CHANGES = np.array(
+    [(turn @ (C + C.T)).ravel().dot(_TWICE) for turn in _TURNS for C in _CHANGES.reshape(27, 3, 3)]
+)
 # What is multiplied in carried moments: entries of composites, and of (w, p).
 _ARMS = np.tile([0, 1, 2], 3)
 _OF_BODIES = np.concatenate((np.repeat(np.arange(3, 9), 3), _ARMS))
@@ -150,11 +155,12 @@ def inertia_curvature(
     """
     whole = (twists * v).dot(orders.T)  # (6, nv): U at the world's origin, W
     moved = momenta * v
-    C = (whole[3:] * v).dot(carried.T).dot(_CHANGES).reshape(3, 3, 3)  # by axis of W
+    turned = (whole[3:] * v).dot(carried.T).ravel()  # by axis of W
     by_twist = moved.dot(whole.T)
-    velocity = np.add.reduce(moved, axis=1)
-    half = _TURNS_BESIDE.dot((C + C.transpose(0, 2, 1)).reshape(9, 3))
+    velocity = momenta.dot(v)
+    half = by_twist[:, 3:].dot(skew(com))
     half += by_twist[:, :3]
-    half += by_twist[:, 3:].dot(skew(com))
     half -= velocity[:, None] * (velocity / mass)
-    return vech((half + half.T).ravel().dot(_INERTIA))
+    curvature = turned.dot(_TURNED_CHANGES)
+    curvature += half.ravel().dot(_TWICE)
+    return curvature

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.native import Core, address
-from wbc.spatial import vech, vech_inverse
+from wbc.spatial import vech
 from wbc.validate import Array, read_only
 
 # Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
@@ -152,11 +152,6 @@ class NativeMotion(NamedTuple):
         """Return a copy of a drift by the name of its place."""
         place: slice = getattr(self.tree, name)
         return read_only(self.array[place].copy())
-
-    def inertia_motion(self) -> tuple[Array, Array]:
-        """Return the first and second derivative (3, 3) of the inertia at constant v."""
-        first, second = self.array[self.tree.inertia_rate], self.array[self.tree.inertia_curvature]
-        return vech_inverse(first), vech_inverse(second)
 
     def frame_drift(self, index: int) -> Array:
         """Return the acceleration (6,) of a frame."""

@@ -6,15 +6,13 @@ where it is used, else from Pinocchio.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import pinocchio as pin
 
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeMotion
 from wbc.robot.names import WORLD
-from wbc.robot.state import KinematicState
+from wbc.robot.state import KinematicState, lazy
 from wbc.spatial import skew, vech, vech_inverse
 from wbc.validate import Array, read_only
 
@@ -26,7 +24,7 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ dynamics
 
-    @cached_property
+    @lazy
     def mass_matrix(self) -> Array:
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
         if self._motion is not None:
@@ -36,7 +34,7 @@ class MovingState(KinematicState):
         half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
         return read_only(half + half.T)
 
-    @cached_property
+    @lazy
     def bias(self) -> Array:
         """Coriolis, centrifugal and gravity forces (nv,): ``M a + bias == tau + J' f``.
 
@@ -49,7 +47,7 @@ class MovingState(KinematicState):
         forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
         return read_only(forces.copy())
 
-    @cached_property
+    @lazy
     def mechanical_connection(self) -> Array:
         """A (6, nv - 6) with base momentum h_0 = I_0 (v_0 + A joint_rates), eq. 17, base axes."""
         M = self.mass_matrix
@@ -57,14 +55,14 @@ class MovingState(KinematicState):
 
     # ------------------------------------------------------------------ drifts
 
-    @cached_property
+    @lazy
     def com_drift(self) -> Array:
         """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
         if self._motion is not None:
             return self._motion.drift("com_drift")
         return read_only(self.momentum_drift[:3] / self.robot.mass)
 
-    @cached_property
+    @lazy
     def momentum_drift(self) -> Array:
         """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
         if self._motion is not None:
@@ -80,10 +78,21 @@ class MovingState(KinematicState):
         motion = pin.getFrameClassicalAcceleration(robot.model, self._rates(), index, _ALIGNED)
         return read_only(motion.vector.copy())
 
-    @cached_property
+    @lazy
     def inertia_drift(self) -> Array:
         """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
-        return self.inertia_drift_in(WORLD)
+        if self._motion is not None:
+            return self._motion.drift("inertia_curvature")
+        curvature = crb.inertia_curvature(
+            self.robot.workspace.columns.orders,
+            self._carried_moments,
+            self.centroidal_map[:3],
+            self.joint_twists,
+            self.com,
+            self.robot.mass,
+            self.v,
+        )
+        return read_only(curvature)
 
     def inertia_drift_in(self, frame: str = WORLD) -> Array:
         """Drift (6,) of :meth:`inertia_in` for the same ``frame``: the second derivative.
@@ -92,35 +101,25 @@ class MovingState(KinematicState):
         the second derivative R' (I'' - 2 [w, I'] - [a, I] + [w, [w, I]]) R, in the commutator of
         skew matrices.
         """
-        rate, total = self._inertia_motion
         if frame == WORLD:
-            return read_only(vech(total))
+            return self.inertia_drift
+        rate, total = vech_inverse(self._inertia_rate), vech_inverse(self.inertia_drift)
         R, turn = self.rotation(frame), self.jacobian(frame)[3:] @ self.v
         W, A, inertia = skew(turn), skew(self.drift(frame)[3:]), self.inertia
         half = W @ inertia - inertia @ W - 2.0 * rate
         total = total + W @ half - half @ W - A @ inertia + inertia @ A
         return read_only(vech(R.T @ total @ R))
 
-    @cached_property
-    def _inertia_motion(self) -> tuple[Array, Array]:
-        """First and second derivative (3, 3) of the inertia at constant v, world axes."""
-        if self._motion is not None:
-            return self._motion.inertia_motion()
-        robot = self.robot
-        curvature = crb.inertia_curvature(
-            robot.workspace.columns.orders,
-            self._carried_moments,
-            self.centroidal_map[:3],
-            self.joint_twists,
-            self.com,
-            robot.mass,
-            self.v,
-        )
-        return vech_inverse(self.inertia_jacobian.dot(self.v)), vech_inverse(curvature)
-
     # ------------------------------------------------------------------ internals
 
-    @cached_property
+    @property
+    def _inertia_rate(self) -> Array:
+        """First derivative of vech of the inertia (6,), world axes."""
+        if self._motion is not None:
+            return self._motion.drift("inertia_rate")
+        return self.inertia_jacobian.dot(self.v)
+
+    @lazy
     def _motion(self) -> NativeMotion | None:
         """What the native core found at this velocity; None where it is not used."""
         return None if self.native_state is None else self.native_state.motion(self.v)

@@ -8,6 +8,7 @@ asks for is marked read-only in place, without a call.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +24,19 @@ from wbc.spatial import commutator_matrix, congruence, skew
 from wbc.validate import Array, read_only
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+if TYPE_CHECKING:
+    lazy = cached_property
+else:
+
+    class lazy(cached_property):
+        """A ``cached_property`` without the lock, which Python 3.12 has dropped: 0.1 us for 0.8."""
+
+        def __get__(self, instance: Any, owner: object = None) -> Any:
+            if instance is None:
+                return self
+            value = instance.__dict__[self.attrname] = self.func(instance)
+            return value
 
 
 class KinematicState:
@@ -78,13 +92,13 @@ class KinematicState:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
 
-    @cached_property
+    @lazy
     def native_state(self) -> NativeState | None:
         """All that a tick asks for, from one pass of the native core; None where it is not used."""
         native = self.robot.native
         return None if native is None else native.evaluate(self.q, self.v)
 
-    @cached_property
+    @lazy
     def joint_positions(self) -> Array:
         """Positions (nv-6,) of the joints [rad or m]; angles of continuous joints."""
         limits = self.robot.limits  # read in every tick: no call unless it is needed
@@ -92,14 +106,14 @@ class KinematicState:
 
     # ------------------------------------------------------------------ momentum and CoM
 
-    @cached_property
+    @lazy
     def com(self) -> Array:
         """CoM (3,) in the world [m]."""
         if self.native_state is not None:
             return read_only(self.native_state.com())
         return self._whole[:3]
 
-    @cached_property
+    @lazy
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
         if self.native_state is not None:
@@ -108,36 +122,35 @@ class KinematicState:
         A.setflags(write=False)
         return A
 
-    @cached_property
+    @lazy
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
         if self.native_state is not None:
             return read_only(self.native_state.momentum())
         return read_only(self._workspace().kinematics_data.hg.vector.copy())
 
-    @cached_property
+    @lazy
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
             return self.native_state.part("com_jacobian", 3, -1)
-        J = self._workspace().centroidal_map[:3].copy()
-        J /= self.robot.mass
+        J: Array = self._workspace().centroidal_map[:3] / self.robot.mass
         J.setflags(write=False)
         return J
 
-    @cached_property
+    @lazy
     def com_velocity(self) -> Array:
         """Velocity of the CoM (3,) [m/s]."""
         return read_only(self.momentum[:3] / self.robot.mass)
 
-    @cached_property
+    @lazy
     def average_angular_velocity(self) -> Array:
         """I_c^-1 k_c (3,) [rad/s]: of the momentum, not of the ellipsoid's axes (theory 3)."""
         return read_only(np.linalg.solve(self.inertia, self.momentum[3:]))
 
     # ------------------------------------------------------------------ inertia
 
-    @cached_property
+    @lazy
     def inertia(self) -> Array:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
         if self.native_state is not None:
@@ -168,14 +181,14 @@ class KinematicState:
         spatial[3:, 3:] = R.T @ self.inertia @ R - M * arm @ arm
         return read_only(spatial)
 
-    @cached_property
+    @lazy
     def base_inertia_jacobian(self) -> Array:
         """Derivative d vech(I_base)/dv (6, nv), base axes; its base columns are zero."""
         J = congruence(self.rotation(BASE).T) @ self.inertia_jacobian
         J[:, :BASE_NV] = 0.0
         return read_only(J)
 
-    @cached_property
+    @lazy
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
         if self.native_state is not None:
@@ -244,7 +257,7 @@ class KinematicState:
             self._jacobians[frame] = found
         return found
 
-    @cached_property
+    @lazy
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
         if self.native_state is not None:
@@ -255,7 +268,7 @@ class KinematicState:
         rotations, origins = work.placements.copies()
         return read_only(rotations), read_only(origins)
 
-    @cached_property
+    @lazy
     def joint_twists(self) -> Array:
         """(6, nv): column k is the twist that v_k = 1 gives to all bodies that it carries.
 
@@ -285,7 +298,7 @@ class KinematicState:
 
     # ------------------------------------------------------------------ internals
 
-    @cached_property
+    @lazy
     def _carried_moments(self) -> Array:
         """What Jacobian and drift of the inertia are made of (27, nv)."""
         momenta, twists = self.centroidal_map[:3], self.joint_twists

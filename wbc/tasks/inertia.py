@@ -129,10 +129,10 @@ class InertiaTask(Task):
         error = self._selection.dot(vech(snapshot.inertia_in(self.frame)))
         error -= self._wanted
         jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame))
-        pull = self._gradient(error).dot(self._selection)  # the cost's slope by entry
         if self.second_order:
-            return Residual(error, jacobian, self._bias, self._curvature(snapshot, pull))
-        bound = partial(self._curvature_bound, snapshot, pull)
+            curvature = self._curvature(snapshot, self._pull(error))
+            return Residual(error, jacobian, self._bias, curvature)
+        bound = partial(self._curvature_bound, snapshot, error)
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
 
     def native(self) -> tuple[NativeRows, ...] | None:
@@ -155,13 +155,19 @@ class InertiaTask(Task):
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at v' = 0, less the target's."""
-        return self._selection @ (snapshot.inertia_drift_in(self.frame) - self.target_acceleration)
+        drift = self._selection.dot(snapshot.inertia_drift_in(self.frame))
+        drift += self._drift
+        return drift
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return the selected entries of actual minus target inertia."""
         # The trace is the same in all axes; in the base's it is an expression of the joints alone.
         frame = BASE if self.rows == TRACE else self.frame
         return posture.inertia_error(self._selection, vech_inverse(self.target), frame)
+
+    def _pull(self, error: Array) -> Array:
+        """Return the cost's slope (6,) by the entries of the inertia."""
+        return self._gradient(error).dot(self._selection)
 
     def _curvature(self, snapshot: Snapshot, pull: Array) -> Array:
         """Return the second derivative of <G, I>, G the cost's derivative by the inertia, fixed."""
@@ -171,8 +177,9 @@ class InertiaTask(Task):
         S = snapshot.rotation(self.frame).T @ snapshot.rotation(BASE)
         return snapshot.base_inertia_hessian(S.T @ G @ S)
 
-    def _curvature_bound(self, snapshot: Snapshot, pull: Array) -> Array:
+    def _curvature_bound(self, snapshot: Snapshot, error: Array) -> Array:
         """Return numbers (nv,) that make a diagonal matrix above the curvature."""
+        pull = self._pull(error)
         bound: Array = np.add.reduce(np.abs(self._curvature(snapshot, pull)), axis=0)
         if self.frame not in (WORLD, BASE):  # how the frame turns is not in it
             bound += curvature_bound(pull, snapshot.inertia)
