@@ -20,14 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.constraints.contact import Contact, PointContact
-from wbc.constraints.friction import FrictionCone
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import skew
 from wbc.tasks.task import Task
-from wbc.validate import Array
+from wbc.validate import Array, read_only
 
 # A contact with less normal force than this [N] has no CoP worth speaking of.
 UNLOADED = 1e-6
@@ -156,20 +155,24 @@ class ContactForces:
 
         ``most`` lowers the largest normal force [N] of some contacts, by name, and so the least.
         """
-        if tuple(_shape(contact.friction) for contact in self.surfaces) != self._shapes:
+        if [contact.friction for contact in self.surfaces] != self._cones:
             self._read_cones()
-        lower, upper = self._lower.copy(), self._upper.copy()
+        return self._within(most) if most else self._bounds
+
+    def _within(self, most: Mapping[str, float]) -> Bounds:
+        """Return the rows of :meth:`bounds`."""
+        lower, upper = np.full(len(self.labels), -np.inf), np.zeros(len(self.labels))
         for k, contact in enumerate(self.surfaces):
             cone = contact.friction
             if cone is not None:
                 largest = min(cone.most, most.get(contact.name, np.inf))
                 upper[k] = largest / self.unit
                 lower[k] = min(cone.least, largest) / self.unit
-        return Bounds(self.labels, self._matrix, lower, upper)
+        return Bounds(self.labels, self._matrix, read_only(lower), read_only(upper))
 
     def _read_cones(self) -> None:
         """Lay out the rows: one for each whole normal force, then the facets of each corner."""
-        self._shapes = tuple(_shape(contact.friction) for contact in self.surfaces)
+        self._cones = [contact.friction for contact in self.surfaces]
         labels, rows = [], []
         parts = [part for part in self.parts if part.surface is not None]
         for part in parts:
@@ -191,10 +194,9 @@ class ContactForces:
                 for corner in range(count)
                 for _ in facets
             ]
-        self._matrix = np.concatenate([np.zeros((0, self.size)), *rows])
+        self._matrix = read_only(np.concatenate([np.zeros((0, self.size)), *rows]))
         self.labels = tuple(labels)
-        self._lower = np.full(len(labels), -np.inf)
-        self._upper = np.zeros(len(labels))
+        self._bounds = self._within(NO_RAMPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,7 +307,3 @@ def _names(part: ContactPart) -> list[str]:
 
 def _corners(part: ContactPart) -> int:
     return (part.columns.stop - part.columns.start) // 3
-
-
-def _shape(cone: FrictionCone | None) -> tuple[float, int, bool] | None:
-    return None if cone is None else (cone.coefficient, cone.facets, cone.inner)

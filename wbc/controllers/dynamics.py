@@ -42,12 +42,16 @@ class TickDynamics:
 
     @classmethod
     def at(
-        cls, snapshot: Snapshot, forces: ContactForces, last: Mapping[str, Array] | None
+        cls,
+        snapshot: Snapshot,
+        forces: ContactForces,
+        last: Mapping[str, Array] | None,
+        matrix: Array | None = None,
     ) -> TickDynamics:
-        """Return the dynamics at a snapshot."""
+        """Return the dynamics at a snapshot; in ``matrix`` (nv, n), if given, which is filled."""
         robot, unit = snapshot.robot, forces.unit
         nv = robot.nv
-        matrix = np.empty((nv, nv + forces.size))
+        matrix = np.empty((nv, nv + forces.size)) if matrix is None else matrix
         inertia = np.multiply(snapshot.mass_matrix, 1.0 / robot.mass, out=matrix[:, :nv])
         offset = snapshot.bias / unit
         offset -= inertia.dot(snapshot.v)

@@ -204,7 +204,14 @@ class TorqueController(NativeController):
         # Base, and joints without a motor of their own: no torque there.
         self._passive = np.array([*range(6), *followers])
         self._most = self.torque_bounds[bounded] / self._unit
+        self._ends = np.stack((-self._most, self._most))
         self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
+        # As slices where it can be: what a tick takes by them is not copied.
+        first = robot.nv - self._bounded.size
+        every = self._bounded.tolist() == [*range(first, robot.nv)]
+        self._torque_rows = slice(first, robot.nv) if every else self._bounded
+        self._base_rows = self._passive if followers else slice(0, 6)
+        self._met = read_only(np.ones(self._passive.size))
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
         return velocity.extended(forces.names, forces.lower, forces.upper, damping)
@@ -214,23 +221,27 @@ class TorqueController(NativeController):
         return BASE_FORCES + followers
 
     def _physics(self, snapshot: Snapshot) -> Physics:
-        dynamics = self._dynamics(snapshot)
-        matrix, offset = dynamics.matrix, dynamics.offset
-        passive = self._passive
-        held = Rows(matrix[passive], -offset[passive], np.ones(len(passive)))
-        cones, nv = self.contact_forces.bounds(self._ramps.most), self.robot.nv
-        count = self._bounded.size
-        rows = np.zeros((count + cones.lower.size, matrix.shape[1]))
-        np.take(matrix, self._bounded, axis=0, out=rows[:count])
-        rows[count:, nv:] = cones.matrix
-        known = offset[self._bounded]
-        bounds = Bounds(
-            self._torque_labels + cones.labels,
-            rows,
-            np.concatenate((-self._most - known, cones.lower)),
-            np.concatenate((self._most - known, cones.upper)),
+        cones, nv, count = (
+            self.contact_forces.bounds(self._ramps.most),
+            self.robot.nv,
+            self._most.size,
         )
-        rest = np.zeros(matrix.shape[1])
+        # The torques' rows above those of the cones.
+        rows = np.empty((nv + cones.lower.size, nv + self.contact_forces.size))
+        rows[nv:, :nv] = 0.0
+        rows[nv:, nv:] = cones.matrix
+        dynamics = self._dynamics(snapshot, rows[:nv])
+        offset, bounded = dynamics.offset, self._torque_rows
+        held = Rows(rows[self._base_rows], -offset[self._base_rows], self._met)
+        ends = np.empty((2, count + cones.lower.size))
+        np.subtract(self._ends, offset[bounded], out=ends[:, :count])
+        ends[0, count:], ends[1, count:] = cones.lower, cones.upper
+        if isinstance(bounded, slice):
+            limited = rows[bounded.start :]
+        else:
+            limited = np.concatenate((rows[bounded], rows[nv:]))
+        bounds = Bounds(self._torque_labels + cones.labels, limited, *ends)
+        rest = np.zeros(rows.shape[1])
         rest[:nv] = snapshot.v
         forces = [task.force_rows(dynamics) for task in self._force_tasks]
         return Physics([held], bounds, forces=forces, rest=rest, dynamics=dynamics)
@@ -266,10 +277,10 @@ class TorqueController(NativeController):
         dynamics = TickDynamics(snapshot, self.contact_forces, found.matrix, found.offset, None)
         return Physics(bounds=found.bounds, dynamics=dynamics)
 
-    def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
-        """Return what forces and torques are by the unknowns."""
+    def _dynamics(self, snapshot: Snapshot, matrix: Array | None = None) -> TickDynamics:
+        """Return what forces and torques are by the unknowns; ``matrix`` is filled, if given."""
         last = self._last.wrenches() if self._force_tasks and self._last is not None else None
-        return TickDynamics.at(snapshot, self.contact_forces, last)
+        return TickDynamics.at(snapshot, self.contact_forces, last, matrix)
 
     # ------------------------------------------------------------------ parts of the tick
 

@@ -95,13 +95,13 @@ def _motion(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Arra
     carried = carried_moments(work.composites.read(), momenta, data.J, com)
     mass = pin.computeTotalMass(model)
     curvature = inertia_curvature(work.columns.orders, carried, momenta, data.J, com, mass, v)
-    half = pin.crba(model, work.scratch, q) * work.upper_half
+    inertia = pin.crba(model, work.scratch, q)
     bias = pin.nonLinearEffects(model, work.scratch, q, v).copy()
     frame, aligned = model.nframes - 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     drift = pin.getFrameClassicalAcceleration(model, rates, frame, aligned)
     momentum = rates.dhg.vector
     drifts = momentum[:3] / mass, momentum, inertia_rates(carried) @ v, curvature
-    return half + half.T, bias, *drifts, drift.vector
+    return inertia, bias, *drifts, drift.vector
 
 
 def _difference(ours: Array, theirs: Sequence[Array]) -> float:

@@ -29,10 +29,8 @@ class MovingState(KinematicState):
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
         if self._motion is not None:
             return self._motion.part("mass_matrix", self.robot.nv, -1)
-        work = self.robot.workspace
-        # Pinocchio fills the upper triangle.
-        half = pin.crba(self.robot.model, work.scratch, self.q) * work.upper_half
-        return read_only(half + half.T)
+        robot = self.robot
+        return read_only(pin.crba(robot.model, robot.workspace.scratch, self.q))  # a copy
 
     @lazy
     def bias(self) -> Array:

@@ -38,7 +38,6 @@ class Workspace:
         self._rates_owner: Any = None
         self.scratch = model.createData()
         self.at_rest = np.zeros(model.nv)
-        self.upper_half: Array = np.triu(np.ones((model.nv, model.nv))) - 0.5 * np.eye(model.nv)
 
     def kinematics(self, owner: Any, q: Array, v: Array) -> pin.Data:
         """Return data holding placements, joint Jacobians, centroidal map and inertia at (q, v)."""

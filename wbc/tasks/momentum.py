@@ -14,7 +14,7 @@ from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.keywords import OF_ERRORS, Gains
 from wbc.tasks.task import Task
-from wbc.validate import Array, names_of
+from wbc.validate import Array, names_of, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -55,7 +55,11 @@ class MomentumTask(Task):
             if component not in LINEAR + ANGULAR:
                 raise UnknownNameError("momentum component", component, LINEAR + ANGULAR)
         super().__init__(robot, name, components, **law)
-        self._selected = np.array([(LINEAR + ANGULAR).index(c) for c in components])
+        self._bias: Array
+        self._entries = tuple((LINEAR + ANGULAR).index(c) for c in components)
+        # All of them as a slice: no copy.
+        every = self._entries == tuple(range(6))
+        self._selected = slice(0, 6) if every else np.array(self._entries)
         self._no_error = self._zeros()
         self.set_target(target)
 
@@ -64,11 +68,11 @@ class MomentumTask(Task):
         goal = self._target(target, (6,))
         self._set_rates((6,), rate)
         self._goal = goal
+        self._bias = read_only(-goal[self._selected])
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is momentum minus target."""
-        rows = self._selected
-        return Residual(self._no_error, snapshot.centroidal_map[rows], -self.target[rows])
+        return Residual(self._no_error, snapshot.centroidal_map[self._selected], self._bias)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the momentum's rate at zero acceleration of v, less the wanted rate."""
@@ -80,10 +84,8 @@ class MomentumTask(Task):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the selected entries."""
-        rows = tuple(self._selected.tolist())
-        chosen = self._selected
-        bias, drift = -self.target[chosen], -self.target_rate[chosen]
-        return (NativeRows(Kind.MOMENTUM, None, rows, bias, drift, ()),)
+        drift = -self.target_rate[self._selected]
+        return (NativeRows(Kind.MOMENTUM, None, self._entries, self._bias, drift, ()),)
 
     @property
     def units(self) -> tuple[str, ...]:
