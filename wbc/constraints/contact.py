@@ -124,11 +124,10 @@ class Contact(Task):
         The derivative of a rotation vector e is Jlog(e) w, not w. But Jlog(e) e = e, so holding
         ``Jlog w = -k e`` and ``w = -k e`` is the same, and the plain Jacobian costs nothing.
         """
-        frame, error = self.frame, np.empty(6)
-        position, R = snapshot.placement(frame)
-        error[:3] = position - self.position
-        error[3:] = log_rotation(R.dot(self.rotation.T))  # R log(R*' R), turned to world axes
-        return Residual(error, snapshot.jacobian(frame), self._still)
+        position, R = snapshot.placement(self.frame)
+        turn = log_rotation(R.dot(self.rotation.T))  # R log(R*' R), turned to world axes
+        error = np.concatenate((position - self.position, turn))
+        return Residual(error, snapshot.jacobian(self.frame), self._still)
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the frame's acceleration (k,) at zero acceleration of v, world axes."""

@@ -228,12 +228,7 @@ def assemble(
     if n > nv:
         lower = np.concatenate((lower, decision.lower))
         upper = np.concatenate((upper, decision.upper))
-    P, g, damping = _cost(costs, nv)
-    if g.size < n:
-        P, g = _widened(P, g, n)
-    diagonal = P.reshape(-1)[:: n + 1]
-    diagonal += decision.damping
-    diagonal[:nv] += damping
+    P, g = _cost(decision, costs)
     none = decision.no_rows
     A, b = none.matrix, none.lower
     if equalities:
@@ -253,14 +248,12 @@ def assemble(
     return qp if bounds.slack is None else with_slack(qp, bounds.slack)
 
 
-def _cost(costs: Sequence[Rows], nv: int) -> tuple[Array, Array, float | Array]:
-    """Return P, g and the damping on v+ of rows met in the weighted least-squares sense.
-
-    P and g have the columns of v+ and those behind it that any row has.
-    """
+def _cost(decision: Decision, costs: Sequence[Rows]) -> tuple[Array, Array]:
+    """Return P (n, n) and g (n,): rows met in the weighted least-squares sense, and damping."""
     matrices, targets, weights, curved, single = [], [], [], [], []
     damping: float | Array = 0.0
-    width = nv
+    n, nv = decision.damping.size, decision.nv
+    width = nv  # of the columns that any row has
     for rows in costs:
         damping = damping + rows.damping  # not in place: a law's array is the law's
         if rows.curvature is not None:
@@ -280,9 +273,11 @@ def _cost(costs: Sequence[Rows], nv: int) -> tuple[Array, Array, float | Array]:
         P = J.T.dot(weighted)
         g = np.concatenate(targets).dot(weighted)
         np.negative(g, out=g)
+        if width < n:
+            P, g = _widened(P, g, n)
     else:
-        P, g = np.zeros((width, width)), np.zeros(width)
-    diagonal = P.reshape(-1)[:: width + 1]
+        P, g = np.zeros((n, n)), np.zeros(n)
+    diagonal = P.reshape(-1)[:: n + 1]
     for rows in single:  # of the identity
         square = rows.weight * rows.weight
         diagonal[rows.columns] += square
@@ -290,7 +285,9 @@ def _cost(costs: Sequence[Rows], nv: int) -> tuple[Array, Array, float | Array]:
         g[rows.columns] -= square
     if curved:
         P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
-    return P, g, damping
+    diagonal += decision.damping
+    diagonal[:nv] += damping
+    return P, g
 
 
 def _widened(P: Array, g: Array, n: int) -> tuple[Array, Array]:

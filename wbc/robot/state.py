@@ -244,18 +244,9 @@ class KinematicState:
 
     def jacobian(self, frame: str) -> Array:
         """Jacobian (6, nv) of the frame's origin velocity and angular velocity, world axes."""
-        found = self._jacobians.get(frame)
-        if found is None and self.native_state is not None:
+        if frame not in self._jacobians:
             self._placement(frame)
-            return self._jacobians[frame]
-        if found is None:
-            robot = self.robot
-            index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-            data = self._workspace().kinematics_data
-            found = pin.getFrameJacobian(robot.model, data, index, _ALIGNED)
-            found.setflags(write=False)
-            self._jacobians[frame] = found
-        return found
+        return self._jacobians[frame]
 
     @lazy
     def joint_placements(self) -> tuple[Array, Array]:
@@ -281,6 +272,7 @@ class KinematicState:
         return twists
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
+        """Return where a frame is; its Jacobian, which few do without, is kept."""
         robot = self.robot
         index = robot.frame_indices.get(frame) or robot.frame_id(frame)
         if self.native_state is not None:
@@ -288,11 +280,13 @@ class KinematicState:
             self._placements[frame] = placed
             return placed
         work = self._workspace()
-        pin.updateFramePlacement(robot.model, work.kinematics_data, index)
+        model, data = robot.model, work.kinematics_data
+        pin.updateFramePlacement(model, data, index)
         origin, axes = work.frames.get(index) or work.frame_view(index)
         position, rotation = origin.copy(), axes.copy()
-        position.setflags(write=False)
-        rotation.setflags(write=False)
+        self._jacobians[frame] = jacobian = pin.getFrameJacobian(model, data, index, _ALIGNED)
+        for array in (position, rotation, jacobian):
+            array.setflags(write=False)
         self._placements[frame] = found = position, rotation
         return found
 

@@ -85,12 +85,10 @@ class PointTask(Task):
         move everything, one and a half times the robot's radius of gyration more: about the height
         of its CoM.
         """
-        arm = position - snapshot.q[:3]
         (xx, _, _), (_, yy, _), (_, _, zz) = snapshot.inertia.tolist()
-        lever = math.hypot(*arm.tolist()) + 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
-        gradient = self.weight * error
-        gradient *= self.weight
-        return math.hypot(*gradient.tolist()) * lever
+        lever = math.dist(position.tolist(), snapshot.q[:3].tolist())
+        lever += 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
+        return math.hypot(*self._gradient(error).tolist()) * lever
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
