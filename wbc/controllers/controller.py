@@ -215,7 +215,10 @@ class Controller(ABC):
         if self.constraints and tried is None:
             margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
         ready = perf_counter()
-        outcome, _, scale = self._settle(problem, tried or self._attempt(problem, margins))
+        attempt = tried or self._attempt(problem, margins)
+        if attempt.outcome.solution.status is not Status.SOLVED:
+            attempt = self._settle(problem, attempt)
+        outcome, _, scale = attempt
         tick = self._tick(snapshot, physics, residuals, outcome, scale, singular, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
@@ -264,12 +267,13 @@ class Controller(ABC):
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""
-        solve = partial(self._solver.solve, problem)
-        found = solve_with_look_ahead(solve, margins, problem.contacts)
-        return found.within_limits(self.plan.decision.names)
+        names, solve = self.plan.decision.names, partial(self._solver.solve, problem)
+        if margins is None:
+            return Attempt(solve().within_limits(names), [])
+        return solve_with_look_ahead(solve, margins, problem.contacts).within_limits(names)
 
     def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
-        """Return what is best if nothing keeps everything."""
+        """Return what is best where not everything can be kept: here, what was tried."""
         return attempt
 
     # ------------------------------------------------------------------ parts of the tick
@@ -318,7 +322,7 @@ class Controller(ABC):
         if not solved:
             velocity, slack = self._fallback(snapshot, outcome)
         else:
-            velocity = outcome.velocity
+            velocity = outcome.solution.x[: self.robot.nv]
             if outcome.given_way is not None:
                 policy, slack = RELAX, outcome.given_way
             elif outcome.qp.g.size > self.plan.decision.size:

@@ -89,8 +89,7 @@ class Outcome(NamedTuple):
         ``names`` are those of the unknowns.
         """
         solution, nv = self.solution, self.nv
-        # What is kept to the last row keeps the box.
-        if solution.status is not Status.SOLVED or solution.residuals.primal <= TOLERANCE:
+        if solution.status is not Status.SOLVED:
             return self
         lower, upper, v = self.first.lower[:nv], self.first.upper[:nv], solution.x[:nv]
         excess = np.maximum(lower - v, v - upper)

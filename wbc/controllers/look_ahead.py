@@ -113,9 +113,7 @@ class Attempt(NamedTuple):
         return self._replace(outcome=self.outcome.within_limits(names))
 
 
-def solve_with_look_ahead(
-    solve: Solve, margins: MarginRows | None, held: Sequence[Rows]
-) -> Attempt:
+def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows]) -> Attempt:
     """Return the outcome with margins kept where it leads, and the part of it to command.
 
     Parameters
@@ -125,8 +123,6 @@ def solve_with_look_ahead(
     held:
         Rows of the contacts: if a QP has no solution, margins are relaxed by what these need.
     """
-    if margins is None:
-        return Attempt(solve(None, None), [])
     outcome, rows, kept = solve_with_cuts(solve, margins)
     if not outcome.solved:
         return Attempt(solve(relax_for_contacts(stack(rows), held), outcome.box), rows)

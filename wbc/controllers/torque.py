@@ -300,8 +300,6 @@ class TorqueController(NativeController):
 
     def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
         outcome = attempt.outcome
-        if outcome.solved:
-            return attempt
         relaxed = self._solver.solve_relaxed(self._without_least(problem), attempt.rows)
         spent = outcome.solve_time + relaxed.solve_time
         return Attempt(relaxed._replace(solve_time=spent), attempt.rows)

@@ -88,7 +88,9 @@ class PointTask(Task):
         (xx, _, _), (_, yy, _), (_, _, zz) = snapshot.inertia.tolist()
         lever = math.dist(position.tolist(), snapshot.q[:3].tolist())
         lever += 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
-        return math.hypot(*self._gradient(error).tolist()) * lever
+        gradient = self.weight * error
+        gradient *= self.weight
+        return math.hypot(*gradient.tolist()) * lever
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
