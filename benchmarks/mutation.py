@@ -34,16 +34,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "Lt -> LtE",
     ): "at the one number where it differs nothing depends on it",
     (
-        "wbc/controllers/slack.py",
-        "return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)",
-        "lower -> upper",
-    ): "both ends are as many",
-    (
-        "wbc/controllers/shaping/motion.py",
-        "return time < guide.duration + LINGERING",
-        "Lt -> LtE",
-    ): "a tick earlier or later",
-    (
         "wbc/controllers/shaping/unknowns.py",
         'x = ca.SX.sym("x", n + 3 + 3 * count)',
         "3 -> 4",
@@ -53,6 +43,17 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if len(conflict.rows) > MOST_ROWS or _feasible(qp, conflict.rows):",
         "Gt -> GtE",
     ): "a conflict of exactly as many rows is reduced or not",
+    ("wbc/controllers/braking.py", "if factor >= 1.0:", "GtE -> Gt"): "a factor of 1 is none",
+    (
+        "wbc/controllers/braking.py",
+        'lengths = np.sqrt(np.einsum("ij,ij->i", A, A) + TINY)',
+        "Add -> Sub",
+    ): "1e-300 beside the square of a length",
+    (
+        "wbc/controllers/singular.py",
+        "return NullSpace(np.zeros((root.size, 0)), np.zeros(root.size), root)",
+        "0 -> 1",
+    ): "a basis vector of zeros",
 }
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.controllers.force_ramps import ticks_of
+from wbc.constraints import support
+from wbc.controllers.force_ramps import ForceRamps, ticks_of
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot, Snapshot
@@ -246,3 +247,31 @@ def test_a_contact_with_slack_is_not_left_out_alone(robot_named: Load) -> None:
     for _ in range(30):  # beyond the ramp of 50 ms
         tick = controller.step(here)
     assert set(tick.forces) == {"right_sole"}
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 4])
+def test_bounds_by_hand_tick_by_tick(ticks: int, robot_named: Load) -> None:
+    """From 0 up to the weight, and from what was borne down to 0, in equal steps; then none."""
+    robot = robot_named("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    left, right = support(here, "double")
+    ramps = ForceRamps(100.0)
+    assert ramps.change([left], [right], {"left_sole": 60.0}, ticks) == (right, left)
+    for done in range(ticks):
+        expected = {"left_sole": 60.0 * (1 - done / ticks), "right_sole": 100.0 * done / ticks}
+        assert ramps.most == pytest.approx(expected)
+        gone = ramps.advance()
+        assert gone == ({"left_sole"} if done == ticks - 1 else set())
+    assert ramps.most == {} and ramps.advance() == frozenset()
+    # At once, and what bears nothing: neither comes nor goes slowly.
+    assert ramps.change([left], [right], {"left_sole": 60.0}, 0) == (right,)
+    assert ramps.most == {}
+    assert ramps.change([left], [right], {"left_sole": 0.0}, ticks) == (right,)
+    assert set(ramps.most) == {"right_sole"}
+
+
+@pytest.mark.parametrize(("duration", "dt", "ticks"), [
+    (0.05, 0.01, 5), (0.05, 0.005, 10), (0.051, 0.01, 6), (0.0, 0.01, 0), (0.3, 0.1, 3),
+])  # fmt: skip
+def test_a_ramp_lasts_as_long_as_it_is_told(duration: float, dt: float, ticks: int) -> None:
+    assert ticks_of(duration, dt) == ticks

@@ -161,7 +161,7 @@ def test_what_unbounded_unknowns_could_make_good_is_no_certificate() -> None:
 
 
 def test_rows_of_a_conflict_are_named_by_their_weight_and_in_their_units() -> None:
-    """Less than a thousandth of the heaviest is left out; a row of length 4 is missed by 4 times."""
+    """Under a thousandth of the heaviest: left out. A row of length 4 is missed by 4 times."""
     labels = Labels(("e",), ("a", "b", "c"), ("x", "y"))
     qp = QP.build(np.eye(2), np.zeros(2), A=[[0.0, 4.0]], b=[1.0],
                   C=[[2.0, 0.0], [0.0, 1.0], [1.0, 0.0]], u=[1.0, 1.0, 1.0], labels=labels,
