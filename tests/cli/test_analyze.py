@@ -67,6 +67,21 @@ def test_dropouts_are_printed(walk: Path) -> None:
     assert "gap in time from 0.38 s to 0.42 s" in answer.stdout
 
 
+def test_what_is_missing_is_filled_by_the_option_that_the_error_names(walk: Path) -> None:
+    header, *rows = walk.read_text().splitlines()
+    cells = rows[40].split(",")
+    walk.write_text("\n".join([header, *rows[:40], ",".join([*cells[:-1], "nan"]), *rows[41:]]))
+    options = ["--planted", "left", "--cutoff", "none"]
+    answer = command(walk, *options)
+    assert (answer.exit_code, answer.stdout) == (1, "")
+    column = header.rpartition(",")[2]
+    assert f"column {column!r}, row 41 (line 42): NaN or an empty cell" in answer.stderr
+    assert "have it interpolated (fill=True, --fill)" in answer.stderr
+    answer = command(walk, *options, "--fill")
+    assert answer.exit_code == 0, answer.stderr
+    assert "interpolated" in answer.stdout
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
