@@ -37,6 +37,10 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "a support mode": (lambda: made(contacts="double"), "makes contacts"),
     "words": (lambda: made(constraints=["x"]), "the list has 'x'"),
     "one task": (lambda: made(CALM), "expected a list, got one"),
+    "another robot of the same name": (
+        lambda: made().step(Robot.load("hoap2_like").snapshot(START.q)),
+        "made by the robot object that the controller was made with",
+    ),
     "a configuration": (lambda: made().step(START.q), "expected a snapshot"),
     "slack": (lambda: made(slack="left_sole"), "expected weights by name"),
     "dt": (lambda: made(dt="0.005"), "expected a number, got '0.005'"),

@@ -37,6 +37,19 @@ def test_the_ends_keep_their_acceleration() -> None:
         assert np.abs(second + w * w * x).max() < 6e-3 * w * w  # as documented
 
 
+def test_the_ends_keep_their_place() -> None:
+    """At both ends as if the recording went on: 0.003 of the amplitude at most at 4 Hz.
+
+    What the polynomial leaves must be turned about the last point; mirrored beside it, 0.15.
+    """
+    before, longer = 600, np.arange(-600, 1800) / RATE
+    for phase in np.linspace(0.0, 6.0, 13):
+        wave = np.sin(2.0 * np.pi * 4.0 * longer + phase)[:, None]
+        whole = low_passed(wave, RATE, 10.0)[before : before + 1200]
+        part = low_passed(wave[before : before + 1200], RATE, 10.0)
+        assert np.abs(part - whole)[[0, -1]].max() < 5e-3
+
+
 def test_the_filter_has_no_phase(rng: np.random.Generator) -> None:
     # A band of noise that fades at both ends passes; delayed by even one sample, its correlation
     # would peak elsewhere.

@@ -126,6 +126,17 @@ def test_a_row_with_large_numbers_does_not_excuse_a_small_one():
     assert not acceptable(residuals, 1e-8, qp, x, y, NONE, np.zeros(1))
 
 
+def test_an_inequality_is_measured_by_its_own_terms_too():
+    """x1 <= 1 exceeded by 1e-3 is no rounding beside x0 = 1e6; x0 <= 1e6 exceeded by it is."""
+    x = np.array([1e6, 1.0])
+    for row, end, good in (([0.0, 1.0], 1.0, False), ([1.0, 0.0], 1e6, True)):
+        qp = QP.build(np.eye(2), -x, C=[row], l=[-np.inf], u=[end - 1e-3])
+        point = x, NONE, np.zeros(1), np.zeros(2)
+        residuals = kkt_residuals(qp, *point)
+        assert residuals.primal == pytest.approx(1e-3, rel=1e-6)
+        assert acceptable(residuals, 1e-8, qp, *point) == good
+
+
 def test_diverging_multipliers_excuse_nothing() -> None:
     """min 1/2 (x - 1)^2 with a row x >= 1.98 and the bound x <= 2: the optimum is 1.98, not 1.99.
 

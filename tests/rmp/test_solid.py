@@ -222,11 +222,18 @@ def test_the_planar_pendulum_is_a_slice(seed: int) -> None:
     np.testing.assert_allclose(got, ((0, -k_G, 0), (0, -k_P, 0)), **EXACT)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("seed", range(10))
-def test_a_hip_leaves_the_ground_only_a_vertical_moment(model: SolidRmp, seed: int) -> None:
-    """k_G' = (p - c) x f_r + m n, n vertical (theory of the CoP); k_G' is the hip's torque."""
+def test_a_hip_leaves_the_ground_only_a_vertical_moment(
+    model: SolidRmp, seed: int, side: float
+) -> None:
+    """k_G' = (p - c) x f_r + m n, n vertical (theory of the CoP); k_G' is the hip's torque.
+
+    Also where the leg points down (side -1), as on a ceiling.
+    """
     q, v, _ = state(seed)
-    q[2] = np.clip(q[2], 0.5, 2.5)
+    q[2] = side * np.clip(q[2], 0.5, 2.5)
+    assert side * leg(q[2], q[3])[2] > 0.0
     torque = np.array((3.0, -5.0, 2.0))
     f = model.hip_torque(q, torque)
     f[2] = 150.0

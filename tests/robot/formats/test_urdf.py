@@ -207,6 +207,13 @@ def test_broken_files_are_refused_by_line(tmp_path: Path) -> None:
     assert "xacro toy.urdf.xacro > toy.urdf" in refusal(tmp_path / "toy.urdf.xacro")
 
 
+def test_a_file_larger_than_any_robot_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    with path.open("wb") as file:
+        file.truncate((64 << 20) + 1)
+    assert "robot.urdf: larger than 64 MB; is it a robot?" in refusal(path)
+
+
 def test_a_little_triangle_violation_is_noted(tmp_path: Path) -> None:
     # The least second moment is (a + b - c) / 2 = -5e-6 kg m^2 against a robot of about 0.05.
     moments = ("0.00001", "0.00001", "0.00003")
