@@ -55,7 +55,7 @@ def problem_of(name: str, seed: int | None) -> Problem:
 
 def landed(result: SimulationResult, count: int) -> list[np.ndarray]:
     """Return x, y, yaw (3,) of the feet that landed, really, in order."""
-    support = result.run.history.support
+    support = result.arrays["support"]
     edges = [0, *(np.flatnonzero(support[1:] != support[:-1]) + 1).tolist(), len(support)]
     alone = [(str(support[a]), a, b) for a, b in pairwise(edges) if support[a] in ("left", "right")]
     swings = [("right" if foot == "left" else "left") for foot, _, _ in alone]

@@ -203,10 +203,10 @@ def walks(seeds: int) -> Iterator[Trial]:
 
 def weights() -> Iterator[Trial]:
     """Yield the walks by weight about the vertical, ahead and turning, one seed."""
-    for robot, v in SPEED.items():
-        for command in ((v, 0.0), (0.5 * v, TURN)):
+    for part, turn in ((1.0, 0.0), (0.5, TURN)):
+        for robot, v in SPEED.items():
             for weight in YAW:
-                yield Trial("weight", robot, f"yaw {weight:g}", 0, command, SLIPPERY)
+                yield Trial("weight", robot, f"yaw {weight:g}", 0, (part * v, turn), SLIPPERY)
 
 
 def bisect(run: Run, variant: str, angle: int, seed: int) -> float:

@@ -3,6 +3,7 @@
 All of them, or those that are named: python -m docs.make_pictures walk_g1 fig6_g1
 """
 
+import json
 from argparse import ArgumentParser
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -14,8 +15,12 @@ import numpy as np
 from PIL import Image  # matplotlib brings it
 
 from benchmarks.balance_figures import pushes_figure, regions_figure
+from benchmarks.footsteps import landed
 from benchmarks.push_recovery import largest_impulses
 from benchmarks.region_of_attraction import lean_grid, region_of_attraction
+from wbc.gait.given import in_world
+from wbc.gait.phases import planar_feet
+from wbc.gait.swing import turned
 from wbc.minimum_jerk import minimum_jerk
 from wbc.motion import analyse, read_motion
 from wbc.polygon import inset
@@ -26,10 +31,11 @@ from wbc.rmp.balance.momentum_qp import MomentumQp
 from wbc.rmp.balance.push_limits import Wheel, compass, push_limits
 from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
-from wbc.view import plot_pendulum, plot_robot, plot_run
+from wbc.view import plot_pendulum, plot_robot, plot_run, style
 from wbc.view.analysis import plot_analysis
 from wbc.view.history import read_history
 from wbc.view.options import View
+from wbc.view.portrait import Pose
 from wbc.view.simulation import plot_simulation
 from wbc.view.style import save
 
@@ -52,6 +58,16 @@ RADII = (0.3, 0.3, 0.3)  # m
 SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
 HOP = {"stands": 0.0, "crouches": 0.9, "takes off": 1.12, "flies": 1.33, "lands": 1.51}
 HOP |= {"gives way": 1.7, "rises": 2.1, "stands again": 2.7}
+# What benchmarks/walk_comparison.py left, what it compares, and directions of pushes [deg].
+MEASUREMENTS = ROOT / "benchmarks" / "walk_comparison.jsonl"
+VARIANTS = {"free": style.GREY, "regulated": style.ORANGE, "planned": style.BLUE}
+WAYS = {0: "the front", 90: "the left", 180: "the back", 270: "the right"}
+SHOWN = 7  # portraits of a walk on footsteps
+# Walking at 0.5 m/s, a push from the right between 2.0 and 2.2 s, and what the feet do of it.
+PUSHED = {"walks": 1.8, "pushed": 2.18, "steps in": 2.4, "steps aside": 2.65}
+PUSHED |= {"straightens": 3.0, "walks on": 3.4, "as before": 4.4}
+SOMERSAULT = {"spread": 0.0, "draws in": 0.6, "tucked": 0.9, "a turn on": 1.2, "opens": 1.5}
+SOMERSAULT |= {"spread again": 1.8, "goes on": 2.08}
 MEASURED = (0.0, 2.0, 4.0, 5.0, 6.0, 6.84, 12.3)
 
 
@@ -102,16 +118,90 @@ def simulation_picture(name: str, width: int = 1400) -> None:
     smaller(name, width=width)
 
 
-def strip_picture(name: str, moments: Mapping[str, float], view: View) -> None:
+def strip_picture(
+    name: str, moments: Mapping[str, float], view: View, grounded: bool = True
+) -> None:
     """Draw a simulation at some moments [s], side by side."""
     result = shipped(name).simulate()
     rows = np.searchsorted(result.arrays["time"], list(moments.values()))
     poses = {
-        f"{called}: {at:.2f} s": result.arrays["q"][row]
+        f"{called}: {at:.2f} s": Pose(result.arrays["q"][row], grounded, grounded)
         for (called, at), row in zip(moments.items(), rows, strict=True)
     }
     plot_robot(result.robot, poses, place(name), view=view)
     smaller(name, width=1800)
+
+
+def footsteps_picture(name: str) -> None:
+    """Draw a walk on footsteps at some moments, and from above where feet landed."""
+    problem = shipped(name)
+    result, start = problem.simulate(), problem.parts.robot.snapshot(problem.parts.start)
+    given = [one.footstep for one in problem.spec.gait.footsteps]
+    steps = in_world(given, planar_feet(start))
+    rows = np.linspace(0, len(result.arrays["time"]) - 1, SHOWN).astype(int)
+    poses = {f"{result.arrays['time'][k]:.1f} s": result.arrays["q"][k] for k in rows}
+    plot_robot(result.robot, poses, place(name), view=View.of("40,12"))
+    figure = style.sheet(12.0, 4.4, plots=4.4)
+    axes = figure.subplots()
+    style.plain(axes, "Soles from above (dashed: the footsteps given)", "x [m]", "y [m]")
+    axes.set_aspect("equal")
+    for step, pose in zip(steps, landed(result, len(steps)), strict=True):
+        colour = style.BLUE if step.foot == "left" else style.VERMILION
+        for at, look in ((pose, {"alpha": 0.25}), (step.pose, {"fill": False, "linestyle": "--"})):
+            sole = result.robot.feet[step.foot].polygon @ turned(at[2])[:2, :2].T + at[:2]
+            axes.fill(*sole.T, color=colour, **look)
+    axes.plot(*result.arrays["com"][:, :2].T, color=style.BLACK, linewidth=1.0, label="CoM")
+    axes.legend(fontsize=style.SMALL, frameon=False, loc="upper left")
+    above = Image.open(place(name)).convert("RGB")
+    save(figure, place(name))
+    below = Image.open(place(name)).convert("RGB")
+    below = below.resize((above.width, below.height * above.width // below.width))
+    both = Image.new("RGB", (above.width, above.height + below.height), "white")
+    both.paste(above, (0, 0))
+    both.paste(below, (0, above.height))
+    both.save(place(name))
+    smaller(name, width=1400)
+
+
+def comparison_picture(name: str) -> None:
+    """Draw what benchmarks/walk_comparison.py has measured."""
+    rows = [json.loads(line) for line in MEASUREMENTS.read_text().splitlines()[1:]]
+    walks = [row for row in rows if row["group"] == "walk"]
+    pushes = [row for row in rows if row["group"] == "push"]
+    angles = sorted({row["push"][0] for row in pushes})
+    figure = style.sheet(12.0, 3.3, plots=3.3)
+    plots = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.5))
+    style.plain(plots[0], "Standing foot turns in a step", "friction 0.4, 0.8 m/s", "degrees")
+    style.plain(plots[1], "Torque, by the motor's bound", "friction 0.4, 0.8 m/s", "%")
+    style.plain(plots[2], "Impulse survived at 0.5 m/s", "pushed towards", "N s")
+    for k, (variant, colour) in enumerate(VARIANTS.items()):
+        own = [row for row in walks if row["variant"] == variant]
+        for axes, keys, unit in (
+            (plots[0], ("mean_turned", "turned"), 1.0),
+            (plots[1], ("torque_rms", "torque"), 100.0),
+        ):
+            means = [unit * float(np.mean([row[key] for row in own])) for key in keys]
+            bars = axes.bar(np.arange(2) + 0.27 * (k - 1), means, 0.25, color=colour, label=variant)
+            axes.bar_label(bars, fmt="%.3g", fontsize=style.SMALL)
+        most = [_survived(pushes, variant, angle) for angle in angles]
+        bars = plots[2].bar(np.arange(len(angles)) + 0.27 * (k - 1), most, 0.25, color=colour)
+        plots[2].bar_label(bars, fmt="%.3g", fontsize=style.SMALL)
+    plots[0].set_xticks([0, 1], ["mean", "most"])
+    plots[1].set_xticks([0, 1], ["rms", "most"])
+    plots[2].set_xticks(range(len(angles)), [WAYS[int(angle)] for angle in angles])
+    plots[0].legend(title="momentum, inertia", fontsize=style.SMALL, frameon=False)
+    save(figure, place(name))
+    smaller(name, width=1400)
+
+
+def _survived(rows: Sequence[Mapping[str, Any]], variant: str, angle: float) -> float:
+    """Return the largest impulse survived [N s], the mean of the seeds."""
+    most: dict[int, float] = {}
+    for row in rows:
+        if row["variant"] == variant and row["push"][0] == angle:
+            survived = row["push"][1] if row["stood"] else 0.0
+            most[row["seed"]] = max(most.get(row["seed"], 0.0), survived)
+    return float(np.mean(list(most.values())))
 
 
 def shiko_picture(name: str) -> None:
@@ -208,6 +298,12 @@ PICTURES: Mapping[str, Callable[[str], None]] = {
     "lean_beyond_g1": simulation_picture,
     "drop_g1": simulation_picture,
     "hop_g1": partial(strip_picture, moments=HOP, view=View.of("60,10")),
+    "walk_comparison_g1": comparison_picture,
+    "footsteps_g1": footsteps_picture,
+    "walk_push_g1": partial(strip_picture, moments=PUSHED, view=View.of("20,10")),
+    "somersault_hoap2": partial(
+        strip_picture, moments=SOMERSAULT, view=View.of("70,10"), grounded=False
+    ),
     "shiko_torque_hoap2": measured_picture,
     "turn_x_hoap2": turn_picture,
     "turn_y_hoap2": turn_picture,

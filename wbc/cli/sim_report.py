@@ -44,7 +44,7 @@ def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
         text = f"{count} of {ticks} ticks failed; the first, tick {first.tick}: {first.report}"
         table.add_row("QP", Text(text, style="red"))
     for note in result.notes:
-        table.add_row("left out", Text(note))
+        table.add_row("note", Text(note))
     wall = result.run.tick_times()["wall"]
     table.add_row(
         "tick time", f"median {1e3 * wall['median']:.2f} ms, p99 {1e3 * wall['p99']:.2f} ms"
