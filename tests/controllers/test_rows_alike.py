@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from wbc.controllers.active_set import _beside, _positive_kernel, achieved_rows
+from wbc.controllers.active_set import ActiveSet, _beside, _positive_kernel, achieved_rows
 from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows
 
@@ -138,3 +138,15 @@ def test_what_is_achieved_is_kept_but_for_rows_without_weight(rng) -> None:
     np.testing.assert_array_equal(held.matrix, rows.matrix[[0, 2, 3]])
     np.testing.assert_allclose(held.target, rows.matrix[[0, 2, 3]] @ x[:N])
     np.testing.assert_array_equal(held.weight, 1.0)
+
+
+def test_what_is_active_above_stays_active(rng) -> None:
+    one, other = rng.random((2, 6)) < 0.5, rng.random((2, 6)) < 0.5
+    x = rng.normal(size=(2, 6))
+    above, below = ActiveSet(one[0], one[1], x[0]), ActiveSet(other[0], other[1], x[1])
+    both = below.union(above)
+    np.testing.assert_array_equal(both.variables, one[0] | other[0])
+    np.testing.assert_array_equal(both.rows, one[1] | other[1])
+    assert both.x is x[1] or (both.x == x[1]).all()
+    assert (both.variables != (one[0] & other[0])).any()
+    assert below.union(None) is below

@@ -92,6 +92,17 @@ def test_what_a_search_found_may_be_off_by_rounding_only(robot, what: str, allow
         assert not kept_constraints(problem, here, excused).broken
 
 
+def test_the_contact_that_is_farthest_off_counts(robot) -> None:
+    here = robot.snapshot(robot.posture())
+    moved = [
+        type(one)(robot, one.frame, one.position + [0.0, by, 0.0], one.rotation)
+        for one, by in zip(support(here, "double"), (0.003, 0.002), strict=True)
+    ]
+    kept = kept_constraints(problem_of(robot, [PostureTask(robot, here.q)], moved), here, FOUND)
+    assert kept.contact == pytest.approx(0.003)
+    assert len(kept.broken) == 2 and kept.broken[1].startswith("right_sole is 0.002 off")
+
+
 def test_only_the_worst_three_pairs_are_named(robot) -> None:
     """Of all bodies that are nearer than an absurd margin, the nearest first."""
     here = robot.snapshot(robot.posture())

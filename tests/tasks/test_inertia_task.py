@@ -212,3 +212,11 @@ def test_a_target_is_symmetric_to_rounding_whatever_its_size(robot_named, size, 
                 continue
             with pytest.raises(InvalidInputError, match="symmetric"):
                 InertiaTask(robot, given)
+
+
+def test_short_forms_of_a_target_leave_the_other_entries_zero(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    diagonal = InertiaTask(robot, [1.0, 2.0, 3.0], components=("xx", "yy", "zz"))
+    assert diagonal.target.tolist() == [1.0, 0.0, 0.0, 2.0, 0.0, 3.0]
+    trace = InertiaTask(robot, 6.0, components=("trace",))
+    assert trace.target.tolist() == [2.0, 0.0, 0.0, 2.0, 0.0, 2.0]
