@@ -200,9 +200,10 @@ class Limits:
                 np.maximum(change, sides.zero, out=change)
                 change += sides.change
                 np.minimum(most, change, out=most)
-        lower, upper = box = self._box_of_base.copy()
-        np.multiply(_SIGNS, most, out=box[:, BASE_NV:])
-        return lower, upper
+        box = self._box_of_base.copy()
+        np.negative(most[0], out=box[0, BASE_NV:])
+        box[1, BASE_NV:] = most[1]
+        return box[0], box[1]
 
 
 class _BothSides(NamedTuple):
