@@ -14,7 +14,8 @@ tick must say the same: solved, nothing cut, the same labels (of pairs that are 
 take others: then their clearances are compared); printed are the differences of the QPs, of the
 commands, and in how many ticks pairs held the robot, were inside their margin, and limits held it.
 Both take distances and normals of pairs from the core, as coal's of hulls are good to 1e-7 m only;
-their Jacobians and all that follows are Python's own.
+their Jacobians and all that follows are Python's own. Where the core leaves the nearest pairs to
+coal, the tick is counted by itself, with the difference of its QP.
 
 pairs: the 25 nearest pairs in Python, with coal. Distances of capsules and their Jacobians; of
 hulls the distance, for which coal's tolerance is 1e-7 m.
@@ -39,7 +40,7 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -55,6 +56,7 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.native import VARIABLE
 from wbc.qp.problem import QP
 from wbc.robot.collision import Capsule, CollisionModel
+from wbc.robot.collision.distances import parts
 from wbc.robot.collision.model import Index, PairDistances
 from wbc.robot.names import BASE
 from wbc.rotations import exp_rotation
@@ -80,6 +82,8 @@ class Found:
     held: int = 0  # ticks with an active pair,
     inside: int = 0  # with a pair inside its margin by more than the skin,
     limited: int = 0  # and with a velocity at the limits' box
+    by_coal: int = 0  # compared ticks of which Python has the pairs from coal,
+    coal: float = 0.0  # and the largest difference of their QPs
 
     @property
     def ticks(self) -> int:
@@ -96,7 +100,8 @@ class Found:
         self.handed += other.handed
         self.worst = float(np.maximum(self.worst, other.worst))  # keeps NaN
         self.other = float(np.maximum(self.other, other.other))
-        for name in ("refuted", "held", "inside", "limited"):
+        self.coal = float(np.maximum(self.coal, other.coal))
+        for name in ("refuted", "held", "inside", "limited", "by_coal"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
 
 
@@ -239,9 +244,14 @@ def compare_ticks(sides: "Sides", level: type[NativeController], rng: np.random.
             found.add(None)
             v = controller.step(state).velocity
         else:
+            pairs = sides.plain.margin.model
+            pairs.by_coal = False
             with without_core():
                 theirs = plain.step(sides.plain.robot.snapshot(q, v))
-            found.join(compare_tick(controller, state, ours, theirs))
+            one = compare_tick(controller, state, ours, theirs)
+            if pairs.by_coal:
+                one = replace(one, worst=0.0, other=0.0, by_coal=1, coal=one.worst)
+            found.join(one)
             v = theirs.velocity
         q = robot.integrate(q, v, controller.dt)
     return found
@@ -312,11 +322,17 @@ class SamePairs(CollisionModel):
 
     def __init__(self, robot: wbc.Robot, other: CollisionModel) -> None:
         super().__init__(robot, other.bodies, other.pairs.tolist())
-        self._other = other
+        self._other, self.by_coal = other, False
 
     def nearest(self, snapshot: wbc.Snapshot, count: int | None = None) -> PairDistances:
         there = self._other.robot.snapshot(snapshot.q)
-        return self._other.nearest(there, count)._replace(snapshot=snapshot)
+        most = len(self.pairs) if count is None else min(count, len(self.pairs))
+        measured = self._other.native.nearest(there.native_state, most)
+        if measured is None:  # some bodies touch
+            self.by_coal = True
+            return self._other.nearest(there, count)._replace(snapshot=snapshot)
+        distance, normal, point = parts(measured[1])
+        return PairDistances(measured[0], distance, normal.T, point.T, snapshot)
 
     def measure(self, snapshot: wbc.Snapshot, pairs: Index) -> PairDistances:
         there = self._other.robot.snapshot(snapshot.q)
@@ -388,7 +404,7 @@ def run(name: str, what: str, ticks: int, seed: int, kept: Kept) -> str:
         if number % 20 == 0 or known.ticks >= ticks:
             kept.save()
     counts = f"{known.compared} | {known.handed} | {known.refuted} | {known.worst:.1e}"
-    seen = f"{known.held} | {known.inside} | {known.limited}"
+    seen = f"{known.held} | {known.inside} | {known.limited} | {known.by_coal} | {known.coal:.1e}"
     return f"| {name} | {what} | {counts} | {known.other:.1e} | {seen} |"
 
 
@@ -406,7 +422,7 @@ def main() -> None:
     print(
         "| robot | of | compared | handed over | refuted | QP | command, hulls | pair holds", end=""
     )
-    print(" | inside | at limits |\n|---|---|---|---|---|---|---|---|---|---|")
+    print(" | inside | at limits | coal's pairs | QP |" + "\n" + 12 * "|---" + "|")
     for name in options.robots:
         for what in options.of:
             print(run(name, what, options.ticks, options.seed, kept), flush=True)

@@ -1,9 +1,11 @@
 """Where a velocity tick with ProxQP goes: the round of the loop, and its solver by itself.
 
-A G1 on both feet follows its CoM, trunk and inertia, as in benchmarks/peers. The QPs of the ticks
-are recorded, and solved once more in the same order: by ProxQP alone, its update and its solve
-apart, with the settings of this package and with its own, with and without the contacts' rows; and
-by DAQP. Thread CPU time, medians and fifth percentiles in us.
+A G1 on both feet follows its CoM, trunk and inertia, as in benchmarks/peers. The loop runs twice:
+as it is, and with clocks around its functions, of which each is told what it takes without those
+that it calls; what the clocks themselves take is measured and taken off. The QPs of the ticks are
+recorded, and solved once more in the same order: by ProxQP alone, its update and its solve apart,
+with the settings of this package and with its own, with and without the contacts' rows; and by
+DAQP. Thread CPU time, medians and fifth percentiles in us.
 
     python benchmarks/proxqp_tick.py [--ticks 1000] [--plain]
 """
@@ -15,13 +17,21 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import argparse
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import cached_property
+from inspect import getattr_static
 from time import thread_time
 from typing import Any
 
 import numpy as np
 
 import wbc
-from wbc.qp import QP
+from wbc.controllers.controller import Controller
+from wbc.controllers.levels import LevelSolver, Outcome
+from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.native_problem import NativeProblem
+from wbc.controllers.native_tick import NativeController
+from wbc.controllers.plan import Assembled
+from wbc.qp import QP, ProxQP, native, proxqp
 from wbc.qp.daqp_memory import daqp_memory
 from wbc.qp.elimination import eliminate
 from wbc.qp.kkt import SolveCheck
@@ -31,10 +41,115 @@ from wbc.rotations import exp_rotation
 
 DT, WARM_UP, EPS = 0.005, 100, 1e-8
 Times = dict[str, list[float]]
+# Functions of a round, by what they are for. What is under "the controller" calls all below it.
+WATCHED: tuple[tuple[str, Any, str], ...] = (
+    ("targets set", wbc.ComTask, "set_target"),
+    ("targets set", wbc.OrientationTask, "set_target"),
+    ("targets set", wbc.InertiaTask, "set_target"),
+    ("snapshot", wbc.Robot, "snapshot"),
+    ("integration", wbc.Robot, "integrate"),
+    ("the controller's step, without what follows", wbc.KinematicController, "step"),
+    ("the controller's step, without what follows", NativeController, "_native_step"),
+    ("the core sets up the QP", NativePlan, "problem"),
+    ("what the core wrote as a QP", NativeProblem, "qp"),
+    ("errors of the tasks, by name", NativeProblem, "errors"),
+    ("levels, without what follows", LevelSolver, "solve"),
+    ("the QP within the box", Assembled, "bounded"),
+    ("which workspace, and ProxQP's answer judged", ProxQP, "solve"),
+    ("sizes and numbers of the QP", proxqp, "is_sound"),
+    ("ProxQP: loaded, solved, and read", native.Workspace, "solve_warm"),
+    ("KKT residuals and verdict", SolveCheck, "accept"),
+    ("last look at the limits", Outcome, "within_limits"),
+    ("the tick as an object", Controller, "_tick"),
+)
 
 
-def rounds(ticks: int, inertia: bool, times: Times) -> list[QP]:
-    """Run the loop, note how long its rounds take, and return its QPs."""
+class Clocks:
+    """Clocks around functions; each function's own time, without those inside it.
+
+    Attributes
+    ----------
+    own, calls, inside:
+        By name, since :meth:`take`: time, calls, and calls of others from there.
+    """
+
+    def __init__(self) -> None:
+        self._open = [("", 0.0)]
+        self.own: dict[str, float] = defaultdict(float)
+        self.calls: dict[str, int] = defaultdict(int)
+        self.inside: dict[str, int] = defaultdict(int)
+        # Of a call: what is told of it, and of who called it.
+        self._told, self._caller = 0.0, 0.0
+        self._calibrate()
+
+    def around(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return ``function`` with a clock around it."""
+
+        def timed(*given: Any, **named: Any) -> Any:
+            self._open.append((name, 0.0))
+            begin = thread_time()
+            try:
+                return function(*given, **named)
+            finally:
+                spent = thread_time() - begin
+                _, within = self._open.pop()
+                self.own[name] += spent - within
+                self.calls[name] += 1
+                caller, other = self._open[-1]
+                self._open[-1] = caller, other + spent
+                self.inside[caller] += 1
+
+        return timed
+
+    def take(self) -> dict[str, float]:
+        """Return each name's own time less the clocks', and begin anew."""
+        told = {
+            name: own - self.calls[name] * self._told - self.inside[name] * self._caller
+            for name, own in self.own.items()
+        }
+        for counted in (self.own, self.calls, self.inside):
+            counted.clear()
+        return told
+
+    def _calibrate(self) -> None:
+        nothing = self.around("nothing", lambda: None)
+        every = self.around("every", lambda: [nothing() for _ in range(100)])
+        found = []
+        for _ in range(100):
+            every()
+            found.append((self.own["nothing"] / 100, self.own["every"] / 100))
+            self.take()
+        self._told, self._caller = np.median(found, axis=0).tolist()
+
+
+def watched(ticks: int, inertia: bool, times: Times) -> None:
+    """Run the loop with clocks around its functions."""
+    clocks = Clocks()
+    before = [(label, owner, name, getattr_static(owner, name)) for label, owner, name in WATCHED]
+    for label, owner, name, plain in before:
+        if isinstance(plain, cached_property):
+            made = cached_property(clocks.around(label, plain.func))
+            made.__set_name__(owner, name)
+            setattr(owner, name, made)
+        else:
+            setattr(owner, name, clocks.around(label, plain))
+    parts: list[dict[str, float]] = []
+    try:
+        rounds(ticks, inertia, defaultdict(list), lambda: parts.append(clocks.take()))
+    finally:
+        for _, owner, name, plain in before:
+            setattr(owner, name, plain)
+    for label in dict.fromkeys(label for label, _, _ in WATCHED):
+        times[f"  {label}"] = [part.get(label, 0.0) for part in parts[WARM_UP:]]
+
+
+def rounds(
+    ticks: int, inertia: bool, times: Times, after: Callable[[], None] = lambda: None
+) -> list[QP]:
+    """Run the loop, note how long its rounds take, and return its QPs.
+
+    ``after`` is called after each round.
+    """
     robot = wbc.Robot.load("g1")
     q, v = robot.posture("standing"), np.zeros(robot.nv)
     start = robot.snapshot(q)
@@ -69,6 +184,7 @@ def rounds(ticks: int, inertia: bool, times: Times) -> list[QP]:
         v = tick.velocity
         q = robot.integrate(q, v, DT)
         spent = thread_time() - begin
+        after()
         if k >= WARM_UP:
             times["round"].append(spent)
             qps.append(tick.qp)
@@ -117,6 +233,7 @@ def main() -> None:
     options = parser.parse_args()
     times: Times = defaultdict(list)
     qps = rounds(options.ticks, not options.plain, times)
+    watched(options.ticks, not options.plain, times)
     reduced = [eliminate(qp).reduced for qp in qps]
     qps = [qp for qp, less in zip(qps, reduced, strict=True) if less.g.size == reduced[0].g.size]
     parts(qps, times)

@@ -121,7 +121,7 @@ class LevelProblem(NamedTuple):
     recovery:
         Rows that move joints back into range, or None.
     assembled:
-        The QP of the only level, where the native core made it: there are no rows then.
+        The QP of the only level in ``box``, where the native core made it: no rows then.
     """
 
     snapshot: Snapshot
@@ -258,7 +258,8 @@ class LevelSolver:
     ) -> QP:
         """Return the QP of one level; recovery from violations belongs to the first."""
         if problem.assembled is not None:
-            return problem.assembled.bounded(bounds, box)
+            plain = bounds is None and box is problem.box
+            return problem.assembled.qp if plain else problem.assembled.bounded(bounds, box)
         plan = self.plan
         costs = rows if len(plan.levels) == 1 else [rows[k] for k in plan.levels[level]]
         if level == 0:
