@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wbc.qp import QP, ProxQP, Status, make_backend
+from wbc.qp.daqp import native_daqp
 from wbc.qp.native import Workspace
 from wbc.qp.solution import RawSolution
 
@@ -213,6 +214,22 @@ def test_what_stalled_is_tried_again_after_pauses_twice_as_long(ticks, monkeypat
     backend.max_iterations = 20
     answers = [backend.solve(first, quick=quick).solver for _ in range(8)]
     assert answers == ["daqp"] * 5 + ["proxqp"] * 3, "it answers again, and says so"
+
+
+def test_what_comes_once_is_solved_in_the_core_or_where_it_finds_nothing_in_python(
+    ticks, monkeypatch
+):
+    qp = next(iter(ticks(seed=4, count=1, mi=25)))
+    wanted = ProxQP().solve(qp).x
+    core = "wbc.qp.native_daqp.NativeDaqp.solve"
+    missing = ["wbc.qp.daqp.Daqp.answer"] if native_daqp(1e-8, 1000) is not None else []
+    for broken in [*missing, core]:
+        with monkeypatch.context() as patched:
+            nothing = RawSolution.none(qp, Status.FAILED, "nothing") if broken != core else None
+            patched.setattr(broken, lambda *_, nothing=nothing: nothing)
+            solution = ProxQP().solve(qp, workspace=None, quick=True)
+        assert solution.solved and solution.solver == "daqp"
+        np.testing.assert_allclose(solution.x, wanted, atol=1e-6)
 
 
 def test_an_active_set_method_saves_a_tick(ticks):
