@@ -174,6 +174,14 @@ def test_feet_take_turns(able: StepRange, feet: dict[str, Array]) -> None:
         able.admitted([], feet)
 
 
+@pytest.mark.parametrize("given", ["left", 3, None, [(0.1, 0.2)], ["left"]])
+def test_what_are_no_footsteps_is_refused(
+    able: StepRange, feet: dict[str, Array], given: Any
+) -> None:
+    with pytest.raises(InvalidInputError, match="footsteps: expected"):
+        able.admitted(given, feet)
+
+
 def test_bad_values_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'left'"):
         Footstep("lefd", 0.0, 0.0)

@@ -63,6 +63,7 @@ def test_other_tasks_come_along(tmp_path: Path) -> None:
     ("overrides", "said"),
     [
         ({"gait.single": 0}, "gait.single: must be greater than 0, got 0"),
+        ({"gait.single": 1e-6}, "gait, single: 1e-06 s is shorter than a foot takes to bear"),
         ({"gait.height": 0.4}, "legs do not reach the ground"),
         ({"gait.ramp": 0.3}, "ramp: 0.3 s is longer than the double support"),
         ({"gait.commands": []}, "gait.commands: empty; it needs at least one entry"),

@@ -165,6 +165,11 @@ class StepRange:
             None at all; the same foot twice; one out of reach, in too short a time, across the
             other foot or on it: the message names the value and its range.
         """
+        if isinstance(footsteps, str) or not isinstance(footsteps, Sequence):
+            raise InvalidInputError(f"footsteps: expected a list of them, got {footsteps!r}")
+        for one in footsteps:
+            if not isinstance(one, Footstep):
+                raise InvalidInputError(f"footsteps: expected Footstep(foot, x, y), got {one!r}")
         if not footsteps:
             raise InvalidInputError("footsteps: none are given; give at least one, or stop")
         world = in_world(footsteps, feet) if relative else tuple(footsteps)

@@ -67,6 +67,11 @@ class GaitSettings:
             raise InvalidInputError(
                 f"gait, ramp: {self.ramp:g} s is longer than the double support, {self.double:g} s"
             )
+        if self.single < self.ramp:
+            raise InvalidInputError(
+                f"gait, single: {self.single:g} s is shorter than a foot takes to bear its load;"
+                f" give at least {self.ramp:g} s (ramp)"
+            )
         if self.least_width > self.width:
             raise InvalidInputError(
                 f"gait, least_width: {self.least_width:g} m is above the width, {self.width:g} m"
