@@ -28,7 +28,7 @@ from wbc.controllers import KinematicController
 from wbc.errors import ModelError, WbcError
 from wbc.robot import Robot
 from wbc.robot.library import find_robot
-from wbc.robot.postures import stands
+from wbc.robot.postures import follow, stands
 
 DT = 0.005
 EPISODE = 100
@@ -78,6 +78,7 @@ def clear_posture(robot: Robot, margins: SelfCollision, rng: np.random.Generator
     while True:
         step = np.concatenate((np.zeros(6), rng.normal(scale=scale, size=robot.nv - 6)))
         q = inside(robot, robot.integrate(robot.posture("standing"), step, 1.0))
+        follow(robot.limits, q, robot.couplings)  # else no velocity keeps gears and limits
         if (margins.model.nearest(robot.snapshot(q)).distance >= margins.margins).all():
             return q
         scale *= 0.9

@@ -72,3 +72,20 @@ def test_what_stands_on_two_feet_is_a_humanoid(bolt: Robot) -> None:
     assert "no <link>" in str(
         library_robots.loaded(library_robots.folder() / "ur_description/urdf/ur3.urdf")
     )
+
+
+@pytest.mark.slow
+def test_mimic_joints_of_random_postures_follow_their_drivers() -> None:
+    """Else every tick is infeasible, and margins are kept by a robot that stands still."""
+    path = next(library_robots.folder().rglob("talos_full_v2.urdf"))
+    robot = library_robots.loaded(path)
+    margins = SelfCollision(robot, margin=library_robots.MARGIN)
+    random, opened = np.random.default_rng(1), 0.0
+    assert len(robot.couplings) == 12
+    for _ in range(4):
+        q = library_robots.clear_posture(robot, margins, random)
+        joints = dict(zip(robot.limits.names, robot.limits.joint_positions(q), strict=True))
+        for joint, gear in robot.couplings.items():
+            assert joints[joint] == pytest.approx(gear.ratio * joints[gear.driver] + gear.offset)
+            opened = max(opened, abs(joints[joint]))
+    assert opened > 0.01
