@@ -137,6 +137,7 @@ class ProxQP:
             settled = by.accept(qp, exact, 2)
             if settled is None and exact.claim is Status.INFEASIBLE:
                 settled = by.refute(qp, exact, 2)
+                check = check._replace(explain=False)  # none was found, and none will be
             if settled is not None:
                 return settled
         attempt = self._attempt(qp, check, key)
