@@ -41,19 +41,21 @@ from wbc.rotations import exp_rotation
 
 DT, WARM_UP, EPS = 0.005, 100, 1e-8
 Times = dict[str, list[float]]
-# Functions of a round, by what they are for. What is under "the controller" calls all below it.
+# Functions of a round, by what they are for.
 WATCHED: tuple[tuple[str, Any, str], ...] = (
     ("targets set", wbc.ComTask, "set_target"),
     ("targets set", wbc.OrientationTask, "set_target"),
     ("targets set", wbc.InertiaTask, "set_target"),
     ("snapshot", wbc.Robot, "snapshot"),
     ("integration", wbc.Robot, "integrate"),
-    ("the controller's step, without what follows", wbc.KinematicController, "step"),
-    ("the controller's step, without what follows", NativeController, "_native_step"),
+    ("whose snapshot, and which path", wbc.KinematicController, "step"),
+    ("whose snapshot, and which path", NativeController, "_step"),
+    ("problem, rows and attempt as objects", NativeController, "_native_step"),
+    ("problem, rows and attempt as objects", Controller, "_attempt"),
     ("the core sets up the QP", NativePlan, "problem"),
     ("what the core wrote as a QP", NativeProblem, "qp"),
     ("errors of the tasks, by name", NativeProblem, "errors"),
-    ("levels, without what follows", LevelSolver, "solve"),
+    ("levels: whose QP, and the outcome", LevelSolver, "solve"),
     ("the QP within the box", Assembled, "bounded"),
     ("which workspace, and ProxQP's answer judged", ProxQP, "solve"),
     ("sizes and numbers of the QP", proxqp, "is_sound"),
