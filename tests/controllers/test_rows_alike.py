@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from wbc.constraints.rows import Bounds, relax_for_contacts
 from wbc.controllers.active_set import ActiveSet, _beside, _positive_kernel, achieved_rows
+from wbc.controllers.plan import convexified
 from wbc.controllers.singular import reduce_singular
 from wbc.laws import Rows
 
@@ -150,3 +152,24 @@ def test_what_is_active_above_stays_active(rng) -> None:
     assert both.x is x[1] or (both.x == x[1]).all()
     assert (both.variables != (one[0] & other[0])).any()
     assert below.union(None) is below
+
+
+def test_curvature_is_made_positive_at_its_own_scale(rng) -> None:
+    """Eigenvalues become their sizes, at least 1e-5 of the largest; vectors stay."""
+    V = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    H = V @ np.diag([3.0, -2.0, 1e-9, 0.0, 5e-5]) @ V.T
+    expected = V @ np.diag([3.0, 2.0, 3e-5, 3e-5, 5e-5]) @ V.T
+    np.testing.assert_allclose(convexified(H), expected,
+                               atol=1e-12)  # fmt: skip
+
+
+def test_margins_give_way_to_contacts_and_never_ask_for_more(rng) -> None:
+    """Lower ends become min(lower, what the least velocity of the contacts leaves); by pinv."""
+    A, b = rng.normal(size=(4, N)), 1e-3 * rng.normal(size=4)
+    C = rng.normal(size=(6, N))
+    bounds = Bounds(tuple("abcdef"), C, np.array([-5.0, -1e-5, 0, 0, 1e-6, -2e-4]), np.full(6, 7.0))
+    found = relax_for_contacts(bounds, [exact(A[:1], b[:1]), exact(A[1:], b[1:])])
+    needed = C @ np.linalg.pinv(A) @ b - 0.1 * np.abs(b).max() - 1e-4
+    np.testing.assert_allclose(found.lower, np.minimum(bounds.lower, needed), atol=1e-9)
+    np.testing.assert_array_equal(found.upper, bounds.upper)
+    assert relax_for_contacts(bounds, []) is bounds

@@ -10,7 +10,7 @@ import pytest
 from wbc.constraints import ComSupport, Limits, Obstacles, PositionBox, SelfCollision, support
 from wbc.constraints.margin import SKIN, USED
 from wbc.controllers.shaping.evaluation import FOUND, Tolerances, kept_constraints, violations
-from wbc.controllers.shaping.motion import INTERRUPTED, GuidingTasks, Reach
+from wbc.controllers.shaping.motion import INTERRUPTED, GuidingTasks, Reach, worst_kept
 from wbc.controllers.shaping.nlp import BuiltNlp, build_nlp
 from wbc.controllers.shaping.outcome import Candidate, Kept, Motion, ShapingOutcome
 from wbc.controllers.shaping.problem import ShapingProblem, posture_cost
@@ -360,3 +360,23 @@ def test_the_cost_that_is_reached_may_be_above_by_the_tolerance(robot) -> None:
         step = np.sqrt(share) * 0.1
         near = robot.integrate(q, np.r_[np.zeros(6), np.full(robot.nv - 6, step)], 1.0)
         assert reason(robot.snapshot(near), 0.0).startswith(said)
+
+
+def test_the_worst_of_a_motion_is_told(robot) -> None:
+    """Clearance and support of the worst state, wherever it is in the motion."""
+    q = robot.posture()
+    here = robot.snapshot(q)
+    base, (x, y, _) = here.position("base"), here.com
+    box = PositionBox(robot, "base", base - 1.0, base + 1.0)
+    square = [[x - 1, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x - 1, y + 1]]
+    balance = ComSupport(robot, square, margin=0.0)
+    problem = problem_of(robot, [PostureTask(robot, q)], support(here, "left"), [box, balance])
+    states = []
+    for by in (0.1, 0.4, 0.2):
+        moved = q.copy()
+        moved[0] += by
+        states.append(robot.snapshot(moved))
+    kept, first = worst_kept(problem, states, 0.01)
+    assert kept.clearance == pytest.approx(0.6) and kept.support == pytest.approx(0.6)
+    assert kept.contact == pytest.approx(0.4)
+    assert first.startswith("at 0.01 s: left_sole is 0.4 off its anchor")

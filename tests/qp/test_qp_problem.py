@@ -147,3 +147,14 @@ def test_build_refuses_an_asymmetric_cost():
 def test_every_solve_checks():
     with pytest.raises(InvalidInputError, match=r"QP\.g"):
         ProxQP().solve(replace(valid(), g=np.array([np.nan, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize("row", [0, 1])
+@pytest.mark.parametrize(("field", "value"), [
+    ("u", -np.inf), ("l", np.inf), ("upper", -np.inf), ("lower", np.inf)])  # fmt: skip
+def test_one_end_at_the_wrong_infinity_among_good_ones_is_refused(field, value, row: int):
+    ends = {key: np.full(2, sign * 5.0) for key, sign in
+            (("l", -1), ("u", 1), ("lower", -1), ("upper", 1))}  # fmt: skip
+    ends[field][row] = value
+    with pytest.raises(InvalidInputError):
+        QP.build(np.eye(2), np.zeros(2), C=np.eye(2), **ends)

@@ -7,6 +7,7 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.spatial import vech_inverse
 from wbc.tasks import InertiaTask, PrincipalInertiaTask
 from wbc.tasks.principal_inertia import turning_ratios
 
@@ -206,7 +207,7 @@ def test_a_target_is_symmetric_to_rounding_whatever_its_size(robot_named, size, 
         target[largest] = target[largest[::-1]] = -size if largest == entry else size
         for off, taken in ((0.9e-9, True), (1.1e-9, False)):
             given = target.copy()
-            given[entry] += off * size
+            given[entry if off < 1e-9 else entry[::-1]] += off * size  # above, then below
             if taken:
                 InertiaTask(robot, given)
                 continue
@@ -220,3 +221,19 @@ def test_short_forms_of_a_target_leave_the_other_entries_zero(robot_named) -> No
     assert diagonal.target.tolist() == [1.0, 0.0, 0.0, 2.0, 0.0, 3.0]
     trace = InertiaTask(robot, 6.0, components=("trace",))
     assert trace.target.tolist() == [2.0, 0.0, 0.0, 2.0, 0.0, 2.0]
+
+
+def test_the_bound_on_curvature_in_axes_of_a_frame(robot: Robot, rng, random_snapshot) -> None:
+    """Row sums of the Hessian in the base's axes, and |slope| tr(I) for the turn."""
+    here = random_snapshot(robot, rng)
+    target = vech_inverse(np.arange(1.0, 7.0))
+    frame = robot.frame_names[2]
+    weight = rng.uniform(0.5, 2.0, 6)
+    task = InertiaTask(robot, target, frame=frame, weight=weight)
+    residual = task.residual(here)
+    slope = task.selection.T @ (weight**2 * residual.error)
+    S = here.rotation(frame).T @ here.rotation("base")
+    G = S.T @ vech_inverse(slope * [1, 0.5, 0.5, 1, 0.5, 1]) @ S
+    rows = np.abs(here.base_inertia_hessian(G)).sum(axis=0)
+    expected = rows + np.linalg.norm(slope) * np.trace(here.inertia)
+    np.testing.assert_allclose(residual.curvature_bound(), expected, rtol=1e-9)
