@@ -18,8 +18,8 @@ from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
 # Squared costs, in units of the robot's weight (and, for moments, of that at one metre): of what no
-# contact can bear, of torque beyond the limits, of torque, and of forces. With 1e12 between the first
-# and the last the solver's rounding left torques 0.4 to 1.4 N m off the least.
+# contact can bear, of torque beyond the limits, of torque, and of forces. With 1e12 between the
+# first and the last the solver's rounding left torques 0.4 to 1.4 N m off the least.
 UNHELD, EXCESS, TORQUE, FORCE = 1e7, 1e5, 1.0, 1e-3
 # What the costs leave of the first two is no failure: parts of the weight, and of a limit.
 NEGLIGIBLE = 1e-3
