@@ -4,9 +4,10 @@ For each file, exact and with so many seeds of joint noise 1e-3 rad and 0.05 rad
 the base), 2 ms of delay, and masses 10 % off: how it ended, how far feet moved while held, truly
 and as measured, the largest error of CoM and raised feet, the CoP's distance from the planned one
 (99 % of the ticks, and the largest; a foot that lands makes spikes of some milliseconds), the
-largest ground force of a step of the physics, of a mean over 10 ms and over 50 ms, and the ticks in
-which something gave way. Errors are of the true states; what a file does not lead has none ("-"):
-feet count if all rows of their places are led whenever any is, which is not so in a fall.
+largest ground force of a step of the physics, of a mean over 10 ms and over 50 ms (in weights of
+the simulated robot, with its wrong masses), and the ticks in which something gave way. Errors are
+of the true states; what a file does not lead has none ("-"): feet count if all rows of their places
+are led whenever any is, which is not so in a fall.
 
     python benchmarks/motions.py problems/shiko_torque_hoap2.yaml [...] [--seeds 10]
 """
@@ -106,7 +107,8 @@ def figures(problem: Problem, result: SimulationResult, forces: np.ndarray) -> d
     com = np.array([s.com for s in true]) - [s.com for s in measured]
     com = com + errors["com"] if errors.get("com", np.empty((0, 0))).shape[1] == 3 else None
     cop = np.linalg.norm(arrays["cop"][1:, :2] - arrays["planned_cop"][1:, :2], axis=1)
-    force = np.linalg.norm(forces, axis=1) / robot.weight
+    weight = robot.weight * float(problem.spec.simulation.model_error.get("mass", 1.0))
+    force = np.linalg.norm(forces, axis=1) / weight
     window = 0.01 / problem.spec.simulation.physics_dt
     slip = result.run.slip
     return {

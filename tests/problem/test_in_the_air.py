@@ -214,7 +214,7 @@ def test_a_planned_hop_flies_as_planned_and_is_landed() -> None:
 
 @pytest.mark.slow
 def test_a_fall_of_30_cm_is_landed_softly() -> None:
-    """The ground pushes with less than 4 weights in any mean over 10 ms."""
+    """The ground pushes with less than 4 weights, by the forces at the end of each tick."""
     overrides = {"phases.rise.duration": 0.01, "phases.rise.ramp": 0.01, "stop.accept": {}}
     one = load_problem(PROBLEMS / "drop_g1.yaml", overrides)
     assert isinstance(one, Problem)
@@ -225,11 +225,12 @@ def test_a_fall_of_30_cm_is_landed_softly() -> None:
     force = np.linalg.norm(
         (arrays["forces/left_sole"] + arrays["forces/right_sole"])[:, :3], axis=1
     )
+    force = force[arrays["phase"] != "rise"]  # which is made in 10 ms here
     means = np.convolve(force, np.full(5, 0.2), "valid") / weight
     landed = result.run.history.time[result.run.history.phase == "land"][0]
     # It has fallen by 0.3 m and by what its legs drew in: 0.3 m take 0.247 s.
     assert 0.247 < landed < 0.30
-    assert 2.5 < means.max() < 4.0
+    assert means.max() > 2.5 and force.max() < 4.0 * weight
     data, k = model.createData(), int(np.flatnonzero(result.run.history.phase == "settle")[-1])
     pin.centerOfMass(model, data, arrays["q"][k], arrays["v"][k])
     assert data.com[0][2] > 0.3 and np.abs(data.vcom[0]).max() < 0.5  # on its feet, at rest
