@@ -1,5 +1,7 @@
 """Answers of every backend: shapes, finite numbers, refusals, counts of attempts, and words."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -80,6 +82,35 @@ def test_daqp_kept_from_qp_to_qp_finds_what_it_finds_anew(ticks, solvable) -> No
         np.testing.assert_allclose(gradient, 0.0, atol=1e-5 * np.abs(qp.g).max())
         answers += 1
     assert answers == len(sequence) - 1
+
+
+@pytest.mark.parametrize("sizes", [{}, {"me": 0}, {"n": 35, "me": 12, "mi": 10}])
+def test_daqp_kept_is_misled_by_no_qp_before(sizes: dict[str, int], solvable) -> None:
+    """Unlike QPs of one size, some without solution; oracle: the KKT conditions, by hand."""
+    rng, kept, solved = np.random.default_rng(7), KeptDaqp(1e-8), 0
+    for k in range(30):
+        qp = solvable(rng, **sizes)
+        if k % 5 == 4:  # its first row and its opposite
+            rows = np.concatenate((qp.C[:1], -qp.C[:1], qp.C[2:]))
+            least = np.concatenate(([1.0, 1.0], qp.l[2:]))
+            qp = replace(qp, C=rows, l=least, u=np.concatenate(([2.0, 2.0], qp.u[2:])))
+        found = kept.answer(qp)
+        if k % 5 == 4:
+            assert found.claim is Status.INFEASIBLE
+            continue
+        assert found.claim is Status.SOLVED
+        values = np.concatenate((found.x, qp.C @ found.x))
+        lower, upper = np.concatenate((qp.lower, qp.l)), np.concatenate((qp.upper, qp.u))
+        pull = np.concatenate((found.z_box, found.z))
+        scale = 1.0 + np.abs(qp.g).max() + np.abs(qp.P @ found.x).max()
+        gradient = qp.P @ found.x + qp.g + found.y @ qp.A + found.z @ qp.C + found.z_box
+        np.testing.assert_allclose(gradient, 0.0, atol=1e-7 * scale)
+        np.testing.assert_allclose(qp.A @ found.x, qp.b, atol=1e-7)
+        assert (values > lower - 1e-7).all() and (values < upper + 1e-7).all()
+        assert (pull[values < upper - 1e-6] <= 1e-7 * scale).all()
+        assert (pull[values > lower + 1e-6] >= -1e-7 * scale).all()
+        solved += 1
+    assert solved == 24
 
 
 def test_without_rows_the_least_violation_is_none_near_zero() -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Hashable
+from dataclasses import replace
 from functools import lru_cache
 from time import perf_counter
 from typing import Any
@@ -112,7 +113,11 @@ def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaq
 class KeptDaqp:
     """DAQP's model kept from QP to QP, with its memory and active set: what wbc bench compares.
 
-    See :class:`Daqp` for the parameters. Nothing is checked.
+    An active set may be no start for another QP: DAQP then claims to have solved it, in NaN, and
+    so from then on. What a kept model does not solve is asked of a new one within the same call,
+    and only a model whose last answer was solved is kept.
+
+    See :class:`Daqp` for the parameters. Residuals are not checked.
     """
 
     def __init__(self, eps: float, max_iterations: int = 1000) -> None:
@@ -121,20 +126,28 @@ class KeptDaqp:
         self._model: Any = None
 
     def answer(self, qp: QP) -> RawSolution:
-        """Return DAQP's answer, unchecked."""
+        """Return DAQP's answer; it is finite if it claims to be solved."""
         sizes = (qp.g.size, qp.b.size, qp.u.size)
+        raw = None
         if sizes == self._sizes:
-            flag = self._model.update(*_data(qp)[:-1])
-        else:
-            self._sizes, self._model = sizes, daqp.Model()
+            raw = self._asked(qp, self._model.update(*_data(qp)[:-1]))
+        if raw is None or raw.claim is not Status.SOLVED:
+            self._model = daqp.Model()
             limits = {"primal_tol": 0.1 * self.eps, "iter_limit": self.max_iterations}
             self._model.settings = {**self._model.settings, **limits}
-            flag, _ = self._model.setup(*_data(qp))
+            raw = self._asked(qp, self._model.setup(*_data(qp))[0])
+        self._sizes = sizes if raw.claim is Status.SOLVED else ()
+        return raw
+
+    def _asked(self, qp: QP, flag: int) -> RawSolution:
+        """Return the model's answer, after it was given ``qp`` and said ``flag``."""
         if flag < 0:
-            self._sizes = ()  # a model that was refused is of no more use
             return RawSolution.none(qp, *_CLAIMS.get(flag, (Status.FAILED, f"exit flag {flag}")))
         x, _, flag, info = self._model.solve()
-        return _raw(qp, x, info["lam"], info["iterations"], flag)
+        raw = _raw(qp, x, info["lam"], info["iterations"], flag)
+        if raw.claim is Status.SOLVED and not np.isfinite(raw.x).all():
+            return replace(raw, claim=Status.FAILED, message="claimed 'solved', with NaN")
+        return raw
 
 
 def _data(qp: QP) -> tuple[Array | NDArray[np.intc], ...]:
