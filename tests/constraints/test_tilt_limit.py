@@ -1,5 +1,7 @@
 """A tilt limit against the angle that SciPy's rotations give, and in a loop that pulls past it."""
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -58,6 +60,22 @@ def test_linear_rows_are_off_by_no_more_than_the_bound(robot) -> None:
         there = limit.distances(robot.snapshot(robot.integrate(q, step, 1.0)))
         predicted = here.clearance + here.jacobian @ step
         assert there.clearance >= predicted - limit.curvature_bound(here, step) - 1e-12
+
+
+def test_nearly_upright_any_turn_may_be_a_tilt(robot) -> None:
+    """Across the tilt, where the linear prediction is none: what comes is nearly the turn."""
+    limit = TiltLimit(robot, TRUNK, 1.2)
+    for tilt, turn in itertools.product(np.logspace(-7, -3, 9), np.logspace(-7, -1, 13)):
+        q = tilted(robot, (tilt, 0.0, 0.0))
+        here, step = limit.distances(robot.snapshot(q)), np.zeros(robot.nv)
+        step[4] = turn
+        there = limit.distances(robot.snapshot(robot.integrate(q, step, 1.0)))
+        lost = float((here.clearance + here.jacobian @ step - there.clearance)[0])
+        bound = float(limit.curvature_bound(here, step)[0])
+        assert lost <= bound + 1e-12 and bound <= turn
+        # sqrt(tilt^2 + phi^2) - tilt is lost; min(phi, phi^2 / (2 tilt)) is the golden ratio
+        # times that at most, at phi = 2 tilt.
+        assert bound <= 1.619 * lost + 1e-12
 
 
 def test_a_trunk_that_is_upright_may_tilt_any_way(robot) -> None:

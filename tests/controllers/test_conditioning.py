@@ -6,6 +6,8 @@ from scipy.linalg import null_space
 
 from wbc.constraints import PositionBox, support
 from wbc.controllers import KinematicController
+from wbc.controllers.conditioning import conditioning
+from wbc.qp import QP
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PositionTask
 
@@ -62,3 +64,16 @@ def test_slacks_are_no_motions(robot: Robot) -> None:
         found.append(controller.conditioning(tick))
     assert tick.qp.g.size == robot.nv + 1
     assert found[1] == found[0]
+
+
+def test_where_only_the_damping_decides_the_condition_is_one() -> None:
+    """Curvatures of 9, 11 and 44 times the damping: that of tasks begins at ten times."""
+    damping, weights = 0.5, np.array([1.0, 2.0, 4.0])
+
+    def of(*curvatures: float) -> tuple[int, int, float]:
+        P = np.diag(weights * (np.array(curvatures) + 1.0) * damping)
+        return tuple(conditioning(QP.build(P, np.zeros(3)), damping, weights))
+
+    assert of(0.0, 0.0, 9.0) == (3, 0, 1.0)
+    assert of(9.0, 11.0, 0.0) == (3, 1, 1.0)
+    assert of(44.0, 9.0, 11.0) == (3, 2, pytest.approx(4.0))

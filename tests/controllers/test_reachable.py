@@ -36,3 +36,23 @@ def test_margins_ask_for_what_braking_can_reach() -> None:
     np.testing.assert_allclose(found.lower, [-1.0 + change, -0.1])
     assert found.push is not None
     np.testing.assert_allclose(found.push.target, [-1.0 + change, 0.01])
+
+
+def test_boxes_out_of_reach_end_where_reach_begins(robot_named: Callable[[str], Robot]) -> None:
+    """Whatever the side: what is in reach is the box's, or else the reach's end next to it."""
+    robot, rng = robot_named("hoap2_like"), np.random.default_rng(4)
+    for _ in range(50):
+        middle, half = rng.normal(size=robot.nv), rng.uniform(0.0, 0.5, robot.nv)
+        v, acceleration = rng.normal(size=robot.nv), rng.uniform(1.0, 300.0, robot.nv - 6)
+        (lower, upper), none = reachable_limits(
+            (middle - half, middle + half), None, v, acceleration, DT
+        )
+        assert none is None
+        np.testing.assert_array_equal(lower[:6], (middle - half)[:6])
+        np.testing.assert_array_equal(upper[:6], (middle + half)[:6])
+        for k in range(6, robot.nv):
+            change = BRAKING * DT * acceleration[k - 6]
+            least, most = v[k] - change, v[k] + change
+            low, high = middle[k] - half[k], middle[k] + half[k]
+            expected = (most, high) if low > most else (low, least) if high < least else (low, high)
+            np.testing.assert_allclose((lower[k], upper[k]), expected, rtol=0.0, atol=1e-14)

@@ -46,6 +46,9 @@ def test_rows_that_hold_back_are_told_the_strongest_first(robot) -> None:
     assert active([0.0, -3.0, 0.0, 5.0, 0.0, 0.0]) == (names[3], names[1])
     twice = Labels((names[2], "com x"), (names[0], names[0], *names[2:]), ())
     assert active([1.0, -2.0, 0.0, 0.0, 0.0, 0.0], [7.0, 9.0], twice) == (names[2], names[0])
+    # What is a millionth of the strongest, or 1e-9 of nothing much, is what solvers leave.
+    assert active([2e-4, 1e2, -5e-5, 0.0, 0.0, 0.0]) == (names[1], names[0])
+    assert active([5e-10, 0.0, 0.0, -2e-9, 0.0, 0.0]) == (names[3],)
     failed = replace(tick.solution, status=Status.FAILED, z=np.ones(6))
     assert replace(tick, solution=failed, status=Status.FAILED).active == ()
 

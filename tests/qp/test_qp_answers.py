@@ -8,7 +8,7 @@ import pytest
 from wbc.errors import InvalidInputError
 from wbc.qp import QP, installed_solvers, make_backend
 from wbc.qp.conflict import least_violation
-from wbc.qp.daqp import Daqp, KeptDaqp
+from wbc.qp.daqp import Daqp, KeptDaqp, _raw
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.problem import Labels
 from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, RawSolution, Solution, Status
@@ -174,3 +174,29 @@ def test_a_solution_in_words() -> None:
     assert np.isnan(raw.x).all() and np.isnan(raw.z).all() and raw.iterations == 0
     assert Labels.numbered(2, 1, 1).variables == ("x0", "x1")
     assert Labels.numbered(2) == Labels((), (), ("x0", "x1"))
+
+
+# daqp/include/constants.h: what each exit flag is called there.
+FLAGS = {1: "solved", 2: "soft", -1: "infeasible", -2: "cycle", -3: "unbounded", -4: "limit",
+         -5: "nonconvex", -6: "overdetermined", -7: "none that is known"}  # fmt: skip
+
+
+@pytest.mark.parametrize("flag", FLAGS)
+def test_exit_flags_of_daqp_in_our_words(flag: int, solvable) -> None:
+    qp = solvable(np.random.default_rng(2), me=2, mi=3)
+    point, multipliers = np.arange(8.0), np.arange(13.0)
+    found = _raw(qp, point, multipliers, 7, flag)
+    claims = {"solved": Status.SOLVED, "infeasible": Status.INFEASIBLE,
+              "overdetermined": Status.INFEASIBLE, "limit": Status.ITERATION_LIMIT}  # fmt: skip
+    words = {"solved": "", "soft": "exit flag 2", "infeasible": "infeasible", "cycle": "cycles",
+             "unbounded": "unbounded", "limit": "iteration limit", "nonconvex": "semidefinite",
+             "overdetermined": "contradict", "none that is known": "exit flag -7"}  # fmt: skip
+    assert found.claim is claims.get(FLAGS[flag], Status.FAILED) and words[FLAGS[flag]] in found.message
+    assert found.iterations == 7
+    parts = (found.z_box, found.z, found.y)
+    np.testing.assert_array_equal(np.concatenate(parts), multipliers)
+    assert [part.size for part in parts] == [8, 3, 2]
+    for endless in (np.inf, np.nan, -1e100):  # as it leaves them on QPs without solution
+        left = _raw(qp, point, np.append(multipliers[:-1], endless), 7, flag)
+        assert np.isnan(left.x).all() and left.claim is found.claim
+    assert np.isnan(_raw(qp, np.append(point[:-1], np.nan), multipliers, 7, flag).y).all()

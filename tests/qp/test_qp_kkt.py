@@ -1,12 +1,13 @@
 """Residuals against QPs solved by hand, and against a plain loop over the definitions."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
 from wbc.qp import QP, KktResiduals, kkt_residuals
-from wbc.qp.kkt import acceptable, reference_magnitudes
+from wbc.qp.kkt import _within, acceptable, reference_magnitudes
 
 NONE = np.zeros(0)
 
@@ -149,3 +150,41 @@ def test_diverging_multipliers_excuse_nothing() -> None:
         residuals = kkt_residuals(qp, *point)
         assert residuals.dual < 1e-6
         assert acceptable(residuals, 1e-9, qp, *point) == good
+
+
+EXCESS = 2.0**-40  # small beside what is allowed, and exact in binary: nothing is rounded below
+
+
+def _alone(g: float = 0.0, upper: float = math.inf) -> QP:
+    return QP.build([[0.0]], [g], upper=[upper])
+
+
+@pytest.mark.parametrize("more", [0.0, EXCESS])
+def test_half_of_one_and_the_largest_term_is_allowed_and_no_more(more: float) -> None:
+    """By hand, at eps = 1/2: each residual alone is what it may be at most, then 2^-40 beyond."""
+
+    def accepted(qp: QP, x: float, z_box: float) -> bool:
+        point = np.array([x]), NONE, NONE, np.array([z_box])
+        residuals = kkt_residuals(qp, *point)
+        assert sum(abs(one) > 0.0 for one in residuals[:3]) == 1
+        return acceptable(residuals, 0.5, qp, *point)
+
+    assert accepted(_alone(upper=1.0), 3.0 + 2.0 * more, 0.0) == (not more)  # 2 = (1 + 3) / 2
+    assert accepted(_alone(1.0 + 2.0 * more), 0.0, 0.0) == (not more)  # slope 1 = (1 + 1) / 2
+    m = 1.0 + 4.0 * more  # at a bound that is m away
+    assert accepted(_alone(-m, m), 0.0, m) == (not more)
+
+
+def test_rows_are_within_their_ends_to_their_own_largest_term(rng) -> None:
+    """Whole numbers and eps = 1/4; each end is put exactly as far off as may be, then beyond."""
+    for _ in range(50):
+        rows, x = rng.integers(-9, 10, (3, 4)).astype(float), rng.integers(-9, 10, 4).astype(float)
+        values = [sum(a * b for a, b in zip(row, x, strict=True)) for row in rows]
+        allowed = [0.25 * (1 + max(abs(a * b) for a, b in zip(row, x, strict=True))) for row in rows]
+        endless = np.full(3, np.inf)
+        for k, sign in itertools.product(range(3), (-1.0, 1.0)):
+            for more in (0.0, EXCESS):
+                end = sign * endless
+                end[k] = values[k] - sign * (allowed[k] + more)
+                ends = (-endless, end) if sign > 0.0 else (end, endless)
+                assert _within(rows, x, *ends, 0.25) == (not more)

@@ -323,3 +323,16 @@ def test_unbounded_objective_is_a_failure_not_an_answer():
     assert not solution.solved
     assert solution.status in (Status.FAILED, Status.ITERATION_LIMIT)
     assert solution.conflict is None
+
+
+def test_what_the_active_set_method_settles_in_a_pause_took_two_attempts(ticks) -> None:
+    """Solved, or with rows that contradict each other: ProxQP's turn, left out, is counted."""
+    first, second = ticks(seed=4, count=2, mi=3)
+    no_way = replace(second, C=np.repeat(second.C[:1], 3, axis=0), l=np.array([-1.0, -1.0, 5.0]),
+                     u=np.array([0.0, 9.0, 6.0]))  # fmt: skip
+    backend = ProxQP(max_iterations=1)
+    assert [backend.solve(qp).attempts for qp in (first, second, second)] == [2, 2, 2]
+    found = backend.solve(no_way)
+    assert (found.status, found.solver, found.attempts) == (Status.INFEASIBLE, "daqp", 2)
+    assert found.conflict is not None and {row.label for row in found.conflict.rows} >= {
+        "inequality 0", "inequality 2"}  # fmt: skip
