@@ -43,6 +43,21 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "if len(conflict.rows) > MOST_ROWS or _feasible(qp, conflict.rows):",
         "Gt -> GtE",
     ): "a conflict of exactly as many rows is reduced or not",
+    (
+        "wbc/qp/conflict.py",
+        "target = np.where(violation > 0.0, rows.upper, rows.lower)[violated]",
+        "Gt -> GtE",
+    ): "of rows that are met only equality rows are chosen, whose ends are one",
+    (
+        "wbc/qp/conflict.py",
+        "target = np.where(violation > 0.0, rows.upper, rows.lower)",
+        "Gt -> GtE",
+    ): "rows that are met are left out of all that it is used for",
+    (
+        "wbc/qp/conflict.py",
+        'upper = "upper" if weight > 0.0 else "lower"',
+        "Gt -> GtE",
+    ): "weights of 0 are left out before",
     ("wbc/controllers/braking.py", "if factor >= 1.0:", "GtE -> Gt"): "a factor of 1 is none",
     (
         "wbc/controllers/braking.py",

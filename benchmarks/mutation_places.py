@@ -146,6 +146,17 @@ class Places(ast.NodeTransformer):
             return self._at(node, f"{node.id} -> {CHOICES[node.id]}", lambda: _set_name(node, "id"))
         return node
 
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Whether arrays without entries are full of zeros or of ones is the same."""
+        sizes = node.args[:1]
+        if sizes and isinstance(sizes[0], ast.Tuple):
+            sizes = sizes[0].elts
+        empty = any(isinstance(one, ast.Constant) and one.value == 0 for one in sizes)
+        if empty and isinstance(node.func, ast.Attribute) and node.func.attr == "zeros":
+            node.args = [self.visit(part) for part in node.args]
+            return node
+        return self.generic_visit(node)
+
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         """Another choice; of two ends of a range it does not matter whose size is asked."""
         if node.attr == "size" and isinstance(node.value, ast.Attribute):

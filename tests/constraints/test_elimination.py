@@ -5,6 +5,7 @@ import pytest
 
 from wbc.constraints import support
 from wbc.qp import make_backend
+from wbc.qp.daqp import Daqp
 from wbc.qp.elimination import eliminate, factorise
 from wbc.qp.problem import QP
 from wbc.qp.solution import Status
@@ -129,3 +130,25 @@ def test_bounds_of_unknowns_that_are_fixed_do_not_hold_the_free_one(solver: str,
         assert solution.status is Status.SOLVED
         np.testing.assert_allclose(solution.x[-2:], 0.5, atol=1e-9)
         assert solution.residuals.dual < 1e-9  # absolute: relative to its multipliers all is small
+
+
+@pytest.mark.parametrize("mi", [0, 3])
+def test_what_is_found_without_the_equalities_solves_the_whole(mi: int, rng) -> None:
+    """Bounds on both sides, on one, or none; oracle: the whole QP, by the same solver."""
+    for _ in range(30):
+        n = 7
+        J, A, C, x = (rng.normal(size=size) for size in ((9, n), (3, n), (mi, n), n))
+        lower, upper = x - rng.uniform(0.0, 0.3, n), x + rng.uniform(0.0, 0.3, n)
+        lower[rng.uniform(size=n) < 0.5], upper[rng.uniform(size=n) < 0.5] = -np.inf, np.inf
+        qp = QP.build(J.T @ J, 5.0 * rng.normal(size=n), A=A, b=A @ x, C=C, l=C @ x - 0.1,
+                      lower=lower, upper=upper)  # fmt: skip
+        expected, elimination = Daqp().solve(qp), eliminate(qp)
+        assert elimination.reduced.g.size == n - 3 and not elimination.reduced.b.size
+        assert elimination.reduced.A.shape == (0, n - 3)
+        found = elimination.lift(Daqp().solve(elimination.reduced))
+        assert elimination.admits(found)
+        for part in ("x", "y", "z", "z_box"):
+            scale = 1.0 + np.abs(getattr(expected, part)).max(initial=0.0)
+            np.testing.assert_allclose(
+                getattr(found, part), getattr(expected, part), atol=1e-6 * scale, err_msg=part
+            )

@@ -29,8 +29,14 @@ def implied(qp: QP, rows: Rows, x: np.ndarray) -> np.ndarray:
     for row in np.concatenate((np.eye(N), qp.C)):
         ends = []
         for sign in (1.0, -1.0):
-            found = linprog(sign * row, qp.C, np.maximum(qp.u, qp.C @ x), equal, equal @ x,
-                            np.column_stack((np.minimum(qp.lower, x), np.maximum(qp.upper, x))))
+            found = linprog(
+                sign * row,
+                qp.C,
+                np.maximum(qp.u, qp.C @ x),
+                equal,
+                equal @ x,
+                np.column_stack((np.minimum(qp.lower, x), np.maximum(qp.upper, x))),
+            )
             assert found.status == 0
             ends.append(sign * found.fun)
         values.append(ends[1] - ends[0] < 1e-6)

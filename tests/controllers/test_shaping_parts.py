@@ -92,6 +92,20 @@ def test_what_a_search_found_may_be_off_by_rounding_only(robot, what: str, allow
         assert not kept_constraints(problem, here, excused).broken
 
 
+def test_what_is_met_exactly_breaks_nothing(robot) -> None:
+    here = robot.snapshot(robot.posture())
+    base = here.position("base")
+
+    class Off(PositionBox):
+        def distances(self, snapshot, keys=None):
+            found = super().distances(snapshot, keys)
+            return found._replace(clearance=np.array([-SKIN, -SKIN - 0.25, 1.0, 1.0, 1.0, 1.0]))
+
+    box = Off(robot, "base", base - 1.0, base + 1.0)
+    found = violations(problem_of(robot, [PostureTask(robot, here.q)], (), [box]), here)
+    assert list(found.values()) == [pytest.approx(0.25)]
+
+
 def test_the_contact_that_is_farthest_off_counts(robot) -> None:
     here = robot.snapshot(robot.posture())
     moved = [

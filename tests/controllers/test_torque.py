@@ -252,3 +252,29 @@ def test_what_has_no_effect_at_this_level_is_said(
     tasks = [wbc.ComTask(robot, here.com, singular_threshold=5e-4)]
     wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double"))
     assert "singular_threshold of task 'com' has no effect" in caplog.text
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_motors_have_bounds_and_what_follows_them_has_none(geared: Robot, share: float) -> None:
+    """At random accelerations without forces: a row holds where Pinocchio's RNEA is in bounds."""
+    rng = np.random.default_rng(6)
+    q = geared.integrate(geared.posture(), 0.1 * rng.normal(size=geared.nv), 1.0)
+    here = geared.snapshot(q, np.where(np.arange(geared.nv) < 6, 0.0, 0.1))
+    most = share * geared.limits.effort
+    controller = wbc.TorqueController(
+        geared, [wbc.PostureTask(geared, q)], contacts=[], torque_limits=share, solver="daqp"
+    )
+    qp = controller.step(here).qp
+    motors = [name for name in geared.joint_names if name not in geared.couplings]
+    assert geared.couplings and qp.labels.inequality == tuple(f"{name} torque" for name in motors)
+    bounds = np.array([most[geared.joint_index(name) - 6] for name in motors])
+    unit, data, crossed = geared.mass / controller.dt, geared.model.createData(), 0
+    np.testing.assert_allclose(unit * (qp.u - qp.l), 2.0 * bounds)
+    for _ in range(40):
+        v = here.v + controller.dt * np.append(np.zeros(6), 300.0 * rng.normal(size=geared.nv - 6))
+        needed = pin.rnea(geared.model, data, here.q, here.v, (v - here.v) / controller.dt)
+        torques = np.array([needed[geared.joint_index(name)] for name in motors])
+        values = qp.C @ np.append(v, np.zeros(qp.g.size - geared.nv))
+        np.testing.assert_allclose(unit * (qp.u - values), bounds - torques, atol=1e-7 * unit)
+        crossed += np.count_nonzero(np.abs(torques) > bounds)
+    assert crossed

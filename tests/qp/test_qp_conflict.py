@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import linprog
 
 from wbc.qp import QP, Labels, ProxQP, Status, find_conflict, installed_solvers, make_backend
-from wbc.qp.conflict import Conflict
+from wbc.qp.conflict import Conflict, irreducible
+from wbc.qp.solution import ConflictRow
 
 
 def feasible(qp: QP) -> bool:
@@ -264,3 +265,31 @@ def test_a_conflict_must_show_in_the_rows_own_units(scale: float, named: bool) -
     """x0 = 3 against x0 <= 1, by a row in units so large that 2e-8 of them are missed."""
     qp = QP.build(np.eye(2), [-2.0, 0.0], A=[[scale, 0.0]], b=[3.0 * scale], upper=[1.0, 9.0])
     assert (find_conflict(qp) is not None) == named
+
+
+@pytest.mark.parametrize("far", [0.0, 1e3])
+def test_steep_rows_may_contradict_each_other_by_the_tolerance_only(far: float) -> None:
+    """1000 x = 0 and 1000 x = 1000 d: each is missed by d / 2, in rows of unit length.
+
+    That is allowed up to 1e-7 (1 + max |x|); 5 % about it for the solver's accuracy.
+    """
+    for share, feasible in ((0.95, True), (1.05, False)):
+        d = 2e-7 * (1.0 + far) * share
+        qp = QP.build(np.eye(2), np.zeros(2), A=[[1e3, 0.0], [1e3, 0.0], [0.0, 1.0]],
+                      b=[0.0, 1e3 * d, far])  # fmt: skip
+        assert (find_conflict(qp) is None) is feasible
+
+
+def test_conflicts_that_cannot_be_reduced_are_left_as_they_are() -> None:
+    """One whose rows can all hold; one of more than 80 rows; one of 80 is reduced to two."""
+    n = 82
+    qp = QP.build(np.eye(1), [0.0], C=np.ones((n, 1)), l=[*np.full(n - 1, 1.0), -9.0],
+                  u=[*np.full(n - 1, 9.0), 0.0])  # fmt: skip
+    above = [ConflictRow(f"inequality {k}", 1.0, -1.0, "lower limit") for k in range(n - 1)]
+    below = ConflictRow(f"inequality {n - 1}", 1.0, 1.0, "upper limit")
+    met = Conflict(tuple(above[:3]))
+    assert irreducible(qp, met) is met
+    many = Conflict((below, *above[:80]))
+    assert irreducible(qp, many) is many
+    found = irreducible(qp, Conflict((below, *above[:79])))
+    assert len(found.rows) == 2 and below in found.rows

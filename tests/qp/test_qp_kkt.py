@@ -180,7 +180,9 @@ def test_rows_are_within_their_ends_to_their_own_largest_term(rng) -> None:
     for _ in range(50):
         rows, x = rng.integers(-9, 10, (3, 4)).astype(float), rng.integers(-9, 10, 4).astype(float)
         values = [sum(a * b for a, b in zip(row, x, strict=True)) for row in rows]
-        allowed = [0.25 * (1 + max(abs(a * b) for a, b in zip(row, x, strict=True))) for row in rows]
+        allowed = [
+            0.25 * (1 + max(abs(a * b) for a, b in zip(row, x, strict=True))) for row in rows
+        ]
         endless = np.full(3, np.inf)
         for k, sign in itertools.product(range(3), (-1.0, 1.0)):
             for more in (0.0, EXCESS):

@@ -128,7 +128,7 @@ def _elastic(qp: QP, rows: _UnitRows) -> Array:
         u=rows.upper[me:],
         lower=np.concatenate((qp.lower, -free)),
         upper=np.concatenate((qp.upper, free)),
-        labels=Labels.numbered(n + m, me, m - me),
+        labels=Labels((), (), ()),
     )
     raw = Workspace.create(elastic, _EPS, _MAX_ITERATIONS).solve_cold()
     x = np.where(np.isfinite(raw.x[:n]), raw.x[:n], 0.0)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Hashable
-from dataclasses import replace
 from functools import lru_cache
 from time import perf_counter
 from typing import Any
@@ -144,10 +143,7 @@ class KeptDaqp:
         if flag < 0:
             return RawSolution.none(qp, *_CLAIMS.get(flag, (Status.FAILED, f"exit flag {flag}")))
         x, _, flag, info = self._model.solve()
-        raw = _raw(qp, x, info["lam"], info["iterations"], flag)
-        if raw.claim is Status.SOLVED and not np.isfinite(raw.x).all():
-            return replace(raw, claim=Status.FAILED, message="claimed 'solved', with NaN")
-        return raw
+        return _raw(qp, x, info["lam"], info["iterations"], flag)
 
 
 def _data(qp: QP) -> tuple[Array | NDArray[np.intc], ...]:
@@ -166,6 +162,8 @@ def _raw(qp: QP, x: Array, multipliers: Array, iterations: int, flag: int) -> Ra
     claim, message = _CLAIMS.get(flag, (Status.FAILED, f"exit flag {flag}"))
     # It grows multipliers without end on infeasible QPs: to NaN, or to what overflows in a product.
     if not (np.abs(multipliers).max(initial=0.0) < ENDLESS and np.isfinite(x).all()):
+        if claim is Status.SOLVED:
+            claim, message = Status.FAILED, "claimed 'solved', with numbers that are not finite"
         return RawSolution.none(qp, claim, message)
     return RawSolution(
         x=x,

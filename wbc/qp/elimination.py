@@ -82,9 +82,7 @@ class Elimination:
         z_box = np.zeros(qp.g.size)
         z_box[factors.free] = solution.z_box
         z_box[self.bounded] = solution.z[rows:]
-        slope = qp.P @ x + qp.g + z_box
-        if rows:
-            slope += qp.C.T @ z
+        slope = qp.P @ x + qp.g + z_box + qp.C.T @ z
         y = -factors.Q @ _triangular(factors.R, slope[factors.dependent], transposed=True)
         residuals = kkt_residuals(qp, x, y, z, z_box)
         return replace(solution, x=x, y=y, z=z, z_box=z_box, residuals=residuals)
@@ -129,7 +127,7 @@ def _reduced(qp: QP, basis: Array, offset: Array, free: np.ndarray, bounded: np.
     """Return the QP in the free unknowns: objective and rows pulled back through ``basis``."""
     P_basis = qp.P @ basis
     dependent = basis[bounded]
-    C = np.concatenate((qp.C @ basis, dependent)) if qp.l.size else dependent
+    C = np.concatenate((qp.C @ basis, dependent))
     shift = np.concatenate((qp.C @ offset, offset[bounded]))
     names = qp.labels.variables
     labels = Labels(

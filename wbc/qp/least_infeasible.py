@@ -61,7 +61,7 @@ def least_infeasible(qp: QP, eps: float = 1e-8) -> LeastInfeasible:
     began = perf_counter()
     point, violation = least_violation(qp)
     margin = _RELAXED * (1.0 + float(np.abs(point).max(initial=0.0)))
-    solution = ProxQP(eps=eps, warm=False).solve(_relaxed(qp, violation, margin), quick=True)
+    solution = ProxQP(eps=eps).solve(_relaxed(qp, violation, margin), quick=True)
     x = np.clip(solution.x if solution.solved else point, qp.lower, qp.upper)
     return LeastInfeasible(x, _violated(qp, x), solution.solved, perf_counter() - began)
 

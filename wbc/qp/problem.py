@@ -161,10 +161,7 @@ def is_sound(qp: QP, shapes_only: bool = False) -> bool:
         and (
             shapes_only
             or math.isfinite(
-                np.vdot(P, P)
-                + np.vdot(g, g)
-                + (np.vdot(A, A) + np.vdot(b, b) if me else 0.0)
-                + (np.vdot(C, C) if mi else 0.0)
+                np.vdot(P, P) + np.vdot(g, g) + np.vdot(A, A) + np.vdot(b, b) + np.vdot(C, C)
             )
         )
     )
