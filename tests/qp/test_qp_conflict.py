@@ -293,3 +293,34 @@ def test_conflicts_that_cannot_be_reduced_are_left_as_they_are() -> None:
     assert irreducible(qp, many) is many
     found = irreducible(qp, Conflict((below, *above[:79])))
     assert len(found.rows) == 2 and below in found.rows
+
+
+@pytest.mark.parametrize("rows", ["equalities", "inequalities"])
+@pytest.mark.parametrize(
+    ("steep", "c", "most", "tolerance"),
+    [(1.0, 3.0, 50.0, 1e-7), (1e-2, 0.0, 50.0, 1e-7), (4.0, -8.0, 9.0, 1e-6)],
+)
+def test_how_small_a_conflict_is_proved(rows, steep, c, most, tolerance) -> None:
+    """steep x <= steep c and steep x >= steep (c + d), within -most <= x <= most; by hand.
+
+    In rows of unit length each is missed by d / 2: the certificate's sum is -d^2 / 2, and half of
+    it must be left when each end gives way by ``tolerance`` of 1 + |end| in its own units:
+    d^2 / 4 >= tolerance d (1 / steep + |c|). Rounding is some 2 % of that: 10 % about it.
+    """
+    least = 4.0 * tolerance * (1.0 / steep + abs(c))
+    for share, proved in ((0.9, False), (1.1, True)):
+        d = share * least
+        ends, steeps = np.array([c, c + d]) * steep, np.full((2, 1), steep)
+        box = {"lower": [-most], "upper": [most]}
+        if rows == "equalities":
+            qp = QP.build([[1.0]], [0.0], A=steeps, b=ends, **box)
+        else:
+            qp = QP.build(
+                [[1.0]], [0.0], C=steeps, l=[-np.inf, ends[1]], u=[ends[0], np.inf], **box
+            )
+        found = find_conflict(qp, tolerance)
+        assert (found is not None) is proved
+        if found is not None:
+            weights = [row.multiplier for row in found.rows]
+            assert sorted(np.abs(weights)) == pytest.approx([0.5 * d / steep] * 2, rel=1e-2)
+            assert min(weights) < 0.0 < max(weights)
