@@ -14,10 +14,11 @@ from typer.testing import CliRunner
 from wbc.cli import app
 from wbc.codegen import CodegenError, export_problem
 from wbc.codegen.targets import targets_of, task_parts
-from wbc.native import VARIABLE
+from wbc.native import VARIABLE, status
 from wbc.native.build import COMPILERS
 from wbc.problem import load_problem
 
+pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
 compiles = pytest.mark.skipif(
     not any(shutil.which(name) for name in COMPILERS), reason="no C compiler here"
 )
@@ -237,3 +238,10 @@ def test_mistakes_on_the_command_line(arguments: list[str], said: str) -> None:
     done = CliRunner().invoke(app, ["codegen", *arguments])
     assert done.exit_code == 1
     assert said in done.output
+
+
+def test_without_the_core_it_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "off")
+    with pytest.raises(CodegenError, match=r"native core, and it does not run: WBC_NATIVE=off"):
+        export_problem(write(tmp_path, VELOCITY), tmp_path / "c")
+    assert not (tmp_path / "c").exists()
