@@ -8,7 +8,7 @@ import pytest
 from wbc.qp import QP
 from wbc.qp.daqp import Daqp
 from wbc.qp.native import Workspace
-from wbc.qp.proxqp import ProxQP
+from wbc.qp.proxqp import WARM_ITERATIONS, ProxQP
 from wbc.qp.solution import RawSolution, Status
 
 # What is answered by ProxQP warm (None: it is not warm), by DAQP and by ProxQP cold; then
@@ -101,3 +101,32 @@ def test_costs_below_one_are_scaled_by_a_power_of_two_warm_as_well(most: float, 
         if most > 1e-12:
             gradient = P @ found.x + qp.g + C.T @ found.z
             np.testing.assert_allclose(gradient, 0.0, atol=1e-7 * most)
+
+
+@pytest.mark.parametrize("warm", [False, True])
+def test_rows_in_conflict_are_looked_for_once_if_none_are_found(
+    warm, solvable, monkeypatch
+) -> None:
+    """Also where the active-set method, asked first in a pause, says that there are some."""
+    qp, looked = solvable(np.random.default_rng(5), me=2, mi=3), list[int]()
+    backend = ProxQP()
+    if warm:
+        backend.solve(qp)
+    nothing = RawSolution.none(qp, Status.ITERATION_LIMIT, "nothing")
+    for name in ("solve_warm", "solve_cold"):
+        monkeypatch.setattr(Workspace, name, lambda *_: nothing)
+    claimed = replace(nothing, claim=Status.INFEASIBLE)
+    monkeypatch.setattr(Daqp, "answer", lambda *_: claimed)
+    monkeypatch.setattr("wbc.qp.kkt.find_conflict", lambda _: looked.append(1))
+    assert backend.solve(qp, quick=True).attempts and not looked
+    for times in (1, 2, 3):
+        found = backend.solve(qp)
+        assert not found.solved and found.conflict is None and len(looked) == times
+
+
+@pytest.mark.parametrize("most", [5, 8, 1000])
+def test_warm_solves_are_given_up_sooner_than_cold_ones(most: int) -> None:
+    backend = ProxQP(max_iterations=most)
+    assert backend.solve(QP.build(np.eye(3), np.ones(3), upper=np.ones(3))).solver == "proxqp"
+    (kept,) = backend._workspaces.values()
+    assert kept.native.settings.max_iter == min(WARM_ITERATIONS, most)

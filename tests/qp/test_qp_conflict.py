@@ -289,6 +289,10 @@ def test_conflicts_that_cannot_be_reduced_are_left_as_they_are() -> None:
     below = ConflictRow(f"inequality {n - 1}", 1.0, 1.0, "upper limit")
     met = Conflict(tuple(above[:3]))
     assert irreducible(qp, met) is met
+    box = QP.build([[1.0]], [0.0], C=[[1.0]], l=[0.4], u=[0.6], lower=[0.0], upper=[1.0])
+    for end, side in (("upper limit", "lower bound"), ("lower limit", "upper bound")):
+        held = Conflict((ConflictRow("inequality 0", 1.0, 1.0, end), ConflictRow("x0", 0, 1, side)))
+        assert irreducible(box, held) is held
     many = Conflict((below, *above[:80]))
     assert irreducible(qp, many) is many
     found = irreducible(qp, Conflict((below, *above[:79])))
