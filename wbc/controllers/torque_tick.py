@@ -64,7 +64,8 @@ class TorqueTick(Tick):
     def relaxed(self) -> tuple[str, ...]:
         """Names of the contact rows, limits and margins that gave way; see ``slack``.
 
-        Empty in a tick that kept them all; ``policy`` is then None.
+        Empty in a tick that kept them all: ``policy`` is then None, or ``"relax"`` where only the
+        relaxed QP could be solved and misses nothing noticeable.
         """
         return tuple(self.slack) if self.policy == RELAX else ()
 
