@@ -1,7 +1,7 @@
 """Where feet go: at the velocity commanded, and never across each other."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -83,7 +83,8 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         beside = SIGN[other(support)] * step[1]
         assert gait.least_width - 1e-7 <= beside <= limits.apart + 1e-7
         assert abs(step[0]) <= limits.step + 1e-7
-        assert after == replace(phase, left=after.left, goal=after.goal, offset=after.offset)
+        kept = {one.name for one in fields(phase)} - {"left", "goal", "offset"}
+        assert all(getattr(after, name) is getattr(phase, name) for name in kept)
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
