@@ -1,6 +1,7 @@
 """Answers of every backend: shapes, finite numbers, refusals, counts of attempts, and words."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,13 +17,16 @@ from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, RawSolution, So
 EVERY = (*installed_solvers(), "pseudo_inverse")
 
 
-@pytest.mark.parametrize("name", EVERY)
-@pytest.mark.parametrize(("me", "mi"), [(0, 0), (2, 0), (2, 3), (0, 3)])
+@pytest.mark.parametrize(
+    ("name", "me", "mi"),
+    [
+        *product(EVERY, (0, 2), (0,)),
+        *product(installed_solvers(), (0, 2), (3,)),  # the pseudo-inverse keeps no inequality rows
+    ],
+)
 def test_points_and_multipliers_have_the_sizes_of_the_qp(
     name: str, me: int, mi: int, solvable
 ) -> None:
-    if name == "pseudo_inverse" and mi:
-        pytest.skip("it keeps no inequality rows")
     qp = solvable(np.random.default_rng(3), me=me, mi=mi)
     found = make_backend(name).solve(qp)
     assert found.solved or name == "pseudo_inverse"

@@ -23,7 +23,7 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
-from wbc.controllers.levels import Box, LevelProblem, LevelSolver, Outcome
+from wbc.controllers.levels import FORMULATIONS, Box, LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
 from wbc.controllers.parts import (
     check_list,
@@ -46,8 +46,6 @@ from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
-
-FORMULATIONS = ("equality", "reduced")
 
 
 class Controller(ABC):
@@ -98,6 +96,7 @@ class Controller(ABC):
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
+    _verified = False  # whether the parts were seen to return what they should
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
 
     def __repr__(self) -> str:
@@ -121,8 +120,8 @@ class Controller(ABC):
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
     ) -> None:
-        contacts = held_by(robot, contacts)
-        check_parts(robot, tasks, contacts, limits, constraints)
+        contacts, slack = held_by(robot, contacts), NO_SLACK if slack is None else slack
+        check_parts(robot, tasks, contacts, limits, constraints, slack)
         refuse_idle(tasks)
         self.robot = robot
         self.limits = limits
@@ -133,8 +132,7 @@ class Controller(ABC):
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
         self.on_failure = one_of("failure policy", on_failure, self._policies)
         self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
-        self._verified = False  # whether the parts were seen to return what they should
-        self._take(tasks, constraints, {} if slack is None else slack)
+        self._take(tasks, constraints, slack)
         self._plan(tuple(contacts))
 
     def change(
@@ -154,9 +152,8 @@ class Controller(ABC):
         contacts = self.contacts if contacts is None else contacts
         constraints = self.constraints if constraints is None else constraints
         slack = self._slack if slack is None else slack
-        check_parts(self.robot, tasks, contacts, self.limits, constraints)
+        check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
         refuse_idle([] if tasks is self.tasks else tasks)
-        Slacks(slack, mechanics_of(self.robot, contacts), constraints)  # refuses names
         self._take(tasks, constraints, slack)
         self._plan(self._next_contacts(tuple(contacts)))
 
@@ -191,11 +188,11 @@ class Controller(ABC):
         """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
         start = perf_counter()
         # Goals: rows of tasks, then of contacts that may give way.
-        residuals, rows, reduce = [], [], False
+        residuals, rows, reduce = {}, [], False
         for task in self._motion:
             residual = task.residual(snapshot)
             row = self._law(task, residual, snapshot)
-            residuals.append(residual)
+            residuals[task.name] = residual
             rows.append(row)
             reduce = reduce or row.singular_threshold > 0.0
         for contact in self.plan.soft:
@@ -218,8 +215,7 @@ class Controller(ABC):
         attempt = tried or self._attempt(problem, margins)
         if attempt.outcome.solution.status is not Status.SOLVED:
             attempt = self._settle(problem, attempt)
-        outcome, _, scale = attempt
-        tick = self._tick(snapshot, physics, residuals, outcome, scale, singular, start, ready)
+        tick = self._tick(snapshot, physics, residuals, attempt, singular, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
@@ -235,7 +231,7 @@ class Controller(ABC):
         kinds = motion_and_forces(tasks, type(self).__name__, self._bears)
         self._motion, self._force_tasks = kinds
         self.tasks, self.constraints = tuple(tasks), tuple(constraints)
-        self._slack = dict(slack) if isinstance(slack, Mapping) else slack  # refused with the plan
+        self._slack = dict(slack)
 
     # ------------------------------------------------------------------ what a level says
 
@@ -280,10 +276,10 @@ class Controller(ABC):
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         """Work out what does not change between ticks."""
-        contacts = mechanics_of(self.robot, contacts)
-        self.contacts = contacts
+        self.contacts = contacts = mechanics_of(self.robot, contacts)
         self._verified = False
-        self._reports_residual = [type(task).deviation is Task.deviation for task in self._motion]
+        # Asked in the ticks; all others report their residual's error.
+        self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         self.plan = Plan.of(
             self._decision(),
@@ -308,14 +304,14 @@ class Controller(ABC):
         self,
         snapshot: Snapshot,
         physics: Physics,
-        residuals: Sequence[Residual],
-        outcome: Outcome,
-        step_scale: float,
+        residuals: Mapping[str, Residual],
+        attempt: Attempt,
         singular: dict[str, Singularity],
         start: float,
         ready: float,
     ) -> Tick:
-        """Turn the outcome into a command, by the declared policy if there is no solution."""
+        """Turn the attempt into a command, by the declared policy if there is no solution."""
+        outcome, _, step_scale = attempt
         solved = outcome.solution.status is Status.SOLVED
         slack: dict[str, float] = {}
         policy = None if solved else self.on_failure
@@ -331,10 +327,10 @@ class Controller(ABC):
                 velocity = step_scale * velocity
         velocity.setflags(write=False)
         errors = {}
-        for task, residual, plain in zip(
-            self._motion, residuals, self._reports_residual, strict=True
-        ):
-            errors[task.name] = residual.error if plain else task.deviation(snapshot, residual)
+        for name, residual in residuals.items():
+            errors[name] = residual.error
+        for task in self._deviating:
+            errors[task.name] = task.deviation(snapshot, residuals[task.name])
         solve = outcome.solve_time
         return Tick(
             velocity=velocity,

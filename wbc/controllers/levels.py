@@ -34,6 +34,8 @@ from wbc.qp.solution import Solution, Status
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
+# How equalities are treated: as rows of the QP, or eliminated before it.
+FORMULATIONS = ("equality", "reduced")
 # A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
 TOLERANCE = 1e-6
 

@@ -70,11 +70,10 @@ class NativeController(Controller):
             margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
         ready = perf_counter()
         attempt = self._attempt(problem, margins)
-        outcome, _, step_scale = attempt
-        if not outcome.solved:  # the Python tick finds out why, and what is best then
+        if not attempt.outcome.solved:  # the Python tick finds out why, and what is best then
             return attempt if self._relaxes else None
-        residuals = [found.residual(name) for name in found.errors]
-        return self._tick(snapshot, physics, residuals, outcome, step_scale, {}, start, ready)
+        residuals = {name: found.residual(name) for name in found.errors}
+        return self._tick(snapshot, physics, residuals, attempt, {}, start, ready)
 
     def _deviations(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
         """Return the errors if tasks report others than theirs: they are about their targets."""
@@ -87,8 +86,6 @@ class NativeController(Controller):
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         super()._plan(contacts)
-        reports = zip(self._motion, self._reports_residual, strict=True)
-        self._deviating = [task for task, plain in reports if not plain]
         # With no margins but one that the core knows, DAQP runs in the core as well.
         plain, margin = self.formulation == "equality" and not self.constraints, None
         if self.formulation == "equality" and solves(self.backend):

@@ -7,7 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from wbc.constraints.limits import Limits
+from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
+from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.robot import Robot, Snapshot
@@ -69,6 +71,7 @@ def check_parts(
     contacts: Sequence[Task],
     limits: Limits | None,
     constraints: Sequence[Constraint],
+    slack: Mapping[str, float] = NO_SLACK,
 ) -> None:
     """Refuse what is no part of a controller, parts of another robot, and names given twice.
 
@@ -76,6 +79,8 @@ def check_parts(
     ------
     InvalidInputError
         The message says which part, and what it should be.
+    UnknownNameError
+        ``slack`` of what is not there.
     """
     if not isinstance(robot, Robot):
         raise InvalidInputError(
@@ -118,6 +123,7 @@ def check_parts(
         for name in names:
             if names.count(name) > 1:
                 raise InvalidInputError(f"controller: two {kind}s are called {name!r}")
+    Slacks(slack, mechanics_of(robot, contacts), constraints)
 
 
 def check_snapshot(robot: Robot, snapshot: object) -> None:

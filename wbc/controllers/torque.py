@@ -18,7 +18,6 @@ import numpy as np
 
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
-from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.dynamics import TickDynamics
@@ -34,7 +33,6 @@ from wbc.controllers.native_tick import NativeController
 from wbc.controllers.parts import check_parts
 from wbc.controllers.plan import Decision, Physics
 from wbc.controllers.reachable import reachable_limits, reachable_rows
-from wbc.controllers.slack import Slacks
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.laws import Residual, Rows
@@ -159,8 +157,7 @@ class TorqueController(NativeController):
         UnknownNameError
             A contact with slack is left out: :meth:`change` takes contacts and slack together.
         """
-        check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints)
-        Slacks(self._slack, mechanics_of(self.robot, contacts), self.constraints)  # refuses names
+        check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints, self._slack)
         self._plan(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
