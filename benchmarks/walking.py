@@ -12,7 +12,7 @@ The group ``sideways`` pushes every robot to both sides by as many M omega d, of
 12 N s are for a G1.
 
     python benchmarks/walking.py JOURNAL.jsonl [--only speed push sideways ground schedule meshes]
-        [--seeds 10] [--workers 2]
+        [--robots g1] [--walks back left "turn 360"] [--seeds 10] [--workers 2]
 """
 
 import os
@@ -106,6 +106,11 @@ class Trial:
     @property
     def key(self) -> str:
         return f"{self.group}/{self.robot}/{self.name}/{self.seed}"
+
+    @property
+    def kind(self) -> str:
+        """The name in the table, of all phases of a push together."""
+        return self.name.split(",")[0]
 
 
 def trials(seeds: int) -> Iterator[Trial]:
@@ -322,16 +327,23 @@ def main() -> None:
     parser.add_argument("journal", type=Path)
     parser.add_argument("--only", nargs="+", default=list(GROUPS), choices=GROUPS)
     parser.add_argument("--robots", nargs="+", default=list(SPEED))
+    parser.add_argument("--walks", nargs="+", help="only walks of these names, as in the table")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
+    names = {one.kind for one in trials(1)}
+    if unknown := set(given.walks or ()) - names:
+        parser.error(f"no walks named {sorted(unknown)}; there are {sorted(names)}")
     with Journal(given.journal, MADE_OF) as journal:
         rows = list(journal.entries)
         known = {row["key"] for row in rows}
         wanted = [
             one
             for one in trials(given.seeds)
-            if one.group in given.only and one.robot in given.robots and one.key not in known
+            if one.group in given.only
+            and one.robot in given.robots
+            and (given.walks is None or one.kind in given.walks)
+            and one.key not in known
         ]
         for row in walk_in_processes(wanted, given.workers):
             journal.add(row)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
+from wbc.gait.dcm import dcm_offsets
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
 from wbc.gait.phases import Measured, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
@@ -51,6 +52,20 @@ def test_turning_on_the_spot_keeps_the_middle(legs: Legs) -> None:
         heading, foot = heading + 0.7 * gait.times.total, other(foot)
         beside = turned(heading)[:2, :2] @ (0.0, 0.5 * SIGN[foot] * gait.width)
         np.testing.assert_allclose(place, beside, atol=1e-12)
+
+
+@pytest.mark.parametrize("foot", ["left", "right"])
+@pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.2, -0.1, 0.7), (-0.3, 0.2, -0.4)])
+def test_the_offset_is_that_of_many_steps_ahead(
+    legs: Legs, foot: str, velocity: tuple[float, ...]
+) -> None:
+    gait, steps, here, heading = GaitSettings.of(legs), list[Array](), foot, 0.3
+    for _ in range(30):  # 1e-24 of the first is what comes after them
+        steps.append(Footsteps(gait).step(here, heading, Velocity(*velocity)))
+        here, heading = other(here), heading + velocity[2] * gait.times.total
+    expected = dcm_offsets(steps, gait.times, gait.omega)[0]
+    found = Footsteps(gait).offset(foot, 0.3, Velocity(*velocity))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_the_leading_foot_begins() -> None:

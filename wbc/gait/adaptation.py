@@ -27,7 +27,12 @@ from wbc.validate import Array
 NAMES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
 SIDES = ("x most", "y most", "x least", "y least")
 ROWS = (*(f"w {side}" for side in SIDES), *(f"reach {side}" for side in SIDES))
+LABELS = Labels(("dcm x", "dcm y"), ROWS, NAMES)
 BOTH = np.vstack((np.eye(2), -np.eye(2)))
+FREE = np.full(8, np.inf)
+# Of the rows of inequalities what does not change: w, and u of the reach.
+PARTS = np.zeros((8, 7))
+PARTS[:4, 5:] = PARTS[4:, :2] = BOTH
 # Of a foot that comes to rest on a curve of least jerk within T: how far from T/2 times its rate,
 # in units of a T^2, and in what time, in units of rate by a, if it takes no more acceleration than
 # a. (The extremes of 60 s - 180 s^2 + 120 s^3 and of 6 s - 6 s^2.)
@@ -53,12 +58,15 @@ class Reach(NamedTuple):
 
     def least_time(self, lower: Array, upper: Array) -> float:
         """Return the time [s] from which on the foot can be at rest between the corners (2,)."""
-        k, b = FAR * self.acceleration, BOTH @ (0.5 * self.rate)
-        missing = np.concatenate((lower - self.place, self.place - upper))
-        inside = b * b + 4.0 * k * missing  # k T^2 + b T >= missing, always if this is negative
-        times = np.where(inside < 0.0, 0.0, np.sqrt(np.maximum(inside, 0.0)) - b) / (2.0 * k)
-        stop = STOP * float(np.abs(self.rate).max()) / self.acceleration
-        return max(float(times.max()), stop)
+        k, (vx, vy) = FAR * self.acceleration, self.rate.tolist()
+        below, above = (lower - self.place).tolist(), (self.place - upper).tolist()
+        least = STOP * max(abs(vx), abs(vy)) / self.acceleration
+        for missing, rate in zip(below + above, (vx, vy, -vx, -vy), strict=True):
+            b = 0.5 * rate
+            inside = b * b + 4.0 * k * missing  # k T^2 + b T >= missing, always if this is negative
+            if inside > 0.0:
+                least = max(least, (math.sqrt(inside) - b) / (2.0 * k))
+        return least
 
     def rows(self, time: float) -> tuple[Array, Array]:
         """Return h (4,), c (4,) of (u, -u) <= h T + c, the tangent of its parabola at ``time``."""
@@ -143,25 +151,23 @@ def step_qp(
     nominal:
         What is wanted; its ``vrp`` too.
     """
-    sigma = math.exp(omega * nominal.left)
-    grow = math.exp(omega * double)
-    cost = np.repeat(weights, 2)[[0, 1, 2, 4, 5, 6, 7]]
-    cost[5:] /= (sigma - 1.0) ** 2
-    wanted = np.array((*nominal.place, 1.0, *nominal.offset, *(sigma - 1.0) * nominal.vrp))
+    sigma, grow = math.exp(omega * nominal.left), math.exp(omega * double)
+    place, time, offset, vrp = weights
+    vrp /= (sigma - 1.0) ** 2
+    cost = np.array((place, place, time, offset, offset, vrp, vrp))
+    wanted = np.concatenate((nominal.place, (1.0,), nominal.offset, (sigma - 1.0) * nominal.vrp))
     A = np.zeros((2, 7))
-    A[:, :2] = shift_gain(omega, double) * np.eye(2)
+    A[0, 0] = A[1, 1] = shift_gain(omega, double)
     A[:, 2] = -grow * sigma * dcm
-    A[:, 3:5] = np.eye(2)
-    A[:, 5:] = grow * np.eye(2)
-    C = np.zeros((8, 7))
-    C[:4, 2] = -sigma * np.tile(bounds.sole, 2)
-    C[:4, 5:] = BOTH
+    A[0, 3] = A[1, 4] = 1.0
+    A[0, 5] = A[1, 6] = grow
+    sole = np.concatenate((bounds.sole, bounds.sole))
     speed, most = bounds.reach.rows(bounds.about)
-    C[4:, :2] = BOTH
+    C = PARTS.copy()
+    C[:4, 2] = -sigma * sole
     # T = about + (sigma / sigma(about) - 1) / omega, to first order
     C[4:, 2] = -speed / omega * math.exp(omega * (nominal.left - bounds.about))
     most += speed * (bounds.about - 1.0 / omega)
-    free = np.full(8, np.inf)
     times = [math.exp(omega * time) / sigma for time in (bounds.least, bounds.most)]
     return QP(
         np.diag(cost),
@@ -169,11 +175,11 @@ def step_qp(
         A,
         np.zeros(2),
         C,
-        -free,
-        np.concatenate((-np.tile(bounds.sole, 2), most)),
-        np.array((*bounds.lower, times[0], *-free[:4])),
-        np.array((*bounds.upper, times[1], *free[:4])),
-        Labels(("dcm x", "dcm y"), ROWS, NAMES),
+        -FREE,
+        np.concatenate((-sole, most)),
+        np.concatenate((bounds.lower, times[:1], -FREE[:4])),
+        np.concatenate((bounds.upper, times[1:], FREE[:4])),
+        LABELS,
     )
 
 

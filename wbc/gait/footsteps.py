@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from wbc.gait.command import Velocity
-from wbc.gait.dcm import dcm_offsets
+from wbc.gait.dcm import shift_gain
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import turned
 from wbc.validate import Array
 
-# So many steps are looked ahead; what comes later counts for exp(-omega T) per step, some 1/6.
-AHEAD = 6
 SIGN = {"left": 1.0, "right": -1.0}
 
 
@@ -39,26 +38,32 @@ class Footsteps:
         heading:
             Of the standing foot [rad].
         """
+        way = cmath.rect(1.0, heading) * self._way(support, velocity)
+        return np.array((way.real, way.imag))
+
+    def offset(self, foot: str, heading: float, velocity: Velocity) -> Array:
+        """Return where the DCM should be from a foot (2,) [m] when that alone begins to bear.
+
+        Steps go on for ever: each counts for exp(-omega T) of the one before, as in
+        :func:`wbc.gait.dcm.dcm_offsets`, and every second one is the same, turned by 2 yaw_rate T.
+        That is a geometric series of complex numbers.
+        """
+        gait, T = self.gait, self.gait.times.total
+        decay = math.exp(-gait.omega * T)
+        q = decay * cmath.rect(1.0, velocity.yaw_rate * T)
+        pair = self._way(foot, velocity) + q * self._way(other(foot), velocity)
+        gain = decay * shift_gain(gait.omega, gait.double)
+        found = gain * cmath.rect(1.0, heading) * pair / (1.0 - q * q)
+        return np.array((found.real, found.imag))
+
+    def _way(self, support: str, velocity: Velocity) -> complex:
+        """Return a step as seen from the standing foot: x + i y [m]."""
         vx, vy, yaw_rate = velocity
         T, sign = self.gait.times.total, SIGN[other(support)]
         leads = sign * vy > 0.0
-        middle = _plane(heading + 0.5 * yaw_rate * T) @ (vx * T, 2.0 * vy * T if leads else 0.0)
-        beside = np.array((0.0, 0.5 * sign * self.gait.width))
-        return np.asarray(
-            middle + _plane(heading) @ beside + _plane(heading + yaw_rate * T) @ beside
-        )
-
-    def offset(self, foot: str, heading: float, velocity: Velocity) -> Array:
-        """Return where the DCM should be from a foot (2,) [m] when that alone begins to bear."""
-        steps = []
-        for _ in range(AHEAD):
-            steps.append(self.step(foot, heading, velocity))
-            foot, heading = other(foot), heading + velocity.yaw_rate * self.gait.times.total
-        return dcm_offsets(steps, self.gait.times, self.gait.omega)[0]
-
-
-def _plane(yaw: float) -> Array:
-    return turned(yaw)[:2, :2]
+        turn = cmath.rect(1.0, yaw_rate * T)
+        middle = cmath.rect(T, 0.5 * yaw_rate * T) * complex(vx, 2.0 * vy if leads else 0.0)
+        return middle + complex(0.0, 0.5 * sign * self.gait.width) * (1.0 + turn)
 
 
 def first_swing(velocity: Velocity) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.command import PEAK_ACCELERATION, CommandLimits, Velocity
 from wbc.gait.dcm import StepTimes, dcm_offsets, shift_gain
-from wbc.gait.footsteps import AHEAD, SIGN, other
+from wbc.gait.footsteps import SIGN, other
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned
 from wbc.minimum_jerk import PEAK
@@ -26,6 +26,8 @@ from wbc.validate import Array, check_fields, finite_number
 SHORTEST, LONGEST_STAND = 0.45, 10.0
 # How long the first shift of the weight takes, and the last one, in units of 1/omega.
 SHIFT = 1.2
+# So many steps are looked ahead; what comes later counts for exp(-omega T) per step, some 1/6.
+AHEAD = 6
 # The heading follows the feet within this time at least [s].
 LEAST_TURN = 0.1
 # Rounding, of what is at the very edge of its range.

@@ -13,6 +13,18 @@ from wbc.validate import Array
 
 # Nearer to the landing than this the goal is met as it is [s].
 LEAST_LEFT = 0.03
+# Coefficients of s^0 to s^5 by value p, rate v, acceleration a and way d of a curve of unit time
+# that ends at p + d, rate and acceleration zero.
+QUINTIC = np.array(
+    (
+        (1.0, 0.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0),
+        (0.0, 0.0, 0.5, 0.0),
+        (0.0, -6.0, -1.5, 10.0),
+        (0.0, 8.0, 1.5, -15.0),
+        (0.0, -3.0, -0.5, 6.0),
+    )
+)
 
 
 class Motion(NamedTuple):
@@ -36,15 +48,13 @@ def towards(now: Motion, goal: Array, left: float, dt: float) -> Motion:
     """
     T = max(left, LEAST_LEFT)
     s = min(dt / T, 1.0)
-    p, v, a = now.value, now.rate * T, now.acceleration * T * T
-    d = goal - p
-    # Coefficients of s^3, s^4, s^5: value goal, rate and acceleration zero at s = 1.
-    c3 = 10.0 * d - 6.0 * v - 1.5 * a
-    c4 = -15.0 * d + 8.0 * v + 1.5 * a
-    c5 = 6.0 * d - 3.0 * v - 0.5 * a
-    value = p + s * (v + s * (0.5 * a + s * (c3 + s * (c4 + s * c5))))
-    rate = v + s * (a + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
-    acceleration = a + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    motion = np.array((now.value, T * now.rate, T * T * now.acceleration, goal - now.value))
+    powers = (
+        (1.0, s, s**2, s**3, s**4, s**5),
+        (0.0, 1.0, 2.0 * s, 3.0 * s**2, 4.0 * s**3, 5.0 * s**4),
+        (0.0, 0.0, 2.0, 6.0 * s, 12.0 * s**2, 20.0 * s**3),
+    )
+    value, rate, acceleration = np.array(powers) @ QUINTIC @ motion
     return Motion(value, rate / T, acceleration / (T * T))
 
 

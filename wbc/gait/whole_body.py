@@ -19,6 +19,8 @@ from wbc.robot.names import BASE
 from wbc.tasks import ComTask, CopTask, MomentumTask, OrientationTask, PoseTask, PostureTask, Task
 from wbc.validate import Array, check_fields
 
+UP, NONE = np.array((0.0, 0.0, 1.0)), np.zeros(3)
+
 
 @dataclass(frozen=True)
 class WalkingWeights:
@@ -168,12 +170,12 @@ class WholeBody:
         the whole body turning at this rate: held to zero, arms would turn back what legs turn.
         """
         self._pressure.set_target(pressure)
-        z, z1, z2 = height.tolist()
-        self._height.set_target((0.0, 0.0, z), (0.0, 0.0, z1), (0.0, 0.0, z2))
+        self._height.set_target(*(value * UP for value in height.tolist()))
+        R, rate = turned(heading), turn * UP
         for one, task in self._trunk.items():
-            task.set_target(turned(heading) @ self._upright[one], (0.0, 0.0, turn))
-        spin = turn * float(snapshot.inertia[2, 2]) if turn else 0.0
-        self._yaw.set_target((0.0, 0.0, 0.0, 0.0, 0.0, spin))
+            task.set_target(R @ self._upright[one], rate)
+        spin = float(snapshot.inertia[2, 2]) * rate if turn else NONE
+        self._yaw.set_target(np.concatenate((NONE, spin)))
 
 
 def heaviest_link(robot: Robot) -> str:
