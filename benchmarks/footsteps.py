@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from disturbed import mass_of
 
 from wbc.gait import Footstep
 from wbc.gait.given import in_world
@@ -46,8 +47,8 @@ def problem_of(name: str, seed: int | None) -> Problem:
     if seed is None:
         changes |= {"simulation.sensors": {}, "simulation.model_error": {}}
     else:
-        mass = float(np.random.default_rng((seed, 20261122)).uniform(0.9, 1.1))
-        changes |= {"simulation.sensors.seed": seed, "simulation.model_error.mass": mass}
+        changes |= {"simulation.sensors.seed": seed}
+        changes |= {"simulation.model_error.mass": mass_of(seed)}
     problem = load_problem(PROBLEM, changes)
     assert isinstance(problem, Problem)
     return problem

@@ -21,18 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from disturbed import NOISE
 
 from wbc.problem import Problem, load_problem
 from wbc.run import Stop
 from wbc.simulation import FallLimits, Plant, SimulationResult, run_trial
 
-NOISE = {
-    "position_noise": 1e-3,
-    "velocity_noise": 0.05,
-    "base_rotation_noise": 1e-3,
-    "base_rate_noise": 0.05,
-    "delay": 0.002,
-}
 MM = 1e3
 
 

@@ -14,24 +14,16 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads
 import argparse
 
 import numpy as np
+from disturbed import DT, NOISE
 
 import wbc
 from wbc.simulation import ModelMismatch, Plant, Sensors, simulate
-
-DT = 0.002
 
 
 def stand(name: str, minutes: float, mass: float, solver: str) -> str:
     """Return one line of the table."""
     robot = wbc.Robot.load(name)
-    sensors = Sensors(
-        position_noise=1e-3,
-        velocity_noise=0.05,
-        base_rotation_noise=1e-3,
-        base_rate_noise=0.05,
-        delay=0.004,
-        seed=1,
-    )
+    sensors = Sensors(**{**NOISE, "delay": 0.004}, seed=1)
     plant = Plant(robot, dt=DT, sensors=sensors, mismatch=ModelMismatch(mass=mass))
     start = robot.snapshot(robot.posture("standing"))
     tasks = [

@@ -28,11 +28,11 @@ import argparse
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from disturbed import ARMATURE, DT, plant_of, robot_named
 
 import wbc
 from wbc.controllers import Controller
@@ -40,18 +40,9 @@ from wbc.gait import Walker, WalkingWeights
 from wbc.gait.whole_body import heaviest_link
 from wbc.journal import Journal
 from wbc.robot import Snapshot
-from wbc.simulation import (
-    ModelMismatch,
-    Plant,
-    Sensors,
-    SimulationError,
-    SimulationTick,
-    Terrain,
-    simulate,
-)
+from wbc.simulation import SimulationError, SimulationTick, Terrain, simulate
 
 JOURNAL = Path(__file__).with_suffix(".jsonl")
-DT, ARMATURE = 0.002, 0.003  # s, kg m^2
 VARIANTS = ("free", "regulated", "planned")
 FIRM, IGNORED = 30.0, 1e-9  # weights: of the CoM's rows, in M kg m/s; of what is let go
 YAW = (10.0, 60.0, 180.0)  # weights tried
@@ -85,11 +76,6 @@ class Trial:
         return f"{self.group}/{self.robot}/{self.variant}/{v:g}, {turn:g}/{self.seed}{push}"
 
 
-@cache
-def robot_named(name: str) -> wbc.Robot:
-    return wbc.Robot.load(name, armature=ARMATURE)
-
-
 def walker_of(robot: wbc.Robot, variant: str) -> Walker:
     """Return what walks, with what it does of momentum and inertia."""
     if variant == "free":
@@ -102,24 +88,6 @@ def walker_of(robot: wbc.Robot, variant: str) -> Walker:
     unit = FIRM / (robot.mass * float(start.com[2]) ** 2)
     inertia = wbc.InertiaTask(robot, start.inertia, kp=100.0, weight=unit)
     return Walker(robot, weights=WalkingWeights(spin=FIRM), tasks=[inertia], dt=DT)
-
-
-def plant_of(trial: Trial) -> Plant:
-    """Return the simulation of a trial, the robot standing."""
-    robot = robot_named(trial.robot)
-    mass = float(np.random.default_rng((trial.seed, 20261122)).uniform(0.9, 1.1))
-    sensors = Sensors(
-        position_noise=1e-3,
-        velocity_noise=0.05,
-        base_rotation_noise=1e-3,
-        base_rate_noise=0.05,
-        delay=0.002,
-        seed=trial.seed,
-    )
-    ground, wrong = Terrain(friction=trial.friction), ModelMismatch(mass=mass)
-    plant = Plant(robot, dt=DT, terrain=ground, sensors=sensors, mismatch=wrong)
-    plant.reset(robot.posture("standing"))
-    return plant
 
 
 class TurnOfFeet:
@@ -150,7 +118,8 @@ def _yaw(snapshot: Snapshot, foot: str) -> float:
 
 def walked(trial: Trial) -> dict[str, Any]:
     """Walk; return what came of it, as plain data."""
-    plant, robot = plant_of(trial), robot_named(trial.robot)
+    robot, ground = robot_named(trial.robot), Terrain(friction=trial.friction)
+    plant = plant_of(robot, trial.seed, ground, robot.posture("standing"))
     walker = walker_of(robot, trial.variant)
     feet, torques, push = TurnOfFeet(walker), [], trial.push
     steps = STEPS if push is None else BEFORE + AFTER

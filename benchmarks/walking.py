@@ -23,11 +23,11 @@ import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from disturbed import ARMATURE, DT, mass_of, plant_of, robot_named
 from raw_shapes import RawShapes
 
 import wbc
@@ -39,20 +39,9 @@ from wbc.gait.whole_body import heaviest_link
 from wbc.journal import Journal
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Snapshot
-from wbc.simulation import (
-    ModelMismatch,
-    Plant,
-    Sensors,
-    SimulationError,
-    Step,
-    Terrain,
-    capture_impulse,
-    simulate,
-)
+from wbc.simulation import SimulationError, Step, Terrain, capture_impulse, simulate
 from wbc.workers import Workers
 
-DT = 0.002
-ARMATURE = 0.003  # kg m^2, as in the problem files
 SPEED = {"g1": 0.8, "talos": 0.5, "hoap2_like": 0.15, "g1_27": 0.3, "icub": 0.2, "romeo": 0.15}
 STEPS = 50
 MOST = 60.0  # s
@@ -170,11 +159,6 @@ SCHEDULE = (
 )
 
 
-@cache
-def robot_named(name: str) -> wbc.Robot:
-    return wbc.Robot.load(name, armature=ARMATURE)
-
-
 def terrain_of(ground: tuple[float, float, float] | str, seed: int) -> Terrain:
     """Return the ground; boards of 0 and 2 cm, each 0.6 m deep, for the ones with steps."""
     if ground == "steps":
@@ -212,20 +196,9 @@ def kept_apart(robot: wbc.Robot) -> SelfCollision:
 def walked(trial: Trial) -> dict[str, Any]:
     """Walk; return what came of it, as plain data."""
     robot = robot_named(trial.robot)
-    rng = np.random.default_rng((trial.seed, 20261122))
-    mass = float(rng.uniform(0.9, 1.1))
-    sensors = Sensors(
-        position_noise=1e-3,
-        velocity_noise=0.05,
-        base_rotation_noise=1e-3,
-        base_rate_noise=0.05,
-        delay=0.002,
-        seed=trial.seed,
-    )
     terrain = terrain_of(trial.ground, trial.seed)
-    plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=ModelMismatch(mass=mass))
-    # The soles lie flat on the ground.
-    plant.reset(turned_with(robot.posture("standing"), terrain.normal))
+    flat = turned_with(robot.posture("standing"), terrain.normal)  # soles lie flat on the ground
+    plant = plant_of(robot, trial.seed, terrain, flat)
     margins = [kept_apart(robot)] if trial.bodies else []
     walker = Walker(robot, constraints=margins, dt=DT)
     nearest = Nearest(robot) if trial.group == "meshes" else None
@@ -259,7 +232,7 @@ def walked(trial: Trial) -> dict[str, Any]:
     return {
         "key": trial.key,
         **asdict(trial),
-        "mass": mass,
+        "mass": mass_of(trial.seed),
         "stood": stood,
         "reason": reason,
         "made": walker.steps,

@@ -1,0 +1,37 @@
+"""Robots as walks and motions are measured on: with noise, delay, and masses wrong by a seed."""
+
+from functools import cache
+
+import numpy as np
+
+import wbc
+from wbc.simulation import ModelMismatch, Plant, Sensors, Terrain
+from wbc.validate import Array
+
+DT = 0.002  # s
+ARMATURE = 0.003  # kg m^2, as in the problem files
+NOISE = {
+    "position_noise": 1e-3,
+    "velocity_noise": 0.05,
+    "base_rotation_noise": 1e-3,
+    "base_rate_noise": 0.05,
+    "delay": 0.002,
+}
+
+
+@cache
+def robot_named(name: str) -> wbc.Robot:
+    return wbc.Robot.load(name, armature=ARMATURE)
+
+
+def mass_of(seed: int) -> float:
+    """Return the factor on the real masses, wrong by up to 10 %."""
+    return float(np.random.default_rng((seed, 20261122)).uniform(0.9, 1.1))
+
+
+def plant_of(robot: wbc.Robot, seed: int, terrain: Terrain, q: Array) -> Plant:
+    """Return the simulation of a robot, begun at ``q``."""
+    sensors, wrong = Sensors(**NOISE, seed=seed), ModelMismatch(mass=mass_of(seed))
+    plant = Plant(robot, dt=DT, terrain=terrain, sensors=sensors, mismatch=wrong)
+    plant.reset(q)
+    return plant
