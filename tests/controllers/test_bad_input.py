@@ -1,31 +1,49 @@
-"""What is no part of a controller is refused by a typed error, and nothing is taken silently."""
+"""What is no part of a controller, or no number for it, is refused by a typed error.
+
+Of every number that is given the last value that is allowed is taken, the next one is refused.
+"""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from wbc import (
+    BrakingParameters,
     ComSupport,
     ComTask,
     Contact,
+    DampingTask,
+    DistanceTask,
+    FrictionCone,
     KinematicController,
     Limits,
+    LoadShareTask,
     Obstacle,
     Obstacles,
     PositionBox,
     PostureTask,
     Robot,
     SelfCollision,
+    TiltLimit,
+    TorqueController,
+    TorqueTask,
     WbcError,
     support,
 )
+from wbc.constraints.margin import SKIN
+from wbc.controllers.stance import stance_torques
+from wbc.errors import InvalidInputError
+from wbc.qp import make_backend
 
 ROBOT = Robot.load("hoap2_like")
 START = ROBOT.snapshot(ROBOT.posture())
+HELD = support(START, "double")
 CALM = PostureTask(ROBOT, START.q)
-BALL = Obstacle.sphere("ball", (1.0, 0.0, 0.0), 0.1)
+SQUARE = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
+BALL = Obstacle.sphere("ball", (3.0, 0.0, 0.0), 0.1)
 NO_ROBOT: Any = "hoap2_like"
 
 
@@ -72,3 +90,92 @@ def test_bad_input_is_a_typed_error(name: str) -> None:
     call, words = BAD[name]
     with pytest.raises(WbcError, match=words):
         call()
+
+
+TINY, LITTLE = 1e-9, 1e-6
+
+Make = Callable[[Any], Any]
+kinematic = partial(KinematicController, ROBOT, [CALM], contacts=HELD)
+torque = partial(TorqueController, ROBOT, [CALM], contacts=HELD)
+share = partial(LoadShareTask, ROBOT)
+# What makes it, which number of it, the values at the ends, and values beyond them.
+RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
+    "dt": (lambda x: kinematic(dt=x), (LITTLE,), (0.0, -LITTLE)),
+    "damping": (lambda x: kinematic(damping=x), (TINY,), (0.0,)),
+    "slack of 'left_sole'": (lambda x: kinematic(slack={"left_sole": x}), (TINY,), (0.0,)),
+    "joint_weights": (lambda x: kinematic(joint_weights={"*": x}), (TINY,), (0.0,)),
+    "force_damping": (lambda x: torque(force_damping=x), (TINY,), (0.0,)),
+    "force_ramp": (lambda x: torque(force_ramp=x), (0.0,), (-TINY,)),
+    "torque_limits": (lambda x: torque(torque_limits=x), (LITTLE,), (0.0,)),
+    "stance, torque_limits": (
+        lambda x: stance_torques(START, HELD, torque_limits=x), (LITTLE,), (0.0,)),
+    "contacts, ramp": (lambda x: torque().set_contacts(HELD, ramp=x), (0.0,), (-TINY,)),
+    "priority": (lambda x: ComTask(ROBOT, START.com, priority=x), (0, 3), (-1, 0.5)),
+    "weight": (lambda x: ComTask(ROBOT, START.com, weight=x), (0.0,), (-TINY,)),
+    "posture'.*weight": (lambda x: PostureTask(ROBOT, START.q, weight=x), (0.0,), (-TINY,)),
+    "weight of joint": (
+        lambda x: PostureTask(ROBOT, START.q, joints={"left_knee*": x}), (0.0,), (-TINY,)),
+    "damping'.*weight": (lambda x: DampingTask(ROBOT, weight=x), (0.0,), (-TINY,)),
+    "damping'.*joint": (
+        lambda x: DampingTask(ROBOT, joints={"left_knee*": x}), (0.0,), (-TINY,)),
+    "target": (
+        lambda x: DistanceTask(ROBOT, "left_sole", "right_sole", x), (0.0,), (-TINY,)),
+    "'torque', target": (lambda x: TorqueTask(ROBOT, x), (0.0, -5.0), (np.inf, "1")),
+    "shares": (
+        lambda x: share({"left_sole": x, "right_sole": 1.0}), (0.0,), (-TINY,)),
+    "nor all be 0": (lambda x: share({"left_sole": x}), (TINY,), (0.0,)),
+    "limits, margin": (lambda x: Limits(ROBOT, margin=x), (0.0,), (-TINY,)),
+    "leaves no range for joint": (
+        lambda x: Limits(ROBOT, margin=x * (ROBOT.limits.upper - ROBOT.limits.lower).min()),
+        (0.4999999,), (0.5000001,)),
+    "limits, velocity": (lambda x: Limits(ROBOT, velocity=x), (LITTLE,), (0.0,)),
+    "limits, acceleration": (lambda x: Limits(ROBOT, acceleration=x), (TINY, np.inf), (0.0,)),
+    "limits, base_twist": (
+        lambda x: Limits(ROBOT, base_twist=[x] * 6), (TINY, np.inf), (0.0, np.nan)),
+    "limits, recovery": (lambda x: Limits(ROBOT, recovery=x), (LITTLE, 1.0), (0.0, 1.0000001)),
+    "friction, coefficient": (FrictionCone, (LITTLE,), (0.0,)),
+    "friction, least": (lambda x: FrictionCone(least=x), (0.0,), (-TINY,)),
+    "friction, most": (lambda x: FrictionCone(least=2.0, most=x), (2.0,), (1.9999999, np.nan)),
+    "friction, facets": (lambda x: FrictionCone(facets=x), (3, 64), (2, 65, 4.5)),
+    "braking, deceleration": (BrakingParameters, (LITTLE,), (0.0,)),
+    "braking, gain": (lambda x: BrakingParameters(gain=x), (LITTLE, 1.0), (0.0, 1.0000001)),
+    "braking, recovery": (
+        lambda x: BrakingParameters(recovery=x), (LITTLE, 1.0), (0.0, 1.0000001)),
+    "braking, recovery_speed": (
+        lambda x: BrakingParameters(recovery_speed=x), (LITTLE, 9.0), (0.0,)),
+    "tilt of .*, angle": (
+        lambda x: TiltLimit(ROBOT, "base", x), (LITTLE, np.pi - LITTLE), (0.0, np.pi)),
+    "tilt of .*, axis": (lambda x: TiltLimit(ROBOT, "base", 0.1, axis=[0, 0, x]), (TINY,), (0.0,)),
+    "com support, margin": (
+        lambda x: ComSupport(ROBOT, SQUARE, margin=x), (0.0, 0.0999999), (-TINY, 0.1)),
+    "com support, polygon": (
+        lambda x: ComSupport(ROBOT, [[0, 0], [1, 0], [0.5, x]], margin=0.0),
+        (0.01,), (0.0,)),
+    "the lower bounds must be below": (
+        lambda x: PositionBox(ROBOT, "base", [0, 0, 0], [x, 1, 1]),
+        (2.0 * SKIN + TINY,), (2.0 * SKIN,)),
+    "no bound is finite": (
+        lambda x: PositionBox(ROBOT, "base", [-np.inf] * 3, [np.inf, np.inf, x]),
+        (0.0,), (np.inf,)),
+    "self-collision, margin": (lambda x: SelfCollision(ROBOT, margin=x), (0.0,), (-TINY,)),
+    "self-collision, pairs": (lambda x: SelfCollision(ROBOT, pairs=x), (1,), (0,)),
+    "obstacles, margin": (lambda x: Obstacles(ROBOT, [BALL], margin=x), (0.0,), (-TINY,)),
+    "obstacles, pairs": (lambda x: Obstacles(ROBOT, [BALL], pairs=x), (1,), (0,)),
+    "eps of ProxQP": (lambda x: make_backend("proxqp", eps=x), (1e-12,), (0.99e-12,)),
+    "eps of DAQP": (lambda x: make_backend("daqp", eps=x), (1e-12,), (0.99e-12,)),
+    "eps of clarabel": (lambda x: make_backend("clarabel", eps=x), (1e-12,), (0.99e-12,)),
+    "nothing would be checked": (lambda x: make_backend("daqp", eps=x), (1e-2,), (1.01e-2,)),
+    "max_iterations of ProxQP": (
+        lambda x: make_backend("proxqp", max_iterations=x), (1,), (0,)),
+    "max_iterations of DAQP": (lambda x: make_backend("daqp", max_iterations=x), (1,), (0,)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_a_number_is_taken_up_to_its_end(name: str) -> None:
+    make, allowed, refused = RANGES[name]
+    for value in allowed:
+        make(value)
+    for value in refused:
+        with pytest.raises(InvalidInputError, match=name):
+            make(value)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
-from wbc.cli.options import Quiet
+from wbc.cli.options import Plot, Quiet
 
 if TYPE_CHECKING:
     from wbc.motion import RmpSeries
@@ -64,7 +64,7 @@ def analyze(
         list[Path] | None,
         typer.Option("--output", "-o", help="Write the series: .npz (all), .csv; repeatable."),
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the motion into a picture.")] = None,
+    plot: Plot = None,
     snapshots: Annotated[
         str, typer.Option(help="In the picture: how many, or their times in s, as in 0,2.5,4.")
     ] = SNAPSHOTS,

@@ -52,6 +52,7 @@ Output = Annotated[
         help="Write the result: .json, .npz with histories, .csv a table; repeatable.",
     ),
 ]
+Plot = Annotated[Path | None, typer.Option(help="Draw it into a picture.")]
 Solver = Annotated[
     str | None,
     typer.Option(
