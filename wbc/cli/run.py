@@ -65,7 +65,6 @@ def run(
     with errors_in_one_line():
         check_view(view_from, show)
         wanted = _Wanted(problem, output or [], plot, quiet, view)
-        wanted.check()
         code = _run(wanted, (view_from, show), overrides_of(assign, solver))
     raise typer.Exit(code)
 
@@ -143,7 +142,6 @@ def sim(
     """Simulate a problem of the torque level and say whether the robot stood."""
     with errors_in_one_line():
         wanted = _Wanted(problem, output or [], plot, quiet, view)
-        wanted.check()
         code = _simulate(wanted, overrides_of(assign, solver))
     raise typer.Exit(code)
 
@@ -189,7 +187,13 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """What a user wants of a run besides the run itself."""
+    """What a user wants of a run besides the run itself.
+
+    Raises
+    ------
+    InvalidInputError
+        What could not be written, drawn or shown, before any work is done.
+    """
 
     path: Path
     output: list[Path]
@@ -202,8 +206,7 @@ class _Wanted:
         """Of the problem, as titles and files have it."""
         return "stdin" if str(self.path) == "-" else self.path.stem
 
-    def check(self) -> None:
-        """Raise for what could not be written, drawn or shown, before any work is done."""
+    def __post_init__(self) -> None:
         from wbc.cli.outputs import check_outputs
         from wbc.view.live.process import require_viser
 
