@@ -26,6 +26,10 @@ class SolverError(WbcError):
     """A QP backend is missing, refused its input, or claims what its answer contradicts."""
 
 
+class MissingPackageError(WbcError):
+    """A package is not installed that only this needs; the message says how to get it."""
+
+
 class ControllerFailure(WbcError):
     """A tick produced no usable command and the declared policy is ``raise``.
 

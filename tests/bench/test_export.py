@@ -10,7 +10,7 @@ from pyarrow import parquet
 
 from tests.bench.test_measure import solvable
 from wbc.bench.export import NAME, export_qpbenchmark
-from wbc.errors import InvalidInputError
+from wbc.errors import MissingPackageError
 from wbc.qp.daqp import Daqp
 
 # qpbenchmark.problem_list.ProblemList.KEYS, 2.7
@@ -39,6 +39,6 @@ def test_problems_have_the_same_optimum_in_its_form(tmp_path: Path) -> None:
 
 
 def test_pyarrow_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.batch.table.find_spec", lambda name: None)
-    with pytest.raises(InvalidInputError, match=r"pip install 'wbc\[batch\]'"):
+    monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
+    with pytest.raises(MissingPackageError, match=r"pip install 'wbc\[batch\]'"):
         export_qpbenchmark(tmp_path, [solvable()])

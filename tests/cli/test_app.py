@@ -140,7 +140,7 @@ def test_outputs_are_checked_before_the_run(file: Path, tmp_path: Path) -> None:
 def test_plot_without_matplotlib_fails_before_the_run(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wbc.cli.outputs.find_spec", lambda name: None)
+    monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
     message = refused("run", file, "--plot", tmp_path / "r.png")
     assert message == "--plot needs matplotlib: pip install 'wbc[plot]'"
 

@@ -138,10 +138,9 @@ def test_what_is_not_installed_is_said(
     options: tuple[str, ...],
 ) -> None:
     find = importlib.util.find_spec
-    for module in ("table", "cluster"):
-        monkeypatch.setattr(
-            f"wbc.batch.{module}.find_spec", lambda name: None if name == package else find(name)
-        )
+    monkeypatch.setattr(
+        "wbc.extras.find_spec", lambda name: None if name == package else find(name)
+    )
     result = run(tmp_path, *options)
     assert result.exit_code == 1 and f"pip install 'wbc[{extra}]'" in result.output
 

@@ -33,7 +33,7 @@ def test_without_mujoco() -> None:
         check=True,
         cwd=Path(__file__).parents[2],
     )
-    assert done.stdout.startswith("SimulationError simulation needs MuJoCo")
+    assert done.stdout.startswith("MissingPackageError simulation needs mujoco")
     assert "pip install 'wbc[sim]'" in done.stdout
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from tests.texts import REACH, STAND
 from wbc.cli import app
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError, MissingPackageError
 from wbc.problem import Problem, load_problem
 from wbc.problem.saved import SavedRun
 from wbc.view.mcap_export import mcap_format, write_mcap
@@ -84,10 +84,10 @@ def test_a_simulation_has_torques_and_forces(tmp_path: Path) -> None:
 def test_what_cannot_be_exported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=r"exported as \.mcap"):
         mcap_format("a.rrd")
-    monkeypatch.setattr("wbc.view.mcap_export.find_spec", lambda name: None)
-    with pytest.raises(WbcError, match=r"pip install 'wbc\[mcap\]'"):
+    monkeypatch.setattr("wbc.extras.find_spec", lambda name: None)
+    with pytest.raises(MissingPackageError, match=r"pip install 'wbc\[mcap\]'"):
         mcap_format("a.mcap")
-    monkeypatch.setattr("wbc.view.mcap_export.find_spec", lambda name: object())
+    monkeypatch.setattr("wbc.extras.find_spec", lambda name: object())
     answer = CliRunner().invoke(app, ["export", str(PENDULUM), "-o", str(tmp_path / "a.mcap")])
     assert answer.exit_code == 1
     assert "a pendulum, which has no links" in answer.stderr

@@ -9,22 +9,16 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable, Hashable, Mapping
-from importlib.util import find_spec
 from typing import Any
 
 from wbc.batch.row import made_with, run_row
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import WbcError
+from wbc.extras import require
 from wbc.workers import Answer, Death, WorkerDiedError
 
 AHEAD = 2  # runs that each thread of the cluster has been given, so that none waits for this one
 LOOK = 1.0  # s between looks at who is there
 CONNECT = 20.0  # s to wait for the scheduler
-
-
-def require_distributed() -> None:
-    """Raise InvalidInputError if there is no Dask distributed."""
-    if find_spec("distributed") is None:
-        raise InvalidInputError("--cluster needs Dask distributed: pip install 'wbc[cluster]'")
 
 
 class Cluster:
@@ -39,14 +33,14 @@ class Cluster:
 
     Raises
     ------
-    InvalidInputError
+    MissingPackageError
         Dask distributed is not installed.
     WbcError
         No scheduler is there, it has no workers, or one has other versions than this process.
     """
 
     def __init__(self, address: str, on_death: Callable[[Death], object] | None = None) -> None:
-        require_distributed()
+        require("distributed", "--cluster")
         from distributed import Client
 
         self.address = address

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,6 @@ from wbc.files import write_whole
 
 ENDING = ".parquet"
 _MADE_OF = b"wbc"  # under this key of the schema's metadata
-
-
-def require_pyarrow(what: str = "wbc batch") -> None:
-    """Raise InvalidInputError if nothing can write Parquet files."""
-    if find_spec("pyarrow") is None:
-        raise InvalidInputError(f"{what} needs pyarrow: pip install 'wbc[batch]'")
 
 
 def write_lists(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wbc.batch.table import require_pyarrow, write_lists
+from wbc.batch.table import write_lists
 from wbc.bench.sequence import QpSequence
+from wbc.extras import require
 from wbc.qp import QP
 from wbc.qp.qpsolvers_backend import OneSided
 
@@ -88,12 +89,12 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
 
     Raises
     ------
-    InvalidInputError
+    MissingPackageError
         pyarrow is not installed.
     OSError
         A file cannot be written.
     """
-    require_pyarrow("wbc bench --qpbenchmark")
+    require("pyarrow", "wbc bench --qpbenchmark")
     folder.mkdir(parents=True, exist_ok=True)
     rows = [
         {**problem_of(qp), "name": f"{one.name} {k}"}

@@ -67,15 +67,14 @@ def _batch(
 ) -> int:
     """Run a campaign, write and print what came of it, and return the exit code."""
     from wbc.batch import load_campaign, write_rows
-    from wbc.batch.cluster import require_distributed
     from wbc.batch.row import made_with
-    from wbc.batch.table import require_pyarrow
     from wbc.cli.outputs import Outputs
+    from wbc.extras import require
     from wbc.journal import Journal
 
-    require_pyarrow()
+    require("pyarrow", "wbc batch")
     if cluster is not None:
-        require_distributed()
+        require("distributed", "--cluster")
     output = _checked(output or path.with_suffix(".parquet"))
     campaign = load_campaign(path)
     if check:

@@ -95,14 +95,15 @@ def bench(
 
 
 def _checked(output: list[Path]) -> list[Path]:
-    from wbc.cli.outputs import check_place, require_matplotlib
+    from wbc.cli.outputs import check_place
     from wbc.errors import InvalidInputError
+    from wbc.extras import require
 
     for each in output:
         if each.suffix not in ENDINGS:
             raise InvalidInputError(f"--output {each}: expected one of {', '.join(ENDINGS)}")
         if each.suffix not in (".json", ".md"):
-            require_matplotlib(f"--output {each}")
+            require("matplotlib", f"--output {each}")
         check_place("--output", each)
     return output
 

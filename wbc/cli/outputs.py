@@ -5,13 +5,13 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 
 import typer
 
 from wbc.cli.errors import BAD_INPUT, complain
 from wbc.errors import InvalidInputError, WbcError
+from wbc.extras import require
 from wbc.run.saving import result_format
 
 
@@ -72,18 +72,12 @@ def check_outputs(output: list[Path], plot: Path | None) -> None:
 
 
 def check_picture(option: str, path: Path) -> None:
-    """Raise InvalidInputError if no picture can be drawn into ``path``."""
-    require_matplotlib(option)
+    """Raise InvalidInputError or MissingPackageError if no picture can be drawn into ``path``."""
+    require("matplotlib", option)
     from wbc.view.style import picture_file
 
     check_place(option, path)
     picture_file(path)
-
-
-def require_matplotlib(what: str) -> None:
-    """Raise InvalidInputError if there is nothing to draw with."""
-    if find_spec("matplotlib") is None:
-        raise InvalidInputError(f"{what} needs matplotlib: pip install 'wbc[plot]'")
 
 
 def check_place(option: str, path: Path) -> None:

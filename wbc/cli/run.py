@@ -208,11 +208,11 @@ class _Wanted:
 
     def __post_init__(self) -> None:
         from wbc.cli.outputs import check_outputs
-        from wbc.view.live.process import require_viser
+        from wbc.extras import require
 
         check_outputs(self.output, self.plot)
         if self.view:
-            require_viser()
+            require("viser", "--view")
 
     def watching(self, problem: Problem | PendulumProblem) -> Watching | None:
         """Return what shows the run, if that is wanted.

@@ -41,11 +41,12 @@ def render(
 ) -> None:
     """Draw a run as a film, without a screen; the same run gives the same file."""
     with errors_in_one_line():
-        from wbc.cli.outputs import check_place, require_matplotlib
+        from wbc.cli.outputs import check_place
         from wbc.cli.progress import shown_progress
+        from wbc.extras import require
         from wbc.problem.pendulum.result import SavedPendulum
 
-        require_matplotlib("wbc render")
+        require("matplotlib", "wbc render")
         from wbc.view.film import film_format, film_run
         from wbc.view.options import View
         from wbc.view.pendulum_film import film_pendulum
@@ -89,9 +90,10 @@ def report(
 ) -> None:
     """Write a run as one HTML file: replay in 3-D, plots, tables, the problem and versions."""
     with errors_in_one_line():
-        from wbc.cli.outputs import check_place, require_matplotlib, write_one
+        from wbc.cli.outputs import check_place, write_one
+        from wbc.extras import require
 
-        require_matplotlib("wbc report")
+        require("matplotlib", "wbc report")
         from wbc.view.report.report import report_format
 
         report_format(output)

@@ -27,14 +27,14 @@ def view(
     A problem of the torque level is simulated, and the robot can be pushed.
     """
     with errors_in_one_line():
+        from wbc.extras import require
         from wbc.problem import load_problem
         from wbc.view.live.clock import Clock
-        from wbc.view.live.process import require_viser
         from wbc.view.live.session import Session, checked
         from wbc.view.live.simulated import SimulatedSession, strongest_push
         from wbc.view.live.viewer import Viewer
 
-        require_viser()
+        require("viser", "wbc view")
         clock = Clock(speed)
         loaded = checked(load_problem(problem, overrides_of(assign)))
         print_notes(loaded.parts.robot)

@@ -34,23 +34,6 @@ class SimulationError(WbcError):
         super().__init__(what if time is None else f"simulation at t = {time:.4f} s: {what}")
 
 
-def load_mujoco() -> Any:
-    """Return the module ``mujoco``.
-
-    Raises
-    ------
-    SimulationError
-        It is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise SimulationError(
-            "simulation needs MuJoCo; install it with: pip install 'wbc[sim]'"
-        ) from error
-    return mujoco
-
-
 @contextmanager
 def quietly(mujoco: Any) -> Iterator[None]:
     """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.extras import require
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
@@ -16,7 +17,7 @@ from wbc.robot.tree import LARGEST
 from wbc.simulation.build import build
 from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
-from wbc.simulation.engine import SimulationError, check_warnings, load_mujoco, quietly
+from wbc.simulation.engine import SimulationError, check_warnings, quietly
 from wbc.simulation.mismatch import EXACT, ModelMismatch
 from wbc.simulation.push import Push, apply_pushes, push_point
 from wbc.simulation.sensors import Measurements, Sensors
@@ -78,7 +79,7 @@ class Plant:
 
     Raises
     ------
-    SimulationError
+    MissingPackageError
         MuJoCo is not installed.
     ModelError
         MuJoCo refuses the robot.
@@ -102,7 +103,10 @@ class Plant:
         check_robot("plant, robot", robot)
         if friction is not None and terrain is not None:
             raise InvalidInputError("plant: give friction or a terrain that has it, not both")
-        self._mujoco = load_mujoco()
+        require("mujoco", "simulation")
+        import mujoco
+
+        self._mujoco = mujoco
         self.robot = robot
         self.physics_dt = finite_number("plant, physics_dt", physics_dt, above=0.0)
         self.dt = finite_number("plant, dt", dt, above=0.0)

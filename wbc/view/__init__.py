@@ -4,10 +4,9 @@ Each is loaded when first used, so that neither needs the other's library.
 """
 
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from wbc.errors import WbcError
+from wbc.extras import require
 
 if TYPE_CHECKING:
     from wbc.view.history import History
@@ -41,22 +40,13 @@ _LIVE = {"Viewer": "wbc.view.live.viewer"}
 
 def __getattr__(name: str) -> Any:
     if name in _PICTURES:
-        if not _installed("matplotlib"):
-            raise WbcError("pictures need Matplotlib; install it with: pip install 'wbc[plot]'")
+        require("matplotlib", f"wbc.view.{name}")
         return getattr(import_module(_PICTURES[name]), name)
     if name in _LIVE:
-        if not _installed("viser"):
-            raise WbcError("the live viewer needs viser; install it with: pip install 'wbc[view]'")
+        require("viser", f"wbc.view.{name}")
         return getattr(import_module(_LIVE[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
     return list(__all__)
-
-
-def _installed(library: str) -> bool:
-    try:
-        return find_spec(library) is not None
-    except ValueError:  # another module was put in its place
-        return False

@@ -11,7 +11,6 @@ import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from wbc import __version__
-from wbc.errors import WbcError
+from wbc.extras import require
 from wbc.files import ending_of, write_whole
 from wbc.robot import Robot, Snapshot
 from wbc.run.history import History
@@ -41,10 +40,9 @@ class Topic(NamedTuple):
 
 
 def mcap_format(path: str | Path) -> None:
-    """Raise unless a file can be written: InvalidInputError for its ending, WbcError for want."""
+    """Raise InvalidInputError for another ending, MissingPackageError if mcap is not installed."""
     ending_of(path, (".mcap",), "a run is exported as .mcap")
-    if find_spec("mcap") is None:
-        raise WbcError("wbc export needs the package mcap: pip install 'wbc[mcap]'")
+    require("mcap", "a recording")
 
 
 def write_mcap(
@@ -72,7 +70,7 @@ def write_mcap(
     ------
     InvalidInputError
         Another ending.
-    WbcError
+    MissingPackageError
         The package mcap is not installed.
     OSError
         The file cannot be written.

@@ -13,7 +13,6 @@ import socket
 import subprocess
 import sys
 from contextlib import suppress
-from importlib.util import find_spec
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
@@ -47,12 +46,6 @@ class Failed(NamedTuple):
     """The page could not be served, or has ended."""
 
     reason: str
-
-
-def require_viser() -> None:
-    """Raise WbcError if viser is not installed."""
-    if find_spec("viser") is None:
-        raise WbcError("the live viewer needs viser; install it with: pip install 'wbc[view]'")
 
 
 def free_place(host: str, port: int | None) -> Place:

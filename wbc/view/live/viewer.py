@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike
 
 from wbc.controllers import Controller, Tick
 from wbc.controllers.parts import check_parts
+from wbc.extras import require
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
 from wbc.validate import Array
 from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import Frame, Pulled, Replay, Request, Setup, Wish
-from wbc.view.live.process import HOST, Failed, PageProcess, free_place, require_viser
+from wbc.view.live.process import HOST, Failed, PageProcess, free_place
 from wbc.view.live.steering import Steering
 from wbc.view.live.telling import cast_of, obstacles_of, targets_of, told_of
 
@@ -86,7 +87,7 @@ class Viewer:
 
     Raises
     ------
-    WbcError
+    MissingPackageError
         viser is not installed.
     InvalidInputError
         No robot, a controller of another robot, or a port that is in use.
@@ -105,7 +106,7 @@ class Viewer:
         push: float = 0.0,
         quiet: bool = False,
     ) -> None:
-        require_viser()
+        require("viser", "the live viewer")
         check_robot("Viewer", robot)
         if controller is not None:
             check_parts(robot, controller.tasks, controller.contacts, None, ())

@@ -1,0 +1,26 @@
+"""Packages that only some commands need: each comes with an extra of ours."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from wbc.errors import MissingPackageError
+
+EXTRAS = {
+    "distributed": "cluster",
+    "matplotlib": "plot",
+    "mcap": "mcap",
+    "mujoco": "sim",
+    "pyarrow": "batch",
+    "viser": "view",
+}
+
+
+def require(package: str, what: str) -> None:
+    """Raise MissingPackageError if a package is not installed that ``what`` needs."""
+    try:
+        installed = find_spec(package) is not None
+    except ValueError:  # another module was put in its place
+        installed = False
+    if not installed:
+        raise MissingPackageError(f"{what} needs {package}: pip install 'wbc[{EXTRAS[package]}]'")
