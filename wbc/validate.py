@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,15 +17,20 @@ LARGEST = 1e30
 _FLOAT = np.dtype(np.float64)
 
 
+def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
+    """Whether ``value`` is a float array of that shape, as is given in every tick."""
+    return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape
+
+
 def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> Array | None:
     """Return a fresh copy of a float array of that shape, every entry finite; else None.
 
     A quick look for what is given in every tick; at what it does not pass, :func:`finite_array`
     looks closely.
     """
-    if type(value) is not np.ndarray or value.dtype is not _FLOAT or value.shape != shape:
+    if not is_plain(value, shape):
         return None
-    array: Array = value.copy()
+    array = value.copy()
     # NaN fails the comparison; the sum of squares costs a third of np.isfinite(array).all(), and
     # unlike dot it does not warn where it overflows.
     return array if np.vdot(array, array) <= largest * largest else None

@@ -65,7 +65,7 @@ def test_rows_verdict_and_command_near_and_inside_a_margin(level, native, rng) -
     for _ in range(150):  # to where margins hold the hands
         v = controller.step(robot.snapshot(q, v)).velocity
         q = robot.integrate(q, v, controller.dt)
-    for _ in range(40):
+    for _ in range(60):
         size = 10.0 ** rng.uniform(-4, -1.5)
         there = robot.integrate(q, size * rng.normal(size=robot.nv), 1.0)
         snapshot = robot.snapshot(there, v + size * rng.normal(size=robot.nv))

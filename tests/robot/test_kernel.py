@@ -7,7 +7,8 @@ import pinocchio as pin
 import pytest
 
 from tests.conftest import ROBOTS, load, random_state
-from wbc.native import VARIABLE, NativeCoreError, address, status
+from wbc.errors import InvalidInputError
+from wbc.native import VARIABLE, NativeCoreError, status
 from wbc.robot import Robot, kernel
 from wbc.robot.kernel import NativeTree
 from wbc.robot.kernel_check import disagreement
@@ -69,17 +70,53 @@ def test_it_agrees_with_pinocchio(name: str) -> None:
 def test_where_a_step_leads_is_pinocchios(name: str, rng, monkeypatch) -> None:
     """From steps that only series can tell from none, through where these end, to two turns."""
     robot, _ = both(name, monkeypatch)
-    tree = robot.native.tree
     for size in (1e-9, 1e-4, 9e-3, 1.1e-2, 0.3, 3.0, 12.0):
         q, _ = random_state(robot, rng)
         turn = rng.normal(size=robot.nv)
         step = size * turn / np.linalg.norm(turn[3:6])
-        out = np.empty(robot.nq)
-        tree.core.wbc_integrate(tree.address, *map(address, (q, step, out)))
+        out = robot.integrate(q, step / 0.01, 0.01)
         expected = pin.integrate(robot.model, q, step)
-        if np.dot(out[3:7], expected[3:7]) < 0.0:  # the other name of one rotation
-            out[3:7] *= -1.0
         np.testing.assert_allclose(out, expected, rtol=0.0, atol=1e-14 * max(1.0, 10.0 * size))
+
+
+@pytest.mark.parametrize("name", ["g1", "mixed_joints"])
+def test_what_is_measured_is_that_of_the_python_path(name: str, rng, monkeypatch) -> None:
+    """Copies, read-only, normalised; and whatever Python refuses is refused in the same words."""
+    fast, plain = both(name, monkeypatch)
+    q, v = random_state(plain, rng)
+    q[3:7] *= 1.0 + 5e-4
+    given = q.copy()
+    ours, theirs = fast.snapshot(q, v), plain.snapshot(q, v)
+    q[0], v[0] = 7.0, 7.0
+    np.testing.assert_allclose(ours.q, theirs.q, rtol=1e-15)
+    np.testing.assert_array_equal(ours.v, theirs.v)
+    assert not (ours.q.flags.writeable or ours.v.flags.writeable)
+    np.testing.assert_array_equal(fast.snapshot(given[:], theirs.v).q, ours.q)
+    long = np.repeat(given, 2)[::2]  # entries that are not side by side
+    np.testing.assert_array_equal(fast.snapshot(long, theirs.v).q, ours.q)
+    turns = [plain.limits.starts[k] for k in plain.limits.unbounded]
+    for entry in (0, 4, fast.nq - 1, *turns):
+        for wrong in (np.nan, np.inf, -np.inf, 1.1e6, 1e200):
+            spoiled = given.copy()
+            spoiled[entry] = wrong
+            said = []
+            for robot in (fast, plain):
+                for call in (robot.snapshot, lambda q, v, r=robot: r.integrate(q, v, 0.1)):
+                    with pytest.raises(InvalidInputError) as refused:
+                        call(spoiled, theirs.v)
+                    said.append(str(refused.value))
+            assert said == said[:1] * 4
+    for entry in (4, *turns):
+        spoiled = given.copy()
+        spoiled[entry] += 0.5
+        with pytest.raises(InvalidInputError, match="has norm"):
+            fast.snapshot(spoiled, theirs.v)
+    given[3:7], far = (0.0, 0.0, 0.0, 1.0), np.zeros(fast.nv)
+    far[0] = 9e5
+    for robot in (fast, plain):
+        assert robot.integrate(given, far, 0.5)[0] > 1e5
+        with pytest.raises(InvalidInputError, match="beyond 1e\\+06"):
+            robot.integrate(robot.integrate(given, far, 0.9), far, 0.9)
 
 
 def test_far_from_the_origin_nothing_is_lost(monkeypatch) -> None:

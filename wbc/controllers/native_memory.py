@@ -38,7 +38,7 @@ class _Plan(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
         *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
         *((name, ctypes.c_int64) for name in ("bounded", "cones")),
-        *((name, ctypes.c_double) for name in ("dt", "mass", "unit")),
+        *((name, ctypes.c_double) for name in ("dt", "mass", "unit", "eps")),
     ]
 
 
@@ -99,7 +99,7 @@ class NativeMemory:
 
     Attributes
     ----------
-    velocity, contact_forces, torque, found:
+    velocity, contact_forces, torque:
         Where these are in what the core writes: see :class:`Answer`.
     size:
         How many numbers it writes.
@@ -158,12 +158,10 @@ class NativeMemory:
         counts = {"blocks": len(blocks), "frames": len(frames), "costs": costs, "held": self.held}
         self.struct = _Plan(**counts, limited=limits is not None, dt=dt, mass=robot.mass, unit=1.0)
         self._point(solver)
-        self.q, self.v = np.zeros(robot.nq), np.zeros(robot.nv)
         function = tree.core.wbc_problem if solver is None else tree.core.wbc_tick
         self._call: Any = function
         self._plan_address = ctypes.addressof(self.struct)
         self._state_address = address(self.state)
-        self._addresses = address(self.q), address(self.v)
 
     def _point(self, solver: Daqp | None) -> None:
         """Let the struct point at all that it needs, of both levels."""
@@ -178,6 +176,7 @@ class NativeMemory:
         self._settings = None
         if solver is not None:
             self._settings = direct_daqp().settings(solver.eps, solver.max_iterations)
+            struct.eps = solver.eps
             struct.quadprog = direct_daqp().address
             struct.settings = ctypes.addressof(self._settings)
 
@@ -186,14 +185,14 @@ class NativeMemory:
 
         ``state`` is what it found at (q, v) before; None: it looks now.
         """
-        self.q[:], self.v[:] = q, v
         known = None
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_address
         out = np.empty(self.size)
         self.struct.out = address(out)
-        return self._call(self._plan_address, known, *self._addresses, moving), out
+        said = self._call(self._plan_address, known, q.tobytes(), v.tobytes(), moving)
+        return said, out
 
     def read(self, out: Array) -> Answer:
         """Return views on what the core wrote."""
@@ -245,7 +244,7 @@ class NativeMemory:
         ends = np.cumsum(sizes).tolist()
         self._places = places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
         self.size = ends[-1]
-        x, self.found, exact, self.torque = (places[k] for k in (13, 17, 18, 19))
+        x, exact, self.torque = (places[k] for k in (13, 18, 19))
         self.velocity = exact if D else slice(x.start, x.start + nv)
         self.contact_forces = slice(x.start + nv, x.stop)
 

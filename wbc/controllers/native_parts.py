@@ -1,7 +1,7 @@
 """Tasks and contacts as the native core reads them: blocks of rows, and the numbers of each.
 
 What a task is about is planned once; its numbers (targets, weights, gains) are written again when
-an attribute of the task was set.
+an attribute of the task was set, and where only its target was, those that move with it.
 """
 
 from __future__ import annotations
@@ -30,30 +30,26 @@ class Block(ctypes.Structure):
 
 
 class _Place(NamedTuple):
-    """Where the numbers of a block go; of those behind the weights, what is there already."""
+    """Where the numbers of a block go."""
 
     header: Array
     weight: Array
     rest: list[Array]
-    written: list[Array | None]
 
     def write(self, now: NativeRows, kept: list[int] | None) -> bool:
         """Write bias, drift and the numbers of the kind; False if they have another size."""
         if len(now.numbers) + 2 != len(self.rest):
             return False
         for k, values in enumerate((now.bias, now.drift, *now.numbers)):
-            if values is self.written[k] and not values.flags.writeable:
-                continue
             own = values if kept is None or k > 1 else values[kept]
             if own.size != self.rest[k].size:
                 return False
             self.rest[k][:] = own
-            self.written[k] = values
         return True
 
 
 class Part:
-    """One task or contact: where its numbers go, and which of them are there already.
+    """One task or contact, and where its numbers go.
 
     Parameters
     ----------
@@ -71,6 +67,8 @@ class Part:
         self.rows = described(task, torque)
         self.changes = self.assigned = -1  # of the task, when its numbers were written
         self._places: list[_Place] = []
+        self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
+        self._moving: list[tuple[str, Array]] = []  # attributes of the task, and where they go
         self._law: VelocityLaw | AccelerationLaw | None = None
 
     def chosen(self, rows: NativeRows) -> list[int]:
@@ -90,24 +88,27 @@ class Part:
         header, weight, *rest = (
             memory[end - size : end] for end, size in zip(ends, sizes, strict=True)
         )
-        self._places.append(_Place(header, weight, rest, [None] * len(rest)))
+        self._places.append(_Place(header, weight, rest))
+        for name, where in zip(rows.moving, rest, strict=False):
+            if name and self._rereads:
+                self._moving.append((name, where.reshape(getattr(self.task, name).shape)))
 
     def write(self, dt: float) -> bool:
         """Write the numbers of a task that was changed; False if it is another one now."""
-        task, planned = self.task, self.rows
-        changes, assigned = task._changes, task._assigned
-        if changes == self.changes:  # only the target was set
-            found: Sequence[NativeRows] | None = task.native()
-        else:
-            found = described(task, self.torque)
+        task, planned, own = self.task, self.rows, self.task.__dict__
+        changes, self.assigned = task._changes, task._assigned
+        if changes == self.changes and self._rereads:  # only the target was set
+            for name, where in self._moving:
+                where[...] = own[name]
+            return True
+        found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
         for k, now in enumerate(found):
             if now[:3] != planned[k][:3] or not self._places[k].write(now, self.kept):
                 return False
-        if changes != self.changes:
-            self._write_law(found, dt)
-        self.changes, self.assigned = changes, assigned
+        self._write_law(found, dt)
+        self.changes = changes
         return True
 
     def _write_law(self, found: Sequence[NativeRows], dt: float) -> None:

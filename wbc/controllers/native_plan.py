@@ -155,7 +155,8 @@ class NativePlan:
             done = perf_counter()
             if said > 0:
                 return None
-            return NativeProblem(self._layout, out, begun, called, done, said == 0)
+            solved = said == 0 and self._layout.solver is not None
+            return NativeProblem(self._layout, out, begun, called, done, solved)
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""

@@ -17,7 +17,6 @@ from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
 from wbc.qp.daqp import Daqp
-from wbc.qp.kkt import is_accurate
 from wbc.qp.native_daqp import solution_of
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution
@@ -54,28 +53,21 @@ class NativeProblem:
         What the core wrote: nobody else's.
     begun, called, done:
         When the tick began, when the core was called, and when it was done [s].
-    solving:
-        Whether the core says that it solved the QP.
 
     Attributes
     ----------
     solved:
-        Whether the residuals of the solution are small enough to need no second look.
+        Whether the core solved it; the residuals are then small enough to need no second look.
     """
 
     def __init__(
-        self, layout: Layout, out: Array, begun: float, called: float, done: float, solving: bool
+        self, layout: Layout, out: Array, begun: float, called: float, done: float, solved: bool
     ) -> None:
         self._layout, self._out = layout, out
         self._clock = begun, called, done
         forces = layout.memory.forces
         self._forced = None if forces is None else forces.labels  # these of this tick
-        solver = layout.solver
-        self.solved = (
-            solving
-            and solver is not None
-            and is_accurate(out[layout.memory.found].tolist(), solver.eps)
-        )
+        self.solved = solved
 
     @cached_property
     def _answer(self) -> Answer:

@@ -16,12 +16,14 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 4  # WBC_CORE_VERSION of source/core.h
-# Functions by the number of their arguments: addresses and integers, which are as long.
+VERSION = 5  # WBC_CORE_VERSION of source/core.h
+# Functions by the number of their arguments: addresses and integers, which are as long. An address
+# of what is only read may be given as bytes: array.tobytes() takes a tenth of address(array).
 _FUNCTIONS = {
     "wbc_state": 8,
     "wbc_frames": 6,
-    "wbc_integrate": 4,
+    "wbc_check": 4,
+    "wbc_move": 5,
     "wbc_motion": 5,
     "wbc_drifts": 7,
     "wbc_problem": 5,
@@ -51,6 +53,7 @@ class Core:
                 function = getattr(library, name)
                 function.argtypes = [ctypes.c_void_p] * count
                 function.restype = ctypes.c_int
+            library.wbc_move.argtypes = [*[ctypes.c_void_p] * 3, ctypes.c_double, ctypes.c_void_p]
         except (OSError, AttributeError) as error:
             raise NativeCoreError(f"{path} cannot be loaded: {error}") from error
         if version != VERSION:
@@ -59,7 +62,8 @@ class Core:
             raise NativeCoreError(f"{path} was made of other sources than those that are here")
         self.wbc_state: Any = library.wbc_state
         self.wbc_frames: Any = library.wbc_frames
-        self.wbc_integrate: Any = library.wbc_integrate
+        self.wbc_check: Any = library.wbc_check
+        self.wbc_move: Any = library.wbc_move
         self.wbc_motion: Any = library.wbc_motion
         self.wbc_drifts: Any = library.wbc_drifts
         self.wbc_problem: Any = library.wbc_problem

@@ -37,6 +37,9 @@ class NativeRows(NamedTuple):
         What the kind needs, in its order.
     curved:
         Whether the kind's curvature is damped; see :class:`~wbc.laws.VelocityLaw`.
+    moving:
+        The task's attributes that bias, drift and numbers are, in this order; "" for what stays.
+        Where a target was set these are read again, and nothing is described anew.
     """
 
     kind: Kind
@@ -46,3 +49,4 @@ class NativeRows(NamedTuple):
     drift: Array
     numbers: tuple[Array, ...]
     curved: bool = True
+    moving: tuple[str, ...] = ()

@@ -14,7 +14,6 @@ import numpy as np
 
 from wbc.native import Core, address
 from wbc.qp.daqp_direct import direct_daqp
-from wbc.qp.kkt import is_accurate
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, Solution, Status
 from wbc.validate import Array
@@ -27,6 +26,7 @@ class _Qp(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("n", "k", "m")),
+        ("eps", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in (*_FIELDS, "x", "y", "z", "z_box", "found")),
         ("reserve", ctypes.c_void_p * 6),
     ]
@@ -64,11 +64,9 @@ class NativeDaqp:
         out = np.empty(2 * n + k + m + 4)
         at = address(out)
         places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
-        struct = _Qp(n, k, m, *map(address, given), *places)
+        struct = _Qp(n, k, m, self._eps, *map(address, given), *places)
         work = address(memory), address(order)
         if self._call(ctypes.addressof(struct), *work, *self._last) != 0:
-            return None
-        if not is_accurate(out[-4:].tolist(), self._eps):
             return None
         parts = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
         return solution_of(parts, out[-4:], perf_counter() - start, name)

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.native import Core, address
 from wbc.spatial import vech
-from wbc.validate import Array, read_only
+from wbc.validate import Array, is_plain, read_only
 
 # Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
 KEPT = 32
@@ -188,17 +188,41 @@ class NativePass:
     def __init__(self, tree: NativeTree) -> None:
         self.tree = tree
         self.slots: dict[str, int] = {}
-        self._q, self._v = np.zeros(tree.nq), np.zeros(tree.nv)
+        size = tree.nq + tree.nv
+        memory = np.zeros(size + tree.nq)
+        self._measured, self._reached = memory[:size], memory[size:]
+        self._shapes = (tree.nq,), (tree.nv,)
+        self._there = address(memory)
         self._scratch = np.zeros(13 * tree.joints)
         self._joints = np.zeros(KEPT, dtype=np.int64)
         self._placements = np.zeros((KEPT, 12))
         self._grow()
 
+    def measured(self, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array] | None:
+        """Return a state as snapshots keep it, read-only; None: Python looks closely."""
+        of_q, of_v = self._shapes
+        if not (is_plain(q, of_q) and is_plain(v, of_v)):
+            return None
+        tree = self.tree
+        if tree.core.wbc_check(tree.address, q.tobytes(), v.tobytes(), self._there):
+            return None
+        found = self._measured.copy()
+        found.setflags(write=False)
+        return found[: tree.nq], found[tree.nq :]
+
+    def reached(self, q: ArrayLike, v: ArrayLike, dt: float) -> Array | None:
+        """Return where a measured q gets to at v over dt; None: Python looks closely."""
+        of_q, of_v = self._shapes
+        if not (is_plain(q, of_q) and is_plain(v, of_v)):
+            return None
+        tree = self.tree
+        if tree.core.wbc_move(tree.address, q.tobytes(), v.tobytes(), dt, self._there):
+            return None
+        return self._reached.copy()
+
     def evaluate(self, q: Array, v: Array) -> NativeState:
         """Return all that is known at (q, v)."""
-        self._q[:] = q
-        self._v[:] = v
-        self._call(*self._arguments)
+        self._call(self.tree.address, q.tobytes(), v.tobytes(), *self._arguments)
         found = self._state.copy()
         found.flags.writeable = False
         return NativeState(found, self.tree, self.slots)
@@ -218,10 +242,8 @@ class NativePass:
         tree, count = self.tree, len(self.slots)
         self._state = np.zeros(tree.frames + count * tree.frame_size)
         self._call: Any = tree.core.wbc_state
-        arrays = self._q, self._v, self._state, self._scratch
-        addresses = list(map(address, arrays))
         frames = address(self._joints), address(self._placements)
-        self._arguments = (tree.address, *addresses, count, *frames)
+        self._arguments = (address(self._state), address(self._scratch), count, *frames)
 
 
 def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.int64], Array]:

@@ -58,7 +58,11 @@ def disagreement(tree: NativeTree, work: Workspace, states: int = 2, seed: int =
         motion = first.motion(v)
         moving = np.concatenate((motion.array[: tree.motion], motion.frame_drift(last)))
         state, rates = _state(model, work, q, v), _motion(model, work, q, v)
+        reached = passed.reached(q, v, 0.1)
+        if reached is None:  # a measured state that the core takes for none
+            return np.inf
         for ours, theirs in (
+            (reached, (pin.integrate(model, q, 0.1 * v),)),
             (np.concatenate((first.array, frame)), state),
             (whole.array, state),
             (moving, rates),

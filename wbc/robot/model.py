@@ -222,10 +222,13 @@ class Robot(KinematicTree):
         InvalidInputError
             See :meth:`check_configuration` and :meth:`check_velocity`.
         """
-        q = self.check_configuration(q)
+        native = self.native
+        if native is not None and (plain := native.measured(q, v)) is not None:
+            return Snapshot(self, *plain)
+        q = read_only(self.check_configuration(q))
         if v is None:
-            return Snapshot(self, q, np.zeros(self.nv), moving=False)
-        return Snapshot(self, q, self.check_velocity(v), moving=True)
+            return Snapshot(self, q, read_only(np.zeros(self.nv)), moving=False)
+        return Snapshot(self, q, read_only(self.check_velocity(v)))
 
 
 def _read(

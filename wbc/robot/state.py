@@ -63,8 +63,6 @@ class KinematicState:
     _whole: Array  # CoM and entries of the inertia about it (9,), where there is no native state
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
-        q.setflags(write=False)
-        v.setflags(write=False)
         own = self.__dict__  # past __setattr__, which would take as long as all the rest
         own.update(robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={})
         own["_sealed"] = True

@@ -213,9 +213,18 @@ class KinematicTree:
     # ------------------------------------------------------------------ configurations
 
     def integrate(self, q: ArrayLike, v: ArrayLike, dt: float) -> Array:
-        """Return the configuration (nq,) reached from ``q`` by the constant velocity ``v``."""
+        """Return the configuration (nq,) reached from ``q`` by the constant velocity ``v``.
+
+        Raises
+        ------
+        InvalidInputError
+            See :meth:`check_configuration` and :meth:`check_velocity`; where it gets to, too.
+        """
+        dt, native = finite_number("dt", dt), self.native
+        if native is not None and (plain := native.reached(q, v, dt)) is not None:
+            return plain
         step = self.check_velocity(v)
-        step *= finite_number("dt", dt)
+        step *= dt
         reached: Array = pin.integrate(self.model, self.check_configuration(q), step)
         if not np.vdot(reached, reached) <= LARGEST * LARGEST:  # NaN is not
             return self.check_configuration(reached)  # says where

@@ -70,8 +70,9 @@ class OrientationTask(Task):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the three rows."""
-        rate, acceleration = self.target_rate, self.target_acceleration
-        return (native_orientation(self.frame, self._goal, rate, acceleration),)
+        motion = self.target_rate, self.target_acceleration
+        rows = native_orientation(self.frame, self._goal, *motion)
+        return (rows._replace(moving=("", "", "_goal", "target_rate", "target_acceleration")),)
 
     @property
     def units(self) -> tuple[str, ...]:

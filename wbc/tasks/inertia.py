@@ -140,8 +140,9 @@ class InertiaTask(Task):
         if self.second_order or self.frame not in (WORLD, BASE):
             return None
         frame = None if self.frame == WORLD else BASE
-        numbers = self._factors, self._wanted
-        return (NativeRows(Kind.INERTIA, frame, self._entries, self._bias, self._drift, numbers),)
+        rates, numbers = (self._bias, self._drift), (self._factors, self._wanted)
+        moving = "_bias", "_drift", "", "_wanted"
+        return (NativeRows(Kind.INERTIA, frame, self._entries, *rates, numbers, moving=moving),)
 
     @property
     def reported_rows(self) -> tuple[str, ...]:

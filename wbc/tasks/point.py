@@ -94,8 +94,9 @@ class PointTask(Task):
 
     def _native_rows(self, frame: str | None) -> tuple[NativeRows, ...]:
         """Return what the native core needs of a point: the origin of a frame, None for the CoM."""
-        numbers = self._goal, self._mass
-        return (NativeRows(Kind.POINT, frame, self._entries, self._bias, self._drift, numbers),)
+        rates, numbers = (self._bias, self._drift), (self._goal, self._mass)
+        moving = "_bias", "_drift", "_goal"
+        return (NativeRows(Kind.POINT, frame, self._entries, *rates, numbers, moving=moving),)
 
     @abstractmethod
     def _point(self, snapshot: Snapshot) -> tuple[Array, Array]:

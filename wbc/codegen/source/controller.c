@@ -98,8 +98,6 @@ int wbc_control(wbc_controller *c, const double q[WBC_NQ], const double *v, wbc_
     const int said = wbc_tick(plan, 0, q, v ? v : still, v != 0);
     if (said != DONE) return said;
     lay_out(plan, &qp);
-    for (int i = 0; i < 3; i++)
-        if (!(qp.found[i] <= WBC_EPS)) return UNSOLVED;
     memset(command, 0, sizeof *command);
     memcpy(command->velocity, plan->torque ? qp.exact : qp.x, sizeof command->velocity);
     if (!plan->torque) return DONE;

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 4
+#define WBC_CORE_VERSION 5
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -52,6 +52,11 @@ int wbc_frames(const wbc_tree *tree, const double *state, int64_t count, const i
                const double *placement, double *out);
 /* Write where q gets to over a displacement (nv), as Pinocchio integrates. Returns 0. */
 int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, double *out);
+/* Write a state as measured, q then v (nq + nv): what is of norm 1 but for rounding is normalised.
+ * Returns DONE, or NOT_FINITE for what is no measurement: Python says where and why. */
+int wbc_check(const wbc_tree *tree, const double *q, const double *v, double *out);
+/* The same with v dt for v, and behind it where q gets to by that (nq). */
+int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, double *out);
 
 /* What is known at a velocity v besides: mass matrix (nv, nv), bias forces (nv), then at zero
  * acceleration of v the accelerations of CoM and momentum and, world axes, the first and second
@@ -160,7 +165,7 @@ typedef struct {
     void *settings;       /* and its settings */
     int64_t blocks, frames, costs, held, limited;
     int64_t torque, forces, bearing, passives, bounded, cones;
-    double dt, mass, unit; /* unit: newtons per unit of a force */
+    double dt, mass, unit, eps; /* unit: newtons per unit of a force; eps: as in wbc_qp */
 } wbc_plan;
 
 /* minimise 1/2 x'P x + g'x subject to A x = b, l <= C x <= u, lower <= x <= upper; n unknowns, k
@@ -168,6 +173,7 @@ typedef struct {
  * level; errors of the costs, and the largest square of a weighted row. */
 typedef struct {
     int64_t n, k, m;
+    double eps; /* an answer of larger residuals is none */
     double *P, *A, *C, *g, *lower, *upper, *b, *l, *u;
     double *x, *y, *z, *z_box, *found; /* the answer; residuals (3) and iterations */
     double *D, *offset, *errors, *heaviest;
@@ -183,8 +189,7 @@ enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2,
  * without frames, or 0: then it is found here. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
-/* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations.
- * Python judges by the residuals. */
+/* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations. */
 int wbc_solve(const wbc_plan *plan);
 /* The same for any QP. scratch holds k (n + 1 + k) + 2 k (n - k) + (n - k)^2 + 2 n
  * + (3 + n - k) (n + m) numbers, order 2 n + m + k. */

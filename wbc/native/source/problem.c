@@ -17,7 +17,7 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
     const int64_t m = plan->bounded + plan->cones + margin_rows(plan), D = plan->torque ? nv : 0;
     double *at = plan->out;
-    qp->n = n, qp->k = k, qp->m = m;
+    qp->n = n, qp->k = k, qp->m = m, qp->eps = plan->eps;
     qp->P = at, at += n * n;
     qp->A = at, at += k * n;
     qp->C = at, at += m * n;

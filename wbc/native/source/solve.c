@@ -285,6 +285,8 @@ static int solve(const wbc_qp *qp, double *scratch, int64_t *order, const void *
     lift(qp, &r);
     residuals(qp, r.W);
     qp->found[3] = result.iterations;
+    for (int i = 0; i < 3; i++)
+        if (!(qp->found[i] <= qp->eps)) return UNSOLVED; /* NaN is not */
     return DONE;
 }
 

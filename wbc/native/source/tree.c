@@ -10,9 +10,14 @@
 #include "linear.h"
 #include "tree.h"
 
+#include <string.h>
+
 #ifndef WBC_SOURCE
 #define WBC_SOURCE ""
 #endif
+
+/* As in wbc/robot/tree.py. */
+static const double UNIT = 1e-3, LARGEST = 1e6;
 
 int wbc_core_version(void) { return WBC_CORE_VERSION; }
 const char *wbc_core_source(void) { return WBC_SOURCE; }
@@ -136,7 +141,7 @@ static void integrate_base(const double *from, const double *u, const double *w,
     const double two = small ? 1.0 / 6.0 - square / 120.0 + square * square / 5040.0
                              : (angle - sin(angle)) / (square * angle);
     const double x = s * w[0], y = s * w[1], z = s * w[2], r = cos(half), *q = from + 3;
-    double turn[3], twice[3], path[3], R[9];
+    double turn[3], twice[3], path[3], R[9], norm;
     cross3(w, u, turn);
     cross3(w, turn, twice);
     for (int i = 0; i < 3; i++) turn[i] = u[i] + one * turn[i] + two * twice[i];
@@ -147,7 +152,8 @@ static void integrate_base(const double *from, const double *u, const double *w,
     to[4] = q[3] * y + q[1] * r + q[2] * x - q[0] * z;
     to[5] = q[3] * z + q[2] * r + q[0] * y - q[1] * x;
     to[6] = q[3] * r - q[0] * x - q[1] * y - q[2] * z;
-    const double norm = sqrt(dot3(to + 3, to + 3) + to[6] * to[6]);
+    norm = r < 0.0 ? -1.0 : 1.0; /* of two names of a rotation the nearer */
+    norm *= sqrt(dot3(to + 3, to + 3) + to[6] * to[6]);
     for (int i = 3; i < 7; i++) to[i] /= norm;
 }
 
@@ -163,6 +169,45 @@ int wbc_integrate(const wbc_tree *tree, const double *q, const double *step, dou
             to[0] = from[0] + by;
     }
     return 0;
+}
+
+static int64_t configuration_size(const wbc_tree *tree) {
+    const int64_t last = tree->joints - 1;
+    return last < 2 ? 7 : tree->iq[last] + (tree->kind[last] == CONTINUOUS ? 2 : 1);
+}
+
+static int is_measured(const double *values, int64_t n) {
+    for (int64_t i = 0; i < n; i++)
+        if (!(fabs(values[i]) <= LARGEST)) return 0; /* NaN is not */
+    return 1;
+}
+
+/* Make a vector of n one of norm 1, which it is but for rounding; false if it is not. */
+static int normalise(double *values, int64_t n) {
+    double norm = 0.0;
+    for (int64_t i = 0; i < n; i++) norm += values[i] * values[i];
+    norm = sqrt(norm);
+    if (fabs(norm - 1.0) > UNIT) return 0;
+    for (int64_t i = 0; i < n && norm != 1.0; i++) values[i] /= norm;
+    return 1;
+}
+
+int wbc_check(const wbc_tree *tree, const double *q, const double *v, double *out) {
+    const int64_t nq = configuration_size(tree);
+    memcpy(out, q, nq * sizeof *out);
+    memcpy(out + nq, v, tree->nv * sizeof *out);
+    if (!is_measured(out, nq + tree->nv) || !normalise(out + 3, 4)) return NOT_FINITE;
+    for (int64_t j = 2; j < tree->joints; j++)
+        if (tree->kind[j] == CONTINUOUS && !normalise(out + tree->iq[j], 2)) return NOT_FINITE;
+    return DONE;
+}
+
+int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, double *out) {
+    double *step = out + configuration_size(tree), *there = step + tree->nv;
+    if (wbc_check(tree, q, v, out) != DONE) return NOT_FINITE;
+    for (int64_t i = 0; i < tree->nv; i++) step[i] *= dt;
+    wbc_integrate(tree, out, step, there);
+    return is_measured(there, configuration_size(tree)) ? DONE : NOT_FINITE;
 }
 
 int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
