@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.drives import JointValues, effort_note, set_drives
-from wbc.robot.feet import FootSpec, find_feet
-from wbc.robot.foot_guess import arm_reason, upright
+from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
 from wbc.robot.library import NamedRobot, Source, find_robot
@@ -33,8 +31,8 @@ from wbc.robot.postures import (
     named_postures,
     read_states,
     set_joints,
-    settled,
 )
+from wbc.robot.stance import find_stance
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, by_name, read_only
 
@@ -138,33 +136,18 @@ class Robot(KinematicTree):
         postures, posture_notes = named_postures(limits, neutral, states, found.known)
         for q in (q for key, q in postures.items() if key != NEUTRAL):
             follow(limits, q, couplings)
-        specs = _foot_specs(found.known, feet, base)
-        if found.known is None:
-            links = None if specs is None else {name: one.link for name, one in specs.items()}
-            postures[STANDING], turned = upright(model, postures[STANDING], links)
-            posture_notes += (turned,) if turned else ()
-        soles, foot_notes = find_feet(model, description.geometry, specs, postures[STANDING])
-        bolted = None if soles or base else _bolted(description, model, postures[STANDING])
-        if bolted:
-            reason = f"{bolted} and there are no feet"
-            foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
-        elif specs is None:
-            for note in foot_notes:  # of feet that a user may miss
-                logging.getLogger(__name__).warning("%s: %s", found.path, note)
-        if found.known is None:
-            postures[STANDING], unsettled = settled(model, limits, postures[STANDING], soles)
-            foot_notes += unsettled
-        postures[STANDING] = grounded(model, postures[STANDING], soles)
+        stance = find_stance(found, description, model, limits, postures[STANDING], feet, base)
+        postures[STANDING] = stance.q
         return cls(
             name=name or found.name or description.name,
             path=found.path,
             model=model,
             limits=limits,
-            feet=soles,
-            fixed_base=base == "fixed" or bool(bolted),
+            feet=stance.feet,
+            fixed_base=stance.bolted,
             couplings=couplings,
             postures=postures,
-            notes=notes + posture_notes + foot_notes + effort_note(limits),
+            notes=notes + posture_notes + stance.notes + effort_note(limits),
             srdf=states_file,
             geometry=description.geometry,
         )
@@ -256,22 +239,6 @@ def _set_drives(model: pin.Model, known: NamedRobot | None, *given: JointValues 
         set_drives(model, armature=rotors)
     armature, damping, friction, effort = given
     set_drives(model, armature=armature, damping=damping, friction=friction, effort=effort)
-
-
-def _foot_specs(
-    known: NamedRobot | None,
-    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
-    base: str | None,
-) -> Mapping[str, FootSpec] | None:
-    """Return what is said of the feet; None: they are to be guessed."""
-    if feet is not None:
-        return {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
-    return known.feet if known else {} if base == "fixed" else None
-
-
-def _bolted(description: Description, model: pin.Model, standing: Array) -> str | None:
-    """Return why a base that nothing is said of is fixed, if it has no feet; None if it floats."""
-    return arm_reason(model, standing) if description.bolted == "" else description.bolted
 
 
 def check_robot(what: str, robot: object) -> None:

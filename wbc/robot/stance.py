@@ -1,0 +1,86 @@
+"""How a robot stands: its feet, its base and its standing posture, each found by the others."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import pinocchio as pin
+
+from wbc.robot.feet import Foot, FootSpec, find_feet
+from wbc.robot.foot_guess import arm_reason, upright
+from wbc.robot.formats.description import Description
+from wbc.robot.library import NamedRobot, Source
+from wbc.robot.limits import Limits
+from wbc.robot.postures import grounded, settled
+from wbc.validate import Array, by_name
+
+
+class Stance(NamedTuple):
+    """How a robot stands.
+
+    Attributes
+    ----------
+    q:
+        (nq,) its posture, on the ground.
+    bolted:
+        Whether its base is fixed.
+    notes:
+        What was guessed or turned, in words.
+    """
+
+    q: Array
+    feet: Mapping[str, Foot]
+    bolted: bool
+    notes: tuple[str, ...]
+
+
+def find_stance(
+    found: Source,
+    description: Description,
+    model: pin.Model,
+    limits: Limits,
+    q: Array,
+    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
+    base: str | None,
+) -> Stance:
+    """Return how a robot stands whose posture is about ``q`` (nq,).
+
+    Parameters
+    ----------
+    feet, base:
+        What the user says of them, as in :meth:`wbc.robot.Robot.load`.
+    """
+    specs = _foot_specs(found.known, feet, base)
+    notes: tuple[str, ...] = ()
+    if found.known is None:
+        links = None if specs is None else {name: one.link for name, one in specs.items()}
+        q, turned = upright(model, q, links)
+        notes = (turned,) if turned else ()
+    soles, foot_notes = find_feet(model, description.geometry, specs, q)
+    bolted = None
+    if not soles and base is None:  # neither feet nor the user tell
+        bolted = arm_reason(model, q) if description.bolted == "" else description.bolted
+    if bolted:
+        reason = f"{bolted} and there are no feet"
+        foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
+    elif specs is None:
+        for note in foot_notes:  # of feet that a user may miss
+            logging.getLogger(__name__).warning("%s: %s", found.path, note)
+    notes += foot_notes
+    if found.known is None:
+        q, unsettled = settled(model, limits, q, soles)
+        notes += unsettled
+    return Stance(grounded(model, q, soles), soles, base == "fixed" or bool(bolted), notes)
+
+
+def _foot_specs(
+    known: NamedRobot | None,
+    feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
+    base: str | None,
+) -> Mapping[str, FootSpec] | None:
+    """Return what is said of the feet; None: they are to be guessed."""
+    if feet is not None:
+        return {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
+    return known.feet if known else {} if base == "fixed" else None
