@@ -22,14 +22,21 @@ Show = Callable[[LoopTick, Controller | None], None]
 PROGRESS_EVERY = 10  # ticks
 
 
-@dataclass(frozen=True)
+@dataclass
 class Callbacks:
-    """What a run calls, see :func:`wbc.run.simulate`; whatever is None is left out."""
+    """What one run calls, see :func:`wbc.run.simulate`; whatever is None is left out.
+
+    Attributes
+    ----------
+    interrupted:
+        When the run was asked to end [s]; None if it was not.
+    """
 
     progress: Progress | None = None
     observe: Observe | None = None
     cancelled: Cancelled | None = None
     show: Show | None = None
+    interrupted: float | None = None
 
     def tick(self, now: LoopTick, controller: Controller | None) -> None:
         """Hand on a tick of the loop, and the controller that answered."""
@@ -38,21 +45,23 @@ class Callbacks:
         if self.show is not None:
             self.show(now, controller)
 
-    def cancel(self) -> bool:
-        """Return whether the run is asked to end."""
-        return self.cancelled is not None and self.cancelled()
+    def end_with(
+        self, time: float, done: int, total: int, over: bool, info: Callable[[], Mapping[str, Any]]
+    ) -> bool:
+        """Return whether the run ends with this tick: it is over, or was asked to end.
 
-    def due(self, done: int, last: bool) -> bool:
-        """Return whether progress is told now: of every tenth tick, and of the last."""
-        return self.progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or last)
+        Every tenth tick and the last are told of, by what ``info`` returns.
+        """
+        if not over and self.cancelled is not None and self.cancelled():
+            self.interrupted, over = time, True
+        if self.progress is not None and ((done - 1) % PROGRESS_EVERY == 0 or over):
+            self.progress(done, total, info())
+        return over
 
-    def tell(self, done: int, total: int, info: Mapping[str, Any]) -> None:
-        """Tell how far the run is."""
-        if self.progress is not None:
-            self.progress(done, total, info)
 
-
-def progress_info(now: LoopTick, errors: Mapping[str, Array], failed: int) -> dict[str, Any]:
+def progress_info(
+    now: LoopTick, errors: Mapping[str, Array], failed: int, **more: Any
+) -> dict[str, Any]:
     """Return what is told of a tick: time [s], largest speed, error norms by task, failed ticks."""
     norms = {name: float(np.linalg.norm(error)) for name, error in errors.items()}
-    return {"time": now.time, "speed": now.speed, "errors": norms, "failed": failed}
+    return {"time": now.time, "speed": now.speed, "errors": norms, "failed": failed, **more}

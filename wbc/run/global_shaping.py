@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -89,7 +90,8 @@ def shape_globally(
     calls = Callbacks(progress, observe, cancelled, show)
 
     def searched(done: int, total: int, cost: float | None) -> None:
-        calls.tell(done, total, {"cost": cost})
+        if progress is not None:
+            progress(done, total, {"cost": cost})
 
     searched(0, starts, None)  # drawing and closing many starts takes a while
     outcome = shaping.solve(q, starts, seconds, workers, seed, searched, patience)
@@ -117,7 +119,7 @@ def shape_globally(
         problem.robot.snapshot(motion.q[-1], recorder.history().v[-1]),
         motion.at_rest,
         provenance=provenance,
-        interrupted=way.interrupted,
+        interrupted=calls.interrupted,
     )
     return _with_search(result, problem.tasks, outcome, motion, effort)
 
@@ -140,7 +142,6 @@ class _WayThere:
         self.total, self.dt, self.calls = total, dt, calls
         self.standing = Standing.on("", problem.contacts, problem.constraints, problem.limits)
         self.recorders: list[Recorder] = []
-        self.interrupted: float | None = None
 
     def watch(self, attempt: int, now: LoopTick) -> bool:
         """Take a tick of an attempt; return whether the motion is to end."""
@@ -151,12 +152,8 @@ class _WayThere:
         recorder.add(now, self.standing, errors)
         self.calls.tick(now, None)
         done = len(recorder.states)
-        if self.calls.due(done, last=False):
-            info = progress_info(now, errors, len(recorder.failures))
-            self.calls.tell(done, self.total, {**info, "posture": attempt + 1})
-        if self.calls.cancel():
-            self.interrupted = done * self.dt
-        return self.interrupted is not None
+        info = partial(progress_info, now, errors, len(recorder.failures), posture=attempt + 1)
+        return self.calls.end_with(done * self.dt, done, self.total, False, info)
 
 
 def _effort(starts: int, done: ShapingStatistics, reach_seconds: float) -> SearchEffort:

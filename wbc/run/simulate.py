@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -66,18 +67,15 @@ def simulate(
     total = ticks_in(stop.duration, dt)
     recorder = Recorder(robot, phases.tasks)
     watch = RestWatch(stop.speed, phases.ramps_over)
-    at_rest, interrupted = False, None
+    at_rest = False
     for now in closed_loop(first, q, total, phases.update):
         recorder.add(now, phases.standing)
         calls.tick(now, phases.controller)
         at_rest = watch.at_rest(now.time, now.speed, now.tick.ok)
         done = len(recorder.states)
         over = at_rest or now.gave_up or done == total
-        if not over and calls.cancel():
-            over, interrupted = True, done * dt
-        if calls.due(done, over):
-            calls.tell(done, total, progress_info(now, now.tick.errors, len(recorder.failures)))
-        if over:
+        info = partial(progress_info, now, now.tick.errors, len(recorder.failures))
+        if calls.end_with(done * dt, done, total, over, info):
             break
     phases.move_to(done * dt)
     end = robot.snapshot(now.q, now.tick.velocity)
@@ -90,7 +88,7 @@ def simulate(
         at_rest,
         phases.complaint,
         provenance,
-        interrupted,
+        calls.interrupted,
     )
 
 

@@ -66,19 +66,14 @@ def run_trial(
     calls = Callbacks(progress, cancelled=cancelled, show=show)
     total = ticks_in(stop.duration, plant.dt)
     record = TrialRecord(plant, phases, falls)
-    first, interrupted = phases.controller, None
+    first = phases.controller
     loop = simulate(first, plant, total * plant.dt, update=phases.update, falls=falls)
     try:
         for now in loop:
             kept = record.add(now)
             calls.tick(kept, phases.controller)
             over = not now.verdict.stood or record.ticks == total
-            if not over and calls.cancel():
-                over, interrupted = True, plant.time
-            if calls.due(record.ticks, over):
-                told = {"time": plant.time, "errors": {}, "failed": record.relaxed}
-                calls.tell(record.ticks, total, told)
-            if over:
+            if calls.end_with(plant.time, record.ticks, total, over, record.info):
                 break
     except ControllerFailure as failure:
         if not isinstance(failure.tick, TorqueTick) or not record.ticks:
@@ -96,7 +91,7 @@ def run_trial(
         False,
         phases.complaint,
         provenance,
-        interrupted,
+        calls.interrupted,
     )
     return SimulationResult.of(result, plant, record, _bounds(first), plan)
 

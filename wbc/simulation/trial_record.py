@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -70,6 +71,10 @@ class TrialRecord:
         cosine = np.clip(self._trunk_vertical() @ self._up, -1.0, 1.0)
         self.tilt.append(float(np.arccos(cosine)))
         return kept
+
+    def info(self) -> dict[str, Any]:
+        """Return what is told of the trial while it goes on."""
+        return {"time": self._plant.time, "errors": {}, "failed": self.relaxed}
 
     def _truth(self, now: SimulationTick) -> Snapshot:
         """Return where the robot really was when a control period began."""
