@@ -27,6 +27,17 @@ def test_boxes_hold_what_braking_can_reach(robot_named: Callable[[str], Robot]) 
     np.testing.assert_allclose(found.target, [3.0 - step, -0.02])
 
 
+def test_a_joint_without_effort_limit_recovers_at_once(robot_named: Callable[[str], Robot]) -> None:
+    robot = robot_named("hoap2_like")
+    recovery = Rows(np.eye(2, robot.nv, 6), np.array([-1.0, -1.0]), np.ones(2))
+    acceleration = np.full(robot.nv - 6, 10.0)
+    acceleration[0] = np.inf
+    v, box = np.zeros(robot.nv), (np.full(robot.nv, -1.0), np.full(robot.nv, 1.0))
+    _, found = reachable_limits(box, recovery, v, acceleration, DT)
+    assert found is not None
+    np.testing.assert_allclose(found.target, [-1.0, -BRAKING * 10.0 * DT])
+
+
 def test_margins_ask_for_what_braking_can_reach() -> None:
     v = np.array([-1.0, 0.0])
     push = Rows(np.eye(2), np.array([0.1, 0.01]), np.ones(2))

@@ -34,7 +34,10 @@ def reachable_limits(
     """
     joints, change = v[BASE_NV:], acceleration * (BRAKING * dt)
     if recovery is not None:
-        now, step = recovery.matrix @ v, np.abs(recovery.matrix[:, BASE_NV:]) @ change
+        reach = np.abs(recovery.matrix[:, BASE_NV:])
+        # Joints without effort limit may accelerate without end, and 0 times infinity is NaN.
+        step = np.multiply(reach, change, out=np.zeros_like(reach), where=reach > 0.0).sum(axis=1)
+        now = recovery.matrix @ v
         recovery = recovery._replace(target=np.clip(recovery.target, now - step, now + step))
     lower, upper = box[0].copy(), box[1].copy()
     np.minimum(lower[BASE_NV:], joints + change, out=lower[BASE_NV:])

@@ -125,9 +125,13 @@ REFUSED_URDFS = {
         link("a")
         + link("b")
         + link("c")
-        + joint("j", "a", "b")
-        + joint("k", "b", "c", "continuous", LIMIT + '<mimic joint="j"/>'),
-        ("'k'", "'j'", "turn without end"),
+        + link("d")
+        + joint("j", "a", "b", "continuous")
+        + joint("k", "b", "c", inside=LIMIT + '<mimic joint="j"/>')
+        + joint("m", "a", "d", inside=LIMIT)
+        + joint("n", "d", "e", inside=LIMIT + '<mimic joint="m"/>')
+        + link("e"),
+        ("'k'", "'j'", "turn without end", "locked={'k': 0.0}"),  # n is fine
     ),
     "mimic text": (
         link("a")
@@ -236,6 +240,48 @@ def test_a_missing_mesh_is_noted(tmp_path: Path) -> None:
     assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
 
 
+@pytest.mark.parametrize("version", ["", ' version="1.0"', ' version="1.2"'])
+def test_capsules_are_shapes(tmp_path: Path, version: str, capfd) -> None:
+    """They came with URDF 1.1; many files have them and say nothing of a version."""
+    path = two_links(tmp_path)
+    capsule = '<collision><geometry><capsule radius="0.1" length="0.5"/></geometry></collision>'
+    text = path.read_text().replace('<link name="shank">', f'<link name="shank">{capsule}')
+    path.write_text(text.replace('<robot name="toy"', f'<robot name="toy"{version}'))
+    robot = Robot.load(path, feet={}, base="floating")
+    (shape,) = robot.collision_model.geometryObjects
+    assert (shape.geometry.radius, 2 * shape.geometry.halfLength) == (0.1, 0.5)
+    assert robot.notes == ()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_shapes_that_urdf_does_not_know_are_noted(tmp_path: Path, capfd) -> None:
+    path = two_links(tmp_path)
+    shapes = (
+        '<collision><geometry><ellipsoid radii="1 1 1"/></geometry></collision>'
+        "<visual><geometry/></visual><collision/>"
+        '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    )
+    path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
+    robot = Robot.load(path, feet={}, base="floating")
+    (note,) = robot.notes
+    assert note.startswith("3 shapes")
+    assert "<ellipsoid> as collision of link 'shank'" in note
+    assert "nothing as visual of link 'shank'" in note
+    assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_joint_without_end_may_follow_one_with_limits(tmp_path: Path) -> None:
+    """As the fingers of NAO's own file follow its hands."""
+    follower = joint("k", "b", "c", "continuous", '<mimic joint="j" multiplier="3" offset="0.5"/>')
+    path = write(tmp_path, link("a") + link("b") + link("c") + joint("j", "a", "b") + follower)
+    robot = Robot.load(path, feet={}, base="floating")
+    assert robot.nq == 9
+    np.testing.assert_array_equal(robot.limits.upper, [2.0, np.inf])
+    q = robot.posture("neutral", {"j": 2.0})
+    np.testing.assert_array_equal(q[7:], [2.0, 6.5])
+
+
 def test_a_mesh_is_found_from_its_package_and_beside_the_urdf(tmp_path: Path) -> None:
     package = tmp_path / "elsewhere" / "renamed"
     package.mkdir(parents=True)
@@ -289,6 +335,7 @@ def test_locking_rescues_what_would_be_refused(tmp_path: Path) -> None:
     content, _ = REFUSED_URDFS["mimic in a circle"]
     assert Robot.load(write(tmp_path, content), locked={"j": 0.0, "k": 0.0}).nv == 6
     content, _ = REFUSED_URDFS["mimic that turns"]
-    assert Robot.load(write(tmp_path, content), locked={"k": 0.0}).joint_names == ("j",)
+    robot = Robot.load(write(tmp_path, content), locked={"k": 0.0})
+    assert set(robot.joint_names) == {"j", "m", "n"}
     content, _ = REFUSED_URDFS["zero mass"]
     assert Robot.load(write(tmp_path, content), locked={"j": 0.0}).nv == 6

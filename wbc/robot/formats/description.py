@@ -194,17 +194,14 @@ def lock_joints(
 
 def _driven(description: Description, joint: str, locked: Mapping[str, float]) -> Coupling:
     """Return what a joint follows in the end: a joint that follows none, or a locked one."""
-    model, found, seen = description.model, Coupling(joint), [joint]
+    found, seen = Coupling(joint), [joint]
     while found.driver in description.coupled and found.driver not in locked:
         step = description.coupled[found.driver]
         found = Coupling(
             step.driver, found.ratio * step.ratio, found.ratio * step.offset + found.offset
         )
-        usable = model.existJointName(step.driver) and step.driver not in seen
-        ends = [model.getJointId(name) for name in (joint, step.driver)] if usable else []
-        if not usable or any((model.nqs[k], model.nvs[k]) != (1, 1) for k in ends):
-            tied = sorted({*description.coupled, step.driver} & {*model.names} - {*locked})
-            remedy = ", ".join(f"{name!r}: 0.0" for name in tied)
+        if step.driver in seen or not _usable(description.model, joint, step.driver):
+            remedy = ", ".join(f"{name!r}: 0.0" for name in _unusable(description, {*locked}))
             raise ModelError(
                 f"{description.path}: joint {joint!r} is coupled to {step.driver!r} (mimic or"
                 " equality) in a way that is not supported: not linear, in a circle, or of joints"
@@ -212,4 +209,25 @@ def _driven(description: Description, joint: str, locked: Mapping[str, float]) -
                 f" locked={{{remedy}}}"
             )
         seen.append(step.driver)
+    return found
+
+
+def _usable(model: pin.Model, *joints: str) -> bool:
+    """Return whether all joints are there, with one number as their coordinate."""
+    ids = [model.getJointId(name) for name in joints if model.existJointName(name)]
+    plain = all((model.nqs[k], model.nvs[k]) == (1, 1) for k in ids)
+    return plain and len(ids) == len(joints)
+
+
+def _unusable(description: Description, locked: Collection[str]) -> list[str]:
+    """Return the joints that are to be locked for all others to follow what they are tied to."""
+    found = list[str]()
+    for joint in sorted({*description.coupled} - {*locked}):
+        name, seen = joint, [joint]
+        while name in description.coupled and name not in locked:
+            name = description.coupled[name].driver
+            if name in seen or not _usable(description.model, joint, name):
+                found.append(joint)
+                break
+            seen.append(name)
     return found

@@ -83,14 +83,20 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         joints, or a number in it is wrong.
     """
     joints, base = _checked_tree(root, path)
+    if root.get("version", "1.0") == "1.0":
+        root.set("version", "1.1")  # before it the parser drops capsules, and prints
+    shapeless = list[str]()
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
         _check_inertial(link, where)
-        _check_shapes(link, where)
+        shapeless += _check_shapes(link, where)
     for joint in joints:
         _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
     coupled = dict(_coupled_joints(joints, path))
     notes = resolve_meshes(root, path, package_dirs)
+    if shapeless:
+        some = ", ".join(shapeless[:3]) + (", ..." if len(shapeless) > 3 else "")
+        notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
     text = ET.tostring(root, encoding="unicode")
     floats = any(joint.get("type") == "floating" for joint in joints)
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
@@ -219,11 +225,20 @@ def _check_inertial(link: ET.Element, where: str) -> None:
     _check_origin(inertial, where)
 
 
-def _check_shapes(link: ET.Element, where: str) -> None:
-    """Refuse shapes that the parser would print about and leave out."""
+def _check_shapes(link: ET.Element, where: str) -> Iterator[str]:
+    """Refuse shapes with wrong numbers; remove and yield those without a solid that is known.
+
+    The parser would print about both and leave them out.
+    """
     for shape in (*link.findall("collision"), *link.findall("visual")):
         _check_origin(shape, where)
-        for solid in shape.findall("geometry/*"):
+        solids = shape.findall("geometry/*")
+        if not solids or solids[0].tag not in SIZES:  # the parser reads the first one
+            link.remove(shape)
+            found = f"<{solids[0].tag}>" if solids else "nothing"
+            yield f"{found} as {shape.tag} of link {link.get('name')!r}"
+            continue
+        for solid in solids:
             for key, count in SIZES.get(solid.tag, {}).items():
                 if solid.tag == "mesh" and key not in solid.attrib:
                     continue
@@ -242,6 +257,8 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     _check_origin(joint, where)
     if kind not in MOVING:
         return
+    if kind == "continuous" and joint.find("mimic") is not None:
+        _follow_without_end(joint)
     axis = joint.find("axis")
     if axis is not None and not any(numbers(axis, "xyz", 3, where)):
         raise ModelError(f"{where}: its axis is 0 0 0; give a direction")
@@ -250,6 +267,17 @@ def _check_joint(joint: ET.Element, where: str) -> None:
     for key in ("damping", "friction"):
         if dynamics is not None and key in dynamics.attrib:
             numbers(dynamics, key, 1, where, LARGEST)
+
+
+def _follow_without_end(joint: ET.Element) -> None:
+    """Let a continuous joint that follows another one be a revolute one without limits.
+
+    Its angle is a number then, as its driver's is, where Pinocchio keeps a cosine and a sine.
+    """
+    joint.set("type", "revolute")
+    for limit in joint.findall("limit"):
+        for key in ("lower", "upper"):
+            limit.attrib.pop(key, None)
 
 
 def _check_origin(element: ET.Element, where: str) -> None:
