@@ -1,6 +1,8 @@
 """A real walk in MuJoCo: a few steps, a stop, a landing that comes early; and from the schedule."""
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,3 +95,20 @@ def test_who_turns_does_not_turn_back_with_the_arms(robot_named: Load) -> None:
     assert abs(np.arctan2(pelvis[1, 0], pelvis[0, 0]) - walker.heading) < 0.05
     # 0.18 rad; 1.05 with the angular momentum about the vertical held to zero
     assert np.abs(plant.snapshot().q[-14:] - hang).max() < 0.4
+
+
+def test_a_robot_without_limits_of_effort_and_speed_walks(
+    robot_named: Load, tmp_path: Path
+) -> None:
+    """As MJCF files give none: what hips can do is not infinite then, which was no number."""
+    hoap = robot_named("hoap2_like")
+    text = hoap.path.read_text()
+    for limit in ("effort", "velocity"):
+        text = re.sub(rf'{limit}="[^"]*"', f'{limit}="0"', text)
+    (tmp_path / "unlimited.urdf").write_text(text)
+    robot = Robot.load(tmp_path / "unlimited.urdf")
+    assert np.isinf(robot.limits.effort).all()
+    walker, plant = wbc.gait.Walker(robot, torque_limits=None), Plant(robot)
+    walker.command(0.1)
+    walked(walker, plant, 0.8)
+    assert walker.steps >= 1

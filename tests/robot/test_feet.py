@@ -15,6 +15,7 @@ from wbc.gait import Walker
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
 from wbc.robot.foot_guess import words_of
+from wbc.robot.postures import stands
 from wbc.robot.sole import extreme_points
 
 Load = Callable[[str], Robot]
@@ -154,6 +155,7 @@ def test_no_feet_are_said_at_load_and_when_asked_for(
         ("LEFT_FOOT", "RIGHT_FOOT", ["left", "right"]),
         ("lfoot", "rfoot", ["left", "right"]),
         ("l_sole", "r_sole", ["left", "right"]),
+        ("r2/left_foot", "r2/right_foot", ["left", "right"]),  # a namespace is no side
         ("FL_foot", "FR_foot", ["left", "right"]),  # a biped may call its legs front ones
         ("LF_FOOT", "RH_FOOT", ["front_left", "hind_right"]),
         ("one", "two", ["left", "right"]),  # the lowest flat bodies, the left one first
@@ -222,6 +224,20 @@ def test_a_file_whose_other_axis_points_up_stands_upright(tmp_path: Path, axis: 
         place = s.position(f"{side}_sole") - s.position("base")
         np.testing.assert_allclose(place, [0.02, y, -0.56], atol=1e-9)
         np.testing.assert_allclose(s.rotation(f"{side}_sole"), np.eye(3), atol=1e-9)
+
+
+def test_a_base_between_the_soles_stays_upright(tmp_path: Path) -> None:
+    """As OP2's and others' whose root is on the ground, below their ankles."""
+    text = legged(tmp_path).read_text().replace(" -0.5", " 0.06")
+    trunk = f'<link name="trunk">{INERTIAL}</link><joint name="up" type="fixed">'
+    ends = '<parent link="body"/><child link="trunk"/><origin xyz="0 0 0.8"/></joint>'
+    path = tmp_path / "grounded.urdf"
+    path.write_text(text.replace("</robot>", f"{trunk}{ends}</robot>"))
+    robot = Robot.load(path)
+    assert robot.notes == ()
+    s = robot.snapshot(robot.posture("standing"))
+    np.testing.assert_allclose(s.rotation("base"), np.eye(3), atol=1e-12)
+    assert s.com[2] > 0.2
 
 
 def test_a_robot_that_its_file_lays_down_stands_up(tmp_path: Path) -> None:
@@ -318,6 +334,14 @@ def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> No
     assert robot.snapshot(robot.posture("neutral")).com[0] > 0.2  # which the soles do not reach
     stiff = legged(tmp_path, extra=heavy.replace('"0.6 0 0.3"', '"9 0 0"'))
     assert "posture 'standing' does not stand" in Robot.load(stiff).notes[0]
+
+
+def test_upside_down_is_not_standing(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    q = robot.posture("standing")
+    assert stands(robot.model, q, robot.feet)
+    q[3:7] = (pin.Quaternion(q[3:7]) * pin.Quaternion(np.diag([1.0, -1.0, -1.0]))).coeffs()
+    assert not stands(robot.model, q, robot.feet)
 
 
 def test_the_lowest_link_of_a_side_is_the_foot(robot_named: Load) -> None:

@@ -23,6 +23,7 @@ CORNERS = {
     "hind_left": {"hl", "lh", "rl", "bl"},
     "hind_right": {"hr", "rh", "rr", "br"},
 }
+SHORT = {"l", "r"}
 FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
@@ -47,6 +48,8 @@ def foot_of(link: str) -> str | None:
     words = words_of(link)
     if not words & FOOT_WORDS or words & NOT_FEET:
         return None
+    if words & set(SIDES):
+        words -= SHORT  # the r of r2/left_foot is of another word
     found = [foot for foot, marks in (SIDES | CORNERS).items() if words & marks]
     return found[0] if len(found) == 1 else None
 
@@ -86,13 +89,16 @@ def upright(model: pin.Model, q: Array, feet: Mapping[str, str] | None) -> tuple
     else:
         named = [(foot, bodies[link]) for foot, link in feet.items() if link in bodies]
     data = model.createData()
-    pin.forwardKinematics(model, data, q)
+    pin.centerOfMass(model, data, q)
     places = {foot: data.oMi[1].actInv(data.oMi[joint]).translation for foot, joint in named}
     if len(places) < 2:
         return q, ""
     lefts = [place for foot, place in places.items() if foot.endswith("left")]
     rights = [place for foot, place in places.items() if foot.endswith("right")]
-    up, left = _axis_along(-_mean(places.values())), _axis_along(_mean(lefts) - _mean(rights))
+    down, below = _mean(places.values()), _mean(places.values()) - data.oMi[1].actInv(data.com[0])
+    if np.linalg.norm(down) < BELOW_BASE or down @ below < 0.0:
+        down = below  # the base's origin is on the ground, between the feet or below them
+    up, left = _axis_along(-down), _axis_along(_mean(lefts) - _mean(rights))
     if up is None:
         up = np.array([0.0, 0.0, 1.0])
     turns = not np.array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0])

@@ -22,6 +22,8 @@ STRETCH = 0.98
 SHARE = 0.8
 # Likewise of speeds: while the hip swings, the knee must bend and stretch within the same time.
 SPEED_SHARE = 0.5
+# Of a foot [m/s^2]: one whose hip has no effort limit is no faster in this.
+QUICKEST = 1e4
 # Knee angles at which a leg's length is looked at, over the knee's range.
 SAMPLES = 33
 
@@ -185,7 +187,7 @@ def _leg(robot: Robot, side: str) -> tuple[float, ...]:
         float(lengths[knee][1].max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(limits.velocity[hip]) * lever,
-        SHARE * float(limits.effort[hip]) / inertia * lever,
+        min(SHARE * float(limits.effort[hip]) / inertia * lever, QUICKEST),
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
         SHARE * float(limits.velocity[turning]),
         _bearing_length(robot, knee, *lengths[knee]),

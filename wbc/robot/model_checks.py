@@ -22,6 +22,7 @@ ROUNDING = 1e-6  # of a body's largest moment: files give inertias to about six 
 # Of the robot's own second moment. Romeo's forearms break the triangle inequality by 3e-4 (a digit
 # is missing in the file); it does not show in the robot's inertia, so it is noted, not refused.
 NEGLIGIBLE = 1e-3
+FEW_JOINTS = 6  # their places say little of how large a robot is
 
 
 def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
@@ -34,7 +35,7 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
         body has an inertia that no rigid body can have. The message names joint and link.
     """
     _check_joints(model, path)
-    notes = _check_masses(model, path) + _check_inertias(model, path)
+    notes = _check_masses(model, path) + _check_inertias(model, path) + _too_large(model)
     _check_turning(model, path)
     return notes
 
@@ -106,6 +107,33 @@ def _check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
             f" for the whole robot: {', '.join(broken)}"
         )
     return tuple(notes)
+
+
+def _too_large(model: pin.Model) -> tuple[str, ...]:
+    """Note links that turn as if they were larger than the robot, as files' 1 kg m^2 say.
+
+    Their radius of gyration is compared with the farthest that two joints or centres of mass are
+    from each other, at most, in the neutral posture.
+    """
+    if model.njoints <= FEW_JOINTS + 2:  # besides the universe and the root
+        return ()
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    bodies = list(zip(data.oMi, model.inertias, strict=True))[1:]
+    places = np.array([p for at, body in bodies for p in (at.translation, at.act(body.lever))])
+    size = 2.0 * float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+    links = [
+        link_of(model, joint)
+        for joint, (_, body) in enumerate(bodies, 1)
+        if body.mass > 0.0 and np.linalg.eigvalsh(body.inertia)[2] > body.mass * size**2
+    ]
+    if not links:
+        return ()
+    some = ", ".join(links[:5]) + (f" and {len(links) - 5} more" if len(links) > 5 else "")
+    return (
+        "links whose moments of inertia are those of bodies larger than the whole robot, as if"
+        f" placeholders stood in the file: {some}; what moves will not move so",
+    )
 
 
 def _refuse_inertia(model: pin.Model, joint: int, path: Path, reason: str) -> None:

@@ -148,15 +148,16 @@ def grounded(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> Array:
 
 
 def stands(model: pin.Model, q: Array, feet: Mapping[str, Foot]) -> bool:
-    """Return whether all soles are level with one ground and the CoM is over their hull."""
+    """Return whether all soles are level with one ground and the CoM is above their hull."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     corners = _sole_corners(model, data, feet)
     if np.ptp(corners[:, 2]) > LEVEL:
         return False
     hull = convex_hull(corners[:, :2])
-    com = pin.centerOfMass(model, data, q)[:2]
-    return len(hull) > 2 and float(polygon_margin(hull, com)) > 0.0
+    com = pin.centerOfMass(model, data, q)
+    above = com[2] > corners[:, 2].max()
+    return len(hull) > 2 and bool(above) and float(polygon_margin(hull, com[:2])) > 0.0
 
 
 def settled(

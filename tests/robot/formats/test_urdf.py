@@ -105,6 +105,18 @@ def test_a_massless_link_between_two_joints_is_noted(tmp_path: Path) -> None:
     assert robot.notes == ("links without mass between two joints: cross",)
 
 
+def test_placeholders_for_inertias_are_noted(tmp_path: Path) -> None:
+    """A chain of eight links over 1.4 m, two of which turn like rods longer than 10 m."""
+    names = "abcdefgh"
+    parts = [link(name) for name in names]
+    parts[2] = link("c", "0.1", ("1", "1", "1"))
+    parts[6] = link("g", "0.1", ("1", "1", "1"))
+    parts += [joint(f"j{k}", names[k], names[k + 1]) for k in range(7)]
+    (note,) = Robot.load(write(tmp_path, *parts), feet={}, base="floating").notes
+    assert "larger than the whole robot" in note
+    assert ": c, g;" in note
+
+
 REFUSED_URDFS = {
     "planar": (link("a") + link("b") + joint("j", "a", "b", "planar"), ("'j'", "planar")),
     "spherical": (link("a") + link("b") + joint("j", "a", "b", "ball"), ("'j'", "ball")),
