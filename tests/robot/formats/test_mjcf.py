@@ -55,7 +55,10 @@ MESH = '<geom type="mesh" mesh="m"/>'
 REFUSED_MJCFS = {
     "ball": ({"inner": '<joint name="hip" type="ball"/>'}, ("'hip'", "Spherical")),
     "free inside": ({"inner": "<freejoint/>"}, ("FreeFlyer",)),
-    "second body": ({"world": '<body name="ball"><geom size="1"/></body>'}, ("'ball'", "2 bodies")),
+    "second robot": (
+        {"world": '<body name="twin"><freejoint/><body><joint/><geom size="1"/></body></body>'},
+        ("'base_body', 'twin' may be", "2 bodies"),
+    ),
     "total mass": ({"compiler": '<compiler settotalmass="50"/>'}, ("settotalmass",)),
     "switched off": (
         {"inner": '<joint name="knee" range="-1 1" limited="false"/>'},
@@ -116,11 +119,75 @@ def test_slides_are_lengths_in_any_angle(tmp_path: Path, angle: str) -> None:
     np.testing.assert_allclose(robot.limits.upper + shift, model.jnt_range[1:, 1], atol=1e-15)
 
 
-def test_an_mjcf_whose_mesh_is_missing_has_no_shapes(tmp_path: Path) -> None:
-    compiler = '<asset><mesh name="m" file="none.stl"/></asset>'
-    robot = Robot.load(mjcf(tmp_path, compiler=compiler))
-    assert "none.stl" in robot.notes[0]
-    assert len(robot.collision_model.geometryObjects) == 0
+def test_a_shape_whose_mesh_is_missing_is_left_out_alone(tmp_path: Path) -> None:
+    assets = '<asset><mesh name="m" file="none.stl"/><mesh file="gone.stl"/></asset>'
+    inner = (
+        HINGE
+        + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="gone"/>'
+        + MESH
+    )
+    robot = Robot.load(mjcf(tmp_path, inner=inner, compiler=assets))
+    (note,) = (note for note in robot.notes if "meshes" in note)
+    assert "2 meshes" in note and "none.stl of body 'shank'" in note and "gone.stl" in note
+    kinds = [type(shape.geometry).__name__ for shape in robot.collision_model.geometryObjects]
+    assert kinds == ["Box", "Capsule"]
+
+
+def test_loading_reads_the_meshes_of_feet_only(tmp_path: Path) -> None:
+    """A mesh of another link, here one that cannot be read, is not touched until it is drawn."""
+    (tmp_path / "bad.stl").write_text("not a mesh")
+    legs = "".join(LEG.format(side=s, y=y) for s, y in (("left", 0.1), ("right", -0.1)))
+    path = tmp_path / "walker.xml"
+    path.write_text(
+        '<mujoco model="walker"><asset><mesh file="bad.stl"/></asset><worldbody>'
+        '<body name="pelvis" pos="0 0 1"><freejoint/><geom type="mesh" mesh="bad"/>'
+        f'<inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/>{legs}</body></worldbody></mujoco>'
+    )
+    robot = Robot.load(path)
+    assert list(robot.feet) == ["left", "right"]
+    with pytest.raises(ModelError, match=r"walker\.xml: shapes cannot be loaded: .*bad\.stl"):
+        _ = robot.visual_model
+
+
+SCENE = (
+    '<body name="table"><geom size="1"/></body>'
+    '<body name="door"><joint name="door" axis="0 0 1"/><geom size="1"/>'
+    '<body name="handle"><joint name="handle" type="ball"/><geom size=".1"/></body></body>',
+    '<body name="ball"><freejoint/><geom size="1"/></body>',
+)
+
+
+def test_the_robot_of_a_scene_is_read_alone(tmp_path: Path) -> None:
+    """Its key frames too; as MuJoCo reads the whole scene."""
+    end = (
+        '<keyframe><key name="home" qpos="0.1 0.7 0.7 0.1 0 1 2 3 0.6 0.8 0 0 0.5 4 5 6 1 0 0 0"/>'
+        '</keyframe><equality><joint joint1="door" polycoef="0.1"/></equality>'
+    )
+    path = mjcf(tmp_path, world=SCENE[1], end=end)
+    path.write_text(
+        path.read_text().replace('<body name="base_body"', SCENE[0] + '<body name="base_body"')
+    )
+    robot = Robot.load(path, feet={}, base="floating")
+    assert robot.joint_names == ("knee",)
+    assert robot.notes[0] == (
+        "bodies beside the robot, whose root is base_body, left out: table, door, ball"
+    )
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["home"])
+    for body in ("base_body", "shank"):
+        np.testing.assert_allclose(s.position(body), data.body(body).xpos, atol=1e-12)
+        turned = data.body(body).xmat.reshape(3, 3)
+        np.testing.assert_allclose(s.rotation(body), turned, atol=1e-12)
+    np.testing.assert_allclose(robot.mass, model.body_subtreemass[model.body("base_body").id])
+
+
+def test_a_robot_without_free_joint_is_found_beside_scenery(tmp_path: Path) -> None:
+    path = mjcf(tmp_path, root="", world='<body name="table"><geom size="1"/></body>')
+    assert Robot.load(path).joint_names == ("knee",)
 
 
 LEG = (

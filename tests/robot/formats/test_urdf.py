@@ -248,7 +248,7 @@ def test_a_missing_mesh_is_noted(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('<link name="shank">', f'<link name="shank">{shapes}'))
     robot = Robot.load(path, feet={}, base="floating")
     (note,) = robot.notes
-    assert "package://toy/none.stl" in note
+    assert "package://toy/none.stl" in note and "package_dirs=[...]" in note
     assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
 
 

@@ -65,6 +65,7 @@ def resolve_meshes(root: ET.Element, path: Path, package_dirs: tuple[Path, ...])
     return tuple(
         f"{len(names)} {tag} meshes not found and left out: {', '.join(names[:3])}"
         + (", ..." if len(names) > 3 else "")
+        + ("; package_dirs=[...]: folders of packages" if "://" in "".join(names) else "")
         for tag, names in missing.items()
         if names
     )

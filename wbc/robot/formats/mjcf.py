@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from wbc.robot.formats.description import (
 from wbc.robot.formats.mesh_files import refuse_huge_meshes
 from wbc.robot.formats.mjcf_actuators import bound_efforts
 from wbc.robot.formats.mjcf_document import plain_document
+from wbc.robot.formats.mjcf_scene import robot_alone
 from wbc.robot.formats.xml import LARGEST, numbers, refuse_non_finite
 
 UNREAD = {"attach", "replicate", "composite", "flexcomp"}
@@ -49,24 +50,25 @@ class MjcfGeometry:
     Attributes
     ----------
     text, path:
-        The document, and the file it was made of.
-    complete:
-        False if a mesh file is missing. Pinocchio reads all shapes of an MJCF file or none, so
-        there are none then.
+        The document, without shapes whose mesh file is missing, and the file it was made of.
     """
 
     text: str
     path: Path
-    complete: bool
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        if not self.complete:
-            return pin.GeometryModel()
-        refuse_huge_meshes(_mesh_files(ET.fromstring(self.text)).values())
-        with _file_of(self.text, self.path, "shapes cannot be loaded") as file:
+        root = ET.fromstring(self.text)
+        if links is not None:  # Pinocchio reads all meshes that it finds, which takes seconds
+            for body in root.findall("worldbody//body"):
+                if body.get("name") not in (None, *links):
+                    _remove(body, body.findall("geom"))
+        used = {geom.get("mesh") for geom in root.iter("geom")}
+        refuse_huge_meshes(file for name, file in _mesh_files(root).items() if name in used)
+        text = ET.tostring(root, encoding="unicode")
+        with _file_of(text, self.path, "shapes cannot be loaded") as file:
             shapes = pin.buildGeomFromMJCF(model, file, kind)
         # A new model: what `geometryObjects` hands out are references into a vector, which removing
         # an entry would move under them.
@@ -89,6 +91,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
         finite, what Pinocchio itself refuses, or masses and joints other than the file says.
     """
     root = plain_document(root, path)
+    notes = robot_alone(root, path)
     _check_structure(root, path)
     refuse_non_finite(root, path)
     _check_numbers(root, path)
@@ -103,16 +106,12 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
     confirm(model, _carried_masses(root, path), [name for name in names if name], path)
     bound_efforts(model, root, path)
-    missing = [name for name, file in _mesh_files(root).items() if not file.is_file()]
-    notes: tuple[str, ...] = ()
-    if missing:
-        some = ", ".join(missing[:3])
-        notes = (f"no shapes are loaded, since {len(missing)} mesh files are missing: {some}",)
+    notes += _leave_out_missing_meshes(root)
     return Description(
         name=root.get("model", path.stem),
         path=path,
         model=model,
-        geometry=MjcfGeometry(text, path, complete=not missing),
+        geometry=MjcfGeometry(ET.tostring(root, encoding="unicode"), path),
         coupled=coupled,
         states=dict(_key_frames(model)),
         base=base,
@@ -218,13 +217,6 @@ def _check_structure(root: ET.Element, path: Path) -> None:
                 f"{path}: <{element.tag}> is not supported (Pinocchio leaves it out); give the"
                 " robot's own file, or let MuJoCo save the compiled model to one file"
             )
-    bodies = root.findall("worldbody/body")
-    if len(bodies) != 1:
-        names = ", ".join(repr(body.get("name", "?")) for body in bodies) or "none"
-        raise ModelError(
-            f"{path}: the world holds {len(bodies)} bodies ({names}), expected the robot's root"
-            " alone; remove the others (Pinocchio would drop them silently)"
-        )
     _check_compiler(root, path)
     from_shapes = _compiler(root).get("inertiafromgeom") == "true"
     for body in root.findall("worldbody//body"):
@@ -287,10 +279,33 @@ def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Couplin
 
 
 def _mesh_files(root: ET.Element) -> dict[str, Path]:
-    """Return the mesh files of a plain document by their names."""
+    """Return the mesh files of a plain document by the names that shapes call them."""
     folder = Path(_compiler(root).get("meshdir", ""))
-    files = [mesh.get("file") for mesh in root.findall("asset/mesh")]
-    return {name: folder / name for name in files if name is not None}
+    files = [(mesh, mesh.get("file")) for mesh in root.findall("asset/mesh")]
+    return {
+        mesh.get("name", Path(file).stem): folder / file for mesh, file in files if file is not None
+    }
+
+
+def _leave_out_missing_meshes(root: ET.Element) -> tuple[str, ...]:
+    """Remove shapes whose mesh file is missing, for which Pinocchio would read none at all."""
+    missing = {name: file for name, file in _mesh_files(root).items() if not file.is_file()}
+    named = dict[str, str]()
+    for body in root.findall("worldbody//body"):
+        lost = [geom for geom in body.findall("geom") if geom.get("mesh") in missing]
+        _remove(body, lost)
+        for geom in lost:
+            file = missing[geom.get("mesh", "")].name
+            named[file] = f"{file} of body {body.get('name', '?')!r}"
+    if not missing:
+        return ()
+    some = ", ".join([*named.values()][:3]) + (", ..." if len(named) > 3 else "")
+    return (f"{len(missing)} meshes not found and their shapes left out: {some}",)
+
+
+def _remove(parent: ET.Element, children: Iterable[ET.Element]) -> None:
+    for child in children:
+        parent.remove(child)
 
 
 def _key_frames(model: pin.Model) -> Iterator[tuple[str, State]]:
