@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.simulation.accelerations import acceleration_to_mujoco, velocity_map
 from wbc.robot import Robot, Snapshot, robot_names
 from wbc.simulation import Plant
 
@@ -54,8 +55,8 @@ def mass_and_bias() -> Callable[[Plant, np.ndarray, np.ndarray], tuple[np.ndarra
         for k, column in enumerate(columns):
             mujoco.mj_mulM(plant.model, plant.data, M[k], column)
         # inverse dynamics of the acceleration that is zero in the robot's terms
-        qacc = plant.states.acceleration_to_mujoco(q, v, np.zeros(plant.robot.nv))
-        T = plant.states.velocity_map(q)
+        qacc = acceleration_to_mujoco(plant.states, q, v, np.zeros(plant.robot.nv))
+        T = velocity_map(plant.states, q)
         return T.T @ M @ T, T.T @ (M @ qacc + plant.data.qfrc_bias)
 
     return found

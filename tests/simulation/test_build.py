@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.simulation.accelerations import acceleration_from_mujoco
 from wbc.errors import ModelError
 from wbc.robot import Robot
 from wbc.simulation import Plant
@@ -85,7 +86,7 @@ def test_forward_dynamics_in_flight_are_those_of_the_articulated_body_algorithm(
         arm = s.position(link) - plant.data.xipos[body]
         plant.data.xfrc_applied[body] = np.concatenate((force, np.cross(arm, force)))
         mujoco.mj_forward(plant.model, plant.data)
-        found = plant.states.acceleration_from_mujoco(q, v, plant.data.qacc)
+        found = acceleration_from_mujoco(plant.states, q, v, plant.data.qacc)
         total = s.jacobian(link)[:3].T @ force - robot.model.damping * v
         total[6:] += tau
         a = pin.aba(robot.model, robot.model.createData(), q, v, total)

@@ -11,7 +11,7 @@ import pytest
 
 from wbc.robot import Robot
 from wbc.simulation import Plant, SimulationError
-from wbc.simulation.engine import check_warnings
+from wbc.simulation.engine import check_state
 
 CODE = """
 import sys
@@ -57,12 +57,17 @@ def test_warnings_are_errors(kind: str, words: str, joint: str | None) -> None:
     index = int(getattr(mujoco.mjtWarning, kind))
     numbers, infos = np.zeros(8, dtype=int), np.zeros(8, dtype=int)
     numbers[index], infos[index] = 2, 1
-    data = SimpleNamespace(time=0.25, warning=SimpleNamespace(number=numbers, lastinfo=infos))
+    data = SimpleNamespace(
+        time=0.25,
+        qpos=np.zeros(2),
+        qvel=np.zeros(2),
+        warning=SimpleNamespace(number=numbers, lastinfo=infos),
+    )
     with pytest.raises(SimulationError, match=words) as caught:
-        check_warnings(mujoco, data, ("base", "knee"), ("base", "base"))
+        check_state(mujoco, data, ("base", "knee"), ("base", "base"))
     assert (caught.value.time, caught.value.joint) == (0.25, joint)
     numbers[:] = 0
-    check_warnings(mujoco, data, (), ())
+    check_state(mujoco, data, (), ())
 
 
 def test_a_blow_up_leaves_no_log_file_and_prints_nothing(

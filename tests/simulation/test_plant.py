@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.simulation.accelerations import acceleration_from_mujoco
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.simulation import Plant, SimulationError, Step, Terrain
@@ -122,7 +123,7 @@ def test_wrenches_on_the_soles_and_the_cop_are_those_of_the_motion(load: Load) -
     mujoco.mj_forward(plant.model, plant.data)
     plant._contacts = None  # read anew
     s = robot.snapshot(q, v)
-    qacc = plant.states.acceleration_from_mujoco(q, v, plant.data.qacc)
+    qacc = acceleration_from_mujoco(plant.states, q, v, plant.data.qacc)
     free = s.mass_matrix @ qacc + s.bias  # without torques only the ground acts
     wrenches = plant.contact_forces
     from_feet = sum(s.jacobian(frame).T @ wrench for frame, wrench in wrenches.items())

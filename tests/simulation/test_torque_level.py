@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.simulation.accelerations import acceleration_from_mujoco
 from wbc.robot import Robot
 from wbc.simulation import Plant
 
@@ -49,7 +50,7 @@ def test_forward_dynamics_give_the_acceleration_of_the_tick(
             moment = wrench[3:] + np.cross(arm, wrench[:3])
             plant.data.xfrc_applied[body] += np.concatenate((wrench[:3], moment))
         mujoco.mj_forward(plant.model, plant.data)
-        found = plant.states.acceleration_from_mujoco(here.q, here.v, plant.data.qacc)
+        found = acceleration_from_mujoco(plant.states, here.q, here.v, plant.data.qacc)
         # A torque at its bound is clipped by what the solver leaves there, about 1e-8 of it.
         size = np.abs(tick.acceleration).max() + np.abs(tick.torque).max()
         np.testing.assert_allclose(found, tick.acceleration, atol=1e-8 * size)

@@ -6,7 +6,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
+
 from wbc.errors import WbcError
+from wbc.robot.tree import LARGEST
 
 # The warnings of MuJoCo that mean an unusable state, and what they speak of.
 _STATES = {
@@ -48,10 +51,10 @@ def quietly(mujoco: Any) -> Iterator[None]:
 def _nothing(_: str) -> None: ...
 
 
-def check_warnings(
+def check_state(
     mujoco: Any, data: Any, coordinates: Sequence[str], velocities: Sequence[str]
 ) -> None:
-    """Raise what MuJoCo warned of since the data were reset.
+    """Raise what MuJoCo warned of since the data were reset, and for states that are no motion.
 
     Parameters
     ----------
@@ -63,9 +66,25 @@ def check_warnings(
     SimulationError
         A state that is not finite or huge, or buffers too small for contacts or constraints.
     """
+    if data.warning.number.any():
+        _raise_warnings(mujoco, data, coordinates, velocities)
+    for what, values, names in (
+        ("position", data.qpos, coordinates),
+        ("velocity", data.qvel, velocities),
+    ):
+        if not float(values @ values) <= LARGEST**2:  # nor NaN
+            joint = names[int(np.argmax(~(np.abs(values) <= LARGEST)))]
+            raise SimulationError(
+                f"the {what} of {joint!r} is beyond {LARGEST:g}: the simulation blew up",
+                float(data.time),
+                joint,
+            )
+
+
+def _raise_warnings(
+    mujoco: Any, data: Any, coordinates: Sequence[str], velocities: Sequence[str]
+) -> None:
     numbers = data.warning.number
-    if not numbers.any():
-        return
     kinds = {name: int(kind) for name, kind in mujoco.mjtWarning.__members__.items()}
     given = {name: k for name, k in kinds.items() if k < len(numbers) and numbers[k]}
     for name, what in _STATES.items():

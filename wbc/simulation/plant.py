@@ -13,11 +13,10 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
-from wbc.robot.tree import LARGEST
 from wbc.simulation.build import build
 from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
-from wbc.simulation.engine import SimulationError, check_warnings, quietly
+from wbc.simulation.engine import check_state, quietly
 from wbc.simulation.mismatch import EXACT, ModelMismatch
 from wbc.simulation.push import Push, apply_pushes, push_point
 from wbc.simulation.sensors import Measurements, Sensors
@@ -340,15 +339,5 @@ class Plant:
         return count
 
     def _check(self) -> None:
-        check_warnings(self._mujoco, self.data, self.states.coordinates, self.states.velocities)
-        for what, values, names in (
-            ("position", self.data.qpos, self.states.coordinates),
-            ("velocity", self.data.qvel, self.states.velocities),
-        ):
-            if not float(values @ values) <= LARGEST**2:  # nor NaN
-                joint = names[int(np.argmax(~(np.abs(values) <= LARGEST)))]
-                raise SimulationError(
-                    f"the {what} of {joint!r} is beyond {LARGEST:g}: the simulation blew up",
-                    self.time,
-                    joint,
-                )
+        names = self.states.coordinates, self.states.velocities
+        check_state(self._mujoco, self.data, *names)

@@ -72,23 +72,6 @@ class StateMap:
         qvel[self._at_v] = v[BASE_NV:]
         return qpos, qvel
 
-    def velocity_map(self, q: Array) -> Array:
-        """Return T (MuJoCo's nv, nv) with ``qvel = T v``; ``T.T`` takes forces back."""
-        T = np.zeros((self.nv, self.robot.nv))
-        T[self._at_v, np.arange(BASE_NV, self.robot.nv)] = 1.0
-        if self.floating:
-            T[:3, :3], T[3:6, 3:6] = rotation_from(q[3:7]), np.eye(3)
-        return T
-
-    def acceleration_to_mujoco(self, q: Array, v: Array, a: Array) -> Array:
-        """Return ``qacc`` of an acceleration (nv,), the rate of ``v``."""
-        qacc = np.empty(self.nv)
-        if self.floating:
-            qacc[:3] = rotation_from(q[3:7]) @ (a[:3] + np.cross(v[3:6], v[:3]))
-            qacc[3:6] = a[3:6]
-        qacc[self._at_v] = a[BASE_NV:]
-        return qacc
-
     def torques_to_mujoco(self, torque: Array, out: Array) -> None:
         """Write joint torques (nv-6,) to generalised forces ``out``; none act on the base."""
         out[self._at_v] = torque
@@ -110,12 +93,3 @@ class StateMap:
             q[self._cos], q[self._cos + 1] = np.cos(angles), np.sin(angles)
         v[BASE_NV:] = qvel[self._at_v]
         return q, v
-
-    def acceleration_from_mujoco(self, q: Array, v: Array, qacc: Array) -> Array:
-        """Return the rate (nv,) of ``v`` from ``qacc``; inverse of the map above."""
-        a = np.zeros(self.robot.nv)
-        if self.floating:
-            a[:3] = qacc[:3] @ rotation_from(q[3:7]) - np.cross(v[3:6], v[:3])
-            a[3:6] = qacc[3:6]
-        a[BASE_NV:] = qacc[self._at_v]
-        return a
