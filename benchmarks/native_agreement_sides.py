@@ -6,11 +6,14 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+
 import wbc
 from wbc.native import VARIABLE
 from wbc.robot.collision import CollisionModel
 from wbc.robot.collision.distances import parts
 from wbc.robot.collision.model import Index, PairDistances
+from wbc.validate import Array
 
 
 class SamePairs(CollisionModel):
@@ -20,13 +23,15 @@ class SamePairs(CollisionModel):
         super().__init__(robot, other.bodies, other.pairs.tolist())
         self._other, self.by_coal = other, False
 
-    def nearest(self, snapshot: wbc.Snapshot, count: int | None = None) -> PairDistances:
+    def nearest(
+        self, snapshot: wbc.Snapshot, count: int | None = None, kept: Array | None = None
+    ) -> PairDistances:
         there = self._other.robot.snapshot(snapshot.q)
         most = len(self.pairs) if count is None else min(count, len(self.pairs))
-        measured = self._other.native.nearest(there.native_state, most)
-        if measured is None:  # some bodies touch
+        measured = self._other.native.nearest(there.native_state, most, kept)
+        if measured is None or np.isneginf(measured[1][0]).any():  # some bodies touch
             self.by_coal = True
-            return self._other.nearest(there, count)._replace(snapshot=snapshot)
+            return self._other.nearest(there, count, kept)._replace(snapshot=snapshot)
         distance, normal, point = parts(measured[1])
         return PairDistances(measured[0], distance, normal.T, point.T, snapshot)
 
@@ -71,5 +76,5 @@ def sides_of(name: str, margin: bool) -> Sides:
         return Sides(Side(robot, limits), Side(plain, others))
     kept = wbc.SelfCollision(robot, limits=limits)
     same = wbc.SelfCollision(plain, model=SamePairs(plain, kept.model), limits=others)
-    same.margins, same._kept, same._closer = kept.margins, kept._kept, kept._closer
+    same.margins, same._kept = kept.margins, kept._kept
     return Sides(Side(robot, limits, kept), Side(plain, others, same))

@@ -84,6 +84,7 @@ def test_a_solver_that_only_says_solved_is_caught(monkeypatch: pytest.MonkeyPatc
         return replace(raw, x=raw.x + (1e-3 if qp.b.size == 1 else 0.0))
 
     monkeypatch.setattr(Daqp, "answer", lying)
+    monkeypatch.setattr(Daqp, "finer", lying)
     (found,) = measure([solvable()], ["daqp"], [1e-6], repeats=1)
     assert found.success.tolist() == [True] * 4 + [False] * 4
     assert (found.residuals[4:] > 1e-4).all() and (found.residuals[:4] < 1e-6).all()

@@ -85,7 +85,7 @@ def test_answers_are_those_of_daqp_to_the_bit(direct, monkeypatch) -> None:
 
 
 @pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
-@pytest.mark.parametrize("place", ["_ITERATIONS", "_REDUCTION"])
+@pytest.mark.parametrize("place", ["_ITERATIONS", "_REDUCTION", "_ZERO"])
 def test_settings_in_another_place_are_noticed(place, monkeypatch) -> None:
     """Then DAQP is called through Python."""
     monkeypatch.setattr(daqp_direct, place, 33)

@@ -43,7 +43,8 @@ def test_attempts_are_counted_and_the_solver_named(answers, told, solvable, monk
     if warm is not None:
         assert backend.solve(qp).attempts == 1
         monkeypatch.setattr(Workspace, "solve_warm", lambda *_: scripted[warm])
-    monkeypatch.setattr(Daqp, "answer", lambda *_: scripted[active])
+    for name in ("answer", "finer"):
+        monkeypatch.setattr(Daqp, name, lambda *_: scripted[active])
     monkeypatch.setattr(Workspace, "solve_cold", lambda *_: scripted[cold])
     found = backend.solve(qp)
     assert (found.attempts, found.solver) == told
@@ -72,13 +73,14 @@ def test_attempts_in_bounded_time(answers, told, solvable, monkeypatch) -> None:
     if warm is not None:
         backend.solve(qp)
         monkeypatch.setattr(Workspace, "solve_warm", lambda *_: scripted[warm])
-    monkeypatch.setattr(Daqp, "answer", lambda *_: scripted[active])
+    for name in ("answer", "finer"):
+        monkeypatch.setattr(Daqp, name, lambda *_: scripted[active])
     monkeypatch.setattr(Workspace, "solve_cold", lambda *_: scripted[cold])
     found = backend.solve(qp, quick=True)
     assert (found.attempts, found.solver) == told
     assert found.solved == ("right" in (warm, active)) and found.conflict is None
     monkeypatch.setattr("wbc.qp.proxqp.native_daqp", lambda *_: None)
-    once = backend.solve(qp, workspace=None)
+    once = backend.solve(qp, workspace=None, quick=True)
     assert (once.attempts, once.solver, once.solved) == (1, "daqp", active == "right")
 
 
@@ -116,8 +118,9 @@ def test_rows_in_conflict_are_looked_for_once_if_none_are_found(
     for name in ("solve_warm", "solve_cold"):
         monkeypatch.setattr(Workspace, name, lambda *_: nothing)
     claimed = replace(nothing, claim=Status.INFEASIBLE)
-    monkeypatch.setattr(Daqp, "answer", lambda *_: claimed)
-    monkeypatch.setattr("wbc.qp.kkt.find_conflict", lambda _: looked.append(1))
+    for name in ("answer", "finer"):
+        monkeypatch.setattr(Daqp, name, lambda *_: claimed)
+    monkeypatch.setattr("wbc.qp.kkt.find_conflict", lambda *_, **__: looked.append(1))
     assert backend.solve(qp, quick=True).attempts and not looked
     for times in (1, 2, 3):
         found = backend.solve(qp)

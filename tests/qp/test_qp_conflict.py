@@ -8,6 +8,7 @@ from scipy.optimize import linprog
 
 from wbc.qp import QP, Labels, ProxQP, Status, find_conflict, installed_solvers, make_backend
 from wbc.qp.conflict import Conflict, irreducible
+from wbc.qp.daqp import Daqp
 from wbc.qp.solution import ConflictRow
 
 
@@ -182,6 +183,26 @@ def test_crossed_limits_need_no_solver():
     (row,) = find_conflict(qp).rows
     assert (row.label, row.violation) == ("x1", 1.0)
     assert "crossed" in row.describe()
+
+
+def test_a_point_that_meets_all_rows_saves_the_search(solvable, monkeypatch) -> None:
+    """Within the bounds, at least; one that does not is no help, nor is one that is none."""
+    qp = solvable(np.random.default_rng(3))
+    point, searched = Daqp().solve(qp).x, list[int]()
+    monkeypatch.setattr("wbc.qp.conflict._elastic", lambda *_: searched.append(1) or point)
+    assert find_conflict(qp, guess=point) is None and not searched
+    for guess in (point + 1.0, np.full(point.size, np.nan), None):
+        assert find_conflict(qp, guess=guess) is None and searched
+        searched.clear()
+
+
+def test_rows_are_told_from_bounds() -> None:
+    for side in ("upper limit", "lower limit", "crossed limits"):
+        assert Conflict(
+            (ConflictRow("a", 0.0, 1.0), ConflictRow("b", 0.0, 1.0, side))
+        ).has_inequalities
+    for side in ("equality", "upper bound", "lower bound"):
+        assert not Conflict((ConflictRow("b", 0.0, 1.0, side),)).has_inequalities
 
 
 def test_no_rows_means_no_conflict():

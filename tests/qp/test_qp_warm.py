@@ -107,9 +107,11 @@ def test_cold_answers_are_right_the_first_time(solvable):
 
 def _no_active_set(monkeypatch):
     """DAQP finds nothing."""
-    monkeypatch.setattr(
-        "wbc.qp.daqp.Daqp.answer", lambda _, qp: RawSolution.none(qp, Status.FAILED, "nothing")
-    )
+    for name in ("answer", "finer"):
+        monkeypatch.setattr(
+            f"wbc.qp.daqp.Daqp.{name}",
+            lambda _, qp: RawSolution.none(qp, Status.FAILED, "nothing"),
+        )
 
 
 def test_nan_from_the_solver_never_leaves_as_solved(ticks, monkeypatch):
@@ -252,6 +254,43 @@ def test_a_cost_over_many_decades_is_solved_and_soon():
     solution = ProxQP().solve(qp)
     assert solution.solved
     assert thread_time() - start < 0.02
+
+
+@pytest.mark.parametrize("k", range(4))
+@pytest.mark.parametrize("name", ["daqp", "proxqp", "proxqp once"])
+def test_curvatures_far_apart_are_no_contradiction(name: str, k: int) -> None:
+    """Ticks of the soak, curvatures 1e-6 to 1e13: DAQP said infeasible, or took 300 iterations.
+
+    That they are feasible and solved is seen by their residuals, relative to their own terms.
+    """
+    with np.load(Path(__file__).parent / "curvatures_far_apart.npz") as recorded:
+        names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
+        qp = QP.build(**{name: recorded[f"{name}{k}"] for name in names})
+    start = thread_time()
+    if name == "proxqp once":
+        solution = ProxQP().solve(qp, workspace=None)
+        assert solution.solver == "daqp" and solution.attempts == 1
+    else:
+        solution = make_backend(name).solve(qp)
+    assert thread_time() - start < 0.02
+    assert solution.solved, solution.describe()
+    x, y, z, z_box = solution.x, solution.y, solution.z, solution.z_box
+    assert max(np.abs(qp.A @ x - qp.b).max(), (x - qp.upper).max(), (qp.lower - x).max()) < 1e-9
+    if qp.u.size:
+        assert max((qp.C @ x - qp.u).max(), (qp.l - qp.C @ x).max()) < 1e-9
+    terms = (qp.P @ x, qp.g, y @ qp.A, z @ qp.C, z_box)
+    assert np.abs(sum(terms)).max() < 1e-8 * max(np.abs(term).max() for term in terms)
+
+
+def test_what_will_not_come_again_leaves_no_warm_start(ticks, monkeypatch) -> None:
+    """It is asked of DAQP first; where that finds nothing ProxQP is asked, from nothing."""
+    backend, (qp,) = ProxQP(), ticks(seed=4, count=1)
+    assert backend.solve(qp, workspace=None).solver == "daqp"
+    _no_active_set(monkeypatch)
+    for _ in range(2):
+        found = backend.solve(qp, workspace=None)
+        assert found.solved and found.solver == "proxqp"
+        assert not backend._workspaces
 
 
 def test_iteration_limit_is_reported_and_forgotten(ticks, monkeypatch):

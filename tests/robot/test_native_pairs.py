@@ -106,7 +106,7 @@ def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
         expected = models[1].measure(there, np.arange(len(pairs)))
         for k, (a, b) in enumerate(pairs):
             found = models[0]._native.measure(here.native_state, np.array([k]))
-            if found is None:  # the cores touch
+            if found[0, 0] == -np.inf:  # the cores touch
                 thickness = sum(bodies[i].shape.radius for i in (a, b))
                 assert expected.distance[k] < 1e-6 - thickness
                 handed += 1
@@ -124,6 +124,34 @@ def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
             certified += 1
     assert certified > 1500
     assert handed > 20
+
+
+def test_what_pairs_keep_and_those_that_touch(rng, monkeypatch) -> None:
+    """The least clearances of all pairs; only where bodies touch are they coal's (1e-7 m)."""
+    fast, plain = both("hoap2_like", monkeypatch)
+    bodies = []
+    for joint in range(1, fast.model.njoints):
+        points = 0.1 * rng.normal(size=3) + rng.uniform(0.01, 0.05) * rng.normal(size=(20, 3))
+        corners = points[ConvexHull(points).vertices]
+        bodies.append(Body(str(joint), "base", joint, Hull(corners, 0.01 * (joint % 2))))
+    pairs = random_pairs(bodies, rng, 150)
+    ours, theirs = (CollisionModel(robot, bodies, pairs) for robot in (fast, plain))
+    kept, count, touching = 0.1 * rng.random(len(pairs)), 50, 0
+    for _ in range(10):
+        q, _ = random_state(plain, rng)
+        here, there = fast.snapshot(q), plain.snapshot(q)
+        every = theirs.measure(there, np.arange(len(pairs))).distance - kept
+        found, by_arrays = ours.nearest(here, count, kept), theirs.nearest(there, count, kept)
+        for nearest in (found, by_arrays):
+            clearance = nearest.distance - kept[nearest.pairs]
+            np.testing.assert_allclose(np.sort(clearance), np.sort(every)[:count], atol=1e-6)
+            np.testing.assert_allclose(clearance, every[nearest.pairs], atol=1e-6)
+            assert (np.diff(nearest.pairs) > 0).all()
+        core = ours._native.nearest(here.native_state, count, kept)
+        touching += 0 if core is None else np.count_nonzero(np.isneginf(core[1][0]))
+        again = ours.measure(here, found.pairs)
+        np.testing.assert_allclose(again.distance, found.distance, atol=1e-12)
+    assert touching > 50
 
 
 def test_pairs_as_far_as_the_farthest_do_not_hide_nearer_ones(monkeypatch) -> None:

@@ -103,8 +103,6 @@ class SelfCollision(Margin):
             self.excluded, self.finer = dict(chosen.excluded), dict(chosen.finer)
         self.margins = read_only(np.array(margins or [self.margin] * len(model.pairs)))
         self._kept = self.margins + SKIN
-        # Pairs are found by distance: so many may be nearer than one of less clearance.
-        self._closer = int(np.count_nonzero(self.margins < self.margins.max(initial=0.0)))
         if model.robot is not robot:
             raise InvalidInputError("self-collision: the model was made for another robot object")
         self.model = model
@@ -118,14 +116,11 @@ class SelfCollision(Margin):
         """Return the pairs of least clearance, or those given by their numbers."""
         model = self.model
         found = (
-            model.nearest(snapshot, self.count + self._closer)
+            model.nearest(snapshot, self.count, self._kept)
             if keys is None
             else model.measure(snapshot, keys)
         )
         clearance = found.distance - self._kept.take(found.pairs)
-        if keys is None and len(clearance) > self.count:
-            least = np.sort(np.argpartition(clearance, self.count)[: self.count])
-            clearance, found = clearance[least], found.take(least)
         return Distances(found.pairs, clearance, model.rows(snapshot, found), None, found)
 
     def has_more(self, distances: Distances) -> bool:

@@ -171,7 +171,11 @@ class LevelSolver:
     def solve(
         self, problem: LevelProblem, margins: Bounds | None = None, box: Box | None = None
     ) -> Outcome:
-        """Return the lexicographic optimum with rows of margins, and maybe another box on v+."""
+        """Return the lexicographic optimum with rows of margins.
+
+        ``box``: of an earlier round of this tick, None in the first.
+        """
+        again = box is not None
         box = problem.box if box is None else box
         bounds, held = problem.physics.bounds or margins, problem.contacts
         if problem.physics.bounds is not None and margins is not None:
@@ -179,13 +183,14 @@ class LevelSolver:
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
-        solution = self._solve_first(qp)
+        # Other rows than in the round before: there is no warm start, and will be none.
+        solution = self._solve_first(qp, once=again)
         spent = solution.solve_time
         if solution.status is not Status.SOLVED and self._limits is not None:
             gently = partial(self._solve_qp, workspace=(*self._workspace, "braking"))
             wider = relax_box(qp, self._limits, problem.snapshot, self._dt, gently)
             if wider is not None:
-                qp, solution = wider, self._solve_first(wider)
+                qp, solution = wider, self._solve_first(wider, once=True)
                 spent += solution.solve_time
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
         return (
@@ -240,7 +245,7 @@ class LevelSolver:
             singular = outcome.singular | found
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 return outcome._replace(singular=singular)
-            solution = self._solve_reduced(elimination, level)
+            solution = self._solve_reduced(elimination, once=True)
             outcome = outcome._replace(
                 qp=elimination.full,
                 solution=solution,
@@ -277,20 +282,20 @@ class LevelSolver:
             return qp
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
 
-    def _solve_first(self, qp: QP) -> Solution:
-        """Solve the first level in the chosen formulation."""
+    def _solve_first(self, qp: QP, once: bool) -> Solution:
+        """Solve the first level in the chosen formulation; ``once``: without a warm start."""
         if self._reduced:
             elimination = eliminate(qp)
             if elimination.reduced.g.size > 0:
-                return self._solve_reduced(elimination, level=0)
-        return self._solve_qp(qp, workspace=self._workspace)
+                return self._solve_reduced(elimination, once)
+        return self._solve_qp(qp, workspace=None if once else self._workspace)
 
-    def _solve_reduced(self, elimination: Elimination, level: int) -> Solution:
+    def _solve_reduced(self, elimination: Elimination, once: bool) -> Solution:
         """Solve without the equalities; the answer is that of the full QP, and judged by it."""
-        workspace = (*self._workspace, level)
+        workspace = None if once else self._workspace
         lifted = elimination.lift(self._solve_qp(elimination.reduced, workspace=workspace))
         if lifted.status is Status.SOLVED and not elimination.admits(lifted):
-            return self._solve_qp(elimination.full, workspace=(*workspace, "full"))
+            return self._solve_qp(elimination.full, workspace=None)
         return lifted
 
 

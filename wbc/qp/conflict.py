@@ -39,7 +39,7 @@ _MAX_ITERATIONS = 30
 MOST_ROWS = 80
 
 
-def find_conflict(qp: QP, tolerance: float = 1e-7) -> Conflict | None:
+def find_conflict(qp: QP, tolerance: float = 1e-7, guess: Array | None = None) -> Conflict | None:
     """Return the rows that contradict each other; None when the QP is feasible, or undecided.
 
     Takes milliseconds: for failed ticks only. All rows of the certificate are named; the conflict
@@ -50,6 +50,8 @@ def find_conflict(qp: QP, tolerance: float = 1e-7) -> Conflict | None:
     tolerance:
         The QP counts as feasible when every row, scaled to unit length, can be met within
         tolerance (1 + max |x|). Conflicts below about ten times this remain undecided.
+    guess:
+        (n,) a point that may be feasible: if it is, nothing is searched.
     """
     crossed = _crossed(qp)
     if crossed:
@@ -57,15 +59,23 @@ def find_conflict(qp: QP, tolerance: float = 1e-7) -> Conflict | None:
     rows = _UnitRows.of(qp)
     if not rows.norms.size:
         return None
+    if guess is not None and np.isfinite(guess).all():
+        inside = np.clip(guess, qp.lower, qp.upper)
+        if _is_met(rows.violation(inside), inside, tolerance):
+            return None
     x = _elastic(qp, rows)
     for point in (_polished(qp, rows, x), x):
         violation = rows.violation(point)
-        if np.abs(violation).max() <= tolerance * (1.0 + np.abs(point).max()):
+        if _is_met(violation, point, tolerance):
             return None
         box = -violation @ rows.matrix  # (n,)
         if _is_certificate(qp, rows, violation, box, np.abs(point).max(), tolerance):
             return _named(qp, rows, violation, box)
     return None
+
+
+def _is_met(violation: Array, point: Array, tolerance: float) -> bool:
+    return bool(np.abs(violation).max() <= tolerance * (1.0 + np.abs(point).max()))
 
 
 def least_violation(qp: QP) -> tuple[Array, Array]:

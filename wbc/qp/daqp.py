@@ -89,11 +89,18 @@ class Daqp:
                     if found is not None:
                         return found
         check_qp(qp)
-        return check.judge(qp, self.answer(qp) if answer is None else _raw(qp, *answer))
+        if answer is None:  # theirs, or there is nothing to solve
+            return check.judge(qp, self.answer(qp))
+        raw = _raw(qp, *answer)
+        return check.accept(qp, raw) or check.accept(qp, self.finer(qp), 2) or check.judge(qp, raw)
 
     def answer(self, qp: QP) -> RawSolution:
         """Return DAQP's answer, unchecked."""
         return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations).solve())
+
+    def finer(self, qp: QP) -> RawSolution:
+        """Return the same with a finer zero: see :data:`wbc.qp.daqp_direct.FINE`."""
+        return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations, fine=True).solve())
 
 
 def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:

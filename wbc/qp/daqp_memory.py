@@ -13,7 +13,7 @@ import daqp
 import numpy as np
 
 from wbc.native import address
-from wbc.qp.daqp_direct import Problem, Result, direct_daqp
+from wbc.qp.daqp_direct import FINE, Problem, Result, direct_daqp
 from wbc.qp.kkt import PerThread, Stacked
 from wbc.qp.problem import QP
 from wbc.validate import Array
@@ -33,7 +33,7 @@ class DaqpAnswer(NamedTuple):
 
 
 class DaqpMemory:
-    """Memory for QPs of some size, and DAQP's settings.
+    """Memory for QPs of some size, and DAQP's settings; ``fine``: with a finer zero.
 
     Attributes
     ----------
@@ -41,12 +41,16 @@ class DaqpMemory:
         The QP that is loaded; its point is DAQP's last answer.
     """
 
-    def __init__(self, n: int, mi: int, me: int, eps: float, max_iterations: int) -> None:
+    def __init__(
+        self, n: int, mi: int, me: int, eps: float, max_iterations: int, fine: bool = False
+    ) -> None:
         m = n + mi + me
         self.stacked = stacked = Stacked(n, mi, me)
         self._sense = np.zeros(m, dtype=np.intc)
         self._sense[n + mi :] = EQUALITY
         self._settings: dict[str, Any] = {"primal_tol": 0.1 * eps, "iter_limit": max_iterations}
+        if fine:
+            self._settings["zero_tol"] = FINE
         direct = direct_daqp()
         self._call = None
         if direct.address:
@@ -56,7 +60,8 @@ class DaqpMemory:
             problem = Problem(n, m, n, *places, None, 0, 0)
             # Eliminating equalities makes rows of bounds. Where there are no other rows that costs
             # more than it saves: 20 for 16 us at n = 35; a QP of 59 with 63 rows takes 73 for 88.
-            self._given = problem, direct.settings(eps, max_iterations, 0 if mi else -1)
+            reduction = 0 if mi or fine else -1
+            self._given = problem, direct.settings(eps, max_iterations, reduction, fine)
             arguments = (self._result, *self._given)
             self._addresses = tuple(ctypes.addressof(one) for one in arguments)
             self._call = _QUADPROG(direct.address)
@@ -78,9 +83,9 @@ class DaqpMemory:
 _PER_THREAD = PerThread()
 
 
-def daqp_memory(qp: QP, eps: float, max_iterations: int) -> DaqpMemory:
+def daqp_memory(qp: QP, eps: float, max_iterations: int, fine: bool = False) -> DaqpMemory:
     """Return this thread's memory for QPs of the size of ``qp``, loaded with it."""
-    key = (qp.g.size, qp.u.size, qp.b.size, eps, max_iterations)
+    key = (qp.g.size, qp.u.size, qp.b.size, eps, max_iterations, fine)
     memory: DaqpMemory | None = _PER_THREAD.kept.get(key)
     if memory is None:
         memory = _PER_THREAD.keep(key, DaqpMemory(*key))

@@ -242,7 +242,7 @@ class SolveCheck(NamedTuple):
         if not self.explain:
             return None
         residuals = self._residuals(qp, raw)
-        conflict = None if residuals.primal <= self.eps else find_conflict(qp)
+        conflict = None if residuals.primal <= self.eps else find_conflict(qp, guess=raw.x)
         if conflict is None:
             return None
         return self._solution(raw, Status.INFEASIBLE, residuals, attempts, conflict)

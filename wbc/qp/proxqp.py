@@ -60,17 +60,19 @@ class ProxQP:
     """ProxQP's dense solver, its solutions checked, its failures retried.
 
     Policy: (1) solve in few iterations warm from the last tick, or cold; (2) if our KKT residuals
-    reject that, solve by an active-set method (DAQP, 0.1 to 0.4 ms): weights over many decades
-    stall ProxQP, of 400 QPs that did it solved 396; (3) look for rows in conflict; (4) if there are
-    none settle the active set by a few exact steps (:mod:`wbc.qp.polish`), or accept a solution
-    within 100 eps: a robot that stands still for want of 1e-7 rad/s is worse off, and the residuals
-    tell; (5) do (4) with what ProxQP comes to from nothing; (6) return a status that says what was
-    found. The workspace of a failed tick is dropped, so a failure cannot affect the next tick.
+    reject that, solve by an active-set method (DAQP, 0.1 to 0.4 ms), once more with a finer zero
+    if need be: weights over many decades stall ProxQP; (3) look for rows in conflict; (4) if there
+    are none settle the active set of DAQP's point by a few exact steps (:mod:`wbc.qp.polish`), or
+    accept a solution within 100 eps: a robot that stands still for want of 1e-7 rad/s is worse off,
+    and the residuals tell; (5) accept what ProxQP comes to from nothing, after (4) if DAQP gave no
+    point; (6) return a status that says what was found. The workspace of a failed tick is dropped,
+    so a failure cannot affect the next tick.
     Where ProxQP ran into its cap, the next QPs of that name go to the active-set method first, then
     to step (3) if it calls them infeasible: what stalls once, stalls in every tick, for a
     millisecond each. ProxQP is asked again once both fail (not if ``quick``), and after a while:
-    100 QPs, and twice as many after every stall. Between calls nothing is kept but that and the
-    warm start. ``Solution.solver`` says who answered.
+    100 QPs, and twice as many after every stall. QPs that will not come again always go there
+    first. Between calls nothing is kept but that and the warm start. ``Solution.solver`` says who
+    answered.
 
     Parameters
     ----------
@@ -108,8 +110,8 @@ class ProxQP:
         ----------
         workspace:
             Names the contact set. QPs of the same name and sizes share a warm start, so two
-            contact sets of equal size need two names. None: a QP that will not come again; it is
-            solved by the active-set method, which starts from nothing in a third of the time.
+            contact sets of equal size need two names. None: a QP that will not come again; the
+            active-set method is asked first, which starts from nothing in a third of the time.
         quick:
             Give up after step (2), without a search for the rows in conflict, and before ProxQP is
             asked from nothing for what has no solution: for who knows what to do instead, in
@@ -126,17 +128,17 @@ class ProxQP:
         warm = key in self._workspaces and not paused
         if not (warm and is_sound(qp)):  # else the bounds are judged with the answer
             check_qp(qp)
-        if workspace is None:
+        once = workspace is None
+        if once and quick:
             return self._solve_once(qp, check)
         if quick:
             return self._solve_quickly(qp, check, key, paused)
         exact = None
-        if paused:
-            exact = self._active_set.answer(qp)
-            by = check._replace(solver=Daqp.name)
-            settled = by.accept(qp, exact, 2)
+        if paused or once:
+            attempts, by = 1 if once else 2, check._replace(solver=Daqp.name)
+            exact, settled = self._ask_actively(qp, by, attempts)
             if settled is None and exact.claim is Status.INFEASIBLE:
-                settled = by.refute(qp, exact, 2)
+                settled = by.refute(qp, exact, attempts)
                 check = check._replace(explain=False)  # none was found, and none will be
             if settled is not None:
                 return settled
@@ -157,7 +159,7 @@ class ProxQP:
 
     def _pause(self, workspace: Hashable) -> None:
         """Leave ProxQP in peace for a while, twice as long as the last time."""
-        if self.warm:
+        if self.warm and workspace is not None:
             last = self._pauses.get(workspace)
             length = PAUSE if last is None else min(2 * last.length, LONGEST_PAUSE)
             self._pauses[workspace] = _Pause(length, length)
@@ -193,7 +195,7 @@ class ProxQP:
         accepted = check.accept(qp, raw)
         if accepted is None:
             check_qp(qp)
-        elif self.warm:
+        elif self.warm and key[0] is not None:
             self._workspaces[key] = native
             if last is None:
                 native.cap(min(WARM_ITERATIONS, self.max_iterations))
@@ -204,6 +206,17 @@ class ProxQP:
         native = native_daqp(self._one_off.eps, self._one_off.max_iterations)
         found = None if native is None else native.solve(qp, Daqp.name)
         return found or self._solve_actively(qp, check, self._one_off)
+
+    def _ask_actively(
+        self, qp: QP, by: SolveCheck, attempts: int
+    ) -> tuple[RawSolution, Solution | None]:
+        """Return what the active-set method says, and what is accepted of it."""
+        exact = self._active_set.answer(qp)
+        settled = by.accept(qp, exact, attempts)
+        if settled is None:
+            exact = self._active_set.finer(qp)
+            settled = by.accept(qp, exact, attempts)
+        return exact, settled
 
     def _solve_actively(
         self, qp: QP, check: SolveCheck, solver: Daqp, attempts: int = 1
@@ -219,21 +232,20 @@ class ProxQP:
         """Solve by other means what was not solved, or return a status that says why not."""
         settled, by, raw = None, check._replace(solver=Daqp.name), attempt.raw
         if exact is None:
-            exact = self._active_set.answer(qp)
-            settled = by.accept(qp, exact, 2)
-        settled = settled or check.refute(qp, raw, 2) or self._nearly(qp, by, exact, 2)
-        if settled is not None:
-            return settled
-        if not attempt.cold:
+            exact, settled = self._ask_actively(qp, by, 2)
+        finished = bool(np.isfinite(exact.x).all())  # one of the two is: each takes half a ms
+        settled = settled or check.refute(qp, raw, 2)
+        if settled is None and finished:
+            settled = self._finish(qp, by, exact, 2)
+        if settled is None and not attempt.cold:
             raw = Workspace.create(qp, self.eps, self.max_iterations).solve_cold()
             settled = check.accept(qp, raw, 3)
-        return (
-            settled
-            or self._nearly(qp, check, raw, 4)
-            or check._replace(explain=False).judge(qp, raw, 4)  # refuted it was not
-        )
+        if settled is None:
+            nearly = check._replace(eps=NEARLY * self.eps)
+            settled = nearly.accept(qp, raw, 4) if finished else self._finish(qp, check, raw, 4)
+        return settled or check._replace(explain=False).judge(qp, raw, 4)  # refuted it was not
 
-    def _nearly(
+    def _finish(
         self, qp: QP, check: SolveCheck, raw: RawSolution, attempts: int
     ) -> Solution | None:
         """Return what settles the active set of an answer, or the answer if it is nearly right."""

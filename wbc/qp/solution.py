@@ -72,6 +72,13 @@ class Conflict:
 
     rows: tuple[ConflictRow, ...]
 
+    @property
+    def has_inequalities(self) -> bool:
+        """Whether an inequality row takes part; equalities and bounds of variables are none."""
+        return any(
+            row.side in ("upper limit", "lower limit", "crossed limits") for row in self.rows
+        )
+
     def describe(self, shown: int = 6) -> str:
         """Return one plain sentence that names the first ``shown`` rows."""
         names = "; ".join(row.describe() for row in self.rows[:shown])

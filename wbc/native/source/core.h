@@ -92,11 +92,12 @@ typedef struct {
 } wbc_pairs;
 
 /* Write the numbers, increasing, of the count pairs of least distance, less kept (pairs) if that is
- * not 0, and of these (7, count): distance, normal to the first, point on the first. Returns 0; -1:
- * to be done in Python. scratch holds 9 numbers a body and 9 a pair. */
+ * not 0, and of these (7, count): distance, normal to the first, point on the first. A distance of
+ * -INFINITY: how deep they are inside each other is not known here. Returns 0; -1: to be done in
+ * Python. scratch holds 9 numbers a body and 9 a pair. */
 int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
                 double *scratch, int64_t *chosen, double *nearest);
-/* Write (7, k) of k pairs. Returns 0; -1: to be done in Python. */
+/* Write (7, k) of k pairs, as wbc_nearest does. Returns 0; -1: to be done in Python. */
 int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,
                 double *scratch, double *nearest);
 /* Write the derivatives (k, nv) of distances by v; normals and points (3, k). Returns 0. */

@@ -50,6 +50,8 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     const double now = plan->torque ? MARGIN_BRAKING * plan->dt : INFINITY;
     int64_t *chosen = plan->order;
     if (wbc_nearest(margin->of, state, k, margin->kept, work, chosen, nearest) != 0) return 0;
+    for (int64_t i = 0; i < k; i++)
+        if (nearest[i] == -INFINITY) return 0;
     wbc_pair_rows(margin->of, plan->tree, state, k, chosen, nearest + k, nearest + 4 * k, rows);
     for (int64_t i = 0; i < k; i++) {
         const double *row = rows + i * nv, clearance = nearest[i] - margin->kept[chosen[i]];

@@ -60,8 +60,8 @@ static int measure_capsules(const wbc_pairs *of, const double *placed, int64_t p
     return 1;
 }
 
-/* Of any two bodies, by their corners; false: see convex_distance. */
-static int measure_hulls(const wbc_pairs *of, const double *state, const double *placed,
+/* Of any two bodies, by their corners; -INFINITY where who knows of depths must: convex_distance. */
+static void measure_hulls(const wbc_pairs *of, const double *state, const double *placed,
                          int64_t pair, double *found) {
     const double *rotations = state + ROTATIONS(of->nv);
     const double *origins = state + ORIGINS(of->nv, of->joints), *origin[2];
@@ -79,10 +79,13 @@ static int measure_hulls(const wbc_pairs *of, const double *state, const double 
         there[i] = origin[1][i] - origin[0][i];
         guess[i] = placed[PLACED * first + MIDDLE + i] - placed[PLACED * second + MIDDLE + i];
     }
-    if (!convex_distance(hull, hull + 1, there, guess, found, found + 1, found + 4)) return 0;
+    if (!convex_distance(hull, hull + 1, there, guess, found, found + 1, found + 4)) {
+        memset(found, 0, FOUND * sizeof *found);
+        found[0] = -INFINITY;
+        return;
+    }
     found[0] -= of->rounding[first] + of->rounding[second];
     for (int i = 0; i < 3; i++) found[4 + i] += origin[0][i] - of->rounding[first] * found[1 + i];
-    return 1;
 }
 
 /* The k-th smallest (from 0) of n values, which are put in another order: Hoare's selection. */
@@ -128,7 +131,7 @@ int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const d
     const int64_t pairs = of->pairs;
     double *placed = scratch, *lower = placed + PLACED * of->bodies, *sorted = lower + pairs;
     double *found = sorted + pairs, limit;
-    int64_t k = 0, beyond = 0;
+    int64_t k = 0, beyond = 0, unknown = 0;
     if (count < 1 || pairs < count) return -1;
     place_bodies(of, state, placed);
     if (!bound_by_balls(of, placed, kept, lower)) return -1;
@@ -152,7 +155,8 @@ int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const d
                         own[0] = INFINITY;
                         continue;
                     }
-                    if (!measure_hulls(of, state, placed, p, own)) return -1;
+                    measure_hulls(of, state, placed, p, own);
+                    if (own[0] == -INFINITY && ++unknown >= count) return -1;
                 }
             }
             sorted[measured++] = own[0] - less;
@@ -179,8 +183,9 @@ int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64
     for (int64_t i = 0; i < k; i++) {
         const int64_t p = chosen[i];
         double found[FOUND];
-        if (!(of->solid[p] ? measure_hulls(of, state, scratch, p, found)
-                           : measure_capsules(of, scratch, p, found)))
+        if (of->solid[p])
+            measure_hulls(of, state, scratch, p, found);
+        else if (!measure_capsules(of, scratch, p, found))
             return -1;
         for (int r = 0; r < FOUND; r++) nearest[r * k + i] = found[r];
     }

@@ -128,19 +128,53 @@ class CollisionModel:
         if self._native is not None and snapshot.native_state is not None:
             found = self._native.measure(snapshot.native_state, pairs)
             if found is not None:
+                self._fill_in(snapshot, pairs, found)
                 return _pair_distances(snapshot, pairs, found)
         return _pair_distances(snapshot, *self._measured(snapshot, None, pairs, len(pairs)))
 
-    def nearest(self, snapshot: Snapshot, count: int | None = None) -> PairDistances:
-        """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`."""
+    def nearest(
+        self, snapshot: Snapshot, count: int | None = None, kept: Array | None = None
+    ) -> PairDistances:
+        """Return the ``count`` nearest pairs, or all, in the order of :attr:`pairs`.
+
+        ``kept`` (N,) is what each pair keeps: those are nearest whose distance is least above it.
+        """
         if count is not None and count < 1:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
         if self._native is not None and snapshot.native_state is not None and total:
-            nearest = self._native.nearest(snapshot.native_state, count)
-            if nearest is not None:
+            nearest = self._native.nearest(snapshot.native_state, count, kept)
+            if nearest is not None and self._fill_in(snapshot, *nearest, kept):
                 return _pair_distances(snapshot, *nearest)
+        if kept is None:
+            return self._nearest(snapshot, count)
+        # Pairs are found by distance: so many may be nearer than one of less clearance.
+        closer = int(np.count_nonzero(kept < kept.max(initial=0.0)))
+        found = self._nearest(snapshot, min(count + closer, total))
+        if len(found.pairs) == count:
+            return found
+        clearance = found.distance - kept.take(found.pairs)
+        return found.take(np.sort(np.argpartition(clearance, count)[:count]))
+
+    def _fill_in(
+        self, snapshot: Snapshot, pairs: Index, found: Array, kept: Array | None = None
+    ) -> bool:
+        """Measure what the core could not; False if some that it took for nearest may not be."""
+        lacking = np.flatnonzero(found[0] == -np.inf)
+        if not lacking.size or self._solids is None:
+            return True
+        chosen = pairs.take(lacking)
+        found[:, lacking] = self._solids.measure(snapshot, self._solid_number.take(chosen))
+        left = found[0] if kept is None else found[0] - kept.take(pairs)
+        worst = float(np.maximum.reduce(left.take(lacking)))
+        return lacking.size == left.size or worst <= float(
+            np.maximum.reduce(np.delete(left, lacking))
+        )
+
+    def _nearest(self, snapshot: Snapshot, count: int) -> PairDistances:
+        """Return the nearest pairs, by arrays and coal."""
+        total = len(self.pairs)
         tried = self._candidates * count
         if tried >= total:
             return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))

@@ -93,11 +93,14 @@ class NativePairs:
         """Set the corners (k, 3) of a body of joint 0 in the world."""
         self._corner[:, self._first[body] : self._first[body + 1]] = core.T
 
-    def nearest(self, state: NativeState, count: int) -> tuple[Index, Array] | None:
-        """Return the ``count`` nearest pairs.
+    def nearest(
+        self, state: NativeState, count: int, kept: Array | None = None
+    ) -> tuple[Index, Array] | None:
+        """Return the ``count`` pairs of least distance, or of least distance less ``kept`` (N,).
 
-        Their numbers, increasing, and what is nearest (7, k). None where some bodies touch: how
-        deep they are inside each other is not known here.
+        Their numbers, increasing, and what is nearest (7, k). The distance of bodies that touch is
+        -infinity: how deep they are inside each other is not known here. None where the axes of
+        capsules touch, or more than ``count`` pairs of others.
         """
         bodies, pairs = self.counts
         scratch, found = np.empty(9 * (bodies + pairs)), np.empty((7, count))
@@ -105,8 +108,9 @@ class NativePairs:
         struct = self.struct(state.tree)
         arrays = state.array, scratch, chosen, found
         at, work, numbers, nearest = map(address, arrays)
+        less = None if kept is None else address(kept)
         core = state.tree.core
-        said = core.wbc_nearest(ctypes.addressof(struct), at, count, 0, work, numbers, nearest)
+        said = core.wbc_nearest(ctypes.addressof(struct), at, count, less, work, numbers, nearest)
         return None if said else (chosen, found)
 
     def measure(self, state: NativeState, pairs: Index) -> Array | None:
