@@ -4,7 +4,6 @@ All of them, or those that are named: python -m docs.make_pictures walk_g1 fig6_
 """
 
 import json
-import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -16,6 +15,7 @@ import numpy as np
 from PIL import Image  # matplotlib brings it
 
 from benchmarks.balance_figures import pushes_figure, regions_figure
+from benchmarks.footsteps import landed
 from benchmarks.push_recovery import largest_impulses
 from benchmarks.region_of_attraction import lean_grid, region_of_attraction
 from wbc.gait.given import in_world
@@ -38,9 +38,6 @@ from wbc.view.options import View
 from wbc.view.portrait import Pose
 from wbc.view.simulation import plot_simulation
 from wbc.view.style import save
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))  # they import each other by name
-from footsteps import landed
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
