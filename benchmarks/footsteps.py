@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from disturbed import mass_of
 
-from benchmarks.disturbed import mass_of
 from wbc.gait import Footstep
 from wbc.gait.given import in_world
 from wbc.gait.phases import planar_feet

@@ -5,7 +5,7 @@ all around; the full equations of motion are integrated. The largest impulse tha
 to rest upright, masses turned back, no bound broken, and so do its neighbours 1 mrad either way) is
 found by bisection. Bounds are those of the sole without the law's CoP margin.
 
-    python -m benchmarks.push_recovery [--body g1] [--directions 16] [--grid 20] [--output FILE]
+    python benchmarks/push_recovery.py [--body g1] [--directions 16] [--grid 20] [--output FILE]
 """
 
 import os
@@ -20,8 +20,8 @@ from time import thread_time
 
 import numpy as np
 from numpy.typing import ArrayLike
+from region_of_attraction import rest_error
 
-from benchmarks.region_of_attraction import rest_error
 from wbc.errors import InvalidInputError
 from wbc.polygon import inset
 from wbc.qp import make_backend

@@ -30,8 +30,8 @@ from time import perf_counter, thread_time
 from typing import Any
 
 import numpy as np
+from tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 
-from benchmarks.tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 from wbc.bench.compare import Verdict
 from wbc.bench.measure import reference_time
 from wbc.bench.page import put_section

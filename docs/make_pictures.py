@@ -4,6 +4,7 @@ All of them, or those that are named: python -m docs.make_pictures walk_g1 fig6_
 """
 
 import json
+import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -14,10 +15,13 @@ from typing import Any
 import numpy as np
 from PIL import Image  # matplotlib brings it
 
-from benchmarks.balance_figures import pushes_figure, regions_figure
-from benchmarks.footsteps import landed
-from benchmarks.push_recovery import largest_impulses
-from benchmarks.region_of_attraction import lean_grid, region_of_attraction
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))  # they import each other by name
+
+from balance_figures import pushes_figure, regions_figure
+from footsteps import landed
+from push_recovery import largest_impulses
+from region_of_attraction import lean_grid, region_of_attraction
+
 from wbc.gait.given import in_world
 from wbc.gait.phases import planar_feet
 from wbc.gait.swing import turned

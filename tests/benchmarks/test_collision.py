@@ -1,16 +1,11 @@
 """The benchmark of margins: where pairs that stand near keep less than the others."""
 
-import sys
-from pathlib import Path
-
+import collision
 import numpy as np
 import pytest
 
 from wbc.constraints import Limits, SelfCollision
 from wbc.robot import Robot
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-import collision
 
 
 @pytest.mark.slow

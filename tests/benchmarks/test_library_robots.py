@@ -1,18 +1,13 @@
 """The sweep over example-robot-data: its judge of raw shapes finds what is broken."""
 
-import sys
-from pathlib import Path
-
 import coal
+import library_robots
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from wbc.constraints import SelfCollision
 from wbc.robot import Robot
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-import library_robots
 
 
 @pytest.fixture(scope="module")
