@@ -63,7 +63,9 @@ lowest:
 # the run before.
 RESULTS := benchmarks/RESULTS.md
 bench: $(VENV)/dev.stamp
-	$(BIN)/wbc bench --ticks 100 --output $(RESULTS)
+	mkdir -p build
+	$(BIN)/wbc bench --ticks 100 --output build/solvers.md
+	$(BIN)/python benchmarks/sections.py $(RESULTS) solvers build/solvers.md
 	-PYTHON=$(CURDIR)/$(BIN)/python bash benchmarks/peers/environments.sh
 	$(BIN)/python benchmarks/peers/run.py --output $(RESULTS)
 	$(BIN)/python benchmarks/campaign.py --only scaling --output $(RESULTS)
