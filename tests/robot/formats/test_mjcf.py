@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.constraints import SelfCollision
 from wbc.errors import ModelError
 from wbc.robot import Robot
 
@@ -126,11 +127,17 @@ def test_a_shape_whose_mesh_is_missing_is_left_out_alone(tmp_path: Path) -> None
         + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="gone"/>'
         + MESH
     )
-    robot = Robot.load(mjcf(tmp_path, inner=inner, compiler=assets))
+    path = mjcf(tmp_path, inner=inner, compiler=assets)
+    robot = Robot.load(path)
     (note,) = (note for note in robot.notes if "meshes" in note)
-    assert "2 meshes" in note and "none.stl of body 'shank'" in note and "gone.stl" in note
+    assert "2 shapes" in note and "none.stl of body 'shank'" in note and "gone.stl" in note
     kinds = [type(shape.geometry).__name__ for shape in robot.collision_model.geometryObjects]
     assert kinds == ["Box", "Capsule"]
+    with pytest.raises(ModelError, match=r"not found: gone\.stl of body 'shank', none\.stl of"):
+        SelfCollision(robot, margin=0.01)  # which would not see them
+    only_drawn = path.read_text().replace('type="mesh"', 'type="mesh" contype="0" conaffinity="0"')
+    path.write_text(only_drawn)
+    SelfCollision(Robot.load(path), margin=0.01)
 
 
 def test_loading_reads_the_meshes_of_feet_only(tmp_path: Path) -> None:

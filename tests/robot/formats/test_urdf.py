@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.constraints import SelfCollision
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError
 from wbc.robot import Robot
 
@@ -279,6 +280,8 @@ def test_shapes_that_urdf_does_not_know_are_noted(tmp_path: Path, capfd) -> None
     assert note.startswith("3 shapes")
     assert "<ellipsoid> as collision of link 'shank'" in note
     assert "nothing as visual of link 'shank'" in note
+    with pytest.raises(ModelError, match="not found: <ellipsoid> of link 'shank', nothing of"):
+        SelfCollision(robot, margin=0.01)  # which would not see them
     assert [type(s.geometry).__name__ for s in robot.collision_model.geometryObjects] == ["Sphere"]
     assert capfd.readouterr() == ("", "")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections import Counter
 from functools import partial
 
@@ -13,7 +12,6 @@ import pinocchio as pin
 from wbc.errors import ModelError, UnknownNameError
 from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
-from wbc.robot.formats.xml import read_xml
 from wbc.robot.geometry import AROUND, triangulated
 from wbc.robot.model import Robot
 from wbc.validate import Array
@@ -36,7 +34,7 @@ def robot_bodies(robot: Robot, fit: str = "capsule") -> tuple[Body, ...]:
     Raises
     ------
     ModelError
-        A mesh that the description names was not found, or there are no collision shapes at all.
+        A collision shape of the description was not found, or there are none at all.
     UnknownNameError
         No such fit.
     """
@@ -60,7 +58,7 @@ def named_shapes(robot: Robot) -> list[tuple[str, str, pin.GeometryObject]]:
         See :func:`robot_bodies`.
     """
     shapes = robot.collision_model
-    _refuse_missing(robot, shapes)
+    _refuse_missing(robot)
     if not shapes.ngeoms:
         raise ModelError(
             f"{robot.path}: no collision shapes; give the links <collision> elements (their"
@@ -139,26 +137,13 @@ def _prism(radius: float, half: float) -> Fit:
     return Fit(Hull(np.concatenate(ends)), outer - radius)
 
 
-def _refuse_missing(robot: Robot, shapes: pin.GeometryModel) -> None:
-    """Refuse a URDF whose collision meshes were not all found: a part of the robot is unseen."""
-    root = read_xml(robot.path)
-    if root.tag != "robot":
-        return
-    loaded = Counter(
-        str(robot.model.frames[shape.parentFrame].name) for shape in shapes.geometryObjects
-    )
-    missing = []
-    for link in root.findall("link"):
-        elements = link.findall("collision")
-        if loaded[link.get("name", "")] < len(elements):
-            missing += [f"{name} of link {link.get('name')!r}" for name in _meshes(elements)]
-    if missing:
+def _refuse_missing(robot: Robot) -> None:
+    """Refuse a robot whose collision shapes are not all there: a part of it is unseen."""
+    if robot.geometry.lost:
+        some = ", ".join(robot.geometry.lost[:5])
+        more = f" and {len(robot.geometry.lost) - 5} more" if len(robot.geometry.lost) > 5 else ""
         raise ModelError(
-            f"{robot.path}: collision meshes not found: {', '.join(missing)}; install the package"
-            " that holds them, or name its folder in package_dirs"
+            f"{robot.path}: collision shapes not found: {some}{more}; install the package that"
+            " holds the meshes, or name its folder in package_dirs; what is no mesh has to be"
+            " described by shapes that the format knows"
         )
-
-
-def _meshes(elements: list[ET.Element]) -> list[str]:
-    meshes = [element.find("geometry/mesh") for element in elements]
-    return [str(mesh.get("filename")) for mesh in meshes if mesh is not None]

@@ -91,6 +91,11 @@ def confirm(
 class GeometrySource(Protocol):
     """Where the shapes of a robot come from; meshes are slow to load, hence on demand."""
 
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """The collision shapes of the file that could not be had, in words: they are unseen."""
+        ...
+
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:

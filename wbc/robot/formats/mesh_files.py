@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,13 +39,15 @@ _DEEPEST = 100  # nodes inside each other
 _LINES = {"lines", "linestrips"}
 
 
-def resolve_meshes(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> tuple[str, ...]:
+def resolve_meshes(
+    root: ET.Element, path: Path, package_dirs: tuple[Path, ...]
+) -> dict[str, list[str]]:
     """Make every mesh name in the URDF absolute, and leave out shapes whose file is missing.
 
     Returns
     -------
-    notes : tuple of str
-        One for collision and one for visual shapes, if any was left out.
+    missing : dict of str to list of str
+        What was left out of ``collision`` and ``visual`` shapes.
     """
     folders = (*package_dirs, *path.resolve().parents, *_ros_folders())
     missing: dict[str, list[str]] = {"collision": [], "visual": []}
@@ -62,6 +64,11 @@ def resolve_meshes(root: ET.Element, path: Path, package_dirs: tuple[Path, ...])
                     link.remove(shape)
                 else:
                     mesh.set("filename", str(found))
+    return missing
+
+
+def missing_notes(missing: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Return a note for each kind of which something was left out."""
     return tuple(
         f"{len(names)} {tag} meshes not found and left out: {', '.join(names[:3])}"
         + (", ..." if len(names) > 3 else "")

@@ -51,10 +51,13 @@ class MjcfGeometry:
     ----------
     text, path:
         The document, without shapes whose mesh file is missing, and the file it was made of.
+    lost:
+        Those of these shapes that collide.
     """
 
     text: str
     path: Path
+    lost: tuple[str, ...]
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
@@ -106,12 +109,15 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
     confirm(model, _carried_masses(root, path), [name for name in names if name], path)
     bound_efforts(model, root, path)
-    notes += _leave_out_missing_meshes(root)
+    missing, lost = _leave_out_missing_meshes(root)
+    if missing:
+        some = ", ".join(missing[:3]) + (", ..." if len(missing) > 3 else "")
+        notes += (f"{len(missing)} shapes left out, as their meshes were not found: {some}",)
     return Description(
         name=root.get("model", path.stem),
         path=path,
         model=model,
-        geometry=MjcfGeometry(ET.tostring(root, encoding="unicode"), path),
+        geometry=MjcfGeometry(ET.tostring(root, encoding="unicode"), path, lost),
         coupled=coupled,
         states=dict(_key_frames(model)),
         base=base,
@@ -287,20 +293,21 @@ def _mesh_files(root: ET.Element) -> dict[str, Path]:
     }
 
 
-def _leave_out_missing_meshes(root: ET.Element) -> tuple[str, ...]:
-    """Remove shapes whose mesh file is missing, for which Pinocchio would read none at all."""
+def _leave_out_missing_meshes(root: ET.Element) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Remove shapes whose mesh file is missing, for which Pinocchio would read none at all.
+
+    Return them in words, and those that collide.
+    """
     missing = {name: file for name, file in _mesh_files(root).items() if not file.is_file()}
-    named = dict[str, str]()
+    shapes = dict[str, bool]()
     for body in root.findall("worldbody//body"):
-        lost = [geom for geom in body.findall("geom") if geom.get("mesh") in missing]
-        _remove(body, lost)
-        for geom in lost:
-            file = missing[geom.get("mesh", "")].name
-            named[file] = f"{file} of body {body.get('name', '?')!r}"
-    if not missing:
-        return ()
-    some = ", ".join([*named.values()][:3]) + (", ..." if len(named) > 3 else "")
-    return (f"{len(missing)} meshes not found and their shapes left out: {some}",)
+        gone = [geom for geom in body.findall("geom") if geom.get("mesh") in missing]
+        for geom in gone:
+            name = f"{missing[geom.get('mesh', '')].name} of body {body.get('name', '?')!r}"
+            drawn = geom.get("contype") == geom.get("conaffinity") == "0"
+            shapes[name] = shapes.get(name, False) or not drawn
+        _remove(body, gone)
+    return tuple(shapes), tuple(name for name, collides in shapes.items() if collides)
 
 
 def _remove(parent: ET.Element, children: Iterable[ET.Element]) -> None:

@@ -23,7 +23,12 @@ from wbc.robot.formats.description import (
     confirm,
     pinocchio_reads,
 )
-from wbc.robot.formats.mesh_files import exact_meshes, refuse_huge_meshes, resolve_meshes
+from wbc.robot.formats.mesh_files import (
+    exact_meshes,
+    missing_notes,
+    refuse_huge_meshes,
+    resolve_meshes,
+)
 from wbc.robot.formats.xml import LARGEST, numbers
 from wbc.robot.limits import UNLIMITED
 
@@ -44,10 +49,14 @@ _SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "vi
 
 @dataclass(frozen=True)
 class UrdfGeometry:
-    """Shapes of a URDF: its text, in which mesh names are absolute and missing meshes left out."""
+    """Shapes of a URDF: its text, in which mesh names are absolute and missing meshes left out.
+
+    ``lost`` are the collision shapes that were left out.
+    """
 
     text: str
     path: Path
+    lost: tuple[str, ...]
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
@@ -85,7 +94,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     joints, base = _checked_tree(root, path)
     if root.get("version", "1.0") == "1.0":
         root.set("version", "1.1")  # before it the parser drops capsules, and prints
-    shapeless = list[str]()
+    shapeless = list[tuple[str, str, str]]()
     for link in root.findall("link"):
         where = f"{path}: link {link.get('name')!r}"
         _check_inertial(link, where)
@@ -93,10 +102,13 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     for joint in joints:
         _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
     coupled = dict(_coupled_joints(joints, path))
-    notes = resolve_meshes(root, path, package_dirs)
+    missing = resolve_meshes(root, path, package_dirs)
+    notes = missing_notes(missing)
     if shapeless:
-        some = ", ".join(shapeless[:3]) + (", ..." if len(shapeless) > 3 else "")
-        notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
+        some = ", ".join(f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless[:3])
+        more = ", ..." if len(shapeless) > 3 else ""
+        notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}{more}",)
+    lost = [f"{what} of link {link!r}" for tag, what, link in shapeless if tag == "collision"]
     text = ET.tostring(root, encoding="unicode")
     floats = any(joint.get("type") == "floating" for joint in joints)
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
@@ -108,7 +120,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         name=root.get("name", path.stem),
         path=path,
         model=model,
-        geometry=UrdfGeometry(text, path),
+        geometry=UrdfGeometry(text, path, (*missing["collision"], *lost)),
         coupled=coupled,
         bolted=None if floats else f"the root link is called {base!r}" if base in BOLTED else "",
         notes=notes,
@@ -225,8 +237,10 @@ def _check_inertial(link: ET.Element, where: str) -> None:
     _check_origin(inertial, where)
 
 
-def _check_shapes(link: ET.Element, where: str) -> Iterator[str]:
-    """Refuse shapes with wrong numbers; remove and yield those without a solid that is known.
+def _check_shapes(link: ET.Element, where: str) -> Iterator[tuple[str, str, str]]:
+    """Refuse shapes with wrong numbers; remove those without a solid that is known.
+
+    Of these what they are for, what they are and their link are yielded.
 
     The parser would print about both and leave them out.
     """
@@ -236,7 +250,7 @@ def _check_shapes(link: ET.Element, where: str) -> Iterator[str]:
         if not solids or solids[0].tag not in SIZES:  # the parser reads the first one
             link.remove(shape)
             found = f"<{solids[0].tag}>" if solids else "nothing"
-            yield f"{found} as {shape.tag} of link {link.get('name')!r}"
+            yield shape.tag, found, link.get("name", "")
             continue
         for solid in solids:
             for key, count in SIZES.get(solid.tag, {}).items():
