@@ -121,28 +121,18 @@ def plan_turn(
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """A path to be found.
-
-    Attributes
-    ----------
-    moving:
-        Indices of the joints that move, among all (nv-6).
-    lower, upper:
-        What these may do, from where they are at the start.
-    rate:
-        The robot's mechanical connection.
-    end, slopes:
-        From the coefficients, joint by joint, to the quaternion's vector part (3,) after a round,
-        and to its Jacobian.
-    """
+    """A path to be found."""
 
     robot: Robot
     posture: Array
-    moving: NDArray[np.int64]
+    moving: NDArray[np.int64]  # indices of the joints that move, among all (nv-6)
+    # lower and upper: what these may do, from where they are at the start.
     lower: Array
     upper: Array
     collision: SelfCollision | None
-    rate: ca.Function
+    rate: ca.Function  # the robot's mechanical connection
+    # end and slopes: from the coefficients, joint by joint, to the quaternion's vector part (3,)
+    # after a round, and to its Jacobian.
     end: ca.Function
     slopes: ca.Function
 

@@ -36,18 +36,10 @@ def even_phases(count: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A closed path, gone round once while its phase goes from 0 to 2 pi.
+    """A closed path, gone round once while its phase goes from 0 to 2 pi."""
 
-    Attributes
-    ----------
-    start:
-        (k,) joints at phase 0 [rad or m].
-    coefficients:
-        (2 h, k) of :func:`harmonics`.
-    """
-
-    start: Array
-    coefficients: Array
+    start: Array  # (k,) joints at phase 0 [rad or m]
+    coefficients: Array  # (2 h, k) of :func:`harmonics`
 
     def at(self, phases: Array, derivative: int = 0) -> Array:
         """Return the joints (n, k) at phases (n,), or a derivative by the phase."""

@@ -74,56 +74,29 @@ class Standing:
 
 @dataclass(frozen=True)
 class DoubleSupport:
-    """On both feet, the pressure on its way.
+    """On both feet, the pressure on its way."""
 
-    Attributes
-    ----------
-    support:
-        The foot that will bear.
-    start:
-        Where the VRP began (2,) [m].
-    duration, left:
-        [s].
-    halts:
-        Whether it comes to rest between the feet.
-    unloading:
-        Whether the other foot is being relieved.
-    """
-
-    support: str
-    start: Array
-    duration: float
-    left: float
-    halts: bool = False
-    unloading: bool = False
+    support: str  # the foot that will bear
+    start: Array  # where the VRP began (2,) [m]
+    duration: float  # [s]
+    left: float  # [s]
+    halts: bool = False  # whether it comes to rest between the feet
+    unloading: bool = False  # whether the other foot is being relieved
 
 
 @dataclass(frozen=True)
 class SingleSupport:
-    """On one foot.
+    """On one foot."""
 
-    Attributes
-    ----------
-    support:
-        The foot that bears.
-    swing:
-        The other one.
-    elapsed, left:
-        Since it began, and until the other foot lands; below zero if that is late [s].
-    goal:
-        Where it lands (2,) [m].
-    offset:
-        Of the DCM from there, when that foot alone begins to bear (2,) [m].
-    given:
-        The footstep that it is asked to make, and those after it, if any.
-    """
-
-    support: str
-    swing: SwingFoot
+    support: str  # the foot that bears
+    swing: SwingFoot  # the other one
+    # elapsed and left: since it began, and until the other foot lands; below zero if that is late
+    # [s].
     elapsed: float
     left: float
-    goal: Array
-    offset: Array
+    goal: Array  # where it lands (2,) [m]
+    offset: Array  # of the DCM from there, when that foot alone begins to bear (2,) [m]
+    # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()
 
     @classmethod

@@ -30,41 +30,19 @@ SAMPLES = 33
 
 @dataclass(frozen=True)
 class Legs:
-    """Sizes and abilities, of the weaker leg, in the standing posture.
+    """Sizes and abilities, of the weaker leg, in the standing posture."""
 
-    Attributes
-    ----------
-    length:
-        Largest distance of the ankle from the hip [m].
-    hip_height:
-        Of the hip over the ankle [m].
-    com_height:
-        Of the CoM over the soles [m].
-    width:
-        Distance of the soles' middles from each other [m].
-    sole_width:
-        Of the wider sole, from side to side [m].
-    swing_speed:
-        At which a foot can be swung forwards by its hip, relative to the hip [m/s].
-    swing_acceleration:
-        Likewise, by the hip's torque against the leg's inertia [m/s^2].
-    turn:
-        How far a foot can be turned about the vertical, either way [rad].
-    turn_speed:
-        At which a foot can be turned so [rad/s].
-    bearing_length:
-        Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
-    """
-
-    length: float
-    hip_height: float
-    com_height: float
-    width: float
-    sole_width: float
+    length: float  # largest distance of the ankle from the hip [m]
+    hip_height: float  # of the hip over the ankle [m]
+    com_height: float  # of the CoM over the soles [m]
+    width: float  # distance of the soles' middles from each other [m]
+    sole_width: float  # of the wider sole, from side to side [m]
+    # At which a foot can be swung forwards by its hip, relative to the hip [m/s].
     swing_speed: float
-    swing_acceleration: float
-    turn: float
-    turn_speed: float
+    swing_acceleration: float  # likewise, by the hip's torque against the leg's inertia [m/s^2]
+    turn: float  # how far a foot can be turned about the vertical, either way [rad]
+    turn_speed: float  # at which a foot can be turned so [rad/s]
+    # Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
     bearing_length: float
 
     @classmethod

@@ -18,22 +18,12 @@ from wbc.validate import Array, by_name
 
 
 class Stance(NamedTuple):
-    """How a robot stands.
+    """How a robot stands."""
 
-    Attributes
-    ----------
-    q:
-        (nq,) its posture, on the ground.
-    bolted:
-        Whether its base is fixed.
-    notes:
-        What was guessed or turned, in words.
-    """
-
-    q: Array
+    q: Array  # (nq,) its posture, on the ground
     feet: Mapping[str, Foot]
-    bolted: bool
-    notes: tuple[str, ...]
+    bolted: bool  # whether its base is fixed
+    notes: tuple[str, ...]  # what was guessed or turned, in words
 
 
 def find_stance(

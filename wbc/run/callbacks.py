@@ -24,19 +24,13 @@ PROGRESS_EVERY = 10  # ticks
 
 @dataclass
 class Callbacks:
-    """What one run calls, see :func:`wbc.run.simulate`; whatever is None is left out.
-
-    Attributes
-    ----------
-    interrupted:
-        When the run was asked to end [s]; None if it was not.
-    """
+    """What one run calls, see :func:`wbc.run.simulate`; whatever is None is left out."""
 
     progress: Progress | None = None
     observe: Observe | None = None
     cancelled: Cancelled | None = None
     show: Show | None = None
-    interrupted: float | None = None
+    interrupted: float | None = None  # when the run was asked to end [s]; None if it was not
 
     def tick(self, now: LoopTick, controller: Controller | None) -> None:
         """Hand on a tick of the loop, and the controller that answered."""

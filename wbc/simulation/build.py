@@ -44,30 +44,15 @@ class Sole(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A compiled model, and what its parts stand for.
+    """A compiled model, and what its parts stand for."""
 
-    Attributes
-    ----------
-    model:
-        ``mujoco.MjModel``.
-    bodies:
-        MuJoCo's body of each Pinocchio joint (njoints); 0 for the world.
-    feet:
-        For each geom the foot whose sole it belongs to, or an empty text.
-    links:
-        For each geom the link it belongs to; empty for the ground and its steps.
-    soles:
-        The frames of the soles.
-    notes:
-        What was left out, in words.
-    """
-
-    model: Any
-    bodies: tuple[int, ...]
-    feet: tuple[str, ...]
+    model: Any  # mujoco.MjModel
+    bodies: tuple[int, ...]  # MuJoCo's body of each Pinocchio joint (njoints); 0 for the world
+    feet: tuple[str, ...]  # for each geom the foot whose sole it belongs to, or an empty text
+    # For each geom the link it belongs to; empty for the ground and its steps.
     links: tuple[str, ...]
-    soles: tuple[Sole, ...]
-    notes: tuple[str, ...]
+    soles: tuple[Sole, ...]  # the frames of the soles
+    notes: tuple[str, ...]  # what was left out, in words
 
 
 def build(

@@ -28,29 +28,15 @@ ALONG = 0.3  # cosine of the angle from which on a joint's axis does not count
 
 
 class PushBounds(NamedTuple):
-    """Impulses [N s] by direction (n,).
+    """Impulses [N s] by direction (n,)."""
 
-    Attributes
-    ----------
-    angles:
-        Of the directions [rad], 0 along world x.
-    ankle:
-        M omega d: at once, by the CoP.
-    pulse:
-        The same for a push that takes its time.
-    wheel:
-        By CoP and reaction mass, for a push that takes its time; None: ``why_no_wheel``.
-    omega:
-        sqrt(g / z) [1/s].
-    reaction_mass:
-        Inertia about x and y [kg m^2], torque [N m] about each, and angle [rad].
-    """
-
-    angles: Array
-    ankle: Array
-    pulse: Array
+    angles: Array  # of the directions [rad], 0 along world x
+    ankle: Array  # M omega d: at once, by the CoP
+    pulse: Array  # the same for a push that takes its time
+    # By CoP and reaction mass, for a push that takes its time; None: ``why_no_wheel``.
     wheel: Array | None
-    omega: float
+    omega: float  # sqrt(g / z) [1/s]
+    # Inertia about x and y [kg m^2], torque [N m] about each, and angle [rad].
     reaction_mass: dict[str, Any]
     why_no_wheel: str
 

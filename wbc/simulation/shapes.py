@@ -28,21 +28,12 @@ Labels = dict[str, tuple[str, str]]
 
 @dataclass(frozen=True)
 class ShapeOptions:
-    """Which shapes of a robot touch what.
+    """Which shapes of a robot touch what."""
 
-    Attributes
-    ----------
-    links:
-        The links' collision shapes meet the ground, not only the soles.
-    steps:
-        There are steps for the soles' sides to meet.
-    self_collision:
-        Links meet each other too, in the pairs that :func:`wbc.robot.collision.select_pairs` finds
-        worth keeping apart.
-    """
-
-    links: bool = True
-    steps: bool = False
+    links: bool = True  # the links' collision shapes meet the ground, not only the soles
+    steps: bool = False  # there are steps for the soles' sides to meet
+    # Links meet each other too, in the pairs that :func:`wbc.robot.collision.select_pairs` finds
+    # worth keeping apart.
     self_collision: bool = False
 
 

@@ -113,40 +113,22 @@ class GeometrySource(Protocol):
 
 @dataclass(frozen=True)
 class Description:
-    """What one URDF or MJCF file says.
+    """What one URDF or MJCF file says."""
 
-    Attributes
-    ----------
-    name:
-        The robot's name in the file.
-    path:
-        The file.
-    model:
-        Kinematics and inertias, all joints free; joint 1 is the free-flyer.
-    geometry:
-        Loads the collision or visual shapes when asked.
-    coupled:
-        Joints that the file ties to another one (mimic or equality).
-    states:
-        Named configurations the file holds (MJCF key frames).
-    base:
-        Where the file puts the root body, as a free-flyer's q (x, y, z, quaternion x, y, z, w).
-    bolted:
-        Why the root is taken to be bolted to the world unless it has feet; empty if the file does
-        not tell, None if it says that the root floats.
-    notes:
-        What was tolerated, in words.
-    """
-
-    name: str
-    path: Path
-    model: pin.Model
-    geometry: GeometrySource
+    name: str  # the robot's name in the file
+    path: Path  # the file
+    model: pin.Model  # kinematics and inertias, all joints free; joint 1 is the free-flyer
+    geometry: GeometrySource  # loads the collision or visual shapes when asked
+    # Joints that the file ties to another one (mimic or equality).
     coupled: Mapping[str, Coupling] = field(default_factory=dict)
+    # Named configurations the file holds (MJCF key frames).
     states: Mapping[str, State] = field(default_factory=dict)
+    # Where the file puts the root body, as a free-flyer's q (x, y, z, quaternion x, y, z, w).
     base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    # Why the root is taken to be bolted to the world unless it has feet; empty if the file does
+    # not tell, None if it says that the root floats.
     bolted: str | None = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was tolerated, in words
 
 
 def lock_joints(

@@ -45,19 +45,13 @@ QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 
 @dataclass(frozen=True)
 class MjcfGeometry:
-    """Shapes of a plain MJCF document (see :mod:`wbc.robot.formats.mjcf_document`).
+    """Shapes of a plain MJCF document (see :mod:`wbc.robot.formats.mjcf_document`)."""
 
-    Attributes
-    ----------
-    text, path:
-        The document, without shapes whose mesh file is missing, and the file it was made of.
-    lost:
-        Those of these shapes that collide.
-    """
-
+    # text and path: the document, without shapes whose mesh file is missing, and the file it was
+    # made of.
     text: str
     path: Path
-    lost: tuple[str, ...]
+    lost: tuple[str, ...]  # those of these shapes that collide
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
