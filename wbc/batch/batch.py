@@ -18,8 +18,7 @@ MOMENT = 0.2  # s to wait for a row, before looking whether the campaign is to e
 class BatchProgress(NamedTuple):
     """How far a campaign is."""
 
-    # done and total: runs; what was done before this call counts.
-    done: int
+    done: int  # runs, those done before this call included
     total: int
     new: int  # runs done in this call
     row: Row  # the last

@@ -90,10 +90,8 @@ class SingleSupport:
 
     support: str  # the foot that bears
     swing: SwingFoot  # the other one
-    # elapsed and left: since it began, and until the other foot lands; below zero if that is late
-    # [s].
-    elapsed: float
-    left: float
+    elapsed: float  # since it began [s]
+    left: float  # until the other foot lands; below zero if that is late [s]
     goal: Array  # where it lands (2,) [m]
     offset: Array  # of the DCM from there, when that foot alone begins to bear (2,) [m]
     # The footstep that it is asked to make, and those after it, if any.

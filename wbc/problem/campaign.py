@@ -59,9 +59,8 @@ class Run:
     """One run of a campaign."""
 
     number: int  # from 0 on
-    # problem and path: its name in this campaign, and its file.
-    problem: str
-    path: Path
+    problem: str  # the problem's name in this campaign
+    path: Path  # and its file
     case: str | None  # the name of its case, if there are cases
     seed: int | None  # if there are seeds
     overrides: Mapping[str, Any]  # everything that replaces the file's values, by key path

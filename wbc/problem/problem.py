@@ -133,8 +133,10 @@ class Problem:
         ------
         InvalidInputError
             A problem of the velocity level.
+        MissingPackageError
+            MuJoCo is not installed.
         SimulationError
-            MuJoCo is not installed, or the physics blew up.
+            The physics blew up.
         """
         spec, parts = self.spec, self.parts
         if not isinstance(spec.controller, TorqueSpec):
@@ -161,7 +163,7 @@ class Problem:
 
         Raises
         ------
-        SimulationError
+        MissingPackageError
             MuJoCo is not installed.
         """
         spec, parts = self.spec, self.parts

@@ -269,7 +269,7 @@ class SimulationSpec(Section):
 
         Raises
         ------
-        SimulationError
+        MissingPackageError
             MuJoCo is not installed.
         ModelError
             MuJoCo refuses the robot.

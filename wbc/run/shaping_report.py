@@ -32,9 +32,8 @@ class SearchEffort:
     """What the search took."""
 
     starts: int  # how many searches were asked for
-    # drawn and searched: samples drawn, and searches made.
-    drawn: int
-    searched: int
+    drawn: int  # samples drawn
+    searched: int  # searches made
     iterations: int  # of IPOPT, in all
     # build_seconds, search_seconds and reach_seconds: wall time of making the program and the
     # starts, of searching, and of moving.

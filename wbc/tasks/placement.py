@@ -14,9 +14,8 @@ from wbc.validate import Array, finite_array, read_only
 class PlacementTask(Task):
     """A task whose target is a position and a rotation."""
 
-    # position and rotation: what is wanted: (3,) [m] and (3, 3), read-only.
-    position: Array
-    rotation: Array
+    position: Array  # wanted, (3,) [m], read-only
+    rotation: Array  # wanted, (3, 3), read-only
 
     def set_target(
         self,

@@ -24,8 +24,7 @@ class Panel:
     """Axes whose coordinates are the pixels of a picture; lengths given are points of type."""
 
     axes: Axes  # where to draw
-    # camera and picture: where the picture was taken from, and the picture.
-    camera: Camera
+    camera: Camera  # where the picture was taken from
     picture: Picture
     point: float  # pixels in a point of type (1/72 inch)
 

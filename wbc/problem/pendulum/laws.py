@@ -32,9 +32,8 @@ class Setting:
 
     pendulum: Any  # a PlanarRmp or a SolidRmp
     bounds: Bounds
-    # q and v: start (nq,), (nv,).
-    q: Array
-    v: Array
+    q: Array  # (nq,) at the start
+    v: Array  # (nv,) at the start
     dt: float  # time between commands [s]
 
     @property

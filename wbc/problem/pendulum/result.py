@@ -56,15 +56,12 @@ class PendulumHistory:
     flat: bool  # whether the pendulum is planar
     time: Array  # (n,) [s]
     phase: tuple[str, ...]  # what the law or the schedule calls each moment (n,)
-    # com and com_velocity: (n, 3) [m], [m/s].
-    com: Array
-    com_velocity: Array
+    com: Array  # (n, 3) [m]
+    com_velocity: Array  # (n, 3) [m/s]
     foot: Array  # lower end of the leg (n, 3) [m]; NaN in flight
-    # cop and cmp: where the ground pushes, and where its force through the CoM meets the ground
-    # (n, 3) [m]; NaN in flight, and at the end of a simulation, where nothing is commanded any
-    # more.
-    cop: Array
-    cmp: Array
+    # Both NaN in flight, and at the end of a simulation, where nothing is commanded any more.
+    cop: Array  # where the ground pushes (n, 3) [m]
+    cmp: Array  # where its force, moved to the CoM, meets the ground (n, 3) [m]
     radii: Array  # distances r_k of the masses (n, 3) [m]; a planar pendulum has (r, 0, 0)
     axes: Array  # axes of the masses as columns of rotation matrices (n, 3, 3)
     momentum: Array  # angular momentum k_G about the CoM (n, 3) [kg m^2/s]

@@ -47,10 +47,8 @@ QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
 class MjcfGeometry:
     """Shapes of a plain MJCF document (see :mod:`wbc.robot.formats.mjcf_document`)."""
 
-    # text and path: the document, without shapes whose mesh file is missing, and the file it was
-    # made of.
-    text: str
-    path: Path
+    text: str  # the document, without shapes whose mesh file is missing
+    path: Path  # the file it was made of
     lost: tuple[str, ...]  # those of these shapes that collide
 
     def load(
