@@ -251,7 +251,7 @@ class NativeMemory:
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return how many numbers setting up the QP needs."""
         tree = self.tree
-        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 9), 13 * tree.joints + 6 * tree.nv)
+        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 6 * tree.nv)
         if self.margin is not None:
             pairs = 9 * (self.margin.bodies + self.margin.pairs)
             there = 3 * tree.nv + 4 * tree.joints

@@ -75,7 +75,7 @@ class NativeDaqp:
 def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
     """Return how many numbers and integers the core works in: as ``place`` of source/solve.c."""
     left = n - k
-    numbers = k * (n + 1 + k) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
+    numbers = k * (n + 3) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
     return numbers, 2 * n + m + k
 
 

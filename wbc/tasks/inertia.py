@@ -207,6 +207,8 @@ def _selection(components: Sequence[str]) -> Array:
 
 def _is_symmetric(full: Array) -> bool:
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = full.tolist()
+    if xy == yx and xz == zx and yz == zy:  # to the last bit, as most are
+        return True
     largest = max(map(abs, (xx, xy, xz, yx, yy, yz, zx, zy, zz)))
     return max(abs(xy - yx), abs(xz - zx), abs(yz - zy)) <= 1e-9 * largest
 

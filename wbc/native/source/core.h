@@ -192,7 +192,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
                 int64_t moving);
 /* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations. */
 int wbc_solve(const wbc_plan *plan);
-/* The same for any QP. scratch holds k (n + 1 + k) + 2 k (n - k) + (n - k)^2 + 2 n
+/* The same for any QP. scratch holds k (n + 3) + 2 k (n - k) + (n - k)^2 + 2 n
  * + (3 + n - k) (n + m) numbers, order 2 n + m + k. */
 int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
                  void *settings);

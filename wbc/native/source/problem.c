@@ -226,9 +226,7 @@ static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_sta
 }
 
 static int is_sound(const double *values, int64_t n) {
-    double sum = 0.0;
-    for (int64_t i = 0; i < n; i++) sum += values[i] * values[i];
-    return sum < NO_LIMIT * NO_LIMIT;
+    return dot(n, values, values) < NO_LIMIT * NO_LIMIT;
 }
 
 static int is_range(double lower, double upper) {

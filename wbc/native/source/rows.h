@@ -18,7 +18,7 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
              double *bound);
 
 /* Add to the diagonal of P (n, n) factor times the row sums of what curvature an inertia block of
- * errors e leaves out, which evaluate does not count; work holds nv (nv + 9) numbers. */
+ * errors e leaves out, which evaluate does not count; work holds nv (nv + 12) numbers. */
 void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
                        const double *frames, const double *e, double factor, double *work,
                        double *P, int64_t n);

@@ -44,12 +44,13 @@ static int is_free(const wbc_qp *qp, int64_t i) {
 typedef struct {
     int64_t left;          /* unknowns x_i: order[k..n) */
     int64_t *order;        /* x_d, then x_i */
-    double *W;             /* (k, n + 1 + k): reduced A, h, and the inverse of A_d */
-    double *G, *half;      /* (k, left) */
+    double *W;             /* (k, n + 1): reduced A, with the inverse of A_d in its place, and h */
+    double *G, *half;      /* (k, left) each, one behind the other */
     double *H, *f;         /* (left, left), (left) */
     double *low, *up;      /* (left + m + k): bounds, C, then the bounded x_d */
     double *rows;          /* (m + k, left) */
     double *multipliers, *answer;
+    double *factor;        /* (2 k) */
     int *sense;
 } reduced;
 
@@ -57,7 +58,7 @@ static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r)
     const int64_t n = qp->n, k = qp->k, left = n - k, most = left + qp->m + k;
     r->left = left, r->order = order, r->sense = (int *)(order + n);
     r->W = scratch;
-    r->G = r->W + k * (n + 1 + k);
+    r->G = r->W + k * (n + 1);
     r->half = r->G + k * left;
     r->H = r->half + k * left;
     r->f = r->H + left * left;
@@ -66,19 +67,18 @@ static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r)
     r->rows = r->up + most;
     r->multipliers = r->rows + (qp->m + k) * left;
     r->answer = r->multipliers + most;
+    r->factor = r->answer + left;
 }
 
-/* W = [A b 1] reduced until the columns order[0..k) are those of the identity; false if dependent
- * rows leave next to nothing of one. */
+/* W = [A b] reduced until the columns order[0..k) would be those of the identity: in their place
+ * stands the inverse of what they were. False if dependent rows leave next to nothing of one. */
 static int eliminate(const wbc_qp *qp, const reduced *of) {
-    const int64_t n = qp->n, k = qp->k, width = n + 1 + k;
+    const int64_t n = qp->n, k = qp->k, width = n + 1;
     double *restrict W = of->W;
     int64_t *order = of->order;
-    memset(W, 0, k * width * sizeof *W);
     for (int64_t r = 0; r < k; r++) {
         memcpy(W + r * width, qp->A + r * n, n * sizeof *W);
         W[r * width + n] = qp->b[r];
-        W[r * width + n + 1 + r] = 1.0;
     }
     for (int64_t c = 0; c < n; c++) order[c] = c;
     for (int64_t r = 0; r < k; r++) {
@@ -92,14 +92,14 @@ static int eliminate(const wbc_qp *qp, const reduced *of) {
         if (!(fabs(top[pivot]) > DEPENDENT)) return 0;
         order[column] = order[r], order[r] = pivot;
         const double scale = 1.0 / top[pivot];
-        for (int64_t c = 0; c < width; c++) top[c] *= scale;
         top[pivot] = 1.0;
+        for (int64_t c = 0; c < width; c++) top[c] *= scale;
         for (int64_t i = 0; i < k; i++) {
             double *restrict to = W + i * width;
             const double factor = to[pivot];
             if (i == r || factor == 0.0) continue;
-            for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
             to[pivot] = 0.0;
+            for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
         }
     }
     return 1;
@@ -107,7 +107,7 @@ static int eliminate(const wbc_qp *qp, const reduced *of) {
 
 /* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
 static void reduce_cost(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1 + k;
+    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
     const int64_t *dependent = r->order, *free = r->order + k;
     const double *P = qp->P, *W = r->W;
     for (int64_t d = 0; d < k; d++)
@@ -118,11 +118,10 @@ static void reduce_cost(const wbc_qp *qp, const reduced *r) {
         double pull = qp->g[dependent[d]];
         for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
         for (int64_t s = 0; s < k; s++) {
-            const double p = row[dependent[s]], *restrict from = r->G + s * left;
-            if (p == 0.0) continue;
-            pull += p * W[s * width + n];
-            for (int64_t j = 0; j < left; j++) to[j] += 0.5 * p * from[j];
+            pull += row[dependent[s]] * W[s * width + n];
+            r->factor[s] = 0.5 * row[dependent[s]];
         }
+        add_rows(left, k, r->factor, r->G, left, to);
         r->multipliers[d] = pull;
     }
     for (int64_t i = 0; i < left; i++) {
@@ -132,17 +131,11 @@ static void reduce_cost(const wbc_qp *qp, const reduced *r) {
             sum += row[dependent[d]] * W[d * width + n] + r->G[d * left + i] * r->multipliers[d];
         r->f[i] = sum;
         for (int64_t j = i; j < left; j++) to[j] = row[free[j]];
-        for (int64_t d = 0; d < k; d += 2) { /* two at a time: half the traffic of to */
-            const int64_t e = d + 1 < k ? d + 1 : d;
-            const double p = r->G[d * left + i], q = r->half[d * left + i];
-            const double s = d + 1 < k ? r->G[e * left + i] : 0.0;
-            const double t = d + 1 < k ? r->half[e * left + i] : 0.0;
-            const double *restrict one = r->half + d * left, *restrict two = r->G + d * left;
-            const double *restrict three = r->half + e * left, *restrict four = r->G + e * left;
-            if (p == 0.0 && q == 0.0 && s == 0.0 && t == 0.0) continue;
-            for (int64_t j = i; j < left; j++)
-                to[j] += p * one[j] + q * two[j] + s * three[j] + t * four[j];
+        for (int64_t d = 0; d < k; d++) {
+            r->factor[d] = r->half[d * left + i];
+            r->factor[k + d] = r->G[d * left + i];
         }
+        add_rows(left - i, 2 * k, r->factor, r->G + i, left, to + i); /* G, then half */
     }
     for (int64_t i = 0; i < left; i++)
         for (int64_t j = 0; j < i; j++) r->H[i * left + j] = r->H[j * left + i];
@@ -150,7 +143,7 @@ static void reduce_cost(const wbc_qp *qp, const reduced *r) {
 
 /* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. */
 static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1 + k;
+    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
     const int64_t *dependent = r->order, *free = r->order + k;
     const double *W = r->W;
     int64_t bounded = left;
@@ -161,11 +154,10 @@ static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
         double *restrict to = r->rows + m * left, known = 0.0;
         for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
         for (int64_t d = 0; d < k; d++) {
-            const double c = row[dependent[d]], *restrict from = r->G + d * left;
-            if (c == 0.0) continue;
-            known += c * W[d * width + n];
-            for (int64_t j = 0; j < left; j++) to[j] += c * from[j];
+            r->factor[d] = row[dependent[d]];
+            known += r->factor[d] * W[d * width + n];
         }
+        add_rows(left, k, r->factor, r->G, left, to);
         r->up[bounded] = clamp(qp->u[m] - known), r->low[bounded] = clamp(qp->l[m] - known);
     }
     for (int64_t s = 0; s < k; s++) {
@@ -180,7 +172,7 @@ static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
 
 /* x, y, z, z_box of the full QP from the answer of the reduced one. */
 static void lift(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1 + k;
+    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
     const int64_t *dependent = r->order, *free = r->order + k;
     double *x = qp->x, *y = qp->y, *z = qp->z_box;
     int64_t bounded = left + qp->m;
@@ -198,7 +190,7 @@ static void lift(const wbc_qp *qp, const reduced *r) {
         double sum = qp->g[d] + z[d] + dot(n, qp->P + d * n, x);
         for (int64_t m = 0; m < qp->m; m++)
             if (qp->z[m] != 0.0) sum += qp->C[m * n + d] * qp->z[m];
-        for (int64_t t = 0; t < k; t++) y[t] -= r->W[s * width + n + 1 + t] * sum;
+        for (int64_t t = 0; t < k; t++) y[t] -= r->W[s * width + dependent[t]] * sum;
     }
 }
 

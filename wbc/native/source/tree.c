@@ -242,11 +242,7 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
                  state);
         }
     }
-    for (int i = 0; i < 6; i++) {
-        double sum = 0.0;
-        for (int64_t k = 0; k < nv; k++) sum += state[CENTROIDAL_MAP + i * nv + k] * v[k];
-        state[MOMENTUM + i] = sum;
-    }
+    for (int i = 0; i < 6; i++) state[MOMENTUM + i] = dot(nv, state + CENTROIDAL_MAP + i * nv, v);
     return wbc_frames(tree, state, frames, joint, placement, state + FRAMES(nv, n));
 }
 
