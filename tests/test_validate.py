@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.validate import finite_array, finite_number, finite_vector, plain_copy
 
 COMPLEX = (1j, 1.0 + 0j, np.complex128(1.0))
@@ -55,3 +55,11 @@ def test_a_quick_look_passes_plain_arrays_alone() -> None:
     others = [1.0, 2.0], np.arange(2), np.ones(2, dtype=np.float32), np.ones(3), np.ones(2) + 0j
     for value in (*bad, *others):
         assert plain_copy(value, (2,)) is None
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [((), ""), (["a"], "a"), (("a", "b"), "a, b"), (["a", "b", "c", "d"], "a, b and 2 more")],
+)
+def test_lists_in_messages_say_how_much_is_left_out(names: list[str], told: str) -> None:
+    assert listed(names, 2) == told

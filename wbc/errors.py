@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class WbcError(Exception):
@@ -76,6 +76,12 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     shown = ", ".join(known[:listed])
     more = f", and {len(known) - listed} more" if len(known) > listed else ""
     return f"{hint} (choose from: {shown}{more})"
+
+
+def listed(names: Sequence[str], most: int = 5) -> str:
+    """Return the first names, and how many more there are, for a message."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def _likeness(name: str, choice: str) -> float:

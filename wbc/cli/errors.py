@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from wbc.errors import WbcError
+from wbc.errors import WbcError, listed
 
 if TYPE_CHECKING:
     from wbc.robot import Robot
@@ -60,6 +60,5 @@ def missing_limits(robot: Robot) -> str:
     for kind, names in joints.items():
         count = len(robot.joint_names)
         all_of_them = f"all {count} joints" if len(names) == count > SHOWN else None
-        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-        told.append(f"{kind} ({all_of_them or ', '.join(names[:SHOWN]) + more})")
+        told.append(f"{kind} ({all_of_them or listed(names, SHOWN)})")
     return "; ".join(told)

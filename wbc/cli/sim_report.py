@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wbc.cli.printing import SHOWN, facts, head, heads, print_written, tasks_table
+from wbc.errors import listed
 from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
 from wbc.tracking.deviation import PlanTracking
@@ -88,9 +89,8 @@ def _gave_way(result: SimulationResult) -> str:
 
 
 def _listed(shares: Mapping[str, float]) -> str:
-    first = [f"{name} {_percent(share)}" for name, share in list(shares.items())[:SHOWN]]
-    more = len(shares) - SHOWN
-    return ", ".join(first) + (f" and {more} more" if more > 0 else "") or "nothing noticeable"
+    told = [f"{name} {_percent(share)}" for name, share in shares.items()]
+    return listed(told, SHOWN) or "nothing noticeable"
 
 
 def _percent(share: float) -> str:

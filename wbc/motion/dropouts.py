@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.motion.columns import PLACE
 from wbc.motion.table import Table
 from wbc.robot import Robot
@@ -46,11 +46,9 @@ class Dropout:
         return self.end - self.start
 
     def __str__(self) -> str:
-        names = ", ".join(self.columns[:LISTED])
-        more = f" and {len(self.columns) - LISTED} more" if len(self.columns) > LISTED else ""
         what = f"{self.kind} from {self.start:.12g} s to {self.end:.12g} s"
         done = "interpolated" if self.filled else "left as recorded"
-        return f"{what}: {names}{more}; {done}"
+        return f"{what}: {listed(self.columns, LISTED)}; {done}"
 
 
 def fill_gaps(

@@ -11,13 +11,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, listed
 from wbc.robot.limits import Limits
 from wbc.robot.names import matching
 from wbc.validate import by_name, finite_number
 
 JointValues = float | Mapping[str, float]  # one for all joints, or by name or pattern
-LISTED = 5  # joints that a message names
 
 
 def set_drives(
@@ -71,9 +70,3 @@ def effort_note(limits: Limits) -> tuple[str, ...]:
         return ()
     which = "any joint" if len(without) == len(limits.names) else listed(without)
     return (f"no effort limit is given for {which}: torques are not bounded there (effort: ...)",)
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return the first few names, and how many more there are."""
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return ", ".join(names[:LISTED]) + more

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError
+from wbc.errors import ModelError, listed
 
 FREE_FLYER = "JointModelFreeFlyer"
 SINGLE_AXIS = frozenset(
@@ -129,10 +129,9 @@ def _too_large(model: pin.Model) -> tuple[str, ...]:
     ]
     if not links:
         return ()
-    some = ", ".join(links[:5]) + (f" and {len(links) - 5} more" if len(links) > 5 else "")
     return (
         "links whose moments of inertia are those of bodies larger than the whole robot, as if"
-        f" placeholders stood in the file: {some}; what moves will not move so",
+        f" placeholders stood in the file: {listed(links)}; what moves will not move so",
     )
 
 

@@ -9,7 +9,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError, UnknownNameError
+from wbc.errors import ModelError, UnknownNameError, listed
 from wbc.robot.collision.fitting import Fit, cached_fit, fit_capsule, fit_hull
 from wbc.robot.collision.shapes import Body, Capsule, Hull, moved
 from wbc.robot.geometry import AROUND, triangulated
@@ -140,10 +140,8 @@ def _prism(radius: float, half: float) -> Fit:
 def _refuse_missing(robot: Robot) -> None:
     """Refuse a robot whose collision shapes are not all there: a part of it is unseen."""
     if robot.geometry.lost:
-        some = ", ".join(robot.geometry.lost[:5])
-        more = f" and {len(robot.geometry.lost) - 5} more" if len(robot.geometry.lost) > 5 else ""
         raise ModelError(
-            f"{robot.path}: collision shapes not found: {some}{more}; install the package that"
-            " holds the meshes, or name its folder in package_dirs; what is no mesh has to be"
-            " described by shapes that the format knows"
+            f"{robot.path}: collision shapes not found: {listed(robot.geometry.lost)}; install the"
+            " package that holds the meshes, or name its folder in package_dirs; what is no mesh"
+            " has to be described by shapes that the format knows"
         )

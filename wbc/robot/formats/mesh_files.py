@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.errors import ModelError
+from wbc.errors import ModelError, listed
 from wbc.robot.formats.xml import read_xml
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
@@ -70,8 +70,7 @@ def resolve_meshes(
 def missing_notes(missing: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     """Return a note for each kind of which something was left out."""
     return tuple(
-        f"{len(names)} {tag} meshes not found and left out: {', '.join(names[:3])}"
-        + (", ..." if len(names) > 3 else "")
+        f"{len(names)} {tag} meshes not found and left out: {listed(names, 3)}"
         + ("; package_dirs=[...]: folders of packages" if "://" in "".join(names) else "")
         for tag, names in missing.items()
         if names

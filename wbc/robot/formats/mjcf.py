@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import pinocchio as pin
 
-from wbc.errors import ModelError
+from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
     Coupling,
     Description,
@@ -103,7 +103,7 @@ def read_mjcf(root: ET.Element, path: Path) -> Description:
     bound_efforts(model, root, path)
     missing, lost = _leave_out_missing_meshes(root)
     if missing:
-        some = ", ".join(missing[:3]) + (", ..." if len(missing) > 3 else "")
+        some = listed(missing, 3)
         notes += (f"{len(missing)} shapes left out, as their meshes were not found: {some}",)
     return Description(
         name=root.get("model", path.stem),

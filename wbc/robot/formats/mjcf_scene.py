@@ -9,7 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from wbc.errors import ModelError
+from wbc.errors import ModelError, listed
 
 NUMBERS = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}  # of a joint, in a key frame
 ENDS = ("joint1", "joint2", "body1", "body2", "site1", "site2")
@@ -49,10 +49,9 @@ def robot_alone(root: ET.Element, path: Path) -> tuple[str, ...]:
                 section.remove(constraint)
     for body in others:
         world.remove(body)
-    named = ", ".join(body.get("name", "?") for body in others[:5])
-    more = f" and {len(others) - 5} more" if len(others) > 5 else ""
+    named = listed([body.get("name", "?") for body in others])
     root_name = found[0].get("name", "?")
-    return (f"bodies beside the robot, whose root is {root_name}, left out: {named}{more}",)
+    return (f"bodies beside the robot, whose root is {root_name}, left out: {named}",)
 
 
 def _joints(body: ET.Element) -> list[ET.Element]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from wbc.errors import ModelError
+from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
     Coupling,
     Description,
@@ -105,9 +105,8 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     missing = resolve_meshes(root, path, package_dirs)
     notes = missing_notes(missing)
     if shapeless:
-        some = ", ".join(f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless[:3])
-        more = ", ..." if len(shapeless) > 3 else ""
-        notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}{more}",)
+        some = listed([f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless], 3)
+        notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
     lost = [f"{what} of link {link!r}" for tag, what, link in shapeless if tag == "collision"]
     text = ET.tostring(root, encoding="unicode")
     floats = any(joint.get("type") == "floating" for joint in joints)
