@@ -20,8 +20,16 @@ def test_public_names_are_those_of_the_rooms() -> None:
 
 
 def test_unknown_names_are_attribute_errors() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'Robto'"):
+    with pytest.raises(AttributeError, match="no attribute 'Robto'; did you mean 'Robot'"):
         _ = wbc.Robto
+
+
+@pytest.mark.parametrize(
+    ("there", "here"), [("FrameTask", "PoseTask"), ("solve_ik", "KinematicController")]
+)
+def test_names_of_other_packages_lead_to_ours(there: str, here: str) -> None:
+    with pytest.raises(AttributeError, match=f"no attribute '{there}'; did you mean '{here}'"):
+        getattr(wbc, there)
 
 
 SNAPSHOT = (

@@ -15,6 +15,13 @@ def test_complex_arrays_are_refused(value: object) -> None:
         finite_vector("q", value, 2)  # type: ignore[arg-type]
 
 
+def test_a_pose_for_a_part_of_it_is_said() -> None:
+    with pytest.raises(InvalidInputError, match=r"\(4, 4\); of a pose T give T\.translation$"):
+        finite_array("target", np.eye(4), (3,))
+    with pytest.raises(InvalidInputError, match=r"give T\.rotation$"):
+        finite_array("target", np.eye(4), (3, 3))
+
+
 @pytest.mark.parametrize("value", [*COMPLEX, np.ones(1), np.ones((1, 1)), [1.0], [[1.0], []], "x"])
 def test_numbers_are_real_scalars(value: object) -> None:
     with pytest.raises(InvalidInputError, match="dt: expected a number"):

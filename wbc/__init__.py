@@ -57,7 +57,10 @@ def __getattr__(name: str) -> Any:
         module = import_module(room)
         if name in module.__all__:
             return getattr(module, name)
-    raise AttributeError(f"module 'wbc' has no attribute {name!r}")
+    hint = ""
+    if not name.startswith("_"):
+        hint = import_module("wbc.errors").suggest(name, __dir__(), listed=0)
+    raise AttributeError(f"module 'wbc' has no attribute {name!r}{hint}")
 
 
 def __dir__() -> list[str]:

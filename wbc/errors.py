@@ -62,12 +62,27 @@ class UnknownNameError(WbcError):
         super().__init__(f"unknown {kind} {name!r}{tail}")
 
 
+# What Pink and mink call it, in lower case, and what it is here.
+_ELSEWHERE = {
+    "configuration": "Snapshot",
+    "cost": "weight",
+    "frametask": "PoseTask",
+    "orientation_cost": "weight",
+    "position_cost": "weight",
+    "relativeframetask": "RelativePoseTask",
+    "solve_ik": "KinematicController",
+}
+
+
 def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     """Return the tail of an error message: the nearest valid name and the list of choices."""
     known = sorted(str(choice) for choice in choices)
     folded = {choice.casefold(): choice for choice in known}
     alike = [(_likeness(str(name).casefold(), choice), choice) for choice in folded]
     likeness, nearest = max(alike, default=(0.0, ""))
+    meant = _ELSEWHERE.get(str(name).casefold(), "").casefold()
+    if meant in folded:
+        likeness, nearest = 1.0, meant
     hint = f"; did you mean {folded[nearest]!r}?" if likeness >= 0.5 else ""
     if not known:
         return f"{hint} (there are none to choose from)"

@@ -73,7 +73,9 @@ def finite_array(
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
     if array.shape != shape:
-        raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}")
+        part = {(3,): "translation", (3, 3): "rotation"}.get(shape, "")
+        hint = f"; of a pose T give T.{part}" if part and array.shape == (4, 4) else ""
+        raise InvalidInputError(f"{what}: expected shape {shape}, got {array.shape}{hint}")
     for fault, found in (
         ("NaN or infinite", ~np.isfinite(array)),
         (f"beyond {largest:g}", np.abs(array) > largest),

@@ -104,6 +104,8 @@ def test_misspelt_keywords_are_refused(robot_named: Callable[[str], Robot]) -> N
     for make in (ComTask, InertiaTask, MomentumTask, PrincipalInertiaTask):
         with pytest.raises(UnknownNameError, match="'gian'; did you mean 'gain'"):
             make(robot, np.ones(6 if make is MomentumTask else 3), gian=0.3)
+    with pytest.raises(UnknownNameError, match="'position_cost'; did you mean 'weight'"):
+        ComTask(robot, np.ones(3), position_cost=1.0)
 
 
 def test_assigning_is_setting_with_its_checks(robot_named: Callable[[str], Robot]) -> None:
@@ -134,6 +136,8 @@ def test_a_misspelt_attribute_is_an_error(robot_named: Callable[[str], Robot]) -
     task = ComTask(robot_named("hoap2_like"), np.zeros(3))
     with pytest.raises(InvalidInputError, match=r"no attribute 'wieght'; did you mean 'weight'\?$"):
         task.wieght = 5.0
+    with pytest.raises(InvalidInputError, match=r"no attribute 'cost'; did you mean 'weight'\?$"):
+        task.cost = 5.0
     task.weight = 5.0
     assert (task.weight == 5.0).all()
 
