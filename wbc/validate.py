@@ -40,7 +40,7 @@ def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> 
     return array if np.vdot(array, array) <= largest * largest else None
 
 
-def finite_vector(what: str, value: ArrayLike, size: int, largest: float = LARGEST) -> Array:
+def finite_vector(what: str, value: ArrayLike, size: int) -> Array:
     """Return ``value`` as a fresh (size,) float array.
 
     Raises
@@ -48,7 +48,7 @@ def finite_vector(what: str, value: ArrayLike, size: int, largest: float = LARGE
     InvalidInputError
         See :func:`finite_array`.
     """
-    return finite_array(what, value, (size,), largest)
+    return finite_array(what, value, (size,))
 
 
 def finite_array(

@@ -16,8 +16,7 @@ from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array
 from wbc.view import style
-from wbc.view.options import View
-from wbc.view.portrait import DEFAULT, draw_portraits, portraits_of, shape_of
+from wbc.view.portrait import draw_portraits, portraits_of, shape_of
 from wbc.view.series import Series, plot_curves
 
 WIDTH = 12.0  # inches
@@ -33,7 +32,7 @@ NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed",
 
 
 def plot_simulation(
-    robot: Robot, arrays: Mapping[str, Any], path: str | Path, *, title: str, view: View = DEFAULT
+    robot: Robot, arrays: Mapping[str, Any], path: str | Path, *, title: str
 ) -> Path:
     """Draw a simulation: see :func:`simulation_figure`.
 
@@ -50,13 +49,11 @@ def plot_simulation(
         The robot's meshes cannot be read.
     """
     path = style.picture_file(path)
-    style.save(simulation_figure(robot, arrays, title=title, view=view), path)
+    style.save(simulation_figure(robot, arrays, title=title), path)
     return path
 
 
-def simulation_figure(
-    robot: Robot, arrays: Mapping[str, Any], *, title: str, view: View = DEFAULT
-) -> Figure:
+def simulation_figure(robot: Robot, arrays: Mapping[str, Any], *, title: str) -> Figure:
     """Return a figure of a simulation.
 
     Above the robot at a few instants. Below, with pushes shaded: CoM and CoP, measured and
@@ -73,7 +70,7 @@ def simulation_figure(
     run = _read(robot, arrays)
     time, moments = run["time"], _instants(run)
     names = {f"t = {time[k]:.2f} s": run["q"][k] for k in moments}
-    portraits = portraits_of(robot, names, view)
+    portraits = portraits_of(robot, names)
     width = WIDTH / SHOWN
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
     rows = ROWS + ("plan_com" in run)

@@ -53,16 +53,15 @@ def select_pairs(
     include: Iterable[Pattern] = (),
     exclude: Iterable[Pattern] = (),
     clearance: float = 0.0,
-    never_closer: float | None = None,
 ) -> Selection:
     """Return the pairs of bodies that can and may meet.
 
     Left out, in this order: what ``exclude`` names; pairs of a joint and its parent; those that
     the robot's SRDF disables; those whose raw shapes (meshes as they are) touch when standing;
-    those that touch in 95 % of 200 random postures (always the same ones); those that never come
-    near. ``include`` brings back whatever it names but ``exclude`` does not. Pairs that only the
-    simple shapes show nearer than ``clearance`` and a millimetre, or almost always touching, get
-    finer ones: see :mod:`wbc.robot.collision.refine`.
+    those that touch in 95 % of 200 random postures (always the same ones). ``include`` brings back
+    whatever it names but ``exclude`` does not. Pairs that only the simple shapes show nearer than
+    ``clearance`` and a millimetre, or almost always touching, get finer ones: see
+    :mod:`wbc.robot.collision.refine`.
 
     Parameters
     ----------
@@ -70,8 +69,6 @@ def select_pairs(
         Two names or patterns of links each, such as ``("left_wrist*", "torso*")``, in any order.
     clearance:
         Distance to be kept [m].
-    never_closer:
-        Leave out pairs that are never nearer than this in the random postures [m]; None: keep.
 
     Raises
     ------
@@ -103,7 +100,7 @@ def select_pairs(
             reasons[a, b] = DISABLED
     left = _Candidates(robot, bodies, [pair for pair in pairs if pair not in reasons], clearance)
     touching = left.refine()
-    reasons |= left.unfit(never_closer) | touching
+    reasons |= left.unfit() | touching
     for (a, b), reason in list(reasons.items()):
         if reason != BY_NAME and frozenset((bodies[a].link, bodies[b].link)) in wanted:
             del reasons[a, b]
@@ -156,14 +153,10 @@ class _Candidates:
         samples = self._distance[1:]
         return np.count_nonzero(samples < 0.0, axis=0) >= ALWAYS * max(len(samples), 1)
 
-    def unfit(self, never_closer: float | None) -> dict[Pair, str]:
+    def unfit(self) -> dict[Pair, str]:
         """Return the pairs that random postures speak against, and why."""
         touches = self._almost_always_touching()
-        reasons = {self._pairs[k]: "almost always touching" for k in np.flatnonzero(touches)}
-        if never_closer is not None:
-            far = self._distance.min(axis=0) > never_closer
-            reasons |= {self._pairs[k]: "never near" for k in np.flatnonzero(far)}
-        return reasons
+        return {self._pairs[k]: "almost always touching" for k in np.flatnonzero(touches)}
 
 
 def _across(finer: FinerPair, start: int) -> list[Pair]:

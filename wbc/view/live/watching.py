@@ -15,16 +15,10 @@ RATE = 60.0  # frames for each second of the run
 
 
 class Watching:
-    """Shows a run that nobody may change: it is the same as one that nobody looks at.
+    """Shows a run that nobody may change: it is the same as one that nobody looks at."""
 
-    Parameters
-    ----------
-    port, title:
-        See :class:`~wbc.view.live.viewer.Viewer`.
-    """
-
-    def __init__(self, robot: Robot, *, port: int | None = None, title: str | None = None) -> None:
-        self.viewer = Viewer(robot, port=port, title=title, steer=False)
+    def __init__(self, robot: Robot, *, title: str | None = None) -> None:
+        self.viewer = Viewer(robot, title=title, steer=False)
 
     def show(self, now: LoopTick, controller: Controller | None) -> None:
         """Show a tick: for ``show`` of :func:`wbc.run.simulate`."""
