@@ -76,11 +76,19 @@ class Tick:
     singular: Mapping[str, Singularity] = field(default_factory=dict)
 
     @classmethod
-    def reading(cls, evidence: object, **known: Any) -> Self:
+    def reading(cls, evidence: object, velocity: Array, **known: Any) -> Self:
         """Return a plain, solved tick; its errors and evidence are read from ``evidence`` later."""
         tick = object.__new__(cls)
-        plain = {"status": Status.SOLVED, "policy": None, "step_scale": 1.0}
-        tick.__dict__.update(plain, slack={}, singular={}, **known, _evidence=evidence)
+        tick.__dict__.update(  # past __init__, which assigns one frozen field after the other
+            velocity=velocity,
+            status=Status.SOLVED,
+            policy=None,
+            step_scale=1.0,
+            slack={},
+            singular={},
+            _evidence=evidence,
+            **known,
+        )
         return tick
 
     if not TYPE_CHECKING:  # a misspelt attribute is an error

@@ -25,6 +25,7 @@ from wbc.robot.workspace import Workspace
 from wbc.validate import Array, finite_array, finite_number, plain_copy, read_only
 
 UNIT = 1e-3  # how far the norm of a measured quaternion may be from 1
+ROUNDING = 4e-16  # what of that is left after it was normalised
 # Entries of q and v beyond this are no measurement, and rounding would take over: at 1e6 m the
 # inertia about the CoM, a difference of terms m p^2, has a few digits left.
 LARGEST = 1e6
@@ -277,8 +278,8 @@ def _looked_up(kind: str, name: str, indices: Mapping[str, int]) -> int:
 
 
 def _normalise(part: Array, what: str) -> None:
-    norm = math.sqrt(part.dot(part))
-    if abs(norm - 1.0) > UNIT:
-        raise InvalidInputError(f"{what} has norm {norm:.6g}, expected 1; normalise it")
-    if norm != 1.0:
-        part /= norm
+    off = math.hypot(*part.tolist()) - 1.0
+    if abs(off) > UNIT:
+        raise InvalidInputError(f"{what} has norm {1.0 + off:.6g}, expected 1; normalise it")
+    if abs(off) > ROUNDING:
+        part /= 1.0 + off

@@ -17,7 +17,7 @@
 #endif
 
 /* As in wbc/robot/tree.py. */
-static const double UNIT = 1e-3, LARGEST = 1e6;
+static const double UNIT = 1e-3, ROUNDING = 4e-16, LARGEST = 1e6;
 
 int wbc_core_version(void) { return WBC_CORE_VERSION; }
 const char *wbc_core_source(void) { return WBC_SOURCE; }
@@ -188,7 +188,7 @@ static int normalise(double *values, int64_t n) {
     for (int64_t i = 0; i < n; i++) norm += values[i] * values[i];
     norm = sqrt(norm);
     if (fabs(norm - 1.0) > UNIT) return 0;
-    for (int64_t i = 0; i < n && norm != 1.0; i++) values[i] /= norm;
+    for (int64_t i = 0; i < n && fabs(norm - 1.0) > ROUNDING; i++) values[i] /= norm;
     return 1;
 }
 
