@@ -176,13 +176,17 @@ class Controller(ABC):
         if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
             check_snapshot(self.robot, snapshot)
         if not self._verified:
-            verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
+            self._verify(snapshot, own=False)
             self._verified = True
         try:
             return self._step(snapshot)
         except (AttributeError, IndexError, TypeError, ValueError):
-            verify_parts(snapshot, self.dt, self._motion, self.contacts, self.constraints)
+            self._verify(snapshot, own=True)
             raise
+
+    def _verify(self, snapshot: Snapshot, own: bool) -> None:
+        parts = self._motion, self.contacts, self.constraints
+        verify_parts(snapshot, self.dt, *parts, own=own)
 
     def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""

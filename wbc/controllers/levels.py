@@ -12,7 +12,7 @@ Active bounds that the achieved rows imply stay active below: see
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -161,7 +161,8 @@ class LevelSolver:
     ) -> None:
         self.plan = plan
         self._names = tuple(names)
-        self._solve_qp = partial(backend.solve, quick=True) if quick else backend.solve
+        self._solve_quickly = partial(backend.solve, quick=True)
+        self._solve_qp: Callable[..., Solution] = self._solve_quickly if quick else backend.solve
         self._limits = limits
         self._dt = dt
         self._root = root
@@ -183,15 +184,14 @@ class LevelSolver:
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
+        bounded = self._limits is not None and self._limits.braking == "bounded"
         # Other rows than in the round before: there is no warm start, and will be none.
-        solution = self._solve_first(qp, once=again)
+        solution = self._solve_first(qp, once=again, quick=bounded)
         spent = solution.solve_time
-        if solution.status is not Status.SOLVED and self._limits is not None:
-            gently = partial(self._solve_qp, workspace=(*self._workspace, "braking"))
-            wider = relax_box(qp, self._limits, problem.snapshot, self._dt, gently)
-            if wider is not None:
-                qp, solution = wider, self._solve_first(wider, once=True)
-                spent += solution.solve_time
+        if solution.status is not Status.SOLVED and bounded:
+            qp = self._brake_harder(qp, problem.snapshot)
+            solution = self._solve_first(qp, once=True)
+            spent += solution.solve_time
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
         return (
             outcome if len(self.plan.levels) == 1 else self._descend(problem, held, bounds, outcome)
@@ -218,7 +218,7 @@ class LevelSolver:
         """
         rows, contacts, physics = problem.rows, problem.contacts, problem.physics
         qp = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
-        solution = self._solve_qp(qp, workspace=None)
+        solution = self._solve_quickly(qp, workspace=None)
         missed = given_way(self.plan, contacts, qp, solution.x) if solution.solved else None
         return Outcome(
             qp, solution, qp, self.plan.decision.nv, solution.solve_time, {}, given_way=missed
@@ -282,20 +282,31 @@ class LevelSolver:
             return qp
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
 
-    def _solve_first(self, qp: QP, once: bool) -> Solution:
-        """Solve the first level in the chosen formulation; ``once``: without a warm start."""
+    def _brake_harder(self, qp: QP, snapshot: Snapshot) -> QP:
+        """Return a QP without solution with joints that may brake harder than their bounds."""
+        assert self._limits is not None
+        gently = partial(self._solve_quickly, workspace=None)
+        return relax_box(qp, self._limits, snapshot, self._dt, gently) or qp
+
+    def _solve_first(self, qp: QP, once: bool, quick: bool = False) -> Solution:
+        """Solve the first level in the chosen formulation.
+
+        ``once``: without a warm start. ``quick``: what has no solution is relaxed and solved again.
+        """
         if self._reduced:
             elimination = eliminate(qp)
             if elimination.reduced.g.size > 0:
-                return self._solve_reduced(elimination, once)
-        return self._solve_qp(qp, workspace=None if once else self._workspace)
+                return self._solve_reduced(elimination, once, quick)
+        solve = self._solve_quickly if quick else self._solve_qp
+        return solve(qp, workspace=None if once else self._workspace)
 
-    def _solve_reduced(self, elimination: Elimination, once: bool) -> Solution:
+    def _solve_reduced(self, elimination: Elimination, once: bool, quick: bool = False) -> Solution:
         """Solve without the equalities; the answer is that of the full QP, and judged by it."""
+        solve = self._solve_quickly if quick else self._solve_qp
         workspace = None if once else self._workspace
-        lifted = elimination.lift(self._solve_qp(elimination.reduced, workspace=workspace))
+        lifted = elimination.lift(solve(elimination.reduced, workspace=workspace))
         if lifted.status is Status.SOLVED and not elimination.admits(lifted):
-            return self._solve_qp(elimination.full, workspace=None)
+            return solve(elimination.full, workspace=None)
         return lifted
 
 

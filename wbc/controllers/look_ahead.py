@@ -126,8 +126,10 @@ def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows
     outcome, rows, kept = solve_with_cuts(solve, margins)
     if not outcome.solved:
         conflict = outcome.solution.conflict
-        if conflict is not None and not conflict.has_inequalities:
-            return Attempt(outcome, rows)  # whatever the margins allow
+        # Levels below can always do what those above did: it is not for want of room.
+        below = outcome.qp is not outcome.first
+        if below or (conflict is not None and not conflict.has_inequalities):
+            return Attempt(outcome, rows)
         return Attempt(solve(relax_for_contacts(stack(rows), held), outcome.box), rows)
     return Attempt(outcome, rows, 1.0 if kept else margins.step_scale(outcome.velocity))
 

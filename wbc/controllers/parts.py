@@ -147,8 +147,11 @@ def verify_parts(
     tasks: Sequence[Task],
     contacts: Sequence[Task],
     constraints: Sequence[Constraint],
+    own: bool,
 ) -> None:
     """Check what the parts return at a snapshot: done once, and when a tick has come to grief.
+
+    ``own``: also those of this package, which are tested; all of them take up to a millisecond.
 
     Raises
     ------
@@ -158,6 +161,8 @@ def verify_parts(
     """
     nv = snapshot.robot.nv
     for task in (*tasks, *contacts):
+        if _is_own(task) and not own:
+            continue
         k, residual = len(task.rows), task.residual(snapshot)
         _check_shapes(
             f"{task}, which has {k} rows: residual()",
@@ -166,6 +171,8 @@ def verify_parts(
             {"error": (k,), "jacobian": (k, nv), "bias": (k,)},
         )
     for constraint in constraints:
+        if _is_own(constraint) and not own:
+            continue
         rows = constraint.rows(snapshot, dt)
         m = len(getattr(rows, "labels", ()))
         _check_shapes(
@@ -174,6 +181,10 @@ def verify_parts(
             Bounds,
             {"matrix": (m, nv), "lower": (m,), "upper": (m,)},
         )
+
+
+def _is_own(part: object) -> bool:
+    return type(part).__module__.startswith("wbc.")
 
 
 def _check_shapes(

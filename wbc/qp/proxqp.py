@@ -224,7 +224,11 @@ class ProxQP:
         """Solve by the active-set method."""
         exact, check = solver.answer(qp), check._replace(solver=solver.name)
         nearly = check._replace(eps=NEARLY * self.eps)
-        return nearly.accept(qp, exact, attempts) or check.judge(qp, exact, attempts)
+        return (
+            nearly.accept(qp, exact, attempts)
+            or nearly.accept(qp, solver.finer(qp), attempts)
+            or check.judge(qp, exact, attempts)
+        )
 
     def _retry(
         self, qp: QP, check: SolveCheck, attempt: _Attempt, exact: RawSolution | None

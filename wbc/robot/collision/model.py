@@ -23,6 +23,9 @@ Index = NDArray[np.int64]
 CANDIDATES, CANDIDATES_OF_SOLIDS = 3, 5
 # Pairs measured at once for each asked for, where that needs GJK (1.5 us each).
 NARROWED = 3
+# Where more bodies touch than pairs are asked for, the core is asked for so many times as many:
+# coal then measures those that touch, in place of all.
+MORE = 4
 
 
 class PairDistances(NamedTuple):
@@ -144,18 +147,17 @@ class CollisionModel:
         total = len(self.pairs)
         count = total if count is None else min(count, total)
         if self._native is not None and snapshot.native_state is not None and total:
-            nearest = self._native.nearest(snapshot.native_state, count, kept)
-            if nearest is not None and self._fill_in(snapshot, *nearest, kept):
-                return _pair_distances(snapshot, *nearest)
+            for most in (count, min(MORE * count, total)):
+                nearest = self._native.nearest(snapshot.native_state, most, kept)
+                if nearest is not None:
+                    if self._fill_in(snapshot, *nearest, kept):
+                        return _fewest(_pair_distances(snapshot, *nearest), count, kept)
+                    break
         if kept is None:
             return self._nearest(snapshot, count)
         # Pairs are found by distance: so many may be nearer than one of less clearance.
         closer = int(np.count_nonzero(kept < kept.max(initial=0.0)))
-        found = self._nearest(snapshot, min(count + closer, total))
-        if len(found.pairs) == count:
-            return found
-        clearance = found.distance - kept.take(found.pairs)
-        return found.take(np.sort(np.argpartition(clearance, count)[:count]))
+        return _fewest(self._nearest(snapshot, min(count + closer, total)), count, kept)
 
     def _fill_in(
         self, snapshot: Snapshot, pairs: Index, found: Array, kept: Array | None = None
@@ -283,6 +285,14 @@ class CollisionModel:
 def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDistances:
     distance, normal, point = parts(found)
     return PairDistances(pairs, distance, normal.T, point.T, snapshot)
+
+
+def _fewest(found: PairDistances, count: int, kept: Array | None) -> PairDistances:
+    """Return the ``count`` of least distance, or least above what they keep, in order."""
+    if len(found.pairs) == count:
+        return found
+    left = found.distance if kept is None else found.distance - kept.take(found.pairs)
+    return found.take(np.sort(np.argpartition(left, count)[:count]))
 
 
 def _least(pairs: Index, found: Array, count: int) -> tuple[Index, Array]:
