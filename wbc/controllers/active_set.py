@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack, lstsq
+from scipy.linalg import lapack
 
 from wbc.controllers.plan import Decision
 from wbc.laws import Rows, stacked
-from wbc.qp.elimination import RANK_TOLERANCE
+from wbc.qp.elimination import RANK_TOLERANCE, least_squares
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution
 from wbc.validate import Array
@@ -142,9 +142,7 @@ def _positive_kernel(vectors: Array, guess: Array) -> NDArray[np.int64]:
     while kept.size:
         columns = vectors[kept].T
         pull = columns @ guess[kept]
-        # By complete orthogonal factors: singular values take three times as long.
-        beside = lstsq(columns, pull, cond=CERTAIN, lapack_driver="gelsy", check_finite=False)[0]
-        z = guess[kept] - beside
+        z = guess[kept] - least_squares(columns, pull, CERTAIN)
         enough = z > CERTAIN * max(float(guess[kept].max()), 0.0)
         if enough.all():
             break

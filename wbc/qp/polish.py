@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import lstsq
 
+from wbc.qp.elimination import least_squares
 from wbc.qp.problem import QP
 from wbc.qp.solution import RawSolution
 from wbc.validate import Array
@@ -62,6 +62,5 @@ def _solve_equalities(qp: QP, held: Array, bound: Array) -> tuple[Array, Array, 
     system[:n, n:] = equal.T
     system[n:, :n] = equal
     right = np.concatenate((-qp.g, qp.b, bound))
-    # By complete orthogonal factors: singular values of a hundred unknowns take five times as long.
-    solved = lstsq(system, right, cond=1e-15, lapack_driver="gelsy", check_finite=False)[0]
+    solved = least_squares(system, right, 1e-15)
     return solved[:n], solved[n : n + me], solved[n + me :]

@@ -23,8 +23,8 @@ Index = NDArray[np.int64]
 CANDIDATES, CANDIDATES_OF_SOLIDS = 3, 5
 # Pairs measured at once for each asked for, where that needs GJK (1.5 us each).
 NARROWED = 3
-# Where more bodies touch than pairs are asked for, the core is asked for so many times as many:
-# coal then measures those that touch, in place of all.
+# Where many bodies touch the core is asked for so many times as many, before it is coal that
+# measures all: how deep these are, the core does not know, so that others may be nearer.
 MORE = 4
 
 
@@ -149,30 +149,27 @@ class CollisionModel:
         if self._native is not None and snapshot.native_state is not None and total:
             for most in (count, min(MORE * count, total)):
                 nearest = self._native.nearest(snapshot.native_state, most, kept)
-                if nearest is not None:
-                    if self._fill_in(snapshot, *nearest, kept):
-                        return _fewest(_pair_distances(snapshot, *nearest), count, kept)
-                    break
+                if nearest is None:
+                    continue
+                known = self._fill_in(snapshot, *nearest)
+                found = _pair_distances(snapshot, *nearest)
+                left = _above(found, kept)
+                # Of those that the core measured, none that it left out is nearer.
+                if known.all() or left[known].max(initial=-np.inf) >= _smallest(left, count):
+                    return _fewest(found, count, kept)
         if kept is None:
             return self._nearest(snapshot, count)
         # Pairs are found by distance: so many may be nearer than one of less clearance.
         closer = int(np.count_nonzero(kept < kept.max(initial=0.0)))
         return _fewest(self._nearest(snapshot, min(count + closer, total)), count, kept)
 
-    def _fill_in(
-        self, snapshot: Snapshot, pairs: Index, found: Array, kept: Array | None = None
-    ) -> bool:
-        """Measure what the core could not; False if some that it took for nearest may not be."""
-        lacking = np.flatnonzero(found[0] == -np.inf)
-        if not lacking.size or self._solids is None:
-            return True
-        chosen = pairs.take(lacking)
-        found[:, lacking] = self._solids.measure(snapshot, self._solid_number.take(chosen))
-        left = found[0] if kept is None else found[0] - kept.take(pairs)
-        worst = float(np.maximum.reduce(left.take(lacking)))
-        return lacking.size == left.size or worst <= float(
-            np.maximum.reduce(np.delete(left, lacking))
-        )
+    def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
+        """Measure what the core could not; return which (k,) it could."""
+        known = found[0] > -np.inf
+        if self._solids is not None and not known.all():
+            solids = self._solid_number.take(pairs[~known])
+            found[:, ~known] = self._solids.measure(snapshot, solids)
+        return known
 
     def _nearest(self, snapshot: Snapshot, count: int) -> PairDistances:
         """Return the nearest pairs, by arrays and coal."""
@@ -287,12 +284,19 @@ def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDista
     return PairDistances(pairs, distance, normal.T, point.T, snapshot)
 
 
+def _above(found: PairDistances, kept: Array | None) -> Array:
+    return found.distance if kept is None else found.distance - kept.take(found.pairs)
+
+
+def _smallest(values: Array, count: int) -> float:
+    return float(np.partition(values, count - 1)[count - 1])
+
+
 def _fewest(found: PairDistances, count: int, kept: Array | None) -> PairDistances:
     """Return the ``count`` of least distance, or least above what they keep, in order."""
     if len(found.pairs) == count:
         return found
-    left = found.distance if kept is None else found.distance - kept.take(found.pairs)
-    return found.take(np.sort(np.argpartition(left, count)[:count]))
+    return found.take(np.sort(np.argpartition(_above(found, kept), count)[:count]))
 
 
 def _least(pairs: Index, found: Array, count: int) -> tuple[Index, Array]:
