@@ -100,6 +100,11 @@ Show = Annotated[
 ]
 
 
+def name_of(path: Path) -> str:
+    """Return what titles and files call a problem."""
+    return "stdin" if str(path) == "-" else path.stem
+
+
 def overrides_of(assignments: list[str] | None, solver: str | None = None) -> dict[str, Any]:
     """Return what ``--set`` and ``--solver`` replace, by key path."""
     from wbc.problem import parse_override

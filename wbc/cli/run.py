@@ -22,6 +22,7 @@ from wbc.cli.options import (
     ViewFrom,
     Watched,
     check_view,
+    name_of,
     overrides_of,
 )
 
@@ -204,7 +205,7 @@ class _Wanted:
     @property
     def name(self) -> str:
         """Of the problem, as titles and files have it."""
-        return "stdin" if str(self.path) == "-" else self.path.stem
+        return name_of(self.path)
 
     def __post_init__(self) -> None:
         from wbc.cli.outputs import check_outputs

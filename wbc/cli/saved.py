@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wbc.cli.errors import complain, errors_in_one_line
-from wbc.cli.options import Quiet, RobotOfResult, SavedOrProblem, Show, ViewFrom, check_view
+from wbc.cli.options import (
+    Quiet,
+    RobotOfResult,
+    SavedOrProblem,
+    Show,
+    ViewFrom,
+    check_view,
+    name_of,
+)
 
 if TYPE_CHECKING:
     from wbc.cli.progress import ProgressCall
@@ -165,7 +173,7 @@ def _saved_or_run(path: Path, robot: str | None, quiet: bool) -> SavedRun | Save
         return load_result(path, None if robot is None else Robot.load(robot))
     if robot is not None:
         raise InvalidInputError("--robot: only for a result's .npz; a problem names its robot")
-    problem, name = load_problem(path), "stdin" if str(path) == "-" else path.stem
+    problem, name = load_problem(path), name_of(path)
     with shown_progress(quiet) as progress:
         if not isinstance(problem, Problem):
             moved = problem.run(progress)

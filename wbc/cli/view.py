@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from wbc.cli.errors import errors_in_one_line, print_notes
-from wbc.cli.options import Assign, overrides_of
+from wbc.cli.options import Assign, name_of, overrides_of
 
 
 def view(
@@ -41,7 +41,9 @@ def view(
         simulated = loaded.spec.controller.level == "torque"
         robot, push = loaded.parts.robot, strongest_push(loaded) if simulated else 0.0
         session = SimulatedSession if simulated else Session
-        with Viewer(robot, host=host, port=port, title=problem.stem, clock=True, push=push) as page:
+        with Viewer(
+            robot, host=host, port=port, title=name_of(problem), clock=True, push=push
+        ) as page:
             typer.echo("Ctrl-C ends it", err=True)
             try:
                 session(loaded, page, clock).run()
