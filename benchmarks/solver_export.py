@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wbc.batch.table import write_lists
 from wbc.bench.sequence import QpSequence, load_sequences
 from wbc.errors import WbcError
 from wbc.extras import require
@@ -101,6 +100,9 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
         A file cannot be written.
     """
     require("pyarrow", "the test set")
+    import pyarrow
+    from pyarrow import parquet
+
     folder.mkdir(parents=True, exist_ok=True)
     rows = [
         {**problem_of(qp), "name": f"{one.name} {k}"}
@@ -108,7 +110,7 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
         for k, qp in enumerate(one.qps)
     ]
     table = folder / f"{NAME}.parquet"
-    write_lists(table, rows)
+    parquet.write_table(pyarrow.Table.from_pylist(rows), table, compression="zstd")
     told = {
         "name": NAME, "count": len(rows), "sequences": len(sequences),
         "names": ", ".join(one.name for one in sequences),
