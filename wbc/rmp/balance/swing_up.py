@@ -110,8 +110,7 @@ class SwingUp:
     def command(self, q: Array, v: Array, time: float) -> Command:
         """Return the forces; ``time`` does not matter."""
         q, v = finite_vector("q", q, 5), finite_vector("v", v, 5)
-        x, rate = self._leg(q, v)
-        s = rate + 2.0 * math.sin(x / 2.0)
+        (x, rate), s = self._leg(q, v), self.unstable_part(q, v)
         most = min(self.torque_ratio, 1.0)
         if abs(s) < _CATCH * most:
             k = (
