@@ -8,7 +8,7 @@ import pytest
 from wbc.qp import QP
 from wbc.qp.daqp import Daqp
 from wbc.qp.native import Workspace
-from wbc.qp.proxqp import WARM_ITERATIONS, ProxQP
+from wbc.qp.proxqp import QUICK_WARM_ITERATIONS, WARM_ITERATIONS, ProxQP
 from wbc.qp.solution import RawSolution, Status
 
 # What is answered by ProxQP warm (None: it is not warm), by DAQP and by ProxQP cold; then
@@ -127,9 +127,13 @@ def test_rows_in_conflict_are_looked_for_once_if_none_are_found(
         assert not found.solved and found.conflict is None and len(looked) == times
 
 
-@pytest.mark.parametrize("most", [5, 8, 1000])
-def test_warm_solves_are_given_up_sooner_than_cold_ones(most: int) -> None:
+@pytest.mark.parametrize(
+    ("quick", "least"), [(False, WARM_ITERATIONS), (True, QUICK_WARM_ITERATIONS)]
+)
+@pytest.mark.parametrize("most", [4, 8, 1000])
+def test_warm_solves_are_given_up_sooner_than_cold_ones(most: int, quick: bool, least: int) -> None:
     backend = ProxQP(max_iterations=most)
-    assert backend.solve(QP.build(np.eye(3), np.ones(3), upper=np.ones(3))).solver == "proxqp"
+    qp = QP.build(np.eye(3), np.ones(3), upper=np.ones(3))
+    assert backend.solve(qp, quick=quick).solver == "proxqp"
     (kept,) = backend._workspaces.values()
-    assert kept.native.settings.max_iter == min(WARM_ITERATIONS, most)
+    assert kept.native.settings.max_iter == min(least, most)
