@@ -97,7 +97,7 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         step = turned(-heading)[:2, :2] @ (after.goal - places[support][:2])
         beside = SIGN[other(support)] * step[1]
         assert gait.least_width - 1e-7 <= beside <= limits.apart + 1e-7
-        assert abs(step[0]) <= limits.step + 1e-7
+        assert abs(step[0]) <= limits.catch + 1e-7
         kept = {one.name for one in fields(phase)} - {"left", "goal", "offset"}
         assert all(getattr(after, name) is getattr(phase, name) for name in kept)
 
@@ -115,14 +115,32 @@ def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
     here = Standing()
     assert planner.sunk(here, measured[0], heading) == 0.0
     sunk = planner.sunk(here, measured[1], heading)
-    # The pelvis over the right foot: the left hip is to the left of it, the ankle farther.
+    # The pelvis over the right foot and half of the way ahead: the left hip is to the left of it,
+    # the ankle farther.
     hip = legs.hip_height + gait.height - sunk - legs.com_height
-    assert np.hypot(hip, 0.5 - legs.width) == pytest.approx(0.98 * legs.length)
+    way = (hip, 0.5 - legs.width, 0.15)
+    assert np.linalg.norm(way) == pytest.approx(0.98 * legs.length)
     assert sunk > 0.0
     # A foot that is still on its way there counts, and one that comes back from there.
-    coming = on_one_foot("right", 0.1, 0.1, (R @ (0.0, 0.5, 0.0))[:2])
+    coming = on_one_foot("right", 0.1, 0.1, (R @ (0.3, 0.5, 0.0))[:2])
     assert planner.sunk(coming, measured[0], heading) == pytest.approx(sunk)
     assert planner.sunk(on_one_foot("right", 0.1, 0.1), measured[1], heading) == pytest.approx(sunk)
+
+
+def test_the_com_sinks_for_a_step_that_is_longer_than_in_a_walk(legs: Legs) -> None:
+    gait = GaitSettings.of(legs)
+    planner = planner_of(legs, gait)
+    walking, catching = planner.limits.step, planner.limits.catch
+    assert catching > 1.1 * walking
+    places = {"left": np.array((0.0, legs.width, 0.0)), "right": np.zeros(3)}
+    now = Measured(ORIGIN, places, {})
+    sunk = [
+        planner.sunk(on_one_foot("right", 0.1, 0.1, np.array((far, legs.width))), now, 0.0)
+        for far in (walking - 1e-9, catching)
+    ]
+    assert sunk[0] == 0.0
+    hip = legs.hip_height + gait.height - legs.com_height
+    assert sunk[1] == pytest.approx(0.03 * hip)
 
 
 def test_a_foot_that_lands_early_waits_unless_it_had_to_hurry(legs: Legs) -> None:

@@ -17,6 +17,8 @@ PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 MOST_TURN = 0.5
 # How much further than the reach of one leg feet may be apart sideways: the hips are in between.
 SIDEWAYS = 1.5
+# So far the CoM may sink for a step that catches a push, in parts of the hip's height.
+SINK = 0.03
 
 
 class Velocity(NamedTuple):
@@ -69,6 +71,9 @@ class CommandLimits:
         Farthest that feet are turned against each other, either way [rad].
     swing:
         Largest acceleration of a foot in the air [m/s^2].
+    catch:
+        Longest step that catches a push, for which the CoM sinks [m]. (Sideways, where the leg
+        behind is stretched from a pelvis over the other foot, going farther ends more walks.)
     """
 
     forwards: float
@@ -79,6 +84,7 @@ class CommandLimits:
     apart: float
     turn: float
     swing: float
+    catch: float
 
     @classmethod
     def of(cls, legs: Legs, gait: GaitSettings) -> CommandLimits:
@@ -88,6 +94,7 @@ class CommandLimits:
         turns.
         """
         T, reach = gait.times.total, legs.reach(gait.height)
+        hip = legs.hip_height + gait.height - legs.com_height
         per_speed = 2.0 * T / gait.single
         able = {
             "reach of the legs": 2.0 * reach / T,
@@ -115,6 +122,7 @@ class CommandLimits:
             apart,
             turn,
             legs.swing_acceleration,
+            2.0 * legs.reach(gait.height - SINK * hip),
         )
 
     def admit(self, vx: float, vy: float, yaw_rate: float) -> Admitted:

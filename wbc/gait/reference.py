@@ -119,14 +119,20 @@ class StepPlanner:
 
         Where feet are far apart sideways, or will be, the leg behind reaches the ground from less
         height when the pelvis is over the other foot; stretched straight it would lift the pelvis.
+        In a step that is longer than in a walk both legs reach it from less when the pelvis is
+        halfway.
         """
-        feet = [now.places["left"][:2] - now.places["right"][:2]]
+        ways = [now.places["left"][:2] - now.places["right"][:2]]
         if isinstance(phase, SingleSupport):
-            feet.append(phase.goal - now.places[phase.support][:2])
-        left = turned(heading)[:2, 1]
-        apart = min(max(abs(float(left @ way)) for way in feet), self.limits.apart)
-        height = self.legs.com_height_for(max(apart - self.legs.width, 0.0))
-        return max(self.gait.height - height, 0.0)
+            ways.append(phase.goal - now.places[phase.support][:2])
+        R, found = turned(heading)[:2, :2], 0.0
+        for way in ways:
+            ahead, beside = np.abs(way @ R).tolist()
+            halfway = 0.5 * min(ahead, self.limits.catch)
+            wider = max(min(beside, self.limits.apart) - self.legs.width, 0.0)
+            height = self.legs.com_height_for(math.hypot(halfway, wider))
+            found = max(found, self.gait.height - height)
+        return found
 
     def single_time(self, phase: SingleSupport) -> float:
         """Return how long a phase should last [s]."""
@@ -189,7 +195,7 @@ class StepPlanner:
             step = self.footsteps.step(support, began, velocity)
             offset = self.footsteps.offset(other(support), landing, velocity)
         nominal = StepPlan(R.T @ step, max(single - phase.elapsed, soon), R.T @ offset, np.zeros(2))
-        sign, far = SIGN[other(support)], self.limits.step
+        sign, far = SIGN[other(support)], self.limits.catch
         beside = sorted((sign * gait.least_width, sign * self.limits.apart))
         lower, upper = np.array((-far, beside[0])), np.array((far, beside[1]))
         level = phase.swing.level
