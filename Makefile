@@ -63,9 +63,7 @@ lowest:
 # the run before.
 RESULTS := benchmarks/RESULTS.md
 bench: $(VENV)/dev.stamp
-	mkdir -p build
-	$(BIN)/wbc bench --ticks 100 --output build/solvers.md
-	$(BIN)/python benchmarks/sections.py $(RESULTS) solvers build/solvers.md
+	$(BIN)/wbc bench --ticks 100 --output $(RESULTS)
 	-PYTHON=$(CURDIR)/$(BIN)/python bash benchmarks/peers/environments.sh
 	$(BIN)/python benchmarks/peers/run.py --output $(RESULTS)
 	$(BIN)/python benchmarks/campaign.py --only scaling --output $(RESULTS)

@@ -23,10 +23,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from sections import put_section
 
 from wbc.batch import BatchProgress, load_campaign, read_rows, run_batch
 from wbc.batch.row import Row, run_row
+from wbc.bench.page import put_section
 from wbc.bench.summary import machine
 from wbc.bench.tables import Table
 from wbc.journal import Journal

@@ -26,9 +26,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from sections import put_section
-
+from wbc.bench.page import put_section
 from wbc.bench.summary import machine
 from wbc.robot import Robot
 

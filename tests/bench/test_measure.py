@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import qpsolvers
 from scipy.sparse import csc_matrix
-from solver_export import problem_of
 
 from tests.bench.test_sequence import random_qp
+from wbc.bench.export import problem_of
 from wbc.bench.measure import Measured, measure
 from wbc.bench.sequence import QpSequence
 from wbc.bench.solvers import CANDIDATES, candidate_names, make_candidate

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from solver_changes import Verdict
-from tick_history import FORMAT, NothingToCompareError, changes_since, last_like
 
+from benchmarks.tick_history import FORMAT, NothingToCompareError, changes_since, last_like
+from wbc.bench.compare import Verdict
 from wbc.errors import InvalidInputError
 
 

@@ -1,4 +1,4 @@
-"""``wbc bench``: recorded, measured, written and refused."""
+"""``wbc bench``: recorded, measured, written, compared and refused."""
 
 import json
 from collections.abc import Callable
@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import IO
 
 import pytest
-from solver_changes import Verdict, compare
 from typer.testing import CliRunner, Result
 
 import wbc.files
-from wbc.bench import load_sequences
+from wbc.bench import load_sequence
 from wbc.cli import app
 
 SMALL = ("--job", "arm", "--ticks", 5, "--repeats", 3, "--solver", "daqp", "--solver", "proxqp")
@@ -20,8 +19,8 @@ def run(*options: object) -> Result:
     return CliRunner(env={"OMP_NUM_THREADS": "1"}).invoke(app, ["bench", *map(str, options)])
 
 
-def test_recorded_measured_and_written(tmp_path: Path) -> None:
-    places = [tmp_path / f"b.{ending}" for ending in ("json", "md", "png")]
+def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
+    places = [tmp_path / f"b.{ending}" for ending in ("json", "md", "html", "png")]
     folder = tmp_path / "sequences"
     result = run(
         *SMALL, "--sequences", folder, *(word for one in places for word in ("-o", one)),
@@ -29,17 +28,41 @@ def test_recorded_measured_and_written(tmp_path: Path) -> None:
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "records arm velocity smooth" in result.output and "daqp" in result.stdout
-    (sequence,) = load_sequences(folder)
-    assert len(sequence.qps) == 5
+    (file,) = folder.iterdir()
+    assert len(load_sequence(file).qps) == 5
     told = json.loads(places[0].read_text())
     assert set(told["accuracies"]) == {"0.001", "1e-08"}
     assert told["accuracies"]["1e-08"]["solvers"]["daqp"]["all"]["success"] == 1.0
     page = places[1].read_text()
     assert "### All sequences, accuracy 0.001" in page and "| proxqp |" in page
     assert "| arm velocity smooth | 12 | 6 | 0 |" in page
-    assert places[2].stat().st_size > 20_000
-    changes, notes = compare(told, told)
-    assert not notes and {one.verdict for one in changes} == {Verdict.SAME}
+    assert "data:image/png;base64," in places[2].read_text()
+    assert places[3].stat().st_size > 20_000
+
+    slow = json.loads(places[0].read_text())
+    for solver in ("daqp", "proxqp"):
+        one = slow["accuracies"]["1e-08"]["solvers"][solver]["sequences"]["arm velocity smooth"]
+        # A thousand times faster or slower than now: no noise of this machine.
+        factor = 1e-3 if solver == "daqp" else 1e3
+        one["passes"] = [factor * time for time in (1e-4, 1e-4, 1e-4)]
+        one["reference"] = [1e-3, 1e-3, 1e-3]
+    old = tmp_path / "old.json"
+    old.write_text(json.dumps(slow))
+    compared = run(*SMALL, "--sequences", folder, "--eps", 1e-8, "--compare", old)
+    assert compared.exit_code == 3, compared.output
+    lines = {line.split()[0]: line for line in compared.stdout.splitlines() if "1e-08 " in line}
+    assert lines["daqp"].endswith("slower") and lines["proxqp"].endswith("faster")
+
+
+def test_a_page_with_a_place_for_it_keeps_the_rest(tmp_path: Path) -> None:
+    page = tmp_path / "RESULTS.md"
+    page.write_text("# Ours\n\n<!-- solvers -->\nof yesterday\n<!-- /solvers -->\n\nby hand\n")
+    for _ in range(2):
+        assert run(*SMALL, "--quiet", "-o", page).exit_code == 0
+    text = page.read_text()
+    assert text.startswith("# Ours\n\n<!-- solvers -->\n\n## Solvers\n")
+    assert text.endswith("<!-- /solvers -->\n\nby hand\n")
+    assert "yesterday" not in text and text.count("### All sequences") == 1
 
 
 def test_figures_that_cannot_be_saved_are_saved_elsewhere(
@@ -71,11 +94,15 @@ def test_a_problem_file_is_recorded(tmp_path: Path) -> None:
     )
     output = tmp_path / "b.json"
     lean = Path(__file__).parents[2] / "problems" / "rmp_static_lean.yaml"
-    result = run(problem, lean, "--ticks", 4, "--repeats", 1, "--solver", "daqp", "-o", output)
+    result = run(
+        problem, lean, "--ticks", 4, "--repeats", 1, "--solver", "daqp", "-o", output,
+        "--qpbenchmark", tmp_path / "set",
+    )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "rmp_static_lean.yaml: a pendulum's problem" in " ".join(result.output.split())
     (about,) = json.loads(output.read_text())["sequences"].values()
     assert (about["level"], about["QPs"], about["equalities"]) == ("torque", 4, 18)
+    assert (tmp_path / "set" / "wbc_sequences.py").exists()
 
 
 @pytest.mark.parametrize(
@@ -84,6 +111,7 @@ def test_a_problem_file_is_recorded(tmp_path: Path) -> None:
         (("--job", "nobody"), "no job has that"),
         (("-o", "b.txt"), ".json, .md"),
         ((*SMALL[:-1], "nosuch"), "unknown solver of wbc bench 'nosuch'"),
+        (("--compare", "nothing.json"), "cannot be read"),
         (("--sequences", "."), "has no file"),
         (("problems/rmp_static_lean.yaml",), "pendulum"),
     ],
@@ -94,4 +122,14 @@ def test_bad_input(
     (tmp_path / "problems").symlink_to(Path(__file__).parents[2] / "problems")
     monkeypatch.chdir(tmp_path)
     result = run(*options)
+    assert result.exit_code == 1 and told in " ".join(result.output.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("{", "is not what"), ('{"format": "wbc bench 9"}', "'wbc bench 9', and")]
+)
+def test_figures_that_are_none(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "old.json"
+    path.write_text(text)
+    result = run("--compare", path)
     assert result.exit_code == 1 and told in " ".join(result.output.split())

@@ -63,20 +63,6 @@ def save_sequence(path: Path, sequence: QpSequence) -> None:
     write_whole(path, lambda file: np.savez_compressed(file, **entries))
 
 
-def load_sequences(folder: Path) -> list[QpSequence]:
-    """Read all sequences of a folder, in order of their names.
-
-    Raises
-    ------
-    InvalidInputError
-        It has none, or one that :func:`load_sequence` refuses.
-    """
-    files = sorted(folder.glob(f"*{ENDING}"))
-    if not files:
-        raise InvalidInputError(f"{folder}: has no file *{ENDING}")
-    return [load_sequence(file) for file in files]
-
-
 def load_sequence(path: Path) -> QpSequence:
     """Read a sequence.
 

@@ -1,4 +1,4 @@
-"""From what was measured to figures.
+"""From what was measured to figures, and a file of them that later runs are compared with.
 
 Of each QP the least of its times counts: what other processes took is not the solver's. A solver
 that failed at a QP is given :data:`LIMIT` for it, where one number stands for many.
@@ -7,6 +7,7 @@ that failed at a QP is given :data:`LIMIT` for it, where one number stands for m
 from __future__ import annotations
 
 import hashlib
+import json
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 
 from wbc.bench.measure import Measured
 from wbc.bench.sequence import FIELDS, QpSequence
+from wbc.errors import InvalidInputError
 from wbc.problem.provenance import version_of, versions
 from wbc.validate import Array
 
@@ -49,6 +51,26 @@ def summarise(
             for eps in accuracies
         },
     }
+
+
+def load_summary(path: Path) -> dict[str, Any]:
+    """Read what ``wbc bench`` wrote as JSON.
+
+    Raises
+    ------
+    InvalidInputError
+        Missing, or something else.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["format"] == FORMAT:
+            return dict(found)
+        what = f"is in the format {str(found['format'])[:60]!r}, and {FORMAT!r} is read"
+    except OSError as error:
+        what = f"cannot be read: {error.strerror}"
+    except (ValueError, TypeError, KeyError):
+        what = "is not what wbc bench wrote as .json"
+    raise InvalidInputError(f"{path}: {what}")
 
 
 def machine() -> str:

@@ -1,12 +1,20 @@
-"""Figures as tables, in Markdown."""
+"""Figures as tables, in Markdown and in one HTML file that opens offline."""
 
 from __future__ import annotations
 
+import base64
+import html
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from wbc.bench.compare import Change
 from wbc.bench.solvers import ABOUT
 from wbc.bench.summary import LIMIT, SHIFT
+
+STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;
+color:#222}table{border-collapse:collapse;margin:1em 0}th,td{padding:.3em .7em;text-align:right;
+border-bottom:1px solid #ddd}th:first-child,td:first-child{text-align:left}img{max-width:100%}
+th{border-bottom:2px solid #888}caption{text-align:left;font-weight:bold}"""
 
 
 class Table(NamedTuple):
@@ -21,6 +29,17 @@ class Table(NamedTuple):
         rule = ["---", *["---:"] * (len(self.header) - 1)]
         lines = [self.header, rule, *self.rows]
         return "\n".join([f"### {self.title}", "", *(f"| {' | '.join(one)} |" for one in lines)])
+
+    def html(self) -> str:
+        """Return it in HTML."""
+        head = "".join(f"<th>{html.escape(one)}</th>" for one in self.header)
+        rows = "".join(
+            f"<tr>{''.join(f'<td>{html.escape(one)}</td>' for one in row)}</tr>\n"
+            for row in self.rows
+        )
+        return (
+            f"<table><caption>{html.escape(self.title)}</caption>\n<tr>{head}</tr>\n{rows}</table>"
+        )
 
 
 def tables(summary: Mapping[str, Any]) -> list[Table]:
@@ -45,6 +64,23 @@ def tables(summary: Mapping[str, Any]) -> list[Table]:
     return found
 
 
+def changes_table(changes: Sequence[Change]) -> Table:
+    """Return the table of a comparison."""
+    header = ("solver", "accuracy", "time now / then", "between", "solved then", "now", "verdict")
+    rows = [
+        (
+            one.solver,
+            one.eps,
+            f"{one.ratio:.2f}",
+            f"{one.low:.2f} to {one.high:.2f}",
+            *(f"{100 * share:.4g} %" for share in one.success),
+            one.verdict.value + (f": {one.reason}" if one.reason else ""),
+        )
+        for one in changes
+    ]
+    return Table("Compared with the earlier figures", header, rows)
+
+
 def introduction(summary: Mapping[str, Any]) -> list[str]:
     """Return what the figures are and where they come from, a sentence each."""
     versions = ", ".join(
@@ -64,10 +100,32 @@ def introduction(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def markdown(summary: Mapping[str, Any]) -> str:
+def markdown(summary: Mapping[str, Any], changes: Sequence[Change] = ()) -> str:
     """Return everything as a page of Markdown."""
-    parts = ["## Solvers", *introduction(summary), *(one.markdown() for one in tables(summary))]
+    parts = ["## Solvers", *introduction(summary)]
+    parts += [one.markdown() for one in _all(summary, changes)]
     return "\n\n".join(parts) + "\n"
+
+
+def html_page(
+    summary: Mapping[str, Any], changes: Sequence[Change] = (), picture: bytes | None = None
+) -> str:
+    """Return everything as one page, with a PNG picture inside."""
+    told = "".join(f"<p>{html.escape(one)}</p>\n" for one in introduction(summary))
+    image = ""
+    if picture is not None:
+        data = base64.b64encode(picture).decode()
+        image = f'<img alt="performance profile and times" src="data:image/png;base64,{data}">\n'
+    body = "\n".join(one.html() for one in _all(summary, changes))
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>QP solvers</title>'
+        f"<style>{STYLE}</style></head>\n<body><h1>QP solvers</h1>\n{told}{image}{body}"
+        "</body></html>\n"
+    )
+
+
+def _all(summary: Mapping[str, Any], changes: Sequence[Change]) -> list[Table]:
+    return [*tables(summary), *([changes_table(changes)] if changes else [])]
 
 
 def _row(figures: Mapping[str, Any]) -> tuple[str, ...]:

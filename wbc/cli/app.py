@@ -13,7 +13,7 @@ import typer
 from wbc import __version__
 from wbc.cli.analyze import analyze
 from wbc.cli.batch import BATCH_EXIT_CODES, batch
-from wbc.cli.bench import bench
+from wbc.cli.bench import BENCH_EXIT_CODES, bench
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
 from wbc.cli.problems import check, init, schema
@@ -61,7 +61,7 @@ app.command(epilog=EXIT_CODES)(run)
 app.command(epilog=SIM_EXIT_CODES)(sim)
 app.command(epilog=PUSH_EXIT_CODES)(push)
 app.command(epilog=BATCH_EXIT_CODES)(batch)
-app.command()(bench)
+app.command(epilog=BENCH_EXIT_CODES)(bench)
 app.command()(view)
 app.command()(render)
 app.command()(report)

@@ -1,4 +1,4 @@
-"""``wbc bench``: QP solvers on recorded sequences, and their figures."""
+"""``wbc bench``: QP solvers on recorded sequences, their figures, and how they changed."""
 
 from __future__ import annotations
 
@@ -6,18 +6,26 @@ import os
 import shlex
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wbc.cli.errors import errors_in_one_line, print_note
+from wbc.cli.errors import NOT_REACHED, errors_in_one_line, print_note
 from wbc.cli.options import Quiet
 
 if TYPE_CHECKING:
-    from wbc.bench import QpSequence
+    from collections.abc import Sequence
+
+    from wbc.bench import Change, QpSequence
     from wbc.cli.outputs import Outputs
 
-TEXTS = (".json", ".md")
+BENCH_EXIT_CODES = (
+    "Exit codes: 0 measured and, with --compare, nothing slower or worse; 1 bad input; 2 wrong"
+    " usage; 3 some solver is slower, or solves less, than in the earlier figures."
+)
+TEXTS = (".json", ".md", ".html")
+SECTION = "solvers"  # of a page that has marks for it
 ENDINGS = (*TEXTS, ".png", ".svg", ".pdf")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -47,8 +55,16 @@ def bench(
     output: Annotated[
         list[Path] | None,
         typer.Option(
-            "--output", "-o", help="Write .json (all figures), .md, a picture; repeatable."
+            "--output",
+            "-o",
+            help="Write .json, .md (if it has marks, its section), .html, a picture; repeatable.",
         ),
+    ] = None,
+    compare: Annotated[
+        Path | None, typer.Option(help="Figures of an earlier run (.json): what is slower now?")
+    ] = None,
+    qpbenchmark: Annotated[
+        Path | None, typer.Option(help="Write the sequences as a test set of qpbenchmark.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -59,13 +75,22 @@ def bench(
     """
     with errors_in_one_line():
         places = _checked(output or [])
+        from wbc.bench import load_summary
+
+        old = None if compare is None else load_summary(compare)
         _one_thread()
         found = _sequences(problems or [], sequences, job or [], ticks, quiet)
+        if qpbenchmark is not None:
+            _export(qpbenchmark, found, quiet)
         summary = _measure(found, solver, eps or [1e-6], repeats, quiet)
-        outputs = _write_all(places, summary)
+        changes: Sequence[Change] = ()
+        if old is not None:
+            changes = _compared(old, summary)
+        outputs = _write_all(places, summary, changes)
         if not quiet:
-            _print(summary, outputs.written)
-        code = outputs.exit_code()
+            _print(summary, changes, outputs.written)
+        worse = any(one.verdict in ("slower", "fails more") for one in changes)
+        code = outputs.exit_code(NOT_REACHED if worse else 0)
     raise typer.Exit(code)
 
 
@@ -77,7 +102,7 @@ def _checked(output: list[Path]) -> list[Path]:
     for each in output:
         if each.suffix not in ENDINGS:
             raise InvalidInputError(f"--output {each}: expected one of {', '.join(ENDINGS)}")
-        if each.suffix not in TEXTS:
+        if each.suffix not in (".json", ".md"):
             require("matplotlib", f"--output {each}")
         check_place("--output", each)
     return output
@@ -93,12 +118,15 @@ def _sequences(
     problems: list[Path], folder: Path | None, jobs: list[str], ticks: int, quiet: bool
 ) -> list[QpSequence]:
     """Return the sequences to solve: those of a folder if it is there, else recorded now."""
-    from wbc.bench import STANDARD, load_sequences, record, save_sequence
+    from wbc.bench import STANDARD, load_sequence, record, save_sequence
     from wbc.bench.sequence import ENDING
     from wbc.errors import InvalidInputError
 
     if folder is not None and folder.is_dir():
-        return load_sequences(folder)
+        files = sorted(folder.glob(f"*{ENDING}"))
+        if not files:
+            raise InvalidInputError(f"--sequences {folder}: has no file *{ENDING}")
+        return [load_sequence(file) for file in files]
     chosen = [one for one in STANDARD if not jobs or any(part in one.name for part in jobs)]
     if jobs and not chosen:
         names = ", ".join(one.name for one in STANDARD)
@@ -133,6 +161,18 @@ def _recorded(problems: list[Path], ticks: int, quiet: bool) -> list[QpSequence]
     return found
 
 
+def _export(folder: Path, sequences: list[QpSequence], quiet: bool) -> None:
+    from wbc.bench.export import export_qpbenchmark
+
+    files = export_qpbenchmark(folder, sequences)
+    if not quiet:
+        typer.echo(f"written  {', '.join(map(str, files))}")
+        typer.echo(
+            f"now try  cd {folder} && qpbenchmark --results-path results.csv {files[1].name} run"
+            " --author YOU"
+        )
+
+
 def _measure(
     sequences: list[QpSequence],
     solvers: list[str] | None,
@@ -154,37 +194,59 @@ def _measure(
     return summarise(sequences, measured, shlex.join(["wbc", *sys.argv[1:]]))
 
 
-def _write_all(places: list[Path], summary: dict[str, Any]) -> Outputs:
+def _compared(old: dict[str, Any], new: dict[str, Any]) -> Sequence[Change]:
+    from wbc.bench import compare
+
+    changes, notes = compare(old, new)
+    for note in notes:
+        print_note(note)
+    return changes
+
+
+def _write_all(places: list[Path], summary: dict[str, Any], changes: Sequence[Change]) -> Outputs:
     from wbc.cli.outputs import Outputs
 
     outputs = Outputs()
     for place in places:
         if place.suffix in TEXTS:
-            outputs.save(place, lambda path: _write(path, summary))
+            outputs.save(place, lambda path: _write(path, summary, changes))
         else:
-            outputs.draw(place, lambda path: _draw(path, summary), "--output")
+            outputs.draw(place, lambda path: _draw(summary, path), "--output")
     return outputs
 
 
-def _draw(path: Path, summary: dict[str, Any]) -> None:
+def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
+    from wbc.bench.page import has_section, with_section
+    from wbc.bench.tables import html_page, markdown
+    from wbc.files import write_whole
+    from wbc.run.saving import json_text
+
+    match path.suffix:
+        case ".json":
+            text = json_text(summary)
+        case ".md":
+            text = markdown(summary, changes)
+            page = path.read_text(encoding="utf-8") if path.exists() else ""
+            if has_section(page, SECTION):
+                text = with_section(page, SECTION, text)
+        case _:
+            with TemporaryDirectory() as folder:
+                picture = Path(folder) / "bench.png"
+                _draw(summary, picture)
+                text = html_page(summary, changes, picture.read_bytes())
+    write_whole(path, lambda file: file.write(text.encode()))
+
+
+def _draw(summary: dict[str, Any], path: Path) -> None:
     from wbc.view.bench import plot_bench
 
     plot_bench(summary, path)
 
 
-def _write(path: Path, summary: dict[str, Any]) -> None:
-    from wbc.bench.tables import markdown
-    from wbc.files import write_whole
-    from wbc.run.saving import json_text
+def _print(summary: dict[str, Any], changes: Sequence[Change], places: list[Path]) -> None:
+    from wbc.bench.tables import changes_table, tables
 
-    text = json_text(summary) if path.suffix == ".json" else markdown(summary)
-    write_whole(path, lambda file: file.write(text.encode()))
-
-
-def _print(summary: dict[str, Any], places: list[Path]) -> None:
-    from wbc.bench.tables import tables
-
-    for table in tables(summary)[::2]:
+    for table in [*tables(summary)[::2], *([changes_table(changes)] if changes else [])]:
         typer.echo(f"\n{table.title}")
         widths = [
             max(len(row[k]) for row in (table.header, *table.rows))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import qpsolvers
 from pyarrow import parquet
-from solver_export import NAME, export_qpbenchmark
 
 from tests.bench.test_measure import solvable
+from wbc.bench.export import NAME, export_qpbenchmark
 from wbc.errors import MissingPackageError
 from wbc.qp.daqp import Daqp
 

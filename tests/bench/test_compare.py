@@ -1,16 +1,12 @@
 """The verdict on a change: noise and drift do not fool it, and a real change does not hide."""
 
 import copy
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from solver_changes import Verdict, compare, load_summary, main
 
-from wbc.bench.summary import FORMAT
-from wbc.errors import InvalidInputError
+from wbc.bench.compare import Verdict, compare
 
 
 def figures(
@@ -93,28 +89,3 @@ def test_only_the_same_qps_are_compared_and_the_rest_is_said() -> None:
     del new["sequences"]["smooth"]
     changes, notes = compare(old, new)
     assert not changes and "'smooth' is gone" in " ".join(notes)
-
-
-def test_two_files_are_compared_and_what_is_worse_is_the_exit_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    paths = [tmp_path / name for name in ("before.json", "same.json", "slow.json")]
-    for path, one in zip(paths, (figures(0), figures(1), figures(2, 3.0)), strict=True):
-        path.write_text(json.dumps({"format": FORMAT, **one}))
-    for later, code, told in ((paths[1], 0, "same within noise"), (paths[2], 3, "slower")):
-        monkeypatch.setattr("sys.argv", ["solver_changes.py", str(paths[0]), str(later)])
-        with pytest.raises(SystemExit) as end:
-            main()
-        assert end.value.code == code and f"| {told} |" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [(None, "cannot be read"), ("{", "is not what"), ('{"format": "wbc bench 9"}', "wbc bench 9")],
-)
-def test_figures_that_are_none(tmp_path: Path, text: str | None, told: str) -> None:
-    path = tmp_path / "old.json"
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(InvalidInputError, match=told):
-        load_summary(path)

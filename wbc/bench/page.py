@@ -1,11 +1,7 @@
-"""A page of Markdown on which several commands each keep a section of their own, between marks.
-
-python benchmarks/sections.py PAGE.md NAME TEXT.md    # puts the text of a file into a section
-"""
+"""A page of Markdown on which several commands each keep a section of their own, between marks."""
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 
@@ -39,16 +35,3 @@ def put_section(path: Path, name: str, text: str) -> None:
     """
     page = path.read_text(encoding="utf-8") if path.exists() else ""
     path.write_text(with_section(page, name, text), encoding="utf-8")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("page", type=Path)
-    parser.add_argument("name")
-    parser.add_argument("text", type=Path)
-    given = parser.parse_args()
-    put_section(given.page, given.name, given.text.read_text(encoding="utf-8"))
-
-
-if __name__ == "__main__":
-    main()

@@ -4,21 +4,16 @@ The test set is a Parquet file of problems in the form of qpsolvers (G x <= h, A
 a Python file beside it, which the command ``qpbenchmark`` takes. The warm variant is the
 same sequences solved in order by a kept solver: what ``wbc bench`` measures as ``proxqp`` and
 ``daqp_kept``; a script beside it does so without this package, for solvers of one's own.
-
-    wbc bench --sequences recorded
-    python benchmarks/solver_export.py recorded exported
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wbc.bench.sequence import QpSequence, load_sequences
-from wbc.errors import WbcError
+from wbc.batch.table import write_lists
+from wbc.bench.sequence import QpSequence
 from wbc.extras import require
 from wbc.qp import QP
 from wbc.qp.qpsolvers_backend import OneSided
@@ -99,10 +94,7 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
     OSError
         A file cannot be written.
     """
-    require("pyarrow", "the test set")
-    import pyarrow
-    from pyarrow import parquet
-
+    require("pyarrow", "wbc bench --qpbenchmark")
     folder.mkdir(parents=True, exist_ok=True)
     rows = [
         {**problem_of(qp), "name": f"{one.name} {k}"}
@@ -110,7 +102,7 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
         for k, qp in enumerate(one.qps)
     ]
     table = folder / f"{NAME}.parquet"
-    parquet.write_table(pyarrow.Table.from_pylist(rows), table, compression="zstd")
+    write_lists(table, rows)
     told = {
         "name": NAME, "count": len(rows), "sequences": len(sequences),
         "names": ", ".join(one.name for one in sequences),
@@ -129,21 +121,3 @@ def problem_of(qp: QP) -> dict[str, Any]:
         "lb": qp.lower, "ub": qp.upper,
     }  # fmt: skip
     return {name: part.ravel().tolist() if part.size else None for name, part in parts.items()}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("sequences", type=Path, help="folder of recorded ones")
-    parser.add_argument("folder", type=Path)
-    given = parser.parse_args()
-    try:
-        files = export_qpbenchmark(given.folder, load_sequences(given.sequences))
-    except WbcError as error:
-        sys.exit(f"error: {error}")
-    print(f"written  {', '.join(map(str, files))}")
-    run = f"qpbenchmark --results-path results.csv {files[1].name} run --author YOU"
-    print(f"now try  cd {given.folder} && {run}")
-
-
-if __name__ == "__main__":
-    main()

@@ -4,32 +4,19 @@ Machines drift: the same code is a fifth faster or slower an hour later. Each pa
 measured in units of a fixed computation made just before and after it. What still scatters is seen
 from pass to pass: a change counts only if a t interval of its logarithm lies wholly beyond
 :data:`LEAST`. A solver that lost answers is worse whatever its time.
-
-    wbc bench --sequences recorded --output before.json   # and later, of the same sequences
-    wbc bench --sequences recorded --output now.json
-    python benchmarks/solver_changes.py before.json now.json
-
-The exit code is 3 if a solver is slower, or solves less.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
-from wbc.bench.summary import FORMAT
-from wbc.bench.tables import Table
-from wbc.errors import InvalidInputError
 from wbc.validate import Array
 
 LEAST = 1.05  # a smaller factor is no change that anyone should act upon
@@ -62,26 +49,6 @@ class Change:
     high: float
     success: tuple[float, float]  # share of QPs solved, then and now
     reason: str = ""  # why nothing is known, in words; else empty
-
-
-def load_summary(path: Path) -> dict[str, Any]:
-    """Read what ``wbc bench`` wrote as JSON.
-
-    Raises
-    ------
-    InvalidInputError
-        Missing, or something else.
-    """
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        if found["format"] == FORMAT:
-            return dict(found)
-        what = f"is in the format {str(found['format'])[:60]!r}, and {FORMAT!r} is read"
-    except OSError as error:
-        what = f"cannot be read: {error.strerror}"
-    except (ValueError, TypeError, KeyError):
-        what = "is not what wbc bench wrote as .json"
-    raise InvalidInputError(f"{path}: {what}")
 
 
 def compare(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[list[Change], list[str]]:
@@ -161,40 +128,3 @@ def _logs(figures: list[Mapping[str, Any]]) -> Array:
     return np.mean(
         [np.log(np.divide(one["passes"], one["reference"])) for one in figures], axis=0
     )  # fmt: skip
-
-
-def changes_table(changes: Sequence[Change]) -> Table:
-    """Return the table of a comparison."""
-    header = ("solver", "accuracy", "time now / then", "between", "solved then", "now", "verdict")
-    rows = [
-        (
-            one.solver,
-            one.eps,
-            f"{one.ratio:.2f}",
-            f"{one.low:.2f} to {one.high:.2f}",
-            *(f"{100 * share:.4g} %" for share in one.success),
-            one.verdict.value + (f": {one.reason}" if one.reason else ""),
-        )
-        for one in changes
-    ]
-    return Table("Compared with the earlier figures", header, rows)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("before", type=Path)
-    parser.add_argument("now", type=Path)
-    given = parser.parse_args()
-    try:
-        changes, notes = compare(load_summary(given.before), load_summary(given.now))
-    except InvalidInputError as error:
-        sys.exit(f"error: {error}")
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
-    print(changes_table(changes).markdown())
-    worse = (Verdict.SLOWER, Verdict.FAILS_MORE)
-    sys.exit(3 if any(one.verdict in worse for one in changes) else 0)
-
-
-if __name__ == "__main__":
-    main()
