@@ -23,6 +23,7 @@ from wbc.controllers.controller import Controller
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.tick import Tick
 from wbc.native import VARIABLE, status
+from wbc.native.rows import NativeRows
 from wbc.qp import daqp_direct
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
@@ -194,6 +195,41 @@ def assert_same_tick(controller: KinematicController, snapshot: Snapshot) -> Tic
         np.testing.assert_allclose(ours[finite], theirs[finite], rtol=0.0, atol=1e-7 * scale)
     np.testing.assert_allclose(fast.velocity, plain.velocity, atol=1e-5)
     return fast
+
+
+class Silent(OrientationTask):
+    """Describes its rows without saying which of their numbers move with the target."""
+
+    def native(self) -> tuple[NativeRows, ...]:
+        return tuple(rows._replace(moving=()) for rows in super().native())
+
+
+def test_targets_that_move_and_stop_are_followed(native, rng) -> None:
+    """Alone, or with a weight set in between, after which all numbers are written again."""
+    robot = native("hoap2_like")
+    here = robot.snapshot(*random_state(robot, rng))
+    there = robot.snapshot(robot.integrate(here.q, rng.uniform(-0.1, 0.1, robot.nv), 1.0))
+    frame = robot.frame_names[-1]
+    com, R = ComTask(robot, here.com, axes=("y", "x")), there.rotation(frame)
+    turn, inertia = OrientationTask(robot, frame, R), InertiaTask(robot, here.inertia)
+    silent = Silent(robot, "base", here.rotation("base"), name="silent")
+    tasks = [com, turn, inertia, silent, PostureTask(robot, here.q)]
+    held = PositionTask(robot, frame, here.position(frame), name="held")
+    controller = controller_of(robot, tasks, [held])
+    targets = {com: there.com, turn: R, inertia: there.inertia, silent: there.rotation("base")}
+    targets[held] = there.position(frame)
+    for task, target in targets.items():
+        rates = [rng.normal(size=(3, 3)) for _ in range(2)]
+        motion = [rate + rate.T if task is inertia else rate[0] for rate in rates]
+        for given in ((), motion[:1], motion, ()):
+            for weight in (None, 0.5, 2.0):
+                task.set_target(target, *given)
+                if weight is not None:
+                    task.weight = weight
+                assert_same_qp(controller, here)
+                if weight is not None:
+                    task.set_target(target)
+                    task.weight = 1.0  # nobody saw it at rest
 
 
 def test_margins_are_added_to_the_cores_qp(native) -> None:
