@@ -72,7 +72,7 @@ static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r)
 
 /* W = [A b] reduced until the columns order[0..k) would be those of the identity: in their place
  * stands the inverse of what they were. False if dependent rows leave next to nothing of one. */
-static int eliminate(const wbc_qp *qp, const reduced *of) {
+WIDE static int eliminate(const wbc_qp *qp, const reduced *of) {
     const int64_t n = qp->n, k = qp->k, width = n + 1;
     double *restrict W = of->W;
     int64_t *order = of->order;
@@ -106,7 +106,7 @@ static int eliminate(const wbc_qp *qp, const reduced *of) {
 }
 
 /* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
-static void reduce_cost(const wbc_qp *qp, const reduced *r) {
+WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
     const int64_t *dependent = r->order, *free = r->order + k;
     const double *P = qp->P, *W = r->W;
@@ -142,7 +142,7 @@ static void reduce_cost(const wbc_qp *qp, const reduced *r) {
 }
 
 /* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. */
-static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
+WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
     const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
     const int64_t *dependent = r->order, *free = r->order + k;
     const double *W = r->W;
@@ -208,7 +208,7 @@ static void judge(double value, double lower, double upper, double z, double *fo
 }
 
 /* Primal, dual and complementarity residuals. */
-static void residuals(const wbc_qp *qp, double *gradient) {
+WIDE static void residuals(const wbc_qp *qp, double *gradient) {
     const int64_t n = qp->n;
     double *found = qp->found;
     found[0] = found[1] = found[2] = 0.0;
