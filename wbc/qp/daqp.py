@@ -67,7 +67,7 @@ class Daqp:
     def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
 
-        ``quick``: if there is none, do not search for the rows in conflict.
+        ``quick``: if there is none, neither try a finer zero nor search for the rows in conflict.
 
         Raises
         ------
@@ -92,7 +92,10 @@ class Daqp:
         if answer is None:  # theirs, or there is nothing to solve
             return check.judge(qp, self.answer(qp))
         raw = _raw(qp, *answer)
-        return check.accept(qp, raw) or check.accept(qp, self.finer(qp), 2) or check.judge(qp, raw)
+        settled = check.accept(qp, raw)
+        if settled is None and not quick:
+            settled = check.accept(qp, self.finer(qp), 2)
+        return settled or check.judge(qp, raw)
 
     def answer(self, qp: QP) -> RawSolution:
         """Return DAQP's answer, unchecked."""

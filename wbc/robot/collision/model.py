@@ -151,6 +151,9 @@ class CollisionModel:
                 nearest = self._native.nearest(snapshot.native_state, most, kept)
                 if nearest is None:
                     continue
+                touching = np.count_nonzero(nearest[1][0] == -np.inf)
+                if most < total and MORE * touching > most:
+                    continue  # coal takes as long for them as the core for all
                 known = self._fill_in(snapshot, *nearest)
                 found = _pair_distances(snapshot, *nearest)
                 left = _above(found, kept)
