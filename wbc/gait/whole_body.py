@@ -13,6 +13,7 @@ from wbc.constraints import Contact, Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
+from wbc.gait.crouch import walking_posture
 from wbc.gait.swing import FootPose, turned
 from wbc.robot import Robot, Snapshot
 from wbc.robot.names import BASE
@@ -127,7 +128,9 @@ class WholeBody:
             *self._trunk.values(),
             MomentumTask(robot, components=["kx", "ky"], name="spin", weight=w.spin / inertia),
             self._yaw,
-            PostureTask(robot, start.q, kp=w.stiff_posture, weight=w.posture),
+            PostureTask(
+                robot, walking_posture(start, height), kp=w.stiff_posture, weight=w.posture
+            ),
             *self._swing.values(),
         ]
         self.controller = TorqueController(

@@ -152,8 +152,7 @@ def _leg(robot: Robot, side: str) -> tuple[float, ...]:
             " takes a hip, a knee and an ankle"
         )
     snapshot = robot.snapshot(robot.postures[STANDING])
-    lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}  # angle, length
-    knee = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
+    knee, angles, lengths = _knee(robot, joints)
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
     J = snapshot.jacobian(robot.feet[side].frame)
     forwards = max(hips, key=lambda k: abs(float(J[0, k])))
@@ -162,14 +161,37 @@ def _leg(robot: Robot, side: str) -> tuple[float, ...]:
     inertia = float(snapshot.mass_matrix[forwards, forwards])
     limits, at = robot.limits, float(snapshot.joint_positions[turning])
     return (
-        float(lengths[knee][1].max()),
+        float(lengths.max()),
         float(_leg_vectors(robot, joints, [snapshot.q])[0, 2]),
         SPEED_SHARE * float(limits.velocity[hip]) * lever,
         min(SHARE * float(limits.effort[hip]) / inertia * lever, QUICKEST),
         SHARE * min(float(limits.upper[turning]) - at, at - float(limits.lower[turning])),
         SHARE * float(limits.velocity[turning]),
-        _bearing_length(robot, knee, *lengths[knee]),
+        _bearing_length(robot, knee, angles, lengths),
     )
+
+
+def knee_bends(robot: Robot, length: float) -> dict[str, float]:
+    """Return for each knee the angle [rad] at which the ankle is so far from the hip [m].
+
+    Knees bend to the side on which they have more range, or as far as they do.
+    """
+    bends = {}
+    for side in SIDES:
+        knee, angles, lengths = _knee(robot, leg_joints(robot, side))
+        straight = int(lengths.argmax())
+        ahead = angles[-1] - angles[straight] > angles[straight] - angles[0]
+        bent = slice(straight, None) if ahead else slice(straight, None, -1)
+        shorter = np.maximum.accumulate(-lengths[bent])  # rises along the bend
+        bends[str(robot.model.names[knee])] = float(np.interp(-length, shorter, angles[bent]))
+    return bends
+
+
+def _knee(robot: Robot, joints: Sequence[int]) -> tuple[int, Array, Array]:
+    """Return the knee of a leg's joints, angles over its range, and the leg's lengths there."""
+    lengths = {joint: _lengths(robot, joints, joint) for joint in joints[1:-1]}
+    knee = max(lengths, key=lambda joint: float(np.ptp(lengths[joint][1])))
+    return knee, *lengths[knee]
 
 
 def _bearing_length(robot: Robot, knee: int, angles: Array, lengths: Array) -> float:

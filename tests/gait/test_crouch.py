@@ -1,0 +1,72 @@
+"""The posture that a walk is drawn to: knees bent as far as the height of the gait asks."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.gait import Walker
+from wbc.gait.crouch import walking_posture
+from wbc.robot import Robot
+from wbc.tasks import PostureTask
+
+Load = Callable[[str], Robot]
+
+
+@pytest.fixture
+def straight(robot_named: Load, tmp_path: Path) -> Robot:
+    """A robot as from a file that says nothing of how it stands, whose knees bend both ways."""
+    text = robot_named("hoap2_like").path.read_text()
+    knee = re.compile(
+        r'(name="(?:left|right)_knee(?:_pitch)?".*?<limit[^>]*?lower=")[^"]*', re.DOTALL
+    )
+    text, count = knee.subn(r"\g<1>-0.4", text)
+    assert count == 2
+    (tmp_path / "straight.urdf").write_text(text)
+    robot = Robot.load(tmp_path / "straight.urdf")
+    assert not robot.posture("standing")[7:].any()
+    return robot
+
+
+def test_straight_legs_bend_their_knees_to_the_gaits_height(straight: Robot) -> None:
+    """Places of feet, trunk and CoM by Pinocchio."""
+    walker = Walker(straight)
+    (posture,) = (task for task in walker.controller.tasks if isinstance(task, PostureTask))
+    start, model = straight.posture("standing"), straight.model
+    q = walking_posture(straight.snapshot(start), walker.gait.height)
+    np.testing.assert_array_equal(posture.target[7:], q[7:])
+    ahead, behind = model.createData(), model.createData()
+    for data, configuration in ((behind, start), (ahead, q)):
+        pin.framesForwardKinematics(model, data, configuration)
+        pin.centerOfMass(model, data, configuration, False)
+    for foot in straight.feet.values():
+        k = model.getFrameId(foot.frame)
+        np.testing.assert_allclose(ahead.oMf[k].homogeneous, behind.oMf[k].homogeneous, atol=2e-3)
+    np.testing.assert_allclose(ahead.oMi[1].rotation, behind.oMi[1].rotation, atol=2e-3)
+    np.testing.assert_allclose(ahead.com[0][:2], behind.com[0][:2], atol=2e-3)
+    assert ahead.com[0][2] == pytest.approx(walker.gait.height, abs=2e-3)
+    assert ahead.com[0][2] < behind.com[0][2] - 5e-3
+    angles = straight.limits.joint_positions(q)
+    for k, name in enumerate(straight.limits.names):
+        if "knee" in name:
+            assert angles[k] > 0.3  # not the way that has 0.4 rad only
+    assert (angles <= straight.limits.upper).all() and (angles >= straight.limits.lower).all()
+
+
+def test_bent_and_given_postures_are_left_alone(robot_named: Load, straight: Robot) -> None:
+    robot = robot_named("hoap2_like")
+    start = robot.snapshot(robot.posture("standing"))
+    assert walking_posture(start, 0.2) is start.q
+    given = straight.snapshot(straight.posture("standing", {"head_yaw": 0.1}))
+    assert walking_posture(given, 0.2) is given.q
+
+
+def test_a_height_that_no_posture_has_is_said(
+    straight: Robot, caplog: pytest.LogCaptureFixture
+) -> None:
+    start = straight.snapshot(straight.posture("standing"))
+    assert walking_posture(start, 0.01) is start.q
+    assert "no posture with bent knees" in caplog.text
