@@ -14,7 +14,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait import Walker
 from wbc.polygon import centroid, convex_hull, thinned
 from wbc.robot import FootSpec, Robot
-from wbc.robot.foot_guess import words_of
+from wbc.robot.foot_guess import foot_of, words_of
 from wbc.robot.postures import stands
 from wbc.robot.sole import extreme_points
 
@@ -440,6 +440,12 @@ def test_a_frame_of_the_file_that_disagrees_is_left_alone(tmp_path: Path) -> Non
     s = robot.snapshot(robot.postures["neutral"])
     np.testing.assert_allclose(s.position("left_sole"), [0, 0.1, -0.56], atol=1e-12)
     np.testing.assert_allclose(s.position("left_sole_centre"), [0.02, 0.1, -0.56], atol=1e-12)
+
+
+def test_a_link_of_both_sides_is_no_foot() -> None:
+    """As NAO's LFootBumperRight, the right bumper of the left foot."""
+    assert foot_of("LFootBumperLeft_frame") == foot_of("r2/left_foot") == "left"
+    assert foot_of("LFootBumperRight_frame") is foot_of("r2/foot") is None
 
 
 def test_names_are_split_into_words() -> None:

@@ -23,7 +23,6 @@ CORNERS = {
     "hind_left": {"hl", "lh", "rl", "bl"},
     "hind_right": {"hr", "rh", "rr", "br"},
 }
-SHORT = {"l", "r"}
 FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
 ARM_WORDS = {"hand", "gripper", "finger", "wrist", "palm", "arm"}
@@ -45,11 +44,9 @@ def words_of(name: str) -> set[str]:
 
 def foot_of(link: str) -> str | None:
     """Return the foot (``left``, ``hind_right``, ...) that a link's name says it is, or None."""
-    words = words_of(link)
+    words = words_of(link.rpartition("/")[2])  # the r of r2/left_foot is no side
     if not words & FOOT_WORDS or words & NOT_FEET:
         return None
-    if words & set(SIDES):
-        words -= SHORT  # the r of r2/left_foot is of another word
     found = [foot for foot, marks in (SIDES | CORNERS).items() if words & marks]
     return found[0] if len(found) == 1 else None
 
