@@ -137,3 +137,15 @@ def test_warm_solves_are_given_up_sooner_than_cold_ones(most: int, quick: bool, 
     assert backend.solve(qp, quick=quick).solver == "proxqp"
     (kept,) = backend._workspaces.values()
     assert kept.native.settings.max_iter == min(least, most)
+
+
+@pytest.mark.parametrize(("hard", "solver"), [(-1, "daqp"), (1000, "proxqp")])
+def test_what_was_hard_for_the_active_set_method_is_not_asked_of_both(
+    hard: int, solver: str, solvable, monkeypatch
+) -> None:
+    """In a hurry and from nothing; the answer is the active-set method's, and right."""
+    monkeypatch.setattr("wbc.qp.proxqp.HARD", hard)
+    qp, backend = solvable(np.random.default_rng(5), me=2, mi=3), ProxQP()
+    found = backend.solve(qp, quick=True)
+    assert found.solved and found.solver == solver
+    assert len(backend._workspaces) == (solver == "proxqp")
