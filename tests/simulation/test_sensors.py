@@ -81,7 +81,8 @@ def test_a_bias_stays_until_the_seed_changes(load: Load) -> None:
     offsets = np.array(offsets)
     np.testing.assert_allclose(offsets[0], offsets[1], atol=1e-12)
     np.testing.assert_allclose(offsets[0], offsets[2], atol=1e-12)
-    assert not offsets[0, :6].any()
+    # The base has no bias; what its quaternion rounds differs by processor.
+    np.testing.assert_allclose(offsets[0, :6], 0.0, atol=1e-12)
     assert offsets[0, 6:].std() == pytest.approx(0.01, rel=0.5)
     assert np.abs(offsets[4] - offsets[0])[6:].max() > 1e-3
 
