@@ -181,6 +181,23 @@ def test_a_contact_that_comes_back_goes_on_from_where_it_is(solver: str, robot_n
     assert not tick.ramps and set(tick.forces) == {"left_sole", "right_sole"}
 
 
+def test_a_contact_that_leaves_is_gone_whatever_else_is_changed_meanwhile(
+    robot_named: Load,
+) -> None:
+    here = standing(robot_named("g1"))
+    controller = controlled(here)
+    left, right = controller.contacts
+    controller.step(here)
+    controller.set_contacts([left], RAMP)
+    before = controller.step(here).ramps["right_sole"]
+    controller.change(tasks=controller.tasks[:3], slack={"left_sole": 1e4})
+    assert controller.contacts == (left, right)  # still: its forces have not gone
+    assert 0.0 < controller.step(here).ramps["right_sole"] < before
+    for _ in range(TICKS):
+        tick = controller.step(here)
+    assert controller.contacts == (left,) and not tick.ramps
+
+
 def test_nothing_ramps_before_the_first_tick_or_at_once(robot_named: Load) -> None:
     here = standing(robot_named("g1"))
     controller = controlled(here)

@@ -149,13 +149,14 @@ class Controller(ABC):
         and go without jumps. What :class:`Controller` refuses is refused.
         """
         tasks = self.tasks if tasks is None else tasks
-        contacts = self.contacts if contacts is None else contacts
+        held = self.contacts if contacts is None else contacts
         constraints = self.constraints if constraints is None else constraints
         slack = self._slack if slack is None else slack
-        check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
+        check_parts(self.robot, tasks, held, self.limits, constraints, slack)
         refuse_idle([] if tasks is self.tasks else tasks)
         self._take(tasks, constraints, slack)
-        self._plan(self._next_contacts(tuple(contacts)))
+        # What is held already may be leaving: only contacts that are asked for come back.
+        self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
         """Change what is held: :meth:`change` for contacts alone."""
