@@ -360,3 +360,16 @@ def test_locking_by_pattern_keeps_the_rest_of_the_posture(hoap: Robot) -> None:
     )
     with pytest.raises(UnknownNameError, match="unknown joint to lock 'head_roll'"):
         Robot.load("hoap2_like", locked={"head_roll": 0.0})
+
+
+@pytest.mark.parametrize("given", [("g1",), (), ("g1", "urdf")])
+def test_a_robot_is_loaded(given: tuple[str, ...]) -> None:
+    """Other libraries make robots by their class."""
+    with pytest.raises(InvalidInputError, match=r"write Robot\.load\((source|'g1')\)"):
+        Robot(*given)
+
+
+@pytest.mark.parametrize("source", [None, 3, ["g1"]])
+def test_what_is_no_file_and_no_name(source: object) -> None:
+    with pytest.raises(InvalidInputError, match="expected a file or a name"):
+        Robot.load(source)  # type: ignore[arg-type]

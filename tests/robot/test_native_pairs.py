@@ -224,3 +224,21 @@ def test_a_copy_reads_its_own_bodies(how, monkeypatch) -> None:
     pairs.arrays["local"][1, :, 2] = here.position("base") + [0.3, 0.0, 0.0]
     _, found = pairs.nearest(here.native_state, 2)
     assert found[0, 0] == pytest.approx(0.28)
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_of_bodies_that_coal_measures(how) -> None:
+    """Coal's own results can be neither copied nor pickled."""
+    robot = load("hoap2_like")
+    ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
+    bodies = [Body("own", "base", 1, ball), Body("other", "", 0, Hull.box([0.02, 0.03, 0.04]))]
+    model = CollisionModel(robot, bodies, [(0, 1)])
+    model.place(1, np.eye(3), np.array([1.0, 0.0, 0.5]))
+    other = how(model)
+    model.place(1, np.eye(3), np.array([3.0, 0.0, 0.5]))
+    far = model.nearest(robot.snapshot(robot.posture())).distance
+    near = other.nearest(other.robot.snapshot(robot.posture())).distance
+    model.place(1, np.eye(3), np.array([1.0, 0.0, 0.5]))
+    again = model.nearest(robot.snapshot(robot.posture())).distance
+    assert far > 2.5
+    np.testing.assert_array_equal(near, again)

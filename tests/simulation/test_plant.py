@@ -1,5 +1,7 @@
 """A robot in MuJoCo against mechanics: momentum, weight, impulse; and against itself."""
 
+import copy
+import pickle
 from collections.abc import Callable
 
 import mujoco
@@ -9,7 +11,7 @@ import pytest
 from tests.simulation.accelerations import acceleration_from_mujoco
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
-from wbc.simulation import Plant, SimulationError, Step, Terrain
+from wbc.simulation import Plant, Sensors, SimulationError, Step, Terrain
 
 Load = Callable[[str], Robot]
 State = Callable[[Robot, np.random.Generator], tuple[np.ndarray, np.ndarray]]
@@ -359,3 +361,23 @@ def test_mistakes_are_typed(load: Load) -> None:
         Plant(robot, friction=0.5, terrain=Terrain())
     with pytest.raises(InvalidInputError, match="friction"):
         Plant(robot, friction=-0.5)
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_goes_on_by_itself(load: Load, how: Callable[[Plant], Plant]) -> None:
+    """From where the plant was, with its noise, delay and push; which may go on before it."""
+    sensors = Sensors(position_noise=1e-3, delay=0.002)
+    robot = load("hoap2_like")
+    plant = Plant(robot, sensors=sensors)
+    plant.push("base", (5.0, 0.0, 0.0), duration=0.1)
+    idle = np.zeros(robot.nv - 6)
+    for _ in range(5):
+        plant.step(idle)
+    other = how(plant)
+    for _ in range(10):
+        plant.step(idle)
+    assert other.time == pytest.approx(0.01)
+    for _ in range(10):
+        other.step(idle)
+    np.testing.assert_array_equal(other.snapshot().q, plant.snapshot().q)
+    np.testing.assert_array_equal(other.contacts.forces, plant.contacts.forces)

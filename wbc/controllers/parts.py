@@ -137,7 +137,8 @@ def check_snapshot(robot: Robot, snapshot: object) -> None:
     if not isinstance(snapshot, Snapshot) or snapshot.robot is not robot:
         raise InvalidInputError(
             f"controller: expected a snapshot of {robot.name}, made by the robot object "
-            f"that the controller was made with; got {snapshot!r}"
+            "that the controller was made with (a copy or a pickle of a controller has its own: "
+            f"controller.robot.snapshot(q, v)); got {snapshot!r}"
         )
 
 

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wbc.errors import ModelError, UnknownNameError
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError
 from wbc.robot.feet import FootSpec
 
 DATA_VARIABLE = "WBC_ROBOT_DATA"  # a folder holding g1_description, talos_data, ...
@@ -171,7 +171,11 @@ def find_robot(source: str | Path) -> Source:
         Not a file and not a known name.
     ModelError
         The robot is known but its files are not installed.
+    InvalidInputError
+        Neither a string nor a path.
     """
+    if not isinstance(source, str | Path):
+        raise InvalidInputError(f"robot: expected a file or a name such as 'g1', got {source!r}")
     text = str(source)
     if isinstance(source, Path) or "/" in text or os.sep in text or Path(text).suffix:
         return Source(name=None, path=Path(source).expanduser())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -63,6 +63,15 @@ class Robot(KinematicTree):
     srdf: Path | None
     geometry: GeometrySource
 
+    def __new__(cls, *given: object, **named: object) -> Self:
+        """Refuse ``Robot("g1")``, as other libraries have it, by saying what to write."""
+        if len(given) + len(named) < len(fields(cls)):
+            source = repr(given[0]) if given and isinstance(given[0], str | Path) else "source"
+            raise InvalidInputError(
+                f"Robot: a robot is read from a file, or by name: write Robot.load({source})"
+            )
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         for q in self.postures.values():
@@ -121,7 +130,7 @@ class Robot(KinematicTree):
             Unknown robot, locked joint, or foot link.
         InvalidInputError
             A locked value outside its joint's limits, a foot that makes no sense, another word for
-            ``base``, or a negative friction, inertia or effort.
+            ``base``, a negative friction, inertia or effort, or a source that is no path or name.
         """
         if base not in (None, *BASES):
             raise InvalidInputError(f"base: expected {' or '.join(BASES)}, got {base!r}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,9 +104,6 @@ class Plant:
         if friction is not None and terrain is not None:
             raise InvalidInputError("plant: give friction or a terrain that has it, not both")
         require("mujoco", "simulation")
-        import mujoco
-
-        self._mujoco = mujoco
         self.robot = robot
         self.physics_dt = finite_number("plant, physics_dt", physics_dt, above=0.0)
         self.dt = finite_number("plant, dt", dt, above=0.0)
@@ -131,6 +129,12 @@ class Plant:
             f"Plant({self.robot.name!r}, t={self.time:.3f} s, dt={self.dt:g}"
             f" physics_dt={self.physics_dt:g})"
         )
+
+    @property
+    def _mujoco(self) -> Any:  # a module kept as an attribute could be neither copied nor pickled
+        import mujoco
+
+        return mujoco
 
     # ------------------------------------------------------------------ time and state
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import coal
 import numpy as np
@@ -123,6 +123,8 @@ class ShapePairs:
     """
 
     def __init__(self, robot: Robot, bodies: Sequence[Body], pairs: Index) -> None:
+        self._made_of = robot, bodies, pairs
+        self._moved: dict[int, tuple[Array, Array]] = {}  # bodies, and where to
         self._shapes = pin.GeometryModel()
         self._places: list[pin.SE3] = []  # of the shapes in their bodies' frames
         used, numbers = np.unique(pairs, return_inverse=True)
@@ -157,10 +159,27 @@ class ShapePairs:
         pin.computeDistances(self._shapes, self._data)
         self._window = _window(self._results)
 
+    def __reduce__(self) -> tuple[object, ...]:  # coal's results can be neither copied nor pickled
+        return type(self)._with_places, (*self._made_of, self._moved)
+
+    @classmethod
+    def _with_places(
+        cls,
+        robot: Robot,
+        bodies: Sequence[Body],
+        pairs: Index,
+        moved: Mapping[int, tuple[Array, Array]],
+    ) -> ShapePairs:
+        made = cls(robot, bodies, pairs)
+        for body, pose in moved.items():
+            made.place(body, pose)
+        return made
+
     def place(self, body: int, pose: tuple[Array, Array]) -> None:
         """Move a body that hangs on no joint to a rotation and origin in the world."""
         k = self._numbers.get(body)
         if k is not None:
+            self._moved[body] = pose
             self._shapes.geometryObjects[k].placement = pin.SE3(*pose) * self._places[k]
 
     def measure(self, snapshot: Snapshot, chosen: Index) -> Array:
