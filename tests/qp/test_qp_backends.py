@@ -101,9 +101,10 @@ def test_residuals_are_those_of_the_returned_point(backend, solvable):
     qp = solvable(np.random.default_rng(5), n=6)
     solution = backend.solve(qp)
     again = kkt_residuals(qp, solution.x, solution.y, solution.z, solution.z_box)
-    for field in ("primal", "dual", "complementarity"):  # sums in another order: rounding
+    # Sums of numbers up to 100 in another order, which differs by processor: 100 n eps.
+    for field in ("primal", "dual", "complementarity"):
         ours, theirs = getattr(solution.residuals, field), getattr(again, field)
-        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-14)
+        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-13)
     assert solution.iterations >= 0
     assert solution.solve_time > 0.0
 
