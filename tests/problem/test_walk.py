@@ -10,6 +10,8 @@ from tests.problem.loading import complaint_of, problem_of
 from wbc.errors import InvalidInputError
 from wbc.gait import Walker
 from wbc.problem import Problem
+from wbc.problem.campaign import load_campaign
+from wbc.problem.saved import load_result
 from wbc.problem.walk import WalkSpec, walker_of
 from wbc.simulation import SimulationStatus
 
@@ -45,6 +47,26 @@ def test_it_walks_and_says_what_was_beyond_the_legs(tmp_path: Path) -> None:
     supports = set(result.run.history.support.tolist())
     assert {"left", "right"} <= supports and len(supports) >= 3
     assert result.relaxed < 0.01
+
+
+@pytest.mark.slow
+def test_a_saved_walk_is_read_back_with_its_robot(tmp_path: Path) -> None:
+    brief = {"simulation.duration": 0.02, "gait.commands": [{"at": 0.0, "vx": 0.1}]}
+    result = problem(tmp_path, overrides=brief).simulate()
+    result.save(tmp_path / "walk.npz")
+    saved = load_result(tmp_path / "walk.npz")
+    assert saved.robot.name == "hoap2_like"
+    np.testing.assert_array_equal(saved.history.q, result.arrays["q"])
+
+
+def test_walks_are_runs_of_a_campaign(tmp_path: Path) -> None:
+    (tmp_path / "walk.yaml").write_text(WALK)
+    (tmp_path / "campaign.yaml").write_text(
+        "problems: [walk.yaml]\ngrid: {gait.clearance: [0.02, 0.03]}\nseeds: 2\n"
+        "draw: {simulation.friction: [0.5, 0.7]}\n"
+    )
+    runs = load_campaign(tmp_path / "campaign.yaml").runs
+    assert [run.overrides["gait.clearance"] for run in runs] == [0.02, 0.02, 0.03, 0.03]
 
 
 def test_settings_arrive(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from wbc.problem.reading import read_source
 from wbc.problem.section import Distinct, Name, Names, Section
 from wbc.problem.source import KeyPath, Source
 from wbc.problem.spec import PlainName, ProblemSpec
+from wbc.problem.walk import read_problem
 
 MOST_RUNS = 1_000_000
 Values = dict[Name, Any]
@@ -192,7 +193,7 @@ def _runs(
 def _checked(source: Source, overrides: Mapping[str, Any]) -> ProblemSpec | None:
     """Check a problem as a file is, and return what it says; None of a pendulum's."""
     changed = apply_overrides(source, overrides)
-    return None if "model" in changed.data else read_section(ProblemSpec, changed)
+    return None if "model" in changed.data else read_problem(changed)
 
 
 def _seed_paths(spec: ProblemSpec | None) -> tuple[str, ...]:

@@ -12,14 +12,13 @@ from wbc.errors import InvalidInputError
 from wbc.problem.build import build
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
-from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.parts import Parts
 from wbc.problem.provenance import provenance, version_of, versions
 from wbc.problem.reading import read_source
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.walk import WalkSpec, commanded_walk
+from wbc.problem.walk import WalkSpec, commanded_walk, read_problem
 from wbc.run.callbacks import Cancelled, Observe, Progress, Show
 from wbc.run.leader import Leader
 from wbc.run.phases import Loads, PhaseExecutor
@@ -245,8 +244,7 @@ def load_problem(
         from wbc.problem.pendulum.problem import load_pendulum
 
         return load_pendulum(source, overrides, Path(path).parent)
-    walks = isinstance(source.data, dict) and "gait" in source.data
-    spec = read_section(WalkSpec if walks else ProblemSpec, source)
+    spec = read_problem(source)
     return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
 
 

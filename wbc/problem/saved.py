@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError, WbcError
 from wbc.files import read_arrays
-from wbc.problem.mistakes import read_section
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
 from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
 from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
-from wbc.problem.spec import ProblemSpec
+from wbc.problem.walk import read_problem
 from wbc.robot import Robot
 from wbc.run.history import History
 from wbc.run.result import FORMAT, Result
@@ -119,8 +118,7 @@ def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
             what = f"{path}: does not say which file its robot {name!r} came from; give it: --robot"
             raise InvalidInputError(what) from error
     source = parse(str(made_from.get("text", "")), str(made_from.get("file", path)))
-    source = apply_overrides(source, made_from.get("overrides") or {})
-    spec = read_section(ProblemSpec, source)
+    spec = read_problem(apply_overrides(source, made_from.get("overrides") or {}))
     robot = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
     return robot.load(Path(source.name).parent)
 

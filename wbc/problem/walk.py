@@ -13,9 +13,10 @@ from wbc.gait.given import StepRange, in_world
 from wbc.gait.phases import planar_feet
 from wbc.gait.settings import GaitSettings
 from wbc.problem.controller_spec import TorqueSpec
-from wbc.problem.mistakes import Misplaced, Mistakes
+from wbc.problem.mistakes import Misplaced, Mistakes, read_section
 from wbc.problem.parts import Parts
 from wbc.problem.section import KeysOf, NonEmpty, NonNegative, Number, Positive, Section
+from wbc.problem.source import Source
 from wbc.problem.spec import AnyTask, PlainName, ProblemSpec
 from wbc.robot import Snapshot
 from wbc.run.ramps import MinimumJerk
@@ -141,6 +142,18 @@ class WalkSpec(ProblemSpec):
     """A walk has none: it is led by commands."""
     controller: TorqueSpec = TorqueSpec(level="torque", solver="daqp")
     """How the tasks are turned into torques."""
+
+
+def read_problem(source: Source) -> ProblemSpec:
+    """Return what a robot's problem says: that of a walk if there is a ``gait``.
+
+    Raises
+    ------
+    ProblemFileError
+        With every mistake found.
+    """
+    walks = isinstance(source.data, dict) and "gait" in source.data
+    return read_section(WalkSpec if walks else ProblemSpec, source)
 
 
 def walker_of(spec: WalkSpec, parts: Parts) -> Walker:
