@@ -61,10 +61,10 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
                    physics_names)  # fmt: skip
     tasks = [rows_of(rng, 5, nv), rows_of(rng, 3, n)]
     held = [rows_of(rng, 6, nv), rows_of(rng, 6, nv)]
-    extra, equalities = rows_of(rng, 2, n), rows_of(rng, 6, n)
+    equalities = rows_of(rng, 6, n)
     cone = Bounds(("cone a", "cone b"), rng.normal(size=(2, n)), np.full(2, -np.inf), np.ones(2))
     rest = rng.normal(size=n)
-    physics = Physics([equalities], cone if bounded else None, [extra], [], rest)
+    physics = Physics([equalities], cone if bounded else None, [], rest)
     own_slack = np.array([0.3, np.inf])
     margins = [
         Bounds(("m a", "m b"), rng.normal(size=(2, nv)), np.full(2, -0.1), np.full(2, np.inf)),
@@ -96,7 +96,7 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
             values = row.matrix @ x[: row.matrix.shape[1]] - row.target
             return float(np.square(row.weight * values).sum())
 
-        total = sum(squares(row) for row in [*tasks, extra])
+        total = sum(squares(row) for row in tasks)
         total += squares(held[1]._replace(weight=np.full(6, np.sqrt(unit))))
         weights = (np.full(2, unit), np.minimum(own_slack, unit))
         for part, weight in zip(margins, weights, strict=False):

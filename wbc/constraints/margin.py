@@ -147,9 +147,8 @@ class Margin(Constraint):
         inside = distances.clearance.size > 0 and np.minimum.reduce(distances.clearance) < 0.0
         if inside:
             law = self.braking
-            lost = np.maximum(
-                -SKIN - distances.clearance, 0.0
-            )  # less than the skin is no violation
+            # Less than the skin is no violation.
+            lost = np.maximum(-SKIN - distances.clearance, 0.0)
             back = np.minimum(law.recovery / dt * lost, law.recovery_speed)
             least = np.where(distances.clearance < 0.0, back, least)
         push = None

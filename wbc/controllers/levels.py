@@ -273,9 +273,9 @@ class LevelSolver:
             dominating = [] if problem.recovery is None else [problem.recovery]
             if bounds is not None and bounds.push is not None:
                 dominating.insert(0, bounds.push)
-            if dominating or problem.physics.costs:
-                heavy = [outweighing(extra, _heaviest(costs)) for extra in dominating]
-                costs = [*costs, *heavy, *problem.physics.costs]
+            if dominating:
+                heaviest = _heaviest(costs)
+                costs = [*costs, *(outweighing(extra, heaviest) for extra in dominating)]
         labels, rest = plan.labels[level], problem.physics.rest
         qp = assemble(plan.decision, costs, held, box, bounds, labels, rest)
         if self._limits is None or self._limits.braking == "free":

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.contact import PointContact
-from wbc.constraints.rows import Bounds
 from wbc.controllers.contact_forces import ContactForces
 from wbc.tasks.task import Task
 from wbc.validate import Array
@@ -114,10 +113,6 @@ class NativeForces:
         self.labels, self._ramps = self.rows.labels + cones.labels, dict(ramps)
         self.stale = False
         return True
-
-    def bounds(self, matrix: Array, lower: Array, upper: Array) -> Bounds:
-        """Return the inequality rows of a tick: torque bounds, then cones."""
-        return Bounds(self.labels, matrix, lower, upper)
 
 
 def unbearable(rows: TorqueRows, held: Sequence[Task]) -> bool:

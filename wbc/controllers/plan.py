@@ -95,8 +95,6 @@ class Physics(NamedTuple):
         Rows (k, n) met exactly, in the order of their names in the plan.
     bounds:
         Inequality rows (m, n), such as friction cones; None for none.
-    costs:
-        Rows added to the first level.
     forces:
         Rows of the tasks about forces, in the order of the plan.
     rest:
@@ -107,7 +105,6 @@ class Physics(NamedTuple):
 
     equalities: Sequence[Rows] = ()
     bounds: Bounds | None = None
-    costs: Sequence[Rows] = ()
     forces: Sequence[Rows] = ()
     rest: Array | None = None
     dynamics: TickDynamics | None = None

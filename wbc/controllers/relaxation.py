@@ -61,7 +61,7 @@ def relaxed_qp(
     hard, decision, n = physics.bounds, plan.decision, plan.decision.size
     heaviest = max(float(np.square(row.weight).max(initial=0.0)) for row in rows)
     unit = max(heaviest, 1e-6)
-    costs, held = [*rows, *physics.costs], list(physics.equalities)
+    costs, held = list(rows), list(physics.equalities)
     for contact, row in zip(plan.held.contacts, contacts, strict=True):
         if isinstance(contact, Gear | BoltedBase):
             held.append(row)

@@ -218,11 +218,8 @@ class TorqueController(NativeController):
         return BASE_FORCES + followers
 
     def _physics(self, snapshot: Snapshot) -> Physics:
-        cones, nv, count = (
-            self.contact_forces.bounds(self._ramps.most),
-            self.robot.nv,
-            self._most.size,
-        )
+        cones = self.contact_forces.bounds(self._ramps.most)
+        nv, count = self.robot.nv, self._most.size
         # The torques' rows above those of the cones.
         rows = np.empty((nv + cones.lower.size, nv + self.contact_forces.size))
         rows[nv:, :nv] = 0.0
