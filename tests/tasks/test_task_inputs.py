@@ -6,7 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from wbc.constraints import Contact
 from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.laws import AccelerationLaw
 from wbc.robot import Robot
 from wbc.tasks import (
     AxisTask,
@@ -160,3 +162,43 @@ def test_units_are_those_of_the_rows(robot_named: Callable[[str], Robot]) -> Non
     for task, units in said.items():
         assert units is None or task.units == units, task
         assert len(task.units) == len(task.deviation(here, task.residual(here)))
+
+
+ASSIGNED: dict[str, tuple[str, object, str]] = {
+    "law": ("law", 0.5, r"law: expected VelocityLaw, got 0\.5"),
+    "other level's law": ("law", AccelerationLaw(), "law: expected VelocityLaw"),
+    "acceleration law": ("acceleration_law", None, "expected AccelerationLaw, got None"),
+    "rate alone": ("target_rate", np.ones(6), "goes with the target: set_target"),
+    "acceleration alone": ("target_acceleration", np.ones(6), "goes with the target"),
+    "place nan": ("position", [0, NAN, 0], "position: NaN or infinite"),
+    "place size": ("position", [0, 0], r"position: expected shape \(3,\)"),
+    "mirror": ("rotation", -np.eye(3), "not a rotation matrix"),
+}
+
+
+@pytest.mark.parametrize("case", ASSIGNED)
+def test_what_is_assigned_is_checked_as_what_is_given(robot: Robot, case: str) -> None:
+    name, value, said = ASSIGNED[case]
+    here = robot.snapshot(robot.posture())
+    held = Contact.hold(here, "base")
+    pose = PoseTask(robot, "base", held.position, held.rotation)
+    for task in (pose, held) if "target" not in name else (pose,):
+        before = getattr(task, name)
+        with pytest.raises(InvalidInputError, match=said):
+            setattr(task, name, value)
+        assert getattr(task, name) is before
+
+
+def test_half_a_placement_is_assigned_and_the_other_half_stays(robot: Robot) -> None:
+    here = robot.snapshot(robot.posture())
+    held = Contact.hold(here, "base")
+    pose = PoseTask(robot, "base", held.position, held.rotation)
+    pose.set_target(held.position, held.rotation, np.ones(6))
+    moved, turned = held.position + (0.0, 0.0, 0.1), held.rotation @ np.diag([-1.0, -1.0, 1.0])
+    for task in (pose, held):
+        task.position = moved.tolist()
+        np.testing.assert_array_equal(task.residual(here).error[:3], here.position("base") - moved)
+        task.rotation = turned
+        np.testing.assert_array_equal(task.rotation, turned)
+    np.testing.assert_array_equal(pose.target[:3], np.column_stack((turned, moved)))
+    assert not pose.target_rate.any()  # as when the whole target is assigned

@@ -7,7 +7,7 @@ a cost. The anchor is given once, by the caller. Any other task may be held the 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Self, Unpack
+from typing import TYPE_CHECKING, Any, Self, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,13 +87,19 @@ class Contact(Task):
         self.frame = frame
         self.friction = None if frame == BASE else friction
         self.corners = self._corners(corners)
-        self.position = self._target(position, (3,), "position")
-        self.rotation = self._target(rotation, (3, 3), "rotation")
-        check_rotation(f"contact {frame!r}, rotation", self.rotation)
+        self.position, self.rotation = cast(Array, position), cast(Array, rotation)  # checked then
         self._still = self._zeros()
 
-    def __setattr__(self, name: str, value: object) -> None:
-        if name == "friction" and not isinstance(value, FrictionCone | None):
+    position: Array  # the anchor, (3,) [m], read-only
+    rotation: Array  # (3, 3), read-only
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "position":
+            value = self._target(value, (3,), name)
+        elif name == "rotation":
+            value = self._target(value, (3, 3), name)
+            check_rotation(f"{self}, {name}", value)
+        elif name == "friction" and not isinstance(value, FrictionCone | None):
             raise InvalidInputError(
                 f"{self}, friction: expected a FrictionCone or None, got {value!r}"
             )

@@ -65,7 +65,7 @@ class AxisTask(Task):
         stretch = float(goal @ d1)
         u1 = (d1 - stretch * goal) / n
         u2 = (d2 - 2.0 * stretch * u1 - (float(u1 @ d1) + float(goal @ d2)) * goal) / n
-        self._goal, self.target_rate, self.target_acceleration = goal, read_only(u1), read_only(u2)
+        self._assign(_goal=goal, target_rate=read_only(u1), target_acceleration=read_only(u2))
         self._bias = read_only(-u1)
 
     def residual(self, snapshot: Snapshot) -> Residual:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,10 +14,16 @@ from wbc.validate import Array, finite_array, read_only
 
 
 class PlacementTask(Task):
-    """A task whose target is a position and a rotation."""
+    """A task whose target is a position and a rotation; to assign one keeps the other, at rest."""
 
     position: Array  # wanted, (3,) [m], read-only
     rotation: Array  # wanted, (3, 3), read-only
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("position", "rotation"):
+            self.set_target(**{"position": self.position, "rotation": self.rotation, name: value})
+        else:
+            super().__setattr__(name, value)
 
     def set_target(
         self,
@@ -36,8 +44,8 @@ class PlacementTask(Task):
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(f"{self}, rotation", turn)
         self._set_rates((6,), rate, acceleration)
-        self.position, self.rotation = place, turn
-        self._goal = read_only(homogeneous(place, turn))
+        goal = read_only(homogeneous(place, turn))
+        self._assign(position=place, rotation=turn, _goal=goal)
 
     @property
     def target(self) -> Array:

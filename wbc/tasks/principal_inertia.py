@@ -67,9 +67,11 @@ class PrincipalInertiaTask(Task):
         moments = finite_array(f"{self}, target", target, (3,))
         self._set_rates((3,), rate, acceleration)
         order = np.argsort(moments, kind="stable")
-        self._goal = read_only(moments[order])
-        self.target_rate = read_only(self.target_rate[order])
-        self.target_acceleration = read_only(self.target_acceleration[order])
+        self._assign(
+            _goal=read_only(moments[order]),
+            target_rate=read_only(self.target_rate[order]),
+            target_acceleration=read_only(self.target_acceleration[order]),
+        )
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return vech(I - N) with off-diagonal entries times sqrt(2), and its Jacobian."""

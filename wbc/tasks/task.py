@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 
+_LAWS: dict[str, type] = {"law": VelocityLaw, "acceleration_law": AccelerationLaw}
+_MOTION = frozenset(("target_rate", "target_acceleration"))
+
+
 class Aim(NamedTuple):
     """A point of the robot, and where a task wants it: (3,) each [m], world axes."""
 
@@ -153,6 +157,13 @@ class Task(metaclass=Sealed):
             value = checked_weight(str(self), value, len(self.rows))
             if "weight" in self.__dict__:
                 warn_if_lost(str(self), self.weight, value)
+        elif name in _LAWS and not isinstance(value, _LAWS[name]):
+            wanted = _LAWS[name].__name__
+            raise InvalidInputError(f"{self}, {name}: expected {wanted}, got {value!r}")
+        elif name in _MOTION:
+            raise InvalidInputError(
+                f"{self}, {name}: goes with the target: set_target(target, rate, acceleration)"
+            )
         object.__setattr__(self, name, value)
         self.__dict__["_changes"] = self._changes + 1
 
