@@ -50,6 +50,7 @@ def objects() -> dict[str, object]:
         "flight": wbc.reduce(start, np.array([0.0, 0.0, -20.0, *np.zeros(robot.nv - 3)])),
         "obstacle": wbc.Obstacle.sphere("ball", (0, 0, 0), 0.1),
         "support": wbc.ComSupport.over(start, ["left", "right"]),
+        "stance": wbc.stance_torques(start, contacts),
         "box": wbc.PositionBox.height(robot, 0.1),
         "problem": problem,
         "result": result,

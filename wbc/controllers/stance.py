@@ -26,7 +26,7 @@ NEGLIGIBLE = 1e-3
 ROUNDING = 1e-6  # torques below this part of the weight at one metre are none
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stance:
     """What standing still takes at one snapshot.
 
@@ -51,6 +51,10 @@ class Stance:
     reaction: Reaction
     unheld: Array
     displaced: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        said = "can stand" if self.ok else "cannot stand: see report()"
+        return f"Stance({self.snapshot.robot.name!r}, {said})"
 
     @property
     def forces(self) -> dict[str, Array]:

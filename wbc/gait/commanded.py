@@ -71,10 +71,11 @@ class CommandedWalk:
 
     @property
     def notes(self) -> Sequence[str]:
-        """What of the commands was beyond the legs, and how far feet landed from footsteps."""
+        """What legs lack, which commands were beyond them, how far feet landed from footsteps."""
+        told = (*self.walker.notes, *self._beyond)
         if not self._given:
-            return self._beyond
-        return (*self._beyond, landings_in_words(self.walker.landings, self._given))
+            return told
+        return (*told, landings_in_words(self.walker.landings, self._given))
 
     def update(self, tick: int, snapshot: Snapshot) -> Controller:
         """Give the commands that are due; return the controller, its goals set."""

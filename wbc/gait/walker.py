@@ -98,10 +98,8 @@ class Walker:
     ----------
     controller:
         The torque controller; :meth:`prepare` sets its goals.
-    gait:
-        The :class:`~wbc.gait.settings.GaitSettings`.
-    limits:
-        Largest velocities, :class:`~wbc.gait.command.CommandLimits`.
+    gait, limits:
+        Its settings, and largest velocities, :class:`~wbc.gait.command.CommandLimits`.
     velocity:
         At which it walks now; it follows what was commanded.
     phase:
@@ -112,6 +110,8 @@ class Walker:
         Footsteps that were given and not begun yet, in the world.
     landings:
         How far feet landed from those that were.
+    notes:
+        What its legs lack for walking, in words; warnings say so too.
 
     Raises
     ------
@@ -163,6 +163,7 @@ class Walker:
             **settings,
         )
         self.controller: TorqueController = self._whole_body.controller
+        self.notes = self._whole_body.lacks
         self.wanted = self.velocity = Velocity()
         self.phase: Phase = Standing()
         self.steps = 0

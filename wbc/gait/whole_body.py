@@ -13,6 +13,7 @@ from wbc.constraints import Contact, Limits
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Constraint
 from wbc.controllers.torque import TorqueController
+from wbc.gait.ability import lacks
 from wbc.gait.crouch import walking_posture
 from wbc.gait.swing import FootPose, turned
 from wbc.robot import Robot, Snapshot
@@ -76,6 +77,8 @@ class WholeBody:
         The :class:`~wbc.controllers.torque.TorqueController`.
     lasting:
         Those of its tasks that have a target all the time.
+    lacks:
+        What the legs lack for walking, in words.
     """
 
     def __init__(
@@ -121,6 +124,7 @@ class WholeBody:
             )
             for foot, frame in self._frames.items()
         }
+        posture = walking_posture(start, height)
         self._yaw = MomentumTask(robot, components=["kz"], name="yaw", weight=w.yaw / inertia)
         own: list[Task] = [
             self._pressure,
@@ -128,9 +132,7 @@ class WholeBody:
             *self._trunk.values(),
             MomentumTask(robot, components=["kx", "ky"], name="spin", weight=w.spin / inertia),
             self._yaw,
-            PostureTask(
-                robot, walking_posture(start, height), kp=w.stiff_posture, weight=w.posture
-            ),
+            PostureTask(robot, posture, kp=w.stiff_posture, weight=w.posture),
             *self._swing.values(),
         ]
         self.controller = TorqueController(
@@ -144,6 +146,7 @@ class WholeBody:
         )
         for task in self._swing.values():
             task.switch_off()
+        self.lacks = lacks(robot.snapshot(posture), self.controller.torque_bounds)
         self.lasting = (self._height, *self._trunk.values(), *tasks)
 
     def _held(self, snapshot: Snapshot, feet: Iterable[str]) -> list[Contact]:

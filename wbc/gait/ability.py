@@ -1,0 +1,67 @@
+"""Whether legs can walk: their joints, and the torques that bearing the robot takes."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from wbc.robot import Snapshot
+from wbc.robot.legs import SIDES, leg_joints
+from wbc.robot.limits import BASE_NV
+from wbc.robot.names import BASE
+from wbc.validate import Array
+
+FREE = 6  # joints by which a sole stays flat wherever the pelvis goes
+
+
+def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
+    """Return what the legs of a robot lack for walking, in words, and warn of it.
+
+    Parameters
+    ----------
+    posture:
+        The one that it walks in, on both feet.
+    most:
+        (nv - 6,) largest torques [N m], infinite where there is no limit.
+    """
+    robot = posture.robot
+    said = []
+    count = {side: len(leg_joints(robot, side)) for side in SIDES}
+    few = [f"the {side} leg has {n}" for side, n in count.items() if n < FREE]
+    if few:
+        said.append(
+            f"{' and '.join(few)} of the six joints by which a sole stays flat wherever the pelvis"
+            " goes: feet turn on their edges or slide, and it may fall"
+        )
+    both = [np.abs(bearing_torques(posture, robot.feet[side].frame)) for side in SIDES]
+    needed = np.max(both, axis=0)
+    weak = [
+        f"{robot.joint_names[k]} takes {needed[k]:.3g} and has {most[k]:.3g}"
+        for k in np.flatnonzero(needed > most).tolist()
+    ]
+    if weak:
+        said.append(
+            f"with the pressure at the middle of one sole {', '.join(weak)} N m: it will be"
+            " elsewhere, so that the robot walks faster than it is told to, or falls"
+        )
+    for note in said:
+        logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note)
+    return tuple(said)
+
+
+def bearing_torques(posture: Snapshot, sole: str) -> Array:
+    """Return the torques (nv - 6,) [N m or N] at which one sole alone begins to bear in a walk.
+
+    The CoM is where it is between the feet, and the robot moves as one body without turning, as a
+    linear inverted pendulum: c'' = g/h (c - p) with the pressure p at the sole's frame. The force
+    M (c'' + g) then goes through the CoM, and the base's own equations hold by themselves.
+    """
+    robot, p = posture.robot, posture.position(sole)
+    up = -robot.model.gravity.linear
+    arm = posture.com - p
+    force = robot.mass * float(up[2]) / float(arm[2]) * arm  # along the line through p and the CoM
+    rate = np.zeros(robot.nv)
+    rate[:3] = posture.rotation(BASE).T @ (force / robot.mass - up)
+    borne = posture.jacobian(sole)[:3].T @ force
+    return np.asarray((posture.mass_matrix @ rate + posture.bias - borne)[BASE_NV:])
