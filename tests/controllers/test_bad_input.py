@@ -92,6 +92,31 @@ def test_bad_input_is_a_typed_error(name: str) -> None:
         call()
 
 
+def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
+    """It would change what the object says of itself, and not what it does."""
+    limits, bodies = Limits(ROBOT), SelfCollision(ROBOT)
+    over, box = ComSupport.over(START), PositionBox.height(ROBOT, 0.1)
+    plain = made(limits=limits)
+    bears = TorqueController(ROBOT, [CALM], contacts=HELD)
+    for one, names, remedy in (
+        (plain, ("tasks", "contacts", "constraints"), r"call change\(\)"),
+        (plain, ("dt", "damping", "joint_weights", "backend", "limits"), "make another controller"),
+        (bears, ("torque_bounds", "force_damping", "dt"), "make another controller"),
+        (limits, ("lower", "upper", "base_twist"), "make other Limits"),
+        (bodies, ("margin", "margins", "model"), "make another SelfCollision"),
+        (Obstacles(ROBOT, [BALL]), ("obstacles", "model"), "make other Obstacles"),
+        (box, ("lower", "upper"), "make another PositionBox"),
+        (over, ("margin",), "make another ComSupport"),
+        (over, ("corners",), r"call set_polygon\(\)"),
+    ):
+        for name in names:
+            with pytest.raises(WbcError, match=f"{name} cannot be assigned; {remedy}"):
+                setattr(one, name, getattr(one, name))
+    limits.acceleration = 2.0 * limits.acceleration  # followed from the next tick on
+    over.set_polygon(0.9 * over.corners)
+    plain.change(tasks=[CALM])
+
+
 TINY, LITTLE = 1e-9, 1e-6
 
 Make = Callable[[Any], Any]

@@ -121,8 +121,7 @@ def test_only_the_worst_three_pairs_are_named(robot) -> None:
     """Of all bodies that are nearer than an absurd margin, the nearest first."""
     here = robot.snapshot(robot.posture())
     bodies = SelfCollision(robot, margin=0.0)
-    bodies.margins = np.full(len(bodies.model.pairs), 0.5)
-    bodies._kept = bodies.margins + SKIN
+    bodies._kept = np.full(len(bodies.model.pairs), 0.5) + SKIN
     problem = problem_of(robot, [PostureTask(robot, here.q)], (), [bodies])
     kept = kept_constraints(problem, here, Tolerances(1.0, 1.0, 1.0, 1e-4))
     assert len(kept.broken) == 3

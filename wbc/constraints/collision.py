@@ -69,6 +69,8 @@ class SelfCollision(Margin):
         A pattern that matches no link.
     """
 
+    _fixed = dict.fromkeys(("margin", "margins", "model"), "make another SelfCollision")
+
     def __init__(
         self,
         robot: Robot,

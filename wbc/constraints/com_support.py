@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sized
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +43,9 @@ class ComSupport(Margin):
         A polygon without area, or one that the margin leaves nothing of.
     """
 
+    _fixed: ClassVar = {"margin": "make another ComSupport", "corners": "call set_polygon()"}
+    corners: Array  # (k, 2) of the polygon [m], counter-clockwise, read-only
+
     def __init__(
         self,
         robot: Robot,
@@ -79,7 +82,7 @@ class ComSupport(Margin):
             raise InvalidInputError(
                 f"com support, margin: {self.margin:g} m leaves nothing of the polygon"
             )
-        self.corners = read_only(corners)
+        self.__dict__["corners"] = read_only(corners)
         self._inward, self._offsets = inward, offsets
         self._names = tuple(f"com vs support edge {k}" for k in range(len(corners)))
         self._keys = np.arange(len(corners))

@@ -30,7 +30,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
-from wbc.validate import Array, finite_number, finite_vector, read_only
+from wbc.validate import Array, Fixed, finite_number, finite_vector, read_only
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
 BRAKING = ("free", "bounded")
@@ -48,7 +48,7 @@ Box = tuple[Array, Array]
 _SIGNS = np.array([[-1.0], [1.0]])  # towards the lower limit, towards the upper one
 
 
-class Limits:
+class Limits(Fixed):
     """Position, velocity and acceleration limits of the joints, and of the base's twist.
 
     Parameters
@@ -82,6 +82,8 @@ class Limits:
     UnknownNameError
         No such kind of braking.
     """
+
+    _fixed = dict.fromkeys(("robot", "lower", "upper", "base_twist"), "make other Limits")
 
     def __repr__(self) -> str:
         return f"Limits({self.robot.name!r}, {self.robot.nv - 6} joints)"

@@ -32,7 +32,7 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, Fixed, finite_number, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -78,7 +78,7 @@ class BrakingParameters:
                 raise InvalidInputError(f"braking, {name}: {getattr(self, name):g} is above 1")
 
 
-class Margin(Constraint):
+class Margin(Fixed, Constraint):
     """A constraint made of distances that must not close.
 
     Parameters

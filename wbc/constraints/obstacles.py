@@ -54,6 +54,8 @@ class Obstacles(Margin):
         A pattern that matches no link.
     """
 
+    _fixed = dict.fromkeys(("obstacles", "model"), "make other Obstacles")
+
     def __init__(
         self,
         robot: Robot,

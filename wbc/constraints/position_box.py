@@ -37,6 +37,8 @@ class PositionBox(Margin):
         Bounds that cross, or none at all.
     """
 
+    _fixed = dict.fromkeys(("lower", "upper"), "make another PositionBox")
+
     def __init__(
         self,
         robot: Robot,

@@ -5,8 +5,8 @@
 
 The unknown begins with the velocity at the end of the tick. What a level adds, the law that it
 applies to tasks, further unknowns and the physics that ties them to the velocity, is said by a
-subclass; everything else is written once, here. The only memory between ticks is the solver's warm
-start.
+subclass; everything else is written once, here. Between ticks only the solver's warm start is kept,
+and at the torque level the last forces and the ramps of those that come and go.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.levels import FORMULATIONS, Box, LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
 from wbc.controllers.parts import (
+    PLANNED,
     check_list,
     check_parts,
     check_snapshot,
@@ -45,10 +46,10 @@ from wbc.qp.backend import Backend, backend_of
 from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, Fixed, finite_number, read_only
 
 
-class Controller(ABC):
+class Controller(Fixed, ABC):
     """Tasks, contacts, limits and margins as one QP per level and tick.
 
     Parameters
@@ -93,6 +94,11 @@ class Controller(ABC):
         A part that is none, was made for another robot, or has the name of another.
     """
 
+    tasks: tuple[Task, ...]
+    contacts: tuple[Task, ...]
+    constraints: tuple[Constraint, ...]
+
+    _fixed = PLANNED
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
@@ -235,7 +241,7 @@ class Controller(ABC):
         """Take over what was checked."""
         kinds = motion_and_forces(tasks, type(self).__name__, self._bears)
         self._motion, self._force_tasks = kinds
-        self.tasks, self.constraints = tuple(tasks), tuple(constraints)
+        self.__dict__.update(tasks=tuple(tasks), constraints=tuple(constraints))
         self._slack = dict(slack)
 
     # ------------------------------------------------------------------ what a level says
@@ -281,28 +287,17 @@ class Controller(ABC):
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         """Work out what does not change between ticks."""
-        self.contacts = contacts = mechanics_of(self.robot, contacts)
+        self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
         self._verified = False
         # Asked in the ticks; all others report their residual's error.
         self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
-        self.plan = Plan.of(
-            self._decision(),
-            self._motion,
-            contacts,
-            self.slacks,
-            self._physics_names(),
-            self._force_tasks,
-        )
+        decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
+        self.plan = Plan.of(decision, self._motion, contacts, self.slacks, physics, forces)
+        names, root = [task.name for task in self._motion], np.sqrt(self.joint_weights)
+        limits, reduced = None if self._relaxes else self.limits, self.formulation == "reduced"
         self._solver = LevelSolver(
-            self.plan,
-            [task.name for task in self._motion],
-            self.backend,
-            None if self._relaxes else self.limits,
-            self.dt,
-            np.sqrt(self.joint_weights),
-            self.formulation == "reduced",
-            quick=self._relaxes,
+            self.plan, names, self.backend, limits, self.dt, root, reduced, quick=self._relaxes
         )
 
     def _tick(

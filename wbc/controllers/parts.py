@@ -16,6 +16,12 @@ from wbc.robot import Robot, Snapshot
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 
+# What is worked into a controller's plan, and what to do instead of assigning it.
+ANOTHER = "make another controller"
+PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
+    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"), ANOTHER
+)
+
 
 def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
     """Return the contacts; warn if None are given and a robot with feet would float."""

@@ -30,7 +30,7 @@ from wbc.controllers.native_forces import TorqueRows
 from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
-from wbc.controllers.parts import check_parts
+from wbc.controllers.parts import ANOTHER, PLANNED, check_parts
 from wbc.controllers.plan import Decision, Physics
 from wbc.controllers.reachable import reachable_limits, reachable_rows
 from wbc.controllers.tick import Tick
@@ -88,6 +88,7 @@ class TorqueController(NativeController):
         one and has an effort limit of its own to keep.
     """
 
+    _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping"), ANOTHER)
     _policies = POLICIES
     _relaxes = True
     _bears = True
