@@ -1,5 +1,7 @@
 """M omega d, and the height of the ground."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,19 @@ def test_it_moves_the_capture_point_to_the_edge(load) -> None:
         np.testing.assert_allclose(polygon_margin(polygon, point), 0.0, atol=1e-12)
     with pytest.raises(InvalidInputError, match="outside the soles"):
         capture_impulse(here, ("left",), (1.0, 0.0))  # between the feet
+
+
+def test_the_robot_s_own_gravity_counts(load) -> None:
+    """M omega d goes with the root of gravity; a plant takes it from the model too."""
+    earth = load("hoap2_like")
+    moon = deepcopy(earth)
+    moon.model.gravity.linear = np.array((0.0, 0.0, -earth.gravity / 4.0))
+    impulses = [
+        capture_impulse(robot.snapshot(robot.posture("standing")), ("left", "right"), (1.0, 0.0))
+        for robot in (earth, moon)
+    ]
+    assert impulses[1] == pytest.approx(0.5 * impulses[0], rel=1e-12)
+    assert moon.weight == pytest.approx(0.25 * earth.weight, rel=1e-12)
 
 
 def test_a_direction_along_the_ground_is_needed(load) -> None:

@@ -102,9 +102,14 @@ class KinematicTree:
         return float(pin.computeTotalMass(self.model))
 
     @cached_property
+    def gravity(self) -> float:
+        """That of the model, whatever its direction [m/s^2]."""
+        return math.hypot(*self.model.gravity.linear)
+
+    @cached_property
     def weight(self) -> float:
         """Total weight [N], in the model's gravity."""
-        return self.mass * math.hypot(*self.model.gravity.linear)
+        return self.mass * self.gravity
 
     @cached_property
     def armature(self) -> Array:

@@ -14,8 +14,6 @@ from wbc.polygon import half_planes
 from wbc.robot import Snapshot
 from wbc.validate import finite_array
 
-GRAVITY = 9.81  # m/s^2
-
 
 def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLike) -> float:
     """Return M omega d [N s]: what moves the capture point of a robot at rest to its soles' edge.
@@ -51,5 +49,10 @@ def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLik
         )
     d = float((left[towards > 0.0] / towards[towards > 0.0]).min())
     robot = snapshot.robot
-    ground = np.mean([snapshot.position(robot.foot(foot).frame)[2] for foot in feet])
-    return robot.mass * math.sqrt(GRAVITY / (snapshot.com[2] - float(ground))) * d
+    return robot.mass * math.sqrt(robot.gravity / com_height(snapshot, feet)) * d
+
+
+def com_height(snapshot: Snapshot, feet: Iterable[str]) -> float:
+    """Return the height of the CoM over the soles of feet, on average [m]."""
+    soles = [snapshot.position(snapshot.robot.foot(foot).frame)[2] for foot in feet]
+    return float(snapshot.com[2]) - float(np.mean(soles))

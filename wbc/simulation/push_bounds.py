@@ -21,6 +21,7 @@ import numpy as np
 
 from wbc.constraints.com_support import support_polygon
 from wbc.robot import Snapshot
+from wbc.simulation.impulse import com_height
 from wbc.validate import Array
 
 HIP_JOINTS = 3  # of a leg, counted from the trunk
@@ -73,7 +74,6 @@ def push_bounds(
 
     feet = tuple(feet)
     robot = snapshot.robot
-    ground = float(np.mean([snapshot.position(robot.foot(foot).frame)[2] for foot in feet]))
     along = np.column_stack((np.cos(angles), np.sin(angles)))
     inertia = np.diag(snapshot.inertia)[:2].copy()
     torque, why = np.array([hip_torque(snapshot, feet, axis) for axis in (0, 1)]), ""
@@ -86,9 +86,9 @@ def push_bounds(
         support_polygon(snapshot, feet),
         wheel,
         mass=robot.mass,
-        height=float(snapshot.com[2]) - ground,
+        height=com_height(snapshot, feet),
         com=snapshot.com[:2],
-        gravity=9.81,
+        gravity=robot.gravity,
     )
     longer = pulse_factor(limits.omega, duration)
     return PushBounds(

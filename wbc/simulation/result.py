@@ -31,7 +31,6 @@ from wbc.validate import Array
 LOADED = 1e-3
 # A torque this near to its bound is at it: solvers' eps.
 AT_BOUND = 1.0 - 1e-6
-WEIGHT = 9.81  # N/kg
 
 
 class SimulationStatus(StrEnum):
@@ -245,7 +244,7 @@ def cop_margin(robot: Robot, truth: Mapping[str, Array]) -> Array:
         Arrays of a :class:`~wbc.simulation.recorder.Recorder`.
     """
     found = np.full(len(truth["time"]), np.nan)
-    least = LOADED * robot.mass * WEIGHT
+    least = LOADED * robot.weight
     feet = {name: foot.frame for name, foot in robot.feet.items()}
     for k, q in enumerate(truth["q"]):
         wrenches = {name: truth[f"forces/{frame}"][k] for name, frame in feet.items()}

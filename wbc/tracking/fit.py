@@ -83,10 +83,9 @@ def sole_polygon(start: Snapshot, feet: Iterable[str]) -> Array:
 
 def _of_the_body(plan: Plan, start: Snapshot) -> Iterator[str]:
     robot, first = start.robot, plan.at(0.0)
-    gravity = float(np.linalg.norm(robot.model.gravity.linear))
     for what, planned, own, unit in (
         ("mass", plan.problem.mass, robot.mass, "kg"),
-        ("gravity", plan.problem.gravity, gravity, "m/s^2"),
+        ("gravity", plan.problem.gravity, robot.gravity, "m/s^2"),
     ):
         if abs(planned - own) > MASS * own:
             yield f"its {what} is {planned:.4g} {unit}, the robot's {own:.4g}"

@@ -67,9 +67,6 @@ def pendulum_of(start: Snapshot) -> RobotPendulum:
     robot = start.robot
     axes = track(start.inertia[None], previous=np.eye(3))
     radii = np.sqrt(3.0 * axes.second_moments[0] / robot.mass)
-    gravity = float(np.linalg.norm(robot.model.gravity.linear))
     x, y, z, w = Rotation.from_matrix(axes.axes[0]).as_quat().tolist()
-    return RobotPendulum(
-        SolidRmp(robot.mass, gravity), at_rest(start.com.tolist(), radii.tolist()), (x, y, z, w),
-        start,
-    )  # fmt: skip
+    model = SolidRmp(robot.mass, robot.gravity)
+    return RobotPendulum(model, at_rest(start.com.tolist(), radii.tolist()), (x, y, z, w), start)
