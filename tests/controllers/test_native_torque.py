@@ -88,6 +88,25 @@ def test_the_same_qp_at_random_states(name: str, rng, native) -> None:
             np.testing.assert_allclose(found.offset, dynamics.offset, rtol=0.0, atol=1e-10 * scale)
 
 
+def test_limits_ask_for_no_more_than_brakes_can_do(native, rng) -> None:
+    """Joints too fast for their limits: a box within reach, which random states hardly meet."""
+    robot = native("g1_27")
+    here = robot.snapshot(robot.posture("standing"))
+    controller = controller_of(robot, standing_tasks(robot, here), support(here, "double"))
+    bound, nv = 0, robot.nv
+    for _ in range(10):
+        q, _ = random_state(robot, rng)
+        snapshot = robot.snapshot(q, 30.0 * rng.standard_normal(nv))
+        found = controller._native_problem(controller._native, snapshot)
+        assert found is not None
+        (lower, upper), _ = controller._limits_at(snapshot)
+        np.testing.assert_allclose(found.qp.lower[:nv], lower, rtol=0.0, atol=1e-10)
+        np.testing.assert_allclose(found.qp.upper[:nv], upper, rtol=0.0, atol=1e-10)
+        least, most = controller.limits.box(snapshot, controller.dt)
+        bound += np.count_nonzero(lower < least) + np.count_nonzero(upper > most)
+    assert bound > 50
+
+
 def test_gears_and_a_bolted_base(native, geared: Robot, rng) -> None:
     """Their forces are unknowns too, and followers have no torque bound."""
     controller = controller_of(geared, [PostureTask(geared, geared.posture())], torque_limits=None)
