@@ -9,7 +9,8 @@ import pytest
 
 import wbc
 from wbc.constraints import support
-from wbc.controllers.force_ramps import ForceRamps, ticks_of
+from wbc.controllers.closed_loop import ticks_of
+from wbc.controllers.force_ramps import ForceRamps
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.minimum_jerk import minimum_jerk
 from wbc.robot import Robot, Snapshot

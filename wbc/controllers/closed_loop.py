@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from time import perf_counter, thread_time
 from typing import NamedTuple
@@ -18,6 +19,8 @@ from wbc.validate import Array
 # Called before each tick with its number and the state; returns the controller in charge, or None
 # to end the loop.
 Update = Callable[[int, Snapshot], Controller | None]
+# Part of a tick that is none: 0.035 s are 7 ticks of 0.005 s, though 0.035 / 0.005 is above 7.
+ROUNDING = 1e-9
 
 
 class LoopTick(NamedTuple):
@@ -51,6 +54,11 @@ class LoopTick(NamedTuple):
     def speed(self) -> float:
         """Largest absolute velocity that is commanded [rad/s or m/s]."""
         return float(np.abs(self.tick.velocity).max())
+
+
+def ticks_of(duration: float, dt: float) -> int:
+    """Return how many ticks of ``dt`` [s] last at least as long as ``duration`` [s]."""
+    return math.ceil(duration / dt - ROUNDING)
 
 
 def closed_loop(

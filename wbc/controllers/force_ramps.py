@@ -7,7 +7,6 @@ force is bounded, from 0 up to the robot's weight or from what it was down to 0,
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -103,8 +102,3 @@ class ForceRamps:
 def _bears(task: Task) -> bool:
     """Whether a contact bears a normal force."""
     return isinstance(task, Contact) and task.friction is not None
-
-
-def ticks_of(duration: float, dt: float) -> int:
-    """Return how many ticks a ramp takes, at least as long as ``duration`` [s]."""
-    return math.ceil(duration / dt - 1e-9)

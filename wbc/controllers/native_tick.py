@@ -62,7 +62,8 @@ class NativeController(Controller):
             # The core kept the box to the accuracy promised, far below what a command may exceed.
             return self._native_tick(found, snapshot, self._deviations(found, snapshot))
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
-        held = [Rows(qp.A, qp.b, qp.b)] if qp.b.size else []
+        # Met exactly: weights are not read.
+        held = [Rows(qp.A, qp.b, weight=qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
         problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
         margins = None

@@ -19,10 +19,11 @@ import numpy as np
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
+from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.effort_bounds import effort_bounds, limits_within
-from wbc.controllers.force_ramps import ForceRamps, ticks_of
+from wbc.controllers.force_ramps import ForceRamps
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import Box, LevelProblem, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_cuts

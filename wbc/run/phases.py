@@ -14,6 +14,7 @@ import numpy as np
 
 from wbc.constraints import Contact
 from wbc.controllers import Controller
+from wbc.controllers.closed_loop import ticks_of
 from wbc.robot import Snapshot
 from wbc.run.ramps import Goal, MinimumJerk, MovingTarget, SetTarget, TargetedTask
 from wbc.run.standing import FLAT, Ground, Standing, keep_anchors, off_the_ground, touchdowns
@@ -78,7 +79,7 @@ class Phase:
 
     def first_tick(self, dt: float) -> int:
         """Return the first tick that belongs to it; a tick that hits its beginning does."""
-        return int(np.ceil(self.begins / dt - 1e-9))
+        return ticks_of(self.begins, dt)
 
 
 class PhaseExecutor:

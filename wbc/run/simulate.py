@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from wbc.controllers import Controller
-from wbc.controllers.closed_loop import closed_loop
+from wbc.controllers.closed_loop import closed_loop, ticks_of
 from wbc.run.callbacks import Callbacks, Cancelled, Observe, Progress, Show, progress_info
 from wbc.run.conclusion import conclude
 from wbc.run.history import Recorder
@@ -94,4 +93,4 @@ def simulate(
 
 def ticks_in(duration: float, dt: float) -> int:
     """Return how many ticks of ``dt`` [s] a run of ``duration`` [s] has, at least one."""
-    return max(1, math.ceil(duration / dt - 1e-9))
+    return max(1, ticks_of(duration, dt))

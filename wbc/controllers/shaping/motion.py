@@ -7,14 +7,13 @@ constraint and ends at its cost.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from wbc.controllers.closed_loop import LoopTick, closed_loop
+from wbc.controllers.closed_loop import LoopTick, closed_loop, ticks_of
 from wbc.controllers.controller import Controller
 from wbc.controllers.shaping.evaluation import Tolerances, kept_constraints, violations
 from wbc.controllers.shaping.outcome import Attempt, Candidate, Kept, Motion, ShapingOutcome
@@ -199,7 +198,7 @@ class Reach:
         states: list[Snapshot] = []
         still = unsolved = 0
         fault = ""
-        ticks = max(1, math.ceil(longest / self.dt - 1e-9))
+        ticks = max(1, ticks_of(longest, self.dt))
         for now in closed_loop(guided, self.q_start, ticks, update):
             states.append(now.snapshot)
             if self.watch is not None and self.watch(number, now):
