@@ -38,6 +38,21 @@ def some_tasks(robot: Robot, here: Snapshot, rng: np.random.Generator) -> list[T
     ]
 
 
+def test_joints_come_back_though_all_tasks_are_off(robot_named: Load) -> None:
+    """Against the damping alone: 100 to 1, so by 100/101 of the rate that is asked for."""
+    robot = robot_named("g1_27")
+    q = robot.posture("standing")
+    knee = robot.joint_index("left_knee_joint")
+    q[knee + 1] = robot.limits.upper[knee - 6] + 0.01
+    task, limits = PostureTask(robot, q), Limits(robot)
+    controller = KinematicController(robot, [task], contacts=(), limits=limits, dt=DT)
+    task.switch_off()
+    back = controller.step(robot.snapshot(q)).velocity
+    wanted = -limits.recovery / DT * 0.01
+    assert back[knee] == pytest.approx(100.0 / 101.0 * wanted, rel=1e-4)
+    assert np.abs(np.delete(back, knee)).max() < 1e-6
+
+
 @pytest.mark.parametrize("name", HUMANOIDS)
 @pytest.mark.parametrize("mode", ["left", "right", "double"])
 def test_reduced_and_equality_forms_agree(name, mode, robot_named: Load, rng) -> None:

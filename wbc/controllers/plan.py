@@ -29,6 +29,9 @@ from wbc.validate import Array, read_only
 FLATTEST = 1e-5
 # Recovery from outside a limit or margin outweighs the tasks by this factor (in the squared cost).
 RECOVERY_FACTOR = 1e2
+# Squared weight that the heaviest row is taken to have at least, where all tasks are switched off:
+# what moves joints back then outweighs the usual damping, 1e-6, by the factor above.
+IDLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +326,7 @@ class Assembled(NamedTuple):
 
 def outweighing(rows: Rows, heaviest: float) -> Rows:
     """Return rows with a weight that no other row, of square ``heaviest`` at most, matches."""
-    weight = math.sqrt(RECOVERY_FACTOR * max(heaviest, 1e-6))
+    weight = math.sqrt(RECOVERY_FACTOR * max(heaviest, IDLE))
     return rows._replace(weight=weight * rows.weight)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds, stack, take
-from wbc.controllers.plan import Physics, Plan, assemble
+from wbc.controllers.plan import IDLE, Physics, Plan, assemble
 from wbc.controllers.slack import slacks_of
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
@@ -60,7 +60,7 @@ def relaxed_qp(
     """
     hard, decision, n = physics.bounds, plan.decision, plan.decision.size
     heaviest = max(float(np.square(row.weight).max(initial=0.0)) for row in rows)
-    unit = max(heaviest, 1e-6)
+    unit = max(heaviest, IDLE)
     costs, held = list(rows), list(physics.equalities)
     for contact, row in zip(plan.held.contacts, contacts, strict=True):
         if isinstance(contact, Gear | BoltedBase):
