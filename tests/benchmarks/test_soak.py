@@ -132,7 +132,7 @@ def test_feasibility_is_decided_by_a_linear_program() -> None:
     point = feasible_point(qp)
     assert point is not None
     assert point.sum() >= 1.0 - 1e-7
-    assert feasible_point(replace(qp, upper=np.array([0.4, 0.5]))) is None
+    assert feasible_point(qp._replace(upper=np.array([0.4, 0.5]))) is None
 
 
 def test_growth_is_seen_and_noise_is_not() -> None:

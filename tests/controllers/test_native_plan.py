@@ -197,6 +197,9 @@ def assert_same_tick(controller: KinematicController, snapshot: Snapshot) -> Tic
     return fast
 
 
+FEW = {"*": 1.0, "*knee*": 0.0}
+
+
 class Silent(OrientationTask):
     """Describes its rows without saying which of their numbers move with the target."""
 
@@ -213,23 +216,31 @@ def test_targets_that_move_and_stop_are_followed(native, rng) -> None:
     com, R = ComTask(robot, here.com, axes=("y", "x")), there.rotation(frame)
     turn, inertia = OrientationTask(robot, frame, R), InertiaTask(robot, here.inertia)
     silent = Silent(robot, "base", here.rotation("base"), name="silent")
-    tasks = [com, turn, inertia, silent, PostureTask(robot, here.q)]
+    pose = PoseTask(robot, "base", here.com, here.rotation("base"))
+    posture, few = PostureTask(robot, here.q), PostureTask(robot, here.q, joints=FEW, name="few")
+    tasks = [com, turn, inertia, silent, pose, posture, few]
     held = PositionTask(robot, frame, here.position(frame), name="held")
     controller = controller_of(robot, tasks, [held])
-    targets = {com: there.com, turn: R, inertia: there.inertia, silent: there.rotation("base")}
-    targets[held] = there.position(frame)
+    targets = {com: (there.com,), turn: (R,), silent: (there.rotation("base"),)}
+    targets |= {inertia: (there.inertia,), pose: there.placement("base")}
+    targets |= {posture: (there.q,), few: (there.q,), held: (there.position(frame),)}
+    shapes = {inertia: (3, 3), pose: (6,), posture: (robot.nv,), few: (robot.nv,)}
     for task, target in targets.items():
-        rates = [rng.normal(size=(3, 3)) for _ in range(2)]
-        motion = [rate + rate.T if task is inertia else rate[0] for rate in rates]
+        rates = [rng.normal(size=shapes.get(task, (3,))) for _ in range(2)]
+        motion = [rate + rate.T for rate in rates]  # of vectors: twice
         for given in ((), motion[:1], motion, ()):
             for weight in (None, 0.5, 2.0):
-                task.set_target(target, *given)
+                changes = task._changes
+                task.set_target(*target, *given)
+                assert task._changes == changes  # only what moves is told to the core again
                 if weight is not None:
                     task.weight = weight
                 assert_same_qp(controller, here)
                 if weight is not None:
-                    task.set_target(target)
+                    task.set_target(*target)
                     task.weight = 1.0  # nobody saw it at rest
+    described = [rows for task in tasks if task is not silent for rows in task.native()]
+    assert all(rows.moving for rows in described)
 
 
 def test_margins_are_added_to_the_cores_qp(native) -> None:

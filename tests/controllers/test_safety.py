@@ -1,7 +1,6 @@
 """Limits hold whatever levels, margins and look-ahead do, and nothing outside them is commanded."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,7 +57,7 @@ class Careless(ProxQP):
 
     def solve(self, qp: QP, workspace="default") -> Solution:
         solution = super().solve(qp, workspace)
-        return replace(solution, x=3.0 * np.maximum(qp.upper, 1.0))
+        return solution._replace(x=3.0 * np.maximum(qp.upper, 1.0))
 
 
 def test_a_command_outside_the_limits_is_never_given(robot_named: Load) -> None:

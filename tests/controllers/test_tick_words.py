@@ -39,9 +39,9 @@ def test_rows_that_hold_back_are_told_the_strongest_first(robot) -> None:
     assert len(names) == 6 and tick.active == ()
 
     def active(z: list[float], y: list[float] = (), labels: Labels | None = None) -> tuple:
-        solution = replace(tick.solution, z=np.array(z), y=np.array([*y]))
+        solution = tick.solution._replace(z=np.array(z), y=np.array([*y]))
         given = labels or Labels((), names, tick.qp.labels.variables)
-        return replace(tick, solution=solution, qp=replace(tick.qp, labels=given)).active
+        return replace(tick, solution=solution, qp=tick.qp._replace(labels=given)).active
 
     assert active([0.0, -3.0, 0.0, 5.0, 0.0, 0.0]) == (names[3], names[1])
     twice = Labels((names[2], "com x"), (names[0], names[0], *names[2:]), ())
@@ -49,7 +49,7 @@ def test_rows_that_hold_back_are_told_the_strongest_first(robot) -> None:
     # What is a millionth of the strongest, or 1e-9 of nothing much, is what solvers leave.
     assert active([2e-4, 1e2, -5e-5, 0.0, 0.0, 0.0]) == (names[1], names[0])
     assert active([5e-10, 0.0, 0.0, -2e-9, 0.0, 0.0]) == (names[3],)
-    failed = replace(tick.solution, status=Status.FAILED, z=np.ones(6))
+    failed = tick.solution._replace(status=Status.FAILED, z=np.ones(6))
     assert replace(tick, solution=failed, status=Status.FAILED).active == ()
 
 
@@ -90,7 +90,7 @@ def test_a_failed_torque_tick_brings_joints_to_rest(robot) -> None:
     class Silent(ProxQP):
         def solve(self, qp, workspace="default", quick=False):
             found = super().solve(qp, workspace, quick)
-            return replace(found, status=Status.FAILED, message="no answer")
+            return found._replace(status=Status.FAILED, message="no answer")
 
     rng = np.random.default_rng(1)
     here = robot.snapshot(robot.posture(), 0.1 * rng.normal(size=robot.nv))

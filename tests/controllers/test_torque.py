@@ -185,11 +185,10 @@ def test_last_resort_and_its_policy(robot_named: Load) -> None:
 
         def solve(self, qp, workspace=None, quick=False):  # type: ignore[no-untyped-def]
             solution = wbc.qp.make_backend("daqp").solve(qp)
-            from dataclasses import replace
 
             from wbc.qp.solution import Status
 
-            return replace(solution, status=Status.FAILED, x=solution.x * np.nan)
+            return solution._replace(status=Status.FAILED, x=solution.x * np.nan)
 
     robot = robot_named("hoap2_like")
     here = standing(robot)

@@ -237,7 +237,7 @@ def test_a_qp_that_fails_is_told(
     solve = ProxQP.solve
     refuse = {"status": Status.CONTRADICTED}
     monkeypatch.setattr(
-        ProxQP, "solve", lambda *arguments, **named: replace(solve(*arguments, **named), **refuse)
+        ProxQP, "solve", lambda *arguments, **named: solve(*arguments, **named)._replace(**refuse)
     )
     overrides = {"controller.on_failure": policy, "controller.attempts": 1, "controller.starts": 1}
     told = problem(tmp_path, TEXT, overrides).run()

@@ -1,6 +1,5 @@
 """Short real runs on the small humanoid: what moves, what is held, and how a run ends."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -177,7 +176,7 @@ def test_failed_ticks_end_as_qp_failed(
 
     def refuse(self: ProxQP, qp: Any, workspace: Any = "default") -> Any:
 
-        return replace(solve(self, qp, workspace), status=Status.CONTRADICTED)
+        return solve(self, qp, workspace)._replace(status=Status.CONTRADICTED)
 
     monkeypatch.setattr(ProxQP, "solve", refuse)
     overrides = {"stop.duration": 0.1, "controller.on_failure": policy}

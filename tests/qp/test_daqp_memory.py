@@ -133,7 +133,7 @@ def test_what_is_no_number_is_refused(field, entry, name) -> None:
     assert solver.solve(qp).solved  # ProxQP is warm from here on
     broken = getattr(qp, field).copy()
     broken.flat[-1] = entry
-    object.__setattr__(qp, field, broken)
+    qp = qp._replace(**{field: broken})
     with pytest.raises(InvalidInputError, match=rf"QP\.{field}"):
         solver.solve(qp)
 

@@ -79,12 +79,12 @@ def test_what_has_no_small_residuals_is_left_to_python(monkeypatch) -> None:
     qp = random_qp(np.random.default_rng(1))
     n = qp.g.size
     native = native_daqp(1e-8, 1000)
-    contradictory = replace(qp, lower=np.full(n, 1.0), upper=np.full(n, 1.0))
+    contradictory = qp._replace(lower=np.full(n, 1.0), upper=np.full(n, 1.0))
     assert native.solve(contradictory, "daqp") is None
     assert Daqp().solve(contradictory).status is Status.INFEASIBLE
     twice = np.concatenate((qp.A, qp.A[:1]))
     labels = replace(qp.labels, equality=(*qp.labels.equality, "again"))
-    dependent = replace(qp, A=twice, b=np.append(qp.b, qp.b[:1]), labels=labels)
+    dependent = qp._replace(A=twice, b=np.append(qp.b, qp.b[:1]), labels=labels)
     assert native.solve(dependent, "daqp") is None
     assert Daqp().solve(dependent).status is in_python(dependent, monkeypatch).status
     whole = QP.build(np.eye(2), np.ones(2), A=np.eye(2), b=np.ones(2))
@@ -98,13 +98,13 @@ def test_what_is_no_qp_is_refused_as_ever(field: str) -> None:
     assert qp.b.size and qp.u.size
     bad = getattr(qp, field).copy()
     bad.reshape(-1)[0] = np.nan
-    wrong = [replace(qp, **{field: bad})]
+    wrong = [qp._replace(**{field: bad})]
     if field != "P":
-        wrong.append(replace(qp, **{field: getattr(qp, field)[:-1]}))
+        wrong.append(qp._replace(**{field: getattr(qp, field)[:-1]}))
     if field in ("l", "lower"):
         bad = bad.copy()
         bad[0] = np.inf
-        wrong.append(replace(qp, **{field: bad}))
+        wrong.append(qp._replace(**{field: bad}))
     for one in wrong:
         with pytest.raises(InvalidInputError, match=field):
             Daqp().solve(one)
@@ -113,7 +113,7 @@ def test_what_is_no_qp_is_refused_as_ever(field: str) -> None:
 def test_arrays_of_any_layout_are_read_as_they_are() -> None:
     qp = random_qp(np.random.default_rng(3))
     expected = Daqp().solve(qp)
-    turned = replace(qp, P=np.asfortranarray(qp.P), C=np.asfortranarray(qp.C))
+    turned = qp._replace(P=np.asfortranarray(qp.P), C=np.asfortranarray(qp.C))
     np.testing.assert_array_equal(Daqp().solve(turned).x, expected.x)
 
 

@@ -1,6 +1,5 @@
 """Answers of every backend: shapes, finite numbers, refusals, counts of attempts, and words."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -43,7 +42,7 @@ def test_what_is_no_qp_is_refused_by_every_backend(name: str) -> None:
     good = QP.build(np.eye(n), np.ones(n), lower=[-1.0, -1.0], upper=[1.0, 1.0])
     for field, value in (("g", [np.nan, 0.0]), ("P", [[np.inf, 0.0], [0.0, 1.0]]),
                          ("lower", [2.0, 0.0]), ("upper", [-np.inf, 1.0])):  # fmt: skip
-        fields = {key: getattr(good, key) for key in good.__slots__} | {field: np.array(value)}
+        fields = {key: getattr(good, key) for key in good._fields} | {field: np.array(value)}
         with pytest.raises(InvalidInputError):
             backend.solve(QP(**fields))
 
@@ -97,7 +96,7 @@ def test_daqp_kept_is_misled_by_no_qp_before(sizes: dict[str, int], solvable) ->
         if k % 5 == 4:  # its first row and its opposite
             rows = np.concatenate((qp.C[:1], -qp.C[:1], qp.C[2:]))
             least = np.concatenate(([1.0, 1.0], qp.l[2:]))
-            qp = replace(qp, C=rows, l=least, u=np.concatenate(([2.0, 2.0], qp.u[2:])))
+            qp = qp._replace(C=rows, l=least, u=np.concatenate(([2.0, 2.0], qp.u[2:])))
         found = kept.answer(qp)
         if k % 5 == 4:
             assert found.claim is Status.INFEASIBLE

@@ -1,7 +1,5 @@
 """How many attempts an answer took, and whose it is: all ways through ProxQP, each scripted."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -36,7 +34,7 @@ def test_attempts_are_counted_and_the_solver_named(answers, told, solvable, monk
     right = RawSolution(true.x, true.y, true.z, true.z_box, Status.SOLVED, 3, "")
     scripted = {
         "right": right,
-        "near": replace(right, x=right.x + 1e-6, y=right.y + 1e-6),
+        "near": right._replace(x=right.x + 1e-6, y=right.y + 1e-6),
         "wrong": RawSolution.none(qp, Status.FAILED, "nothing"),
     }
     backend, (warm, active, cold) = ProxQP(), answers
@@ -117,7 +115,7 @@ def test_rows_in_conflict_are_looked_for_once_if_none_are_found(
     nothing = RawSolution.none(qp, Status.ITERATION_LIMIT, "nothing")
     for name in ("solve_warm", "solve_cold"):
         monkeypatch.setattr(Workspace, name, lambda *_: nothing)
-    claimed = replace(nothing, claim=Status.INFEASIBLE)
+    claimed = nothing._replace(claim=Status.INFEASIBLE)
     for name in ("answer", "finer"):
         monkeypatch.setattr(Daqp, name, lambda *_: claimed)
     monkeypatch.setattr("wbc.qp.kkt.find_conflict", lambda *_, **__: looked.append(1))

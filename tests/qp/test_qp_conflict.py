@@ -1,7 +1,5 @@
 """Which rows contradict each other; feasibility itself is checked with scipy's linear programs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -33,8 +31,7 @@ def without(qp: QP, label: str) -> QP:
     eq = [k for k, name in enumerate(names.equality) if name != label]
     ineq = [k for k, name in enumerate(names.inequality) if name != label]
     box = np.array([name == label for name in names.variables])
-    return replace(
-        qp,
+    return qp._replace(
         A=qp.A[eq],
         b=qp.b[eq],
         C=qp.C[ineq],
@@ -179,7 +176,7 @@ def test_describe_is_one_sentence_with_names_and_numbers():
 
 
 def test_crossed_limits_need_no_solver():
-    qp = replace(make(), lower=np.array([0.0, 2.0, 0.0, 0.0]), upper=np.ones(4))
+    qp = make()._replace(lower=np.array([0.0, 2.0, 0.0, 0.0]), upper=np.ones(4))
     (row,) = find_conflict(qp).rows
     assert (row.label, row.violation) == ("x1", 1.0)
     assert "crossed" in row.describe()
@@ -246,7 +243,7 @@ def test_small_conflicts_are_still_conflicts(ticks, miss):
     A, b = np.array(qp.A), np.array(qp.b)
     A[5] = A[4]
     b[5] = b[4] + miss
-    solution = ProxQP().solve(replace(qp, A=A, b=b))
+    solution = ProxQP().solve(qp._replace(A=A, b=b))
     assert solution.status is Status.INFEASIBLE, solution.describe()
     assert {row.label for row in solution.conflict.rows} == {"equality 4", "equality 5"}
 
@@ -256,7 +253,7 @@ def test_a_contradiction_below_the_accuracy_promised_is_none(ticks):
     A, b = np.array(qp.A), np.array(qp.b)
     A[5] = A[4]
     b[5] = b[4] + 1e-9
-    solution = ProxQP().solve(replace(qp, A=A, b=b))
+    solution = ProxQP().solve(qp._replace(A=A, b=b))
     assert solution.solved, solution.describe()
 
 

@@ -1,7 +1,5 @@
 """Rows that repeat, vanish or depend on each other; costs that leave directions free."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -19,26 +17,26 @@ def backend(request):
 def repeated(qp):
     A, b = np.array(qp.A), np.array(qp.b)
     A[5], b[5] = A[4], b[4]
-    return replace(qp, A=A, b=b)
+    return qp._replace(A=A, b=b)
 
 
 def dependent(qp):
     A, b = np.array(qp.A), np.array(qp.b)
     A[5], b[5] = A[3] - 2.0 * A[4], b[3] - 2.0 * b[4]
-    return replace(qp, A=A, b=b)
+    return qp._replace(A=A, b=b)
 
 
 def vanishing(qp):
     A = np.array(qp.A)
     A[5] = 0.0
-    return replace(qp, A=A)
+    return qp._replace(A=A)
 
 
 def repeated_inequality(qp):
     C, u = np.array(qp.C), np.array(qp.u)
     C[1], u[1] = C[0], u[0]
     C[2], u[2] = qp.A[0], 0.0
-    return replace(qp, C=C, u=u)
+    return qp._replace(C=C, u=u)
 
 
 @pytest.mark.parametrize("spoil", [repeated, dependent, vanishing, repeated_inequality])
@@ -94,5 +92,5 @@ def test_read_only_arrays(backend, solvable, rows: int) -> None:
     frozen = {name: np.array(getattr(qp, name)) for name in ("P", "g", "A", "b", "C", "l", "u")}
     for array in frozen.values():
         array.flags.writeable = False
-    solution = backend.solve(replace(qp, **frozen))
+    solution = backend.solve(qp._replace(**frozen))
     np.testing.assert_allclose(solution.x, backend.solve(qp).x, atol=1e-7)

@@ -1,7 +1,5 @@
 """The closest command and the irreducible conflict, against linear programs and PIQP."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import qpsolvers
@@ -16,12 +14,11 @@ def contradicted(solvable, seed: int) -> QP:
     """Return a QP made infeasible by two rows that each contradict something."""
     rng = np.random.default_rng(seed)
     qp = solvable(rng, n=8, me=2, mi=4)
-    qp = replace(qp, lower=np.full(8, -2.0), upper=np.full(8, 2.0))
+    qp = qp._replace(lower=np.full(8, -2.0), upper=np.full(8, 2.0))
     far = rng.normal(size=8)
     gap = rng.uniform(0.1, 2.0)
     mixture = rng.normal(size=2) @ qp.A
-    return replace(
-        qp,
+    return qp._replace(
         A=np.vstack((qp.A, mixture)),
         b=np.append(qp.b, mixture @ rng.normal(size=8)),
         C=np.vstack((qp.C, far)),
@@ -142,19 +139,18 @@ def without(qp: QP, rows) -> QP:
             parts[key][k] = np.inf if key == "upper" else -np.inf
     names = tuple(np.array(qp.labels.equality)[equal])
     labels = Labels(names, qp.labels.inequality, qp.labels.variables)
-    return replace(qp, A=qp.A[equal], b=qp.b[equal], labels=labels, **parts)
+    return qp._replace(A=qp.A[equal], b=qp.b[equal], labels=labels, **parts)
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_every_row_of_an_irreducible_conflict_is_to_blame(solvable, seed: int) -> None:
     rng = np.random.default_rng(seed)
     qp = solvable(rng, n=8, me=2, mi=4)
-    qp = replace(qp, lower=np.full(8, -2.0), upper=np.full(8, 2.0))
+    qp = qp._replace(lower=np.full(8, -2.0), upper=np.full(8, 2.0))
     # Against three bounds; none of them so little that it could be met far away instead.
     slope = rng.uniform(0.5, 1.5, size=8) * rng.choice((-1.0, 1.0), size=8)
     far = np.where(np.arange(8) < 3, slope, 0.0)
-    qp = replace(
-        qp,
+    qp = qp._replace(
         C=np.vstack((qp.C, far)),
         l=np.append(qp.l, 2.0 * np.abs(far).sum() + 0.3),
         u=np.append(qp.u, np.inf),

@@ -1,7 +1,5 @@
 """Settling the active set: exact from a rough start, harmless when it cannot."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -60,7 +58,7 @@ def test_what_is_not_finite_is_left_alone(rng: np.random.Generator) -> None:
 
 def test_an_infeasible_qp_is_not_made_to_look_solved(rng: np.random.Generator) -> None:
     qp = random_qp(rng, 1.0)
-    far = replace(qp, b=qp.b + 1e3)
+    far = qp._replace(b=qp.b + 1e3)
     rough = RawSolution(np.zeros(20), np.zeros(4), np.zeros(3), np.zeros(20), Status.SOLVED, 1, "")
     polished = polish(far, rough)
     r = kkt_residuals(far, polished.x, polished.y, polished.z, polished.z_box)
@@ -98,7 +96,7 @@ def test_small_costs_are_solved_as_well_as_large_ones(scale, rng: np.random.Gene
     """The same QP with its cost scaled has the same optimum."""
     for _ in range(20):
         qp = random_qp(rng, 1e-2)
-        scaled = replace(qp, P=scale * qp.P, g=scale * qp.g)
+        scaled = qp._replace(P=scale * qp.P, g=scale * qp.g)
         first, second = make_backend("proxqp").solve(qp), make_backend("proxqp").solve(scaled)
         assert first.solved
         assert second.solved

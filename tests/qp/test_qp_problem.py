@@ -41,7 +41,7 @@ def test_not_finite_names_the_field(field, bad):
     array = np.array(getattr(qp, field))
     array.flat[-1] = bad
     with pytest.raises(InvalidInputError, match=rf"QP\.{field}: NaN, infinite"):
-        check_qp(replace(qp, **{field: array}))
+        check_qp(qp._replace(**{field: array}))
 
 
 @pytest.mark.parametrize("field", ["P", "A", "C"])
@@ -50,7 +50,7 @@ def test_infinities_of_both_signs_are_found_without_a_warning(field):
     array = np.array(getattr(qp, field))
     array.flat[0], array.flat[1] = np.inf, -np.inf
     with pytest.raises(InvalidInputError, match=rf"QP\.{field}"):
-        check_qp(replace(qp, **{field: array}))
+        check_qp(qp._replace(**{field: array}))
 
 
 @pytest.mark.parametrize(
@@ -67,14 +67,14 @@ def test_infinities_of_both_signs_are_found_without_a_warning(field):
 )
 def test_wrong_shape_names_the_field(field, shape):
     with pytest.raises(InvalidInputError, match=rf"QP\.{field}: expected shape"):
-        check_qp(replace(valid(), **{field: np.zeros(shape)}))
+        check_qp(valid()._replace(**{field: np.zeros(shape)}))
 
 
 @pytest.mark.parametrize("field", ["equality", "inequality", "variables"])
 def test_wrong_number_of_labels(field):
     labels = replace(LABELS, **{field: ("one", "two", "three", "four")})
     with pytest.raises(InvalidInputError, match=rf"QP\.labels\.{field}"):
-        check_qp(replace(valid(), labels=labels))
+        check_qp(valid()._replace(labels=labels))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_impossible_interval_names_the_row(field, index, value, name):
     bounds = np.array(getattr(qp, field))
     bounds[index] = value
     with pytest.raises(InvalidInputError, match=name):
-        check_qp(replace(qp, **{field: bounds}))
+        check_qp(qp._replace(**{field: bounds}))
 
 
 def test_only_what_is_crossed_is_named():
@@ -104,10 +104,10 @@ def test_only_what_is_crossed_is_named():
     qp = valid()
     lower, upper = np.array(qp.lower), np.array(qp.upper)
     lower[0] = upper[0] = 0.5
-    fixed = replace(qp, lower=lower, upper=upper)
+    fixed = qp._replace(lower=lower, upper=upper)
     check_qp(fixed)
     with pytest.raises(InvalidInputError) as caught:
-        check_qp(replace(fixed, upper=np.array([0.5, upper[1], lower[2] - 1.0])))
+        check_qp(fixed._replace(upper=np.array([0.5, upper[1], lower[2] - 1.0])))
     told, names = str(caught.value), qp.labels.variables
     assert names[2] in told
     assert names[0] not in told
@@ -118,12 +118,12 @@ def test_a_bound_that_is_infinite_on_both_sides_the_same_way_is_refused():
     lower, upper = np.array(qp.lower), np.array(qp.upper)
     lower[0] = upper[0] = np.inf
     with pytest.raises(InvalidInputError, match="base"):
-        check_qp(replace(qp, lower=lower, upper=upper))
+        check_qp(qp._replace(lower=lower, upper=upper))
 
 
 def test_entries_that_overflow_when_squared_are_refused():
     with pytest.raises(InvalidInputError, match=r"QP\.g: .*beyond 1e\+150.*'hip'"):
-        check_qp(replace(valid(), g=np.array([0.0, 0.0, 1e160])))
+        check_qp(valid()._replace(g=np.array([0.0, 0.0, 1e160])))
 
 
 def test_build_fills_in_what_is_left_out():
@@ -146,7 +146,7 @@ def test_build_refuses_an_asymmetric_cost():
 
 def test_every_solve_checks():
     with pytest.raises(InvalidInputError, match=r"QP\.g"):
-        ProxQP().solve(replace(valid(), g=np.array([np.nan, 0.0, 0.0])))
+        ProxQP().solve(valid()._replace(g=np.array([np.nan, 0.0, 0.0])))
 
 
 @pytest.mark.parametrize("row", [0, 1])

@@ -1,6 +1,5 @@
 """ProxQP over sequences of ticks: warm starts help, do not leak, and do not poison."""
 
-from dataclasses import replace
 from pathlib import Path
 from time import thread_time
 
@@ -84,7 +83,7 @@ def test_a_rejected_warm_answer_is_solved_again_cold(ticks, monkeypatch):
 
     def wrong(self, qp):
         answer = honest(self, qp)
-        return replace(answer, z_box=answer.z_box + 1e-3)
+        return answer._replace(z_box=answer.z_box + 1e-3)
 
     monkeypatch.setattr(Workspace, "solve_warm", wrong)
     solution = backend.solve(second)
@@ -124,7 +123,7 @@ def test_nan_from_the_solver_never_leaves_as_solved(ticks, monkeypatch):
 
         def broken(self, *qp, honest=honest):
             answer = honest(self, *qp)
-            return replace(answer, x=np.full_like(answer.x, np.nan))
+            return answer._replace(x=np.full_like(answer.x, np.nan))
 
         monkeypatch.setattr(Workspace, method, broken)
     solution = backend.solve(second)
@@ -310,7 +309,7 @@ def test_an_infeasible_tick_does_not_poison_the_next(ticks):
     backend = ProxQP()
     good, between, after = ticks(seed=4, count=3)
     assert backend.solve(good).solved
-    assert backend.solve(replace(between, b=between.b + 100.0)).status is Status.INFEASIBLE
+    assert backend.solve(between._replace(b=between.b + 100.0)).status is Status.INFEASIBLE
     recovered = backend.solve(after)
     assert recovered.solved
     np.testing.assert_allclose(recovered.x, ProxQP().solve(after).x, atol=1e-6)
@@ -320,7 +319,7 @@ def test_what_is_infeasible_again_is_refuted_without_proxqp(ticks, monkeypatch):
     """DAQP says so in a fifth of a millisecond; the certificate is checked all the same."""
     backend, sizes = ProxQP(), []
     good, *bad = (
-        replace(qp, b=qp.b + 100.0 * (k > 0)) for k, qp in enumerate(ticks(seed=4, count=4))
+        qp._replace(b=qp.b + 100.0 * (k > 0)) for k, qp in enumerate(ticks(seed=4, count=4))
     )
     honest = Workspace.solve_cold
     monkeypatch.setattr(
@@ -348,7 +347,7 @@ def test_what_is_infeasible_again_is_refuted_without_proxqp(ticks, monkeypatch):
 def test_costs_in_other_units(ticks, scale):
     backend, plain = ProxQP(), ProxQP()
     for qp in ticks(seed=9, count=20):
-        scaled = replace(qp, P=scale * qp.P, g=scale * qp.g)
+        scaled = qp._replace(P=scale * qp.P, g=scale * qp.g)
         solution = backend.solve(scaled)
         assert solution.solved, solution.describe()
         assert solution.iterations < 100, "rounding keeps the solver busy"
@@ -367,7 +366,7 @@ def test_unbounded_objective_is_a_failure_not_an_answer():
 def test_what_the_active_set_method_settles_in_a_pause_took_two_attempts(ticks) -> None:
     """Solved, or with rows that contradict each other: ProxQP's turn, left out, is counted."""
     first, second = ticks(seed=4, count=2, mi=3)
-    no_way = replace(second, C=np.repeat(second.C[:1], 3, axis=0), l=np.array([-1.0, -1.0, 5.0]),
+    no_way = second._replace(C=np.repeat(second.C[:1], 3, axis=0), l=np.array([-1.0, -1.0, 5.0]),
                      u=np.array([0.0, 9.0, 6.0]))  # fmt: skip
     backend = ProxQP(max_iterations=1)
     assert [backend.solve(qp).attempts for qp in (first, second, second)] == [2, 2, 2]

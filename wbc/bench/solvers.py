@@ -7,7 +7,6 @@ included; the check of its answer is not part of its time.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -99,7 +98,7 @@ class ReducedDaqp:
             iterations=raw.iterations, solve_time=0.0, solver="daqp",
         )  # fmt: skip
         lifted = elimination.lift(solution)
-        return replace(raw, x=lifted.x, y=lifted.y, z=lifted.z, z_box=lifted.z_box)
+        return raw._replace(x=lifted.x, y=lifted.y, z=lifted.z, z_box=lifted.z_box)
 
 
 CANDIDATES: Mapping[str, Callable[[float], Candidate]] = {

@@ -203,8 +203,7 @@ class Limits(Fixed):
                 change += sides.change
                 np.minimum(most, change, out=most)
         box = self._box_of_base.copy()
-        np.negative(most[0], out=box[0, BASE_NV:])
-        box[1, BASE_NV:] = most[1]
+        np.multiply(_SIGNS, most, out=box[:, BASE_NV:])
         return box[0], box[1]
 
 

@@ -96,8 +96,7 @@ class ActiveSet(NamedTuple):
         every = (*qp.labels.variables, *qp.labels.inequality)
         met = (*self.variables.tolist(), *self.rows.tolist())
         names = tuple(name for name, one in zip(every, met, strict=True) if one)
-        return replace(
-            qp,
+        return qp._replace(
             A=A,
             b=A @ self.x,
             lower=np.where(self.variables, -np.inf, np.minimum(qp.lower, self.x)),

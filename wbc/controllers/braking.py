@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import lapack
@@ -86,7 +85,7 @@ def scale_gains_to_brake(
         return qp
     g = qp.g.copy()
     g[:nv] += (1.0 - factor) * slope
-    return replace(qp, g=g)
+    return qp._replace(g=g)
 
 
 def _slope(row: Rows, wanted: Array) -> Array:
@@ -159,15 +158,14 @@ def least_acceleration_qp(qp: QP, v: Array, change: Array) -> QP:
     weight, now = np.full(qp.g.size, LIGHT), np.zeros(qp.g.size)
     weight[: v.size] = np.maximum(np.square(change.min() / change), LIGHT)
     now[: v.size] = v
-    return replace(qp, P=np.diag(weight), g=-weight * now)
+    return qp._replace(P=np.diag(weight), g=-weight * now)
 
 
 def _with_box(qp: QP, box: Box) -> QP:
     """Return ``qp`` with other bounds on the velocity; slacks, behind it, keep theirs."""
     lower, upper = box
     nv = lower.size
-    return replace(
-        qp,
+    return qp._replace(
         lower=np.concatenate((lower, qp.lower[nv:])),
         upper=np.concatenate((upper, qp.upper[nv:])),
     )

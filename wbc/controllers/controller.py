@@ -274,9 +274,10 @@ class Controller(Fixed, ABC):
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""
-        names, solve = self.plan.decision.names, partial(self._solver.solve, problem)
+        names = self.plan.decision.names
         if margins is None:
-            return Attempt(solve().within_limits(names), [])
+            return Attempt(self._solver.solve(problem).within_limits(names), [])
+        solve = partial(self._solver.solve, problem)
         return solve_with_look_ahead(solve, margins, problem.contacts).within_limits(names)
 
     def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
@@ -332,7 +333,8 @@ class Controller(Fixed, ABC):
         for task in self._deviating:
             errors[task.name] = task.deviation(snapshot, residuals[task.name])
         solve = outcome.solve_time
-        return Tick(
+        tick = object.__new__(Tick)
+        tick.__dict__.update(  # past __init__, which assigns one frozen field after the other
             velocity=velocity,
             status=outcome.solution.status,
             policy=policy,
@@ -344,6 +346,7 @@ class Controller(Fixed, ABC):
             slack=slack,
             singular=singular | outcome.singular,
         )
+        return tick
 
     @abstractmethod
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:

@@ -13,7 +13,6 @@ Active bounds that the achieved rows imply stay active below: see
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -98,8 +97,7 @@ class Outcome(NamedTuple):
         worst = int(excess.argmax())
         if excess.item(worst) <= TOLERANCE:  # NaN is not
             return self
-        solution = replace(
-            solution,
+        solution = solution._replace(
             status=Status.CONTRADICTED,
             message=(
                 f"{names[worst]} at {v[worst]:.6g}, outside its limits "

@@ -110,7 +110,8 @@ class Attempt(NamedTuple):
 
     def within_limits(self, names: Sequence[str]) -> Attempt:
         """Refuse a solution outside the limits; see :meth:`Outcome.within_limits`."""
-        return self._replace(outcome=self.outcome.within_limits(names))
+        outcome = self.outcome.within_limits(names)
+        return self if outcome is self.outcome else self._replace(outcome=outcome)
 
 
 def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows]) -> Attempt:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -286,7 +286,9 @@ def _cost(decision: Decision, costs: Sequence[Rows]) -> tuple[Array, Array]:
     if curved:
         P[:nv, :nv] = convexified(P[:nv, :nv] + sum(curved))
     diagonal += decision.damping
-    diagonal[:nv] += damping
+    if n > nv:
+        diagonal = diagonal[:nv]
+    diagonal += damping
     return P, g
 
 
@@ -312,7 +314,7 @@ class Assembled(NamedTuple):
             lower = np.concatenate((lower, qp.lower[nv:]))
             upper = np.concatenate((upper, qp.upper[nv:]))
         if bounds is None:
-            return replace(qp, lower=lower, upper=upper)
+            return qp._replace(lower=lower, upper=upper)
         P, g = qp.P, qp.g
         if bounds.push is not None:
             push = outweighing(bounds.push, self.heaviest)

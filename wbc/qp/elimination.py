@@ -12,7 +12,7 @@ column pivoting picks the best conditioned unknowns at each tick, and detects de
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import lapack
@@ -85,7 +85,7 @@ class Elimination:
         slope = qp.P @ x + qp.g + z_box + qp.C.T @ z
         y = -factors.Q @ _triangular(factors.R, slope[factors.dependent], transposed=True)
         residuals = kkt_residuals(qp, x, y, z, z_box)
-        return replace(solution, x=x, y=y, z=z, z_box=z_box, residuals=residuals)
+        return solution._replace(x=x, y=y, z=z, z_box=z_box, residuals=residuals)
 
 
 def eliminate(qp: QP) -> Elimination:

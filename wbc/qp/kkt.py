@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -50,6 +49,10 @@ class Stacked:
         self._matrices, self.g = block[every:-n].reshape(every, n), block[-n:]
         self.rows, self.P = self._matrices[:m], self._matrices[m:]
         self._finite = block[n + mi :]
+        # Where the fields of a QP go, in their order; b goes to the upper ends as well.
+        lower, l, b = np.split(self.lower, (n, n + mi))  # noqa: E741
+        upper, u, self._b = np.split(self.upper, (n, n + mi))
+        self._fields = self.P, self.g, self.rows[mi:], b, self.rows[:mi], l, u, lower, upper
         memory = np.zeros(every + n + m)
         self.multipliers, self._values = memory[:every], memory[every:]
         self.x, self._row_values = self._values[:n], self._values[n:]
@@ -57,17 +60,17 @@ class Stacked:
         self._box_multipliers, self._factors = self.point[:n], self.point[n:]
         self._signed = self.multipliers[: n + mi]
         # To the lower and to the upper bounds: distances, negative outside, and the multipliers.
-        self._distance, self._pull = np.zeros((2, every)), np.zeros((2, every))
+        self._terms = np.zeros(2 * every + n)  # those distances, and the gradient
+        self._distance, self._gradient = self._terms[:-n].reshape(2, every), self._terms[-n:]
+        self._pull, self._zero = np.zeros((2, every)), np.zeros((2, every))
         self._below, self._above = self._distance
         self._down, self._up = self._pull[:, : n + mi]
 
     def load(self, qp: QP) -> None:
         """Take over the numbers of a QP of this size."""
-        self.P[:] = qp.P
-        self.g[:] = qp.g
-        np.concatenate((qp.C, qp.A), out=self.rows)
-        np.concatenate((qp.lower, qp.l, qp.b), out=self.lower)
-        np.concatenate((qp.upper, qp.u, qp.b), out=self.upper)
+        for place, numbers in zip(self._fields, qp[:9], strict=True):
+            place[...] = numbers
+        self._b[...] = qp.b
 
     def is_finite(self) -> bool:
         """Whether all numbers but the bounds are finite, see :func:`wbc.qp.problem.is_sound`."""
@@ -80,21 +83,22 @@ class Stacked:
         ----------
         Boyd & Vandenberghe, Convex Optimization, sec. 5.5.3, with two-sided rows and bounds.
         """
-        distance, pull = self._distance, self._pull
-        gradient = self._factors.dot(self._matrices)  # (n,), P is symmetric
+        distance, pull, gradient = self._distance, self._pull, self._gradient
+        self._factors.dot(self._matrices, out=gradient)  # P is symmetric
         gradient += self.g
         gradient += self._box_multipliers
-        np.dot(self.rows, self.x, out=self._row_values)
+        self.rows.dot(self.x, out=self._row_values)
         np.subtract(self._values, self.lower, out=self._below)
         np.subtract(self.upper, self._values, out=self._above)
         outside = -distance.item(distance.argmin())  # NaN comes first, in half of min()'s time
         self._up[:] = self._signed
         np.negative(self._signed, out=self._down)
-        np.maximum(pull, 0.0, out=pull)  # of a pair at most one: what the multiplier points at
-        clash = np.minimum(np.abs(distance, out=distance), pull, out=distance)
+        np.maximum(pull, self._zero, out=pull)  # of a pair one: what the multiplier points at
+        np.abs(self._terms, out=self._terms)
+        clash = np.minimum(distance, pull, out=distance)
         return KktResiduals(
             max(outside, 0.0),  # NaN first: max(nan, a) is nan, but max(a, nan) is a
-            gradient.item(np.abs(gradient, out=gradient).argmax()),
+            gradient.item(gradient.argmax()),
             clash.item(clash.argmax()),
         )
 
@@ -260,7 +264,7 @@ class SolveCheck(NamedTuple):
         if raw.claim in (Status.SOLVED, Status.INFEASIBLE):
             said = f", and said {raw.message!r}" if raw.message else ""
             message = f"claimed {raw.claim.value!r}, for which there is no evidence{said}"
-            raw, status = replace(raw, message=message), Status.FAILED
+            raw, status = raw._replace(message=message), Status.FAILED
         return self._solution(raw, status, self._residuals(qp, raw), attempts)
 
     @staticmethod

@@ -9,7 +9,7 @@ shifts bounds as well as rows; a joint limit is not ours to shift.)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -70,8 +70,7 @@ def _relaxed(qp: QP, violation: Array, margin: float) -> QP:
     """Return ``qp`` with its rows shifted so that a point with this ``violation`` meets them."""
     me = qp.b.size
     above, below = np.maximum(violation[me:], 0.0), np.minimum(violation[me:], 0.0)
-    return replace(
-        qp,
+    return qp._replace(
         b=qp.b + violation[:me],  # an equality is met exactly at its violated value
         l=qp.l + np.where(below < 0.0, below - margin, 0.0),
         u=qp.u + np.where(above > 0.0, above + margin, 0.0),

@@ -8,8 +8,6 @@ the optimum to rounding. Each step solves one linear system: only for rejected s
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from wbc.qp.elimination import least_squares
@@ -36,7 +34,7 @@ def polish(qp: QP, raw: RawSolution) -> RawSolution:
         active = np.where(multipliers > upper - value, 1.0, 0.0)
         active -= np.where(multipliers < lower - value, 1.0, 0.0)
         if np.array_equal(active, before):
-            return replace(raw, x=x, y=y, z=multipliers[n:], z_box=multipliers[:n])
+            return raw._replace(x=x, y=y, z=multipliers[n:], z_box=multipliers[:n])
         before = active
         held = np.flatnonzero(active)
         bound = np.where(active[held] > 0, upper[held], lower[held])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,8 +45,7 @@ class Labels:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class QP:
+class QP(NamedTuple):
     """Minimise 1/2 x'Px + g'x subject to A x = b, l <= C x <= u, lower <= x <= upper.
 
     Every field is a float array: no rows is a (0, n) array, no bound is an infinity. P is

@@ -86,8 +86,7 @@ class Conflict:
         return f"these cannot all hold: {names}" + (f"; and {more} more" if more > 0 else "")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RawSolution:
+class RawSolution(NamedTuple):
     """A solver's unchecked answer, in the sign convention of :class:`Solution`."""
 
     x: Array  # (n,)
@@ -105,8 +104,7 @@ class RawSolution:
         return cls(x, y, z, x.copy(), claim, 0, message)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class Solution(NamedTuple):
     """One answer of a backend. Signs: P x + g + A'y + C'z + z_box = 0.
 
     A multiplier in ``z`` or ``z_box`` is positive where the upper bound is active, negative where

@@ -7,6 +7,7 @@ asks for is marked read-only in place, without a call.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -67,8 +68,7 @@ class KinematicState:
         own.update(robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={})
         own["_sealed"] = True
         if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
-            whole = self._workspace().composites.whole()
-            whole.setflags(write=False)
+            whole = read_only(self._workspace().composites.whole())
             # Views are made at once: to ask for them later takes longer.
             own["native_state"], own["_whole"], own["com"] = None, whole, whole[:3]
             if not robot.limits.unbounded:
@@ -116,9 +116,7 @@ class KinematicState:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
         if self.native_state is not None:
             return self.native_state.part("centroidal_map", 6, -1)
-        A = self._workspace().centroidal_map.copy()
-        A.setflags(write=False)
-        return A
+        return read_only(self._workspace().centroidal_map.copy())
 
     @lazy
     def momentum(self) -> Array:
@@ -132,7 +130,7 @@ class KinematicState:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
             return self.native_state.part("com_jacobian", 3, -1)
-        J: Array = self._workspace().centroidal_map[:3] / self.robot.mass
+        J: Array = (self._workspace().centroidal_map / self.robot.mass)[:3]
         J.setflags(write=False)
         return J
 
@@ -153,9 +151,17 @@ class KinematicState:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
         if self.native_state is not None:
             return read_only(self.native_state.inertia())
-        inertia = self._whole.take(INERTIA_ENTRIES)
-        inertia.setflags(write=False)
-        return inertia
+        return read_only(self._whole.take(INERTIA_ENTRIES))
+
+    @lazy
+    def gyration_radius(self) -> float:
+        """Radius of gyration about the CoM [m], all axes: (trace of the inertia / mass)^(1/2)."""
+        if self.native_state is not None:
+            trace = float(self.inertia.trace())
+        else:
+            _, _, _, xx, _, yy, _, _, zz = self._whole.tolist()
+            trace = xx + yy + zz
+        return math.sqrt(trace / self.robot.mass)
 
     def inertia_in(self, frame: str = WORLD) -> Array:
         """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame."""
@@ -191,9 +197,7 @@ class KinematicState:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
         if self.native_state is not None:
             return self.native_state.part("inertia_jacobian", 6, -1)
-        J = crb.inertia_rates(self._carried_moments)
-        J.flags.writeable = False
-        return J
+        return read_only(crb.inertia_rates(self._carried_moments))
 
     def inertia_jacobian_in(self, frame: str = WORLD) -> Array:
         """Jacobian (6, nv) of :meth:`inertia_in` for the same ``frame``."""
@@ -214,9 +218,7 @@ class KinematicState:
         momenta, twists = self.centroidal_map[:3], self.joint_twists
         mass, orders = self.robot.mass, self.robot.workspace.columns.orders
         J = self.inertia_jacobian
-        hessian = crb.inertia_hessian(weights, J, momenta, twists, self.com, mass, orders)
-        hessian.flags.writeable = False
-        return hessian
+        return read_only(crb.inertia_hessian(weights, J, momenta, twists, self.com, mass, orders))
 
     def base_inertia_hessian(self, weights: Array) -> Array:
         """Hessian (nv, nv) by the joints of the same sum, I and weights in base axes."""
@@ -265,9 +267,7 @@ class KinematicState:
         """
         if self.native_state is not None:
             return self.native_state.part("twists", 6, -1)
-        twists = self._workspace().twists.copy()
-        twists.flags.writeable = False
-        return twists
+        return read_only(self._workspace().twists.copy())
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         """Return where a frame is; its Jacobian, which few do without, is kept."""

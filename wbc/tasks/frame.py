@@ -15,14 +15,14 @@ from wbc.spatial import skew
 from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Aim, Task
-from wbc.validate import Array, read_only
+from wbc.tasks.task import Aim, Task, at_rest
+from wbc.validate import Array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
 TURNS = ("rx", "ry", "rz")
-_STILL = read_only(np.zeros(3))
+_STILL = at_rest((3,))
 
 
 class OrientationTask(Task):
@@ -113,10 +113,10 @@ class PoseTask(PlacementTask):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return position minus target [m] above log(target' R) [rad]."""
-        turn = orientation_residual(snapshot, self.frame, self.rotation, self.target_rate[3:])
+        turn = orientation_residual(snapshot, self.frame, self.rotation, self._turn_rate)
         error = np.concatenate((snapshot.position(self.frame) - self.position, turn.error))
         jacobian = np.concatenate((snapshot.jacobian(self.frame)[:3], turn.jacobian))
-        return Residual(error, jacobian, np.concatenate((-self.target_rate[:3], turn.bias)))
+        return Residual(error, jacobian, np.concatenate((self._bias, turn.bias)))
 
     def aim(self, snapshot: Snapshot) -> Aim:
         """Return the frame's origin and where it is wanted."""
@@ -124,18 +124,20 @@ class PoseTask(PlacementTask):
 
     def native(self) -> tuple[NativeRows, ...]:
         """Return the rows of the position above those of the rotation."""
-        rate, acceleration = self.target_rate, self.target_acceleration
         place = NativeRows(
             Kind.POINT,
             self.frame,
             (0, 1, 2),
-            -rate[:3],
-            -acceleration[:3],
+            self._bias,
+            self._drift,
             (self.position, np.array((self.robot.mass,))),
             curved=False,
+            moving=("_bias", "_drift", "position"),
         )
-        turn = native_orientation(self.frame, self.rotation, rate[3:], acceleration[3:])
-        return place, turn
+        motion = self._turn_rate, self._turn_acceleration
+        turn = native_orientation(self.frame, self.rotation, *motion)
+        moving = "", "", "rotation", "_turn_rate", "_turn_acceleration"
+        return place, turn._replace(moving=moving)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -144,9 +146,9 @@ class PoseTask(PlacementTask):
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the drift of both parts, the target's motion in it."""
-        rate, acceleration = self.target_rate, self.target_acceleration
-        turn = orientation_drift(snapshot, self.frame, self.rotation, rate[3:], acceleration[3:])
-        return np.concatenate((snapshot.drift(self.frame)[:3] - acceleration[:3], turn))
+        motion = self._turn_rate, self._turn_acceleration
+        turn = orientation_drift(snapshot, self.frame, self.rotation, *motion)
+        return np.concatenate((snapshot.drift(self.frame)[:3] + self._drift, turn))
 
     def symbolic_error(self, posture: SymbolicPosture) -> Expression:
         """Return position minus target [m] above log(target' R) [rad]."""
@@ -175,7 +177,8 @@ def orientation_residual(
     relative = target.T.dot(R)
     to_error = log_jacobian(relative).dot(R.T)  # world angular velocity -> rate of the error
     jacobian = to_error.dot(snapshot.jacobian(frame)[3:])
-    return Residual(log_rotation(relative), jacobian, -to_error.dot(target_rate))
+    bias = _STILL if target_rate is _STILL else -to_error.dot(target_rate)
+    return Residual(log_rotation(relative), jacobian, bias)
 
 
 def orientation_drift(

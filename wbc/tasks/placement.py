@@ -18,6 +18,10 @@ class PlacementTask(Task):
 
     position: Array  # wanted, (3,) [m], read-only
     rotation: Array  # wanted, (3, 3), read-only
+    _bias: Array  # (3,) of the position
+    _drift: Array  # (3,) of the position
+    _turn_rate: Array  # (3,) how the rotation moves
+    _turn_acceleration: Array  # (3,)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in ("position", "rotation"):
@@ -43,7 +47,11 @@ class PlacementTask(Task):
         place = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(f"{self}, rotation", turn)
-        self._set_rates((6,), rate, acceleration)
+        if self._set_rates((6,), rate, acceleration):
+            speed, push = self.target_rate, self.target_acceleration
+            bias, drift = read_only(-speed[:3]), read_only(-push[:3])
+            parts = {"_turn_rate": speed[3:], "_turn_acceleration": push[3:]}
+            self._assign(_bias=bias, _drift=drift, **parts)
         goal = read_only(homogeneous(place, turn))
         self._assign(position=place, rotation=turn, _goal=goal)
 

@@ -85,9 +85,8 @@ class PointTask(Task):
         move everything, one and a half times the robot's radius of gyration more: about the height
         of its CoM.
         """
-        (xx, _, _), (_, yy, _), (_, _, zz) = snapshot.inertia.tolist()
         lever = math.dist(position.tolist(), snapshot.q[:3].tolist())
-        lever += 1.5 * math.sqrt((xx + yy + zz) / snapshot.robot.mass)
+        lever += 1.5 * snapshot.gyration_radius
         gradient = self.weight * error
         gradient *= self.weight
         return math.hypot(*gradient.tolist()) * lever

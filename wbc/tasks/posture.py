@@ -55,6 +55,10 @@ class PostureTask(Task):
         names = [robot.joint_names[k] for k in chosen]
         weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
         super().__init__(robot, name, names, weight=weights, priority=priority, **law)
+        self._bias: Array
+        self._drift: Array
+        self._positions: Array  # wanted, of all joints
+        self._wanted: Array  # of those that the task is about
         every = chosen.size == factors.size
         self._joints = slice(None) if every else chosen
         self._columns = slice(BASE_NV, robot.nv) if every else BASE_NV + chosen
@@ -74,11 +78,11 @@ class PostureTask(Task):
         Entries of the base are ignored.
         """
         goal = read_only(self.robot.check_configuration(target))
-        self._set_rates((self.robot.nv,), rate, acceleration)
-        self._goal = goal
-        self._positions = self.robot.limits.joint_positions(goal)
-        self._bias = read_only(-self.target_rate[BASE_NV:][self._joints])
-        self._drift = read_only(-self.target_acceleration[BASE_NV:][self._joints])
+        if self._set_rates((self.robot.nv,), rate, acceleration):
+            bias, drift = self.target_rate[self._columns], self.target_acceleration[self._columns]
+            self._assign(_bias=read_only(-bias), _drift=read_only(-drift))
+        positions = self.robot.limits.joint_positions(goal)
+        self._assign(_goal=goal, _positions=positions, _wanted=positions[self._joints])
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return joint positions minus target [rad or m], the shorter way round if continuous."""
@@ -91,8 +95,9 @@ class PostureTask(Task):
     def native(self) -> tuple[NativeRows, ...]:
         """Return one row for each joint."""
         joints = tuple(np.arange(self._positions.size)[self._joints].tolist())
-        numbers = (self._positions[self._joints],)
-        return (NativeRows(Kind.JOINTS, None, joints, self._bias, self._drift, numbers),)
+        rates, numbers = (self._bias, self._drift), (self._wanted,)
+        moving = "_bias", "_drift", "_wanted"
+        return (NativeRows(Kind.JOINTS, None, joints, *rates, numbers, moving=moving),)
 
     @property
     def units(self) -> tuple[str, ...]:

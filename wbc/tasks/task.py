@@ -51,7 +51,8 @@ class Aim(NamedTuple):
 
 
 @cache
-def _rest(shape: tuple[int, ...]) -> Array:
+def at_rest(shape: tuple[int, ...]) -> Array:
+    """Return the rate of what rests: always the same zeros."""
     return read_only(np.zeros(shape))
 
 
@@ -327,7 +328,7 @@ class Task(metaclass=Sealed):
         acceleration: ArrayLike | None = None,
     ) -> bool:
         """Check and set how the target moves; None is rest. Return False if it rests as before."""
-        rest, own = _rest(shape), self.__dict__
+        rest, own = at_rest(shape), self.__dict__
         speed = rest if rate is None else self._target(rate, shape, "target rate")
         push = rest
         if acceleration is not None:
