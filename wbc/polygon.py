@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_array
+from wbc.validate import Array, finite_array, finite_number, real_array
 
 STRAIGHT = 2e-3  # m: a corner that sticks out less than this is not worth a vertex
 # How far a corner may lie inside the hull of the others, as a fraction of the polygon's size^2.
@@ -65,10 +65,10 @@ def centroid(polygon: Array) -> Array:
 
 def checked_polygon(polygon: ArrayLike) -> Array:
     """Return the corners (k, 2) as a fresh array; for the errors see :func:`polygon_margin`."""
-    rows = len(polygon) if isinstance(polygon, (list, tuple, np.ndarray)) else 0
-    if rows == 0:
+    given = real_array("polygon", polygon)
+    if not given.size:
         raise InvalidInputError("polygon: needs corners [[x, y], ...]")
-    corners = finite_array("polygon", polygon, (rows, 2))
+    corners = finite_array("polygon", given, (len(np.atleast_1d(given)), 2))
     edges = np.roll(corners, -1, axis=0) - corners
     arms = corners - corners[:, None]  # (edge, corner, 2)
     left = edges[:, :1] * arms[..., 1] - edges[:, 1:] * arms[..., 0]
@@ -106,7 +106,7 @@ def inset(polygon: ArrayLike, margin: float) -> Array:
     InvalidInputError
         Nothing does; or see :func:`half_planes`.
     """
-    corners = checked_polygon(polygon)
+    corners, margin = checked_polygon(polygon), finite_number("margin", margin)
     for normal, offset in zip(*half_planes(polygon), strict=True):
         out = corners @ normal - (offset - margin)
         ends = zip(corners, np.roll(corners, -1, axis=0), out, np.roll(out, -1), strict=True)
@@ -141,7 +141,8 @@ def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
         No corners, not finite, or not convex and counter-clockwise.
     """
     corners = checked_polygon(polygon)
-    tested = finite_array("points", points, (*np.shape(points)[:-1], 2))
+    given = real_array("points", points)
+    tested = finite_array("points", given, (*given.shape[:-1], 2))
     edges = np.roll(corners, -1, axis=0) - corners  # (k, 2)
     arms = tested[..., None, :] - corners  # (..., k, 2)
     squares = (edges * edges).sum(axis=-1)

@@ -16,6 +16,7 @@ Array = NDArray[np.floating[Any]]
 LARGEST = 1e30
 _FLOAT = np.dtype(np.float64)
 _FEW = 9
+_NO_REAL = str, bytes, complex
 
 
 def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
@@ -38,6 +39,30 @@ def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> 
     if array.size <= _FEW:
         return array if math.hypot(*array.ravel().tolist()) <= largest else None
     return array if np.vdot(array, array) <= largest * largest else None
+
+
+def real_array(what: str, value: Any) -> Array:
+    """Return ``value`` as a fresh float array of whatever shape; NaN and infinity pass.
+
+    For input of several shapes: look at the shape of this, np.shape raises ValueError at ragged
+    lists.
+
+    Raises
+    ------
+    InvalidInputError
+        Not real numbers: ragged lists, words (numerals too), dates, objects, complex numbers.
+    """
+    try:
+        given = np.asarray(value)
+        kind = given.dtype.kind
+        # NumPy would drop imaginary parts, read numerals and count days.
+        if kind not in "biufO" or (
+            kind == "O" and any(isinstance(x, _NO_REAL) for x in given.flat)
+        ):
+            raise TypeError("no real numbers")
+        return np.array(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
 
 
 def finite_vector(what: str, value: ArrayLike, size: int) -> Array:
@@ -65,13 +90,7 @@ def finite_array(
     plain = plain_copy(value, shape, largest)
     if plain is not None:
         return plain
-    try:
-        given = np.asarray(value)
-        if given.dtype.kind == "c":  # NumPy would drop the imaginary parts
-            raise TypeError("complex")
-        array = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
+    array = real_array(what, value)
     if array.shape != shape:
         part = {(3,): "translation", (3, 3): "rotation"}.get(shape, "")
         hint = f"; of a pose T give T.{part}" if part and array.shape == (4, 4) else ""
@@ -160,7 +179,7 @@ def check_fields(
     """
     for name in names:
         value = getattr(instance, name)
-        if not (unlimited and value == math.inf):
+        if not (unlimited and isinstance(value, float) and value == math.inf):
             number = finite_number(f"{what}{name}", value, above=above, least=least)
             object.__setattr__(instance, name, number)
 
@@ -190,12 +209,10 @@ def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, f
 
     ``positive`` asks for a least above zero.
     """
-    try:
-        low, high = (float(x) for x in value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(
-            f"{what} must be a pair (least, greatest), got {value!r}"
-        ) from error
+    pair = real_array(what, value)
+    if pair.shape != (2,):
+        raise InvalidInputError(f"{what} must be a pair (least, greatest), got {value!r}")
+    low, high = pair.tolist()
     if not 0.0 <= low < high:
         raise InvalidInputError(f"{what} must be 0 <= least < greatest, got ({low:g}, {high:g})")
     if positive and low == 0.0:

@@ -134,7 +134,7 @@ def test_bad_limits_are_refused(robot: Robot) -> None:
         Limits(robot, velocity=-1.0)
     with pytest.raises(InvalidInputError, match=r"acceleration: every entry must be positive"):
         Limits(robot, acceleration=0.0)
-    with pytest.raises(InvalidInputError, match=r"acceleration: expected numbers, got \[\{'\*'"):
+    with pytest.raises(InvalidInputError, match=r"acceleration: expected numbers, got \{'\*'"):
         Limits(robot, acceleration={"*": 1.0})
     with pytest.raises(InvalidInputError, match=r"base_twist: expected shape \(6,\)"):
         Limits(robot, base_twist=[1.0])

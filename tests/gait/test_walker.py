@@ -29,6 +29,17 @@ def walked(walker: wbc.gait.Walker, plant: Plant, duration: float) -> tuple[floa
     return relaxed / ticks, ticks
 
 
+def test_forces_that_are_none_are_a_typed_error(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    walker, here = wbc.gait.Walker(robot), robot.snapshot(robot.posture())
+    walker.command(0.1)
+    while not isinstance(walker.phase, SingleSupport):
+        walker.prepare(here)
+    for bad in ({}, {"left_sole": [1.0], "right_sole": [[1.0], [2.0, 3.0]]}, [1.0], np.zeros(6)):
+        with pytest.raises(InvalidInputError, match="walker, force"):
+            walker.prepare(here, bad)  # type: ignore[arg-type]
+
+
 @pytest.mark.slow
 def test_g1_walks_and_stops(robot_named: Load) -> None:
     robot = robot_named("g1_27")

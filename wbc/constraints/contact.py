@@ -24,7 +24,7 @@ from wbc.tasks.frame import TURNS
 from wbc.tasks.keywords import LawKeywords
 from wbc.tasks.point import AXES
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, finite_array, read_only, real_array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -159,7 +159,7 @@ class Contact(Task):
             given = next((foot.polygon for foot in feet if foot.frame == self.frame), None)
             if given is None:
                 return None
-        points = np.asarray(given, dtype=float)
+        points = real_array(f"{self}, corners", given)
         if points.ndim != 2 or not len(points) or points.shape[1] not in (2, 3):
             raise InvalidInputError(
                 f"{self}, corners: expected (k, 2) or (k, 3) points, got shape {points.shape}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, check_fields, finite_number
 
 MOST_FACETS = 64
 
@@ -38,14 +38,15 @@ class FrictionCone:
     most: float = math.inf
 
     def __post_init__(self) -> None:
-        finite_number("friction, coefficient", self.coefficient, above=0.0)
-        finite_number("friction, least", self.least, least=0.0)
+        check_fields(self, "friction, ", "coefficient", above=0.0)
+        check_fields(self, "friction, ", "least", least=0.0)
         facets = finite_number("friction, facets", self.facets, least=3)
         if facets != int(facets) or facets > MOST_FACETS:
             raise InvalidInputError(
                 f"friction, facets: expected a whole number from 3 to {MOST_FACETS}, got {facets:g}"
             )
-        if not self.most >= self.least:  # NaN is not
+        check_fields(self, "friction, ", "most", unlimited=True)
+        if self.most < self.least:
             raise InvalidInputError(
                 f"friction, most: {self.most} is below the least normal force {self.least:g}"
             )

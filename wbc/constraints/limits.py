@@ -30,7 +30,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
-from wbc.validate import Array, Fixed, finite_number, finite_vector, read_only
+from wbc.validate import Array, Fixed, finite_number, finite_vector, read_only, real_array
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
 BRAKING = ("free", "bounded")
@@ -170,7 +170,7 @@ class Limits(Fixed):
         limits = self.robot.limits
         if not self.robot.joint_names:
             return float("inf"), "no joint"
-        position = limits.joint_positions(q)
+        position = limits.joint_positions(finite_vector("limits, q", q, self.robot.nq))
         margin = np.minimum(limits.upper - position, position - limits.lower)
         worst = int(np.argmin(margin))
         return float(margin[worst]), self.robot.joint_names[worst]
@@ -251,17 +251,13 @@ def _accelerations(acceleration: ArrayLike | None, speed: Array, joints: int) ->
     if acceleration is None:
         return speed / DEFAULT_RISE_TIME
     what = "limits, acceleration"
-    if np.ndim(acceleration) == 0:
-        return np.full(joints, _positive(what, [acceleration], 1))
-    return _positive(what, acceleration, joints)
+    given = real_array(what, acceleration)
+    return _positive(what, np.full(joints, given) if given.ndim == 0 else given, joints)
 
 
 def _positive(what: str, value: Any, size: int) -> Array:
     """Return (size,) positive numbers, infinity allowed (no limit)."""
-    try:
-        given = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
+    given = real_array(what, value)
     checked = finite_vector(what, np.where(np.isposinf(given), 1.0, given), size)
     if (checked <= 0.0).any():
         raise InvalidInputError(f"{what}: every entry must be positive, got {given.tolist()}")

@@ -13,7 +13,7 @@ from wbc.constraints.rows import Distances, Index, SymbolicRows, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.point import AXES
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, finite_array, read_only, real_array
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
@@ -95,6 +95,6 @@ class PositionBox(Margin):
 
 
 def _ends(what: str, values: ArrayLike) -> Array:
-    given = np.asarray(values, dtype=float)
+    given = real_array(what, values)
     finite_array(what, np.where(np.isinf(given), 0.0, given), (3,))
-    return read_only(given.copy())
+    return read_only(given)

@@ -52,7 +52,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.legs import Legs
 from wbc.robot.postures import STANDING
 from wbc.tasks.task import Task
-from wbc.validate import finite_number
+from wbc.validate import by_name, finite_number, finite_vector
 
 # A foot that is pressed has landed, if it has done so much of its way: what it bumps into before is
 # an edge.
@@ -325,7 +325,9 @@ class Walker:
         """Return whether the foot in the air has landed."""
         if forces is None:
             return phase.left <= 0.0
-        load = float(np.asarray(forces[self._frames[other(phase.support)]])[2])
+        frame = self._frames[other(phase.support)]
+        given = by_name("walker, forces", forces).get(frame, ())
+        load = float(finite_vector(f"walker, force on {frame!r}", given, 6)[2])
         pressed = load > self._planner.touch(phase) * self.robot.weight
         return (pressed and phase.swing.done > DONE) or phase.swing.late > LATEST / self.gait.omega
 

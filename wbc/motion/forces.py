@@ -13,7 +13,7 @@ from wbc.files import ArrayFileError, read_arrays
 from wbc.motion.table import LARGEST, NUMBERS, RecordingError
 from wbc.robot import Robot
 from wbc.robot.series import CentroidalSeries
-from wbc.validate import Array, finite_array, read_only, set_fields
+from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
 PREFIX = "forces/"
 
@@ -33,7 +33,7 @@ class MeasuredForces:
     wrenches: Mapping[str, Array]
 
     def __post_init__(self) -> None:
-        count = np.size(self.time)
+        count = real_array("measured forces, time", self.time).size
         found = {
             foot: read_only(finite_array(f"measured forces, {foot}", wrench, (count, 6)))
             for foot, wrench in self.wrenches.items()

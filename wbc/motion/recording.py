@@ -24,7 +24,7 @@ from wbc.motion.dropouts import Dropout, fill_gaps
 from wbc.motion.forces import MeasuredForces, read_forces
 from wbc.motion.table import RecordingError, Table, read_csv, read_npz
 from wbc.robot import Robot
-from wbc.validate import Array, finite_array, finite_number, read_only, set_fields
+from wbc.validate import Array, finite_array, finite_number, read_only, real_array, set_fields
 
 LONGEST_GAP = 0.1  # s
 # rad or m: encoders are not always calibrated, nor are limits always the mechanical stops. What is
@@ -74,7 +74,8 @@ class Motion:
         return f"Motion({self.robot.name!r}, {span})"
 
     def __post_init__(self) -> None:
-        count, source = np.size(self.time), self.source
+        source = self.source
+        count = real_array(f"{source}: time", self.time).size
         if count < LEAST_ROWS:
             raise InvalidInputError(
                 f"{source}: {count} rows; accelerations need at least {LEAST_ROWS}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array
+from wbc.validate import Array, real_array
 
 # Entries beyond this are refused: their squares overflow, and no controller means them.
 LARGEST = 1e150
@@ -89,19 +89,20 @@ class QP(NamedTuple):
         InvalidInputError
             See :func:`check_qp`; or P is not symmetric.
         """
-        n = np.size(g)
-        A, C = _array(A, (0, n)), _array(C, (0, n))
-        me, mi = len(A), len(C)
+        g = real_array("QP.g", g)
+        n = g.size
+        A, C = _array("A", A, (0, n)), _array("C", C, (0, n))
+        me, mi = len(np.atleast_1d(A)), len(np.atleast_1d(C))
         qp = cls(
-            P=_array(P),
-            g=_array(g),
+            P=real_array("QP.P", P),
+            g=g,
             A=A,
-            b=_array(b, me),
+            b=_array("b", b, me),
             C=C,
-            l=_array(l, mi, -np.inf),
-            u=_array(u, mi, np.inf),
-            lower=_array(lower, n, -np.inf),
-            upper=_array(upper, n, np.inf),
+            l=_array("l", l, mi, -np.inf),
+            u=_array("u", u, mi, np.inf),
+            lower=_array("lower", lower, n, -np.inf),
+            upper=_array("upper", upper, n, np.inf),
             labels=labels or Labels.numbered(n, me, mi),
         )
         check_qp(qp)
@@ -111,9 +112,9 @@ class QP(NamedTuple):
 
 
 def _array(
-    value: ArrayLike | None, shape: int | tuple[int, int] = 0, default: float = 0.0
+    name: str, value: ArrayLike | None, shape: int | tuple[int, int], default: float = 0.0
 ) -> Array:
-    return np.full(shape, default) if value is None else np.asarray(value, dtype=np.float64)
+    return np.full(shape, default) if value is None else real_array(f"QP.{name}", value)
 
 
 def check_qp(qp: QP) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.rmp.ellipsoid import ROUNDING, equimomental
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
 
 Bools = NDArray[np.bool_]
 
@@ -96,7 +96,8 @@ def follow(axes: ArrayLike, second_moments: ArrayLike, previous: ArrayLike, gap:
         Axes that are not a rotation.
     """
     raw, before = checked_rotation(axes), checked_rotation(previous)
-    return _followed(raw, told_apart(np.asarray(second_moments), gap), before)
+    moments = finite_vector("second moments", second_moments, 3)
+    return _followed(raw, told_apart(moments, finite_number("gap", gap, above=0.0)), before)
 
 
 def told_apart(second_moments: Array, gap: float = GAP) -> Bools:

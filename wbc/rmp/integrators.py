@@ -23,6 +23,7 @@ from wbc.validate import (
     finite_number,
     finite_vector,
     read_only,
+    real_array,
     set_fields,
 )
 
@@ -157,7 +158,7 @@ def rollout(step: ca.Function, start: ArrayLike, inputs: ArrayLike, count: int) 
     """
     nx, nu = step.size1_in(0), step.size1_in(1)
     start = finite_vector("start", start, nx)
-    each = np.asarray(inputs, dtype=float)
+    each = real_array("inputs", inputs)
     each = finite_array("inputs", each, (nu,) if each.ndim == 1 else (count, nu))
     each = np.broadcast_to(each, (count, nu))
     states = np.empty((count + 1, nx))

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.validate import Array, check_fields, finite_vector, set_fields
+from wbc.validate import Array, check_fields, finite_vector, real_array, set_fields
 
 # How far a holding force may be off, as a fraction of the weight (times the leg, for a torque).
 AT_REST = 1e-8
@@ -116,7 +116,8 @@ class ReactionMassPendulum(ABC):
         self._require_inertia(q)
         if cop_acceleration is None:
             cop_acceleration = np.zeros(self.COP)
-        w = finite_vector("cop_acceleration", np.atleast_1d(cop_acceleration), self.COP)
+        w = real_array("cop_acceleration", cop_acceleration)
+        w = finite_vector("cop_acceleration", np.atleast_1d(w), self.COP)
         f = finite_vector("f", f, len(self.F))
         return self._call("forward_dynamics", q, self._velocity(v), f, w).ravel()
 

@@ -12,7 +12,7 @@ from wbc.constraints.com_support import support_polygon
 from wbc.errors import InvalidInputError
 from wbc.polygon import half_planes
 from wbc.robot import Snapshot
-from wbc.validate import finite_array
+from wbc.validate import finite_array, real_array
 
 
 def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLike) -> float:
@@ -34,8 +34,8 @@ def capture_impulse(snapshot: Snapshot, feet: Iterable[str], direction: ArrayLik
     InvalidInputError
         No direction along the ground, no feet, or a CoM that is not above the soles.
     """
-    size = 3 if np.size(direction) == 3 else 2
-    along = finite_array("push, direction", direction, (size,))[:2]
+    given = real_array("push, direction", direction)
+    along = finite_array("push, direction", given, (3 if given.size == 3 else 2,))[:2]
     length = float(np.linalg.norm(along))
     if length == 0.0:
         raise InvalidInputError("push, direction: needs a part along the ground")

@@ -9,7 +9,7 @@ from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.spatial import skew
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
-from wbc.validate import Array, finite_array, read_only
+from wbc.validate import Array, finite_array, read_only, real_array
 
 
 class CopTask(ForceTask):
@@ -45,11 +45,12 @@ class CopTask(ForceTask):
 
     def set_target(self, target: ArrayLike) -> None:
         """Set the wanted point."""
-        size = np.size(target)
+        point = real_array(f"{self}, target", target)
+        size = point.size
         if size != 2 and (size != 3 or self.frame is not None):
             wanted = "(2,) or (3,)" if self.frame is None else "(2,), in the frame's plane"
             raise InvalidInputError(f"{self}, target: expected a point {wanted}, got {target!r}")
-        self._goal = read_only(finite_array(f"{self}, target", target, (size,)))
+        self._goal = read_only(finite_array(f"{self}, target", point, (size,)))
 
     def expression(self, dynamics: Dynamics) -> Affine:
         """Return the moment about the wanted point: horizontal, or in the frame's plane."""

@@ -23,7 +23,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_array, names_of, plain_copy, read_only
+from wbc.validate import Array, finite_array, names_of, plain_copy, read_only, real_array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
@@ -215,7 +215,8 @@ def _is_symmetric(full: Array) -> bool:
 
 def vech_target(what: str, value: ArrayLike, components: Sequence[str]) -> Array:
     """Return a wanted inertia, given in any accepted form, as (6,) entries [kg m^2]."""
-    shape = np.shape(value)
+    value = real_array(what, value)
+    shape = value.shape
     if shape == (3, 3):
         full = finite_array(what, value, (3, 3))
         if not _is_symmetric(full):

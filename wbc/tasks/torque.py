@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
-from wbc.validate import by_name, finite_number, names_of
+from wbc.validate import by_name, finite_number, names_of, real_array
 
 
 class TorqueTask(ForceTask):
@@ -53,10 +52,10 @@ class TorqueTask(ForceTask):
                 places = [k - BASE_NV for k in robot.joint_indices(pattern)]
                 wanted[places] = finite_number(f"{self}, target of {pattern!r}", value)
             target = wanted
-        elif np.ndim(target) == 0 and not isinstance(target, str):
-            target = np.full(size, finite_number(f"{self}, target", target))
-        elif isinstance(target, str):
-            raise InvalidInputError(f"{self}, target: expected torques, got {target!r}")
+        else:
+            target = real_array(f"{self}, target", target)
+            if not target.ndim:
+                target = np.full(size, finite_number(f"{self}, target", target))
         self._goal = self._target(target, (size,))
 
     def expression(self, dynamics: Dynamics) -> Affine:

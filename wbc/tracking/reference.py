@@ -13,7 +13,7 @@ from wbc.robot import Snapshot
 from wbc.rotations import rotations_from
 from wbc.spatial import COLUMNS, ROWS, vech
 from wbc.tracking.fit import check_fit
-from wbc.validate import Array, finite_array, finite_number, read_only
+from wbc.validate import Array, finite_array, finite_number, read_only, real_array
 
 if TYPE_CHECKING:  # plans load CasADi
     from wbc.rmp.plan.plan import Plan, Trajectory
@@ -117,7 +117,8 @@ class PlanReference:
         InvalidInputError
             A time that is not finite.
         """
-        t = finite_array("plan reference, time", time, np.shape(time)) - self.begins
+        given = real_array("plan reference, time", time)
+        t = finite_array("plan reference, time", given, given.shape) - self.begins
         place = np.clip(t / self._times[1], 0.0, len(self._times) - 1.0)
         k = np.minimum(place.astype(int), len(self._times) - 2)
         part = (place - k)[..., None]

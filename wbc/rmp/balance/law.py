@@ -13,7 +13,15 @@ from wbc.errors import InvalidInputError
 from wbc.polygon import checked_polygon
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, check_fields, finite_number, interval, read_only, set_fields
+from wbc.validate import (
+    Array,
+    check_fields,
+    finite_number,
+    interval,
+    read_only,
+    real_array,
+    set_fields,
+)
 
 FREE = math.inf
 Pendulum = PlanarRmp | SolidRmp
@@ -98,9 +106,9 @@ def refuse_torsion(bounds: Bounds, law: object) -> None:
 
 
 def _support(polygon: ArrayLike) -> Array:
-    flat = np.asarray(polygon, dtype=float)
+    flat = real_array("bounds: polygon", polygon)
     if flat.shape != (2,):
-        return checked_polygon(polygon)
+        return checked_polygon(flat)
     least, greatest = (finite_number("bounds: polygon", x) for x in flat.tolist())
     if least > greatest:
         raise InvalidInputError(f"bounds: polygon runs from {least:g} to {greatest:g} m; swap them")

@@ -37,6 +37,7 @@ from wbc.validate import (
     finite_number,
     finite_vector,
     read_only,
+    real_array,
     set_fields,
 )
 
@@ -59,7 +60,8 @@ class Wheel:
     rate: float = FREE  # [rad/s]
 
     def __post_init__(self) -> None:
-        both = np.broadcast_to(self.inertia, (2,)) if np.ndim(self.inertia) == 0 else self.inertia
+        inertia = real_array("wheel: inertia", self.inertia)
+        both = np.full(2, inertia) if inertia.ndim == 0 else inertia
         inertia = finite_vector("wheel: inertia", both, 2)
         if inertia.min() <= 0.0:
             raise InvalidInputError(f"wheel: inertia must be positive, got {inertia} kg m^2")
@@ -159,7 +161,8 @@ def compass(count: int) -> Array:
 
 def unit_directions(directions: ArrayLike) -> Array:
     """Return directions (n, 2) at unit length; InvalidInputError if one has none."""
-    along = finite_array("directions", directions, (len(np.atleast_2d(directions)), 2))
+    along = real_array("directions", directions)
+    along = finite_array("directions", along, (len(np.atleast_2d(along)), 2))
     lengths = np.linalg.norm(along, axis=1)
     if lengths.min(initial=1.0) == 0.0:
         raise InvalidInputError(f"directions[{int(lengths.argmin())}]: has no length")

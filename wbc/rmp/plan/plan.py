@@ -24,7 +24,7 @@ from wbc.rmp.plan.motion import (
 from wbc.rmp.plan.problem import PlanProblem
 from wbc.rmp.planar import PlanarRmp
 from wbc.rmp.solid import SolidRmp
-from wbc.validate import Array, finite_array, read_only, set_fields
+from wbc.validate import Array, finite_array, read_only, real_array, set_fields
 
 # How far a time may lie outside the plan by rounding, as a fraction of its length.
 ROUNDING = 1e-9
@@ -147,7 +147,7 @@ class Plan:
         InvalidInputError
             A time before the plan's start or after its end.
         """
-        flat = np.atleast_1d(np.asarray(time, dtype=float))
+        flat = np.atleast_1d(real_array("time", time))
         t = finite_array("time", flat, (flat.size,))
         margin = ROUNDING * self.duration
         if t.size and (t.min() < -margin or t.max() > self.duration + margin):

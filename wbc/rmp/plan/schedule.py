@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.polygon import checked_polygon, convex_hull, half_planes
-from wbc.validate import Array, finite_array, finite_number, finite_vector, interval, set_fields
+from wbc.validate import (
+    Array,
+    finite_array,
+    finite_number,
+    finite_vector,
+    interval,
+    real_array,
+    set_fields,
+)
 
 Components = Sequence[float | None]
 # Names of a plan's states, each with three components; the orientation's are Rodrigues parameters.
@@ -109,7 +117,7 @@ def radii_for(mass: float, inertia: Components) -> Array:
         A mass or moment that is not positive, or a moment not below the sum of the others.
     """
     mass = finite_number("mass", mass, above=0.0)
-    moments = finite_vector("inertia", np.array(inertia, dtype=float), 3)
+    moments = finite_vector("inertia", real_array("inertia", inertia), 3)
     spare = moments.sum() - 2.0 * moments
     if moments.min() <= 0.0:
         raise InvalidInputError(f"inertia: moments must be positive, got {moments} kg m^2")
@@ -241,7 +249,7 @@ class Phase:
         if self.support is not None:
             try:
                 # Corners on a side, or given twice, are left out.
-                corners = np.array(self.support, dtype=float)
+                corners = real_array("corners", self.support)
                 if np.abs(corners).max(initial=0.0) > FARTHEST:
                     raise InvalidInputError(f"a corner farther away than {FARTHEST:g} m")
                 support = hull(checked_polygon(corners))
@@ -289,8 +297,13 @@ def hull(*feet: ArrayLike) -> Corners:
     """
     if not feet:
         raise InvalidInputError("hull: needs at least one foot")
-    points = np.vstack([finite_array("foot", foot, np.shape(foot)) for foot in feet])
+    points = np.vstack([_corners(foot) for foot in feet])
     return tuple((float(x), float(y)) for x, y in convex_hull(points))
+
+
+def _corners(foot: ArrayLike) -> Array:
+    corners = real_array("foot", foot)
+    return finite_array("foot", corners, (max(len(np.atleast_1d(corners)), 1), 2))
 
 
 def rectangle(x: float, y: float, length: float, width: float) -> Corners:

@@ -211,7 +211,8 @@ class Obstacle:
         self.velocity, self.angular_velocity = (read_only(rate) for rate in rates)
 
     def advance(self, dt: float) -> None:
-        """Move on by ``dt`` at the present velocities."""
+        """Move on by ``dt`` [s] at the present velocities."""
+        dt = finite_number(f"obstacle {self.name!r}, dt", dt)
         self.move(
             exp_rotation(dt * self.angular_velocity) @ self.rotation,
             self.origin + dt * self.velocity,
