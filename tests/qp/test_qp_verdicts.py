@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.qp import QP
-from wbc.qp.conflict import REACH, _is_certificate, _named, _polished, _UnitRows
+from wbc.qp.conflict import REACH, _essential, _is_certificate, _named, _polished, _UnitRows
 from wbc.qp.kkt import (
     DOUBT,
     MOST,
@@ -161,13 +161,13 @@ def test_what_unbounded_unknowns_could_make_good_is_no_certificate() -> None:
 
 
 def test_rows_of_a_conflict_are_named_by_their_weight_and_in_their_units() -> None:
-    """Under a thousandth of the heaviest: left out. A row of length 4 is missed by 4 times."""
+    """Without weight: left out. A row of length 4 is missed by 4 times."""
     labels = Labels(("e",), ("a", "b", "c"), ("x", "y"))
     qp = QP.build(np.eye(2), np.zeros(2), A=[[0.0, 4.0]], b=[1.0],
                   C=[[2.0, 0.0], [0.0, 1.0], [1.0, 0.0]], u=[1.0, 1.0, 1.0], labels=labels,
                   lower=[-1.0, -1.0], upper=[1.0, 1.0])  # fmt: skip
     rows = _UnitRows.of(qp)
-    violation, box = np.array([-0.5, 1.0, -0.9e-3, 1.1e-3]), np.array([-0.7, 0.0])
+    violation, box = np.array([-0.5, 1.0, 0.0, 1.1e-3]), np.array([-0.7, 0.0])
     found = _named(qp, rows, violation, box).rows
     assert [row.label for row in found] == ["a", "x", "e", "c"]
     assert [row.side for row in found] == ["upper limit", "lower bound", "equality", "upper limit"]
@@ -197,3 +197,28 @@ def test_a_rough_least_violation_becomes_exact(solvable, seed: int) -> None:
     pull = rows.violation(found) @ rows.matrix
     np.testing.assert_allclose(pull[inside], 0.0, atol=1e-13)
     np.testing.assert_allclose(found, best, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e71, 1e160, 1e300, np.inf])
+def test_a_point_beyond_what_can_be_multiplied_is_no_answer(size: float) -> None:
+    """Interior-point solvers give such points where they diverge."""
+    qp = QP.build(np.eye(2), [1e60, -1.0], C=np.ones((1, 2)), u=[1.0])
+    x, z, none = np.array([size, 0.0]), np.zeros(1), np.zeros(2)
+    for point, multiplier in ((x, z), (none, x[:1])):
+        residuals = kkt_residuals(qp, point, NONE, multiplier, none)
+        assert residuals == (np.inf, np.inf, np.inf)
+        assert not acceptable(residuals, 1e-8, qp, point, NONE, multiplier, none)
+
+
+@pytest.mark.parametrize(("lean", "needed"), [(5e-4, True), (5e-10, False)])
+@pytest.mark.parametrize("bound", [False, True])
+def test_a_light_row_is_named_if_the_others_alone_have_a_solution(lean, needed, bound) -> None:
+    """x + lean y <= 0, x >= 1, y >= -100: without the last y = -1 / lean does, if within reach."""
+    ends = {"lower": [-np.inf, -100.0]} if bound else {}
+    C = [[1.0, lean], [1.0, 0.0], [0.0, 1.0]]
+    low = [-np.inf, 1.0, -np.inf if bound else -100.0]
+    qp = QP.build(np.eye(2), np.zeros(2), C=C, l=low, u=[0.0, np.inf, np.inf], **ends)
+    rows = _UnitRows.of(qp)
+    violation = 0.5 * np.array([1.0, -1.0, 0.0 if bound else -lean])
+    weights = np.concatenate(_essential(qp, rows, violation, -violation @ rows.matrix, 1.0))
+    assert np.flatnonzero(weights).tolist() == [0, 1, *([4 if bound else 2] if needed else [])]

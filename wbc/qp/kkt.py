@@ -21,6 +21,9 @@ from wbc.validate import Array
 
 # Part of the cost's terms that an accepted point may cost too much by the look of its multipliers.
 DOUBT = 1e-4
+# A point or multipliers beyond this are no answer: products of three overflow, where the numbers of
+# the QP are 1e150 at most.
+FARTHEST = 1e70
 MOST = 64  # sets of memory that a thread keeps: margins change the number of rows
 
 
@@ -121,13 +124,15 @@ _PER_THREAD = PerThread()
 
 
 def kkt_residuals(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> KktResiduals:
-    """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,)."""
+    """Return the residuals of x (n,), y (me,), z (mi,), z_box (n,); infinite where one is too."""
     key = x.size, z.size, y.size
     stacked: Stacked | None = _PER_THREAD.kept.get(key)
     if stacked is None:
         stacked = _PER_THREAD.keep(key, Stacked(*key))
+    point = np.concatenate((z_box, z, y, x), out=stacked.point)
+    if np.vdot(point, point) > FARTHEST * FARTHEST:  # NaN is not, and stays
+        return KktResiduals(math.inf, math.inf, math.inf)
     stacked.load(qp)
-    np.concatenate((z_box, z, y, x), out=stacked.point)
     return stacked.residuals()
 
 
@@ -150,6 +155,8 @@ def acceptable(
     r = residuals
     if is_accurate(r, eps):
         return True
+    if math.inf in (r.primal, r.dual, r.complementarity):
+        return False
     primal, dual = reference_magnitudes(qp, x, y, z, z_box)
     cost = 1.0 + abs(float(x @ qp.P @ x)) + abs(float(qp.g @ x))
     return (
