@@ -89,6 +89,8 @@ class Margin(Fixed, Constraint):
         If given, braking counts on no more than half of what the joints' accelerations give.
     """
 
+    _looked: tuple[Distances, float, Array, Array] | None = None
+
     def __init__(
         self,
         robot: Robot,
@@ -208,13 +210,20 @@ class Margin(Fixed, Constraint):
         return np.where(clearance < floor, np.minimum(0.0, start) - clearance, 0.0)
 
     def _least(self, distances: Distances, v: Array, dt: float) -> Array:
-        """Return an estimate (m,) from below of the clearances where ``v`` leads."""
+        """Return an estimate (m,) from below of the clearances where ``v`` leads; the last is kept.
+
+        A look asks twice: whether something may be violated, then what is to be measured there.
+        """
+        last = self._looked
+        if last and last[0] is distances and last[1] == dt and np.array_equal(last[2], v):
+            return last[3]
         step = dt * v
         predicted = distances.jacobian @ step
         predicted += distances.clearance
         if distances.rate is not None:
             predicted += dt * distances.rate
         predicted -= self.curvature_bound(distances, step)
+        self._looked = distances, dt, v.copy(), predicted
         return predicted
 
     def _watched(self, rows: Bounds, v: Array, dt: float) -> Index | None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
-from wbc.controllers.levels import Outcome
+from wbc.controllers.levels import TOLERANCE, Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.robot import Snapshot
@@ -127,9 +127,10 @@ def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows
     outcome, rows, kept = solve_with_cuts(solve, margins)
     if not outcome.solved:
         conflict = outcome.solution.conflict
-        # Levels below can always do what those above did: it is not for want of room.
-        below = outcome.qp is not outcome.first
-        if below or (conflict is not None and not conflict.has_inequalities):
+        # It is not for want of room if a level above had it, or if the solver came to a point in
+        # it, only not to the best: weights stall it then, with margins relaxed as well.
+        room = outcome.qp is not outcome.first or outcome.solution.residuals.primal <= TOLERANCE
+        if room or (conflict is not None and not conflict.has_inequalities):
             return Attempt(outcome, rows)
         return Attempt(solve(relax_for_contacts(stack(rows), held), outcome.box), rows)
     return Attempt(outcome, rows, 1.0 if kept else margins.step_scale(outcome.velocity))
