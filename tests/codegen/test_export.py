@@ -185,17 +185,19 @@ def test_what_the_core_does_not_know_is_named(
 
 @pytest.mark.slow
 def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
-    """A joint beyond its limit is brought back by Python alone."""
+    """What no tick can keep is relaxed by Python alone; joints outside limits are no reason."""
     sensors = "simulation: {duration: 0.1, sensors: {position_noise: %s}}"
     path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 0.06))
+    assert not export_problem(path, tmp_path / "c").recording.left_out
+    path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 0.3))
     recording = export_problem(path, tmp_path / "c").recording
     (reason, left_out), *others = recording.left_out.items()
-    assert reason == "a joint is outside its limits" and not others
+    assert reason == "its QP has no solution that is accurate enough" and not others
     assert left_out + len(recording.ticks) == 50
     done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(tmp_path / "c")])
     assert f"note: in {left_out} ticks, left out, C gives no command: {reason}" in done.output
-    write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 1.0))
-    with pytest.raises(CodegenError, match="in any tick of the run: a joint is outside its limits"):
+    write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 10.0))
+    with pytest.raises(CodegenError, match="in any tick of the run: its QP has no solution"):
         export_problem(path, tmp_path / "none")
 
 

@@ -107,6 +107,23 @@ def test_limits_ask_for_no_more_than_brakes_can_do(native, rng) -> None:
     assert bound > 50
 
 
+@pytest.mark.parametrize("options", [{}, {"velocity": None}, {"velocity": None, "position": False}])
+def test_joints_at_and_beyond_their_limits(options: dict, rng, native) -> None:
+    robot = native("g1_27")
+    q, joints = robot.posture("standing"), robot.nv - 6
+    limits = Limits(robot, **options)
+    controller = controller_of(robot, [PostureTask(robot, q)], limits=limits)
+    for size in (0.0, 1e-12, 1e-6, 1e-3, 0.02):
+        near = np.where(rng.random(joints) < 0.5, robot.limits.lower, robot.limits.upper)
+        q[7:] = near + size * rng.normal(size=joints)
+        snapshot = robot.snapshot(q, size * rng.normal(size=robot.nv))
+        found = controller._native.problem(snapshot).qp
+        plain = controller._limits_at(snapshot)[0]
+        np.testing.assert_allclose(
+            (found.lower[: robot.nv], found.upper[: robot.nv]), plain, rtol=1e-9, atol=1e-12
+        )
+
+
 def test_gears_and_a_bolted_base(native, geared: Robot, rng) -> None:
     """Their forces are unknowns too, and followers have no torque bound."""
     controller = controller_of(geared, [PostureTask(geared, geared.posture())], torque_limits=None)
@@ -280,10 +297,7 @@ def test_what_the_core_does_not_know_is_left_to_python(native) -> None:
     # What acts at the velocity level alone is no reason.
     tasks[0].singular_threshold = 0.1
     assert controller_of(robot, tasks, contacts)._native is not None
-    outside = here.q.copy()
-    outside[7] = robot.limits.upper[0] + 0.1
     controller = controller_of(robot, tasks, contacts)
-    assert controller._native.problem(robot.snapshot(outside)) is None
     # A cone of other facets has other rows.
     contacts[0].friction = FrictionCone(facets=8)
     assert controller._native.problem(here) is None

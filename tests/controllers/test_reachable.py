@@ -3,39 +3,111 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
+from wbc.constraints import Limits, support
+from wbc.constraints.limits import Box
 from wbc.constraints.rows import Bounds
-from wbc.controllers.reachable import BRAKING, MARGIN_BRAKING, reachable_limits, reachable_rows
+from wbc.controllers.effort_bounds import stance_decelerations
+from wbc.controllers.reachable import (
+    ARRIVAL,
+    BRAKING,
+    MARGIN_BRAKING,
+    SETTLE,
+    arrival_box,
+    reachable_rows,
+)
 from wbc.laws import Rows
 from wbc.robot import Robot
 
 DT = 0.002
 
 
+A = 10.0
+
+
+def bounds(limits: Limits, q: np.ndarray, v: np.ndarray, slow: float = A) -> Box:
+    snapshot = limits.robot.snapshot(q, v)
+    return arrival_box(limits, snapshot, np.full(limits.robot.nv - 6, slow), DT)
+
+
 def test_boxes_hold_what_braking_can_reach(robot_named: Callable[[str], Robot]) -> None:
     robot = robot_named("hoap2_like")
-    v = np.zeros(robot.nv)
-    v[6], v[7] = 3.0, -0.01
-    box = np.full(robot.nv, -0.5), np.full(robot.nv, 0.5)
-    recovery = Rows(np.eye(2, robot.nv, 6), np.array([-1.0, -0.02]), np.ones(2))
-    acceleration = np.full(robot.nv - 6, 10.0)
-    (lower, upper), found = reachable_limits(box, recovery, v, acceleration, DT)
-    step = BRAKING * 10.0 * DT
-    assert upper[6] == 3.0 - step  # braked as hard as it can be
-    assert upper[7] == 0.5 and lower[7] == -0.5  # nothing to brake
-    assert found is not None
-    np.testing.assert_allclose(found.target, [3.0 - step, -0.02])
+    limits, q, v = Limits(robot), robot.posture("standing"), np.zeros(robot.nv)
+    q[7] = robot.limits.upper[0]
+    v[6] = 3.0
+    lower, upper = bounds(limits, q, v)
+    assert upper[6] == 3.0 - BRAKING * A * DT  # braked as hard as it can be
+    assert lower[6] < upper[6]
+    v[6], q[7] = 0.0, robot.limits.upper[0] + 1e-4
+    assert bounds(limits, q, v)[1][6] == pytest.approx(-1e-4 / ARRIVAL * DT / SETTLE)  # it is back
 
 
-def test_a_joint_without_effort_limit_recovers_at_once(robot_named: Callable[[str], Robot]) -> None:
+def test_no_state_leaves_an_empty_box(robot_named: Callable[[str], Robot]) -> None:
+    robot, rng = robot_named("hoap2_like"), np.random.default_rng(4)
+    kinds = [Limits(robot), Limits(robot, braking="bounded", velocity=None, acceleration=np.inf)]
+    for _ in range(200):
+        q = robot.posture("standing")
+        q[7:] = rng.uniform(-4.0, 4.0, robot.nv - 6)
+        v = rng.normal(size=robot.nv) * 10.0 ** rng.uniform(-6.0, 2.0)
+        slow = 10.0 ** rng.uniform(-1.0, 3.0)
+        for limits in kinds:
+            lower, upper = bounds(limits, q, v, slow)
+            assert (lower <= upper).all()
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.5, 3.0])
+def test_joints_arrive_by_one_deceleration(
+    speed: float, robot_named: Callable[[str], Robot]
+) -> None:
+    """Moved by what is allowed, the acceleration held over a tick, as motors and physics do."""
     robot = robot_named("hoap2_like")
-    recovery = Rows(np.eye(2, robot.nv, 6), np.array([-1.0, -1.0]), np.ones(2))
-    acceleration = np.full(robot.nv - 6, 10.0)
-    acceleration[0] = np.inf
-    v, box = np.zeros(robot.nv), (np.full(robot.nv, -1.0), np.full(robot.nv, 1.0))
-    _, found = reachable_limits(box, recovery, v, acceleration, DT)
-    assert found is not None
-    np.testing.assert_allclose(found.target, [-1.0, -BRAKING * 10.0 * DT])
+    limits, q, v = Limits(robot), robot.posture("standing"), np.zeros(robot.nv)
+    most, left, used = robot.limits.upper[0], [], []
+    q[7], v[6] = most - speed * ARRIVAL - speed**2 / (2.0 * A), speed
+    for _ in range(500):
+        asked = bounds(limits, q, v)[1][6]
+        used.append((asked - v[6]) / DT)
+        q[7] += 0.5 * DT * (v[6] + asked)
+        v[6] = asked
+        left.append(most - q[7])
+    assert min(left) > -1e-9 and (np.diff(left) < 1e-9).all(), "met from inside, and never left"
+    assert left[-1] < 1e-5
+    assert min(used) > -1.1 * A
+    # Down to the braking and back to none: no chatter.
+    assert np.abs(np.diff(used)).sum() < 2.5 * A
+
+
+def test_small_errors_ask_for_small_accelerations(robot_named: Callable[[str], Robot]) -> None:
+    """Joints at the end of their range, where contacts leave them 1e-2 rad/s and 1e-4 rad off."""
+    robot, rng = robot_named("hoap2_like"), np.random.default_rng(1)
+    limits, q, v = Limits(robot), robot.posture("standing"), np.zeros(robot.nv)
+    for _ in range(50):
+        off, rate = rng.normal(size=2) * [1e-4, 1e-2]
+        q[7], v[6] = robot.limits.upper[0] - off, rate
+        asked = (bounds(limits, q, v, 1e3)[1][6] - rate) / DT
+        assert abs(asked) < 1.2 * (abs(rate) * (1 / SETTLE + 1 / ARRIVAL) + abs(off) / ARRIVAL**2)
+
+
+def test_legs_that_stand_brake_what_they_carry(robot_named: Callable[[str], Robot]) -> None:
+    """Against the forces that hold the soles while a joint's own torque moves the robot."""
+    robot = robot_named("g1")
+    start = robot.snapshot(robot.posture("standing"))
+    torques = robot.limits.effort
+    limits = Limits(robot).within_torques(torques)
+    held = support(start, "double")
+    found = stance_decelerations(limits, torques, held)
+    J = np.concatenate([contact.residual(start).jacobian for contact in held])
+    for name in ("left_ankle_pitch_joint", "right_ankle_roll_joint", "left_knee_joint"):
+        k = robot.joint_index(name)
+        kkt = np.block([[start.mass_matrix, J.T], [J, np.zeros((len(J), len(J)))]])
+        force = np.zeros(len(kkt))
+        force[k] = 0.5 * torques[k - 6]
+        moved = np.linalg.lstsq(kkt, force, rcond=1e-12)[0][k]
+        assert found[k - 6] == pytest.approx(min(moved, limits.acceleration[k - 6]), rel=1e-6)
+    np.testing.assert_array_equal(stance_decelerations(limits, torques, ()), limits.acceleration)
+    given = Limits(robot, acceleration=5.0)
+    np.testing.assert_array_equal(stance_decelerations(given, torques, held), 5.0)
 
 
 def test_margins_ask_for_what_braking_can_reach() -> None:
@@ -47,23 +119,3 @@ def test_margins_ask_for_what_braking_can_reach() -> None:
     np.testing.assert_allclose(found.lower, [-1.0 + change, -0.1])
     assert found.push is not None
     np.testing.assert_allclose(found.push.target, [-1.0 + change, 0.01])
-
-
-def test_boxes_out_of_reach_end_where_reach_begins(robot_named: Callable[[str], Robot]) -> None:
-    """Whatever the side: what is in reach is the box's, or else the reach's end next to it."""
-    robot, rng = robot_named("hoap2_like"), np.random.default_rng(4)
-    for _ in range(50):
-        middle, half = rng.normal(size=robot.nv), rng.uniform(0.0, 0.5, robot.nv)
-        v, acceleration = rng.normal(size=robot.nv), rng.uniform(1.0, 300.0, robot.nv - 6)
-        (lower, upper), none = reachable_limits(
-            (middle - half, middle + half), None, v, acceleration, DT
-        )
-        assert none is None
-        np.testing.assert_array_equal(lower[:6], (middle - half)[:6])
-        np.testing.assert_array_equal(upper[:6], (middle + half)[:6])
-        for k in range(6, robot.nv):
-            change = BRAKING * DT * acceleration[k - 6]
-            least, most = v[k] - change, v[k] + change
-            low, high = middle[k] - half[k], middle[k] + half[k]
-            expected = (most, high) if low > most else (low, least) if high < least else (low, high)
-            np.testing.assert_allclose((lower[k], upper[k]), expected, rtol=0.0, atol=1e-14)

@@ -81,3 +81,44 @@ def test_every_humanoid_stands_without_a_gain(humanoid: Robot) -> None:
     # Predicted and measured: the ground gives way by a tenth of a millimetre.
     assert tick.cop is not None and plant.cop is not None
     np.testing.assert_allclose(tick.cop, plant.cop, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "seconds", "armature"), [("g1", 0.6, 0.003), ("g1", 0.35, 0.003), ("talos", 0.7, None)]
+)
+def test_a_crouch_into_the_ankles_limits_does_not_chatter(
+    name: str, seconds: float, armature: float | None
+) -> None:
+    """The forces' total variation: one weight and back is 2, and 100 where limits chattered."""
+    given = {} if armature is None else {"armature": armature}
+    robot = wbc.Robot.load(name, **given)
+    plant = Plant(robot)
+    start = robot.snapshot(robot.posture("standing"))
+    com = wbc.ComTask(robot, start.com, weight=30.0, kp=100.0)
+    controller = wbc.TorqueController(
+        robot,
+        [com, wbc.PostureTask(robot, start.q, weight=0.1)],
+        contacts=wbc.support(start, "double"),
+        limits=wbc.Limits(robot),
+        solver="daqp",
+    )
+    down = np.array([0.0, 0.0, -0.35 * start.com[2]])
+    forces, margins = [], []
+    for k in range(round((seconds + 0.6) / controller.dt)):
+        x = min(k * controller.dt / seconds, 1.0)
+        way = np.polyval([6.0, -15.0, 10.0, 0.0, 0.0, 0.0], x)
+        rate = np.polyval([30.0, -60.0, 30.0, 0.0, 0.0], x) / seconds
+        com.set_target(start.com + way * down, rate=rate * down)
+        here = robot.snapshot(*plant.state())
+        tick = controller.step(here)
+        assert tick.policy is None, tick.report()
+        plant.step(tick.torque)
+        forces.append(sum(force[2] for force in tick.forces.values()) / robot.weight)
+        ankles = [k for k, joint in enumerate(robot.joint_names) if "ankle_pitch" in joint]
+        ankles = ankles or [robot.joint_names.index(f"leg_{s}_5_joint") for s in ("left", "right")]
+        margins.append((here.joint_positions - robot.limits.lower)[ankles].min())
+    assert min(margins) < 1e-3, "the limit is what ends the crouch"
+    assert np.abs(np.diff(forces)).sum() < 12.0
+    assert max(forces) < 2.5
+    assert here.com[2] > 0.55 * start.com[2]

@@ -73,7 +73,8 @@ class Limits(Fixed):
     base_twist:
         (6,) largest base velocity in base axes, linear [m/s] then angular [rad/s]; None: no limit.
     recovery:
-        Fraction of a violation to take back in one tick, in (0, 1].
+        Fraction of a violation to take back in one tick, in (0, 1]; a torque controller takes it
+        back with a time constant of 20 ms.
 
     Raises
     ------
@@ -106,7 +107,7 @@ class Limits(Fixed):
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
         self.acceleration = read_only(_accelerations(acceleration, self.speed, joints))
-        self._by_default = acceleration is None
+        self.by_default = acceleration is None
         if braking not in BRAKING:
             raise UnknownNameError("kind of braking", braking, BRAKING)
         self.braking = braking
@@ -127,7 +128,7 @@ class Limits(Fixed):
         Each joint alone moving what it carries in the standing posture; the other half is for
         gravity and for the other joints. What was given as ``acceleration`` stays.
         """
-        if not self._by_default:
+        if not self.by_default:
             return self
         q = self.robot.postures[STANDING]
         inertia = np.diagonal(self.robot.snapshot(q).mass_matrix)[BASE_NV:]
@@ -142,14 +143,14 @@ class Limits(Fixed):
 
     def emergency_braking_box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return the bounds (nv,), (nv,) if joints may stop at once; 0 is always inside."""
-        return self._box(snapshot, self._signed_distance(snapshot), dt, bounded=False)
+        return self._box(snapshot, self.signed_distance(snapshot), dt, bounded=False)
 
     def box_and_recovery(self, snapshot: Snapshot, dt: float) -> tuple[Box, Rows | None]:
         """Return :meth:`box`, and unit-weight rows that move joints back into range.
 
         The rows are None if all joints are inside.
         """
-        distance = self._signed_distance(snapshot)
+        distance = self.signed_distance(snapshot)
         box = self._box(snapshot, distance, dt, bounded=self.braking == "bounded")
         if not distance.size or distance.item(distance.argmin()) >= -AT_LIMIT:
             return box, None
@@ -175,7 +176,7 @@ class Limits(Fixed):
         worst = int(np.argmin(margin))
         return float(margin[worst]), self.robot.joint_names[worst]
 
-    def _signed_distance(self, snapshot: Snapshot) -> Array:
+    def signed_distance(self, snapshot: Snapshot) -> Array:
         """Return the distances (2, joints) to the lower and upper limits, negative outside."""
         return self._signed_bounds - _SIGNS * snapshot.joint_positions
 

@@ -38,6 +38,8 @@ class TorqueRows:
         Entries of v with a torque bound, and the bounds in units of the forces.
     labels:
         Of the torque bounds.
+    deceleration:
+        (nv - 6,) that joints can brake by before their limits [rad/s^2 or m/s^2].
     """
 
     forces: ContactForces
@@ -45,6 +47,7 @@ class TorqueRows:
     bounded: NDArray[np.int64]
     most: Array
     labels: tuple[str, ...]
+    deceleration: Array
 
 
 class NativeForces:

@@ -132,7 +132,8 @@ class NativeMemory:
         starts = np.array(robot.limits.starts, dtype=np.int64)
         starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
         damping = np.array(plan.decision.damping, dtype=float)
-        limit = _limit_array(limits, robot.nv - 6)
+        slow = None if rows is None else rows.deceleration
+        limit = _limit_array(limits, slow, robot.nv - 6)
         indices = np.array(index or [0], dtype=np.int64)
         self._size(plan, sum(block.rows for block in blocks if block.held))
         costs = sum(block.rows for block in blocks if not block.held)
@@ -269,9 +270,10 @@ class NativeMemory:
         struct.cones = forces.cones
 
 
-def _limit_array(limits: Limits | None, n: int) -> Array:
-    """Return bounds, speeds and accelerations (4 n) of the joints, then the base's (12)."""
+def _limit_array(limits: Limits | None, slow: Array | None, n: int) -> Array:
+    """Return bounds, speeds, accelerations, decelerations (5 n) of joints, the base's (12)."""
     if limits is None:
-        return np.zeros(4 * n + 12)
-    joints = (limits.lower, limits.upper, limits.speed, limits.acceleration)
+        return np.zeros(5 * n + 12)
+    slow = limits.acceleration if slow is None else slow
+    joints = (limits.lower, limits.upper, limits.speed, limits.acceleration, slow)
     return np.concatenate((*joints, -limits.base_twist, limits.base_twist))

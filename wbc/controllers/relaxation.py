@@ -7,7 +7,8 @@ costs:
 
 1. ranges of normal force (dropped: a foot that must be loaded may not be);
 2. contacts, joint limits and margins between bodies, each weighed like the heaviest task. What is
-   outside already may not go further; that it is moved back waits for a tick that keeps the rest.
+   inside a margin already may not go further; that it is moved back waits for a tick that keeps the
+   rest.
 
 All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
 gave way, and by how much, is reported by name.

@@ -22,7 +22,7 @@ from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.dynamics import TickDynamics
-from wbc.controllers.effort_bounds import effort_bounds, limits_within
+from wbc.controllers.effort_bounds import effort_bounds, limits_within, stance_decelerations
 from wbc.controllers.force_ramps import ForceRamps
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.levels import Box, LevelProblem, Outcome
@@ -33,7 +33,7 @@ from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
 from wbc.controllers.parts import ANOTHER, PLANNED, check_parts
 from wbc.controllers.plan import Decision, Physics
-from wbc.controllers.reachable import reachable_limits, reachable_rows
+from wbc.controllers.reachable import arrival_box, reachable_rows
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.laws import Residual, Rows
@@ -196,6 +196,7 @@ class TorqueController(NativeController):
         robot = self.robot
         self._unit = robot.mass / self.dt  # N per unit of a force unknown
         self.contact_forces = forces = ContactForces(robot, self.contacts, self._unit)
+        self._deceleration = stance_decelerations(self.limits, self.torque_bounds, self.contacts)
         followers = [robot.joint_index(name) for name in robot.couplings]
         bounded = np.isfinite(self.torque_bounds)
         bounded[[k - 6 for k in followers]] = False
@@ -248,7 +249,7 @@ class TorqueController(NativeController):
         if self._force_tasks:
             return None
         limits = self._bounded, self._most, self._torque_labels
-        rows = TorqueRows(self.contact_forces, self._passive, *limits)
+        rows = TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
         tasks = self.robot, self._motion, self.plan
         return NativePlan.of(*tasks, self.limits, self.dt, backend, rows, margin)
 
@@ -281,10 +282,9 @@ class TorqueController(NativeController):
     # ------------------------------------------------------------------ parts of the tick
 
     def _limits_at(self, snapshot: Snapshot) -> tuple[Box, Rows | None]:
-        box, recovery = super()._limits_at(snapshot)
         if self.limits is None:
-            return box, recovery
-        return reachable_limits(box, recovery, snapshot.v, self.limits.acceleration, self.dt)
+            return self._no_box, None
+        return arrival_box(self.limits, snapshot, self._deceleration, self.dt), None
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         if margins is None:

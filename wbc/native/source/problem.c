@@ -10,7 +10,8 @@
 
 /* As in wbc/constraints/limits.py. */
 static const double AT_LIMIT = 1e-9, FAR = 1e12;
-static const double BRAKING = 2.0;    /* as in wbc/controllers/reachable.py */
+/* As in wbc/controllers/reachable.py. */
+static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
 static const double NO_LIMIT = 1e150; /* as LARGEST in wbc/qp/problem.py */
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
@@ -68,35 +69,67 @@ static void square(int64_t nv, int64_t rows, const double *restrict J, const dou
     }
 }
 
-/* The box on v+ of wbc.constraints.Limits with free braking; at the torque level within reach. */
+/* The speed from which a joint stops within a distance: stopping_speed in wbc/braking.py. */
+static double stopping(double distance, double deceleration, double wait) {
+    return 2.0 * distance / (sqrt(2.0 * distance / deceleration + wait * wait) + wait);
+}
+
+/* The same at the torque level, back from outside, too. */
+static double braking_speed(double distance, double most, double deceleration, double wait) {
+    const double inside = distance > 0.0 ? distance : 0.0;
+    double speed = stopping(inside, deceleration, wait) + (distance - inside) / wait;
+    if (speed < -most) speed = -most;
+    return speed > most ? most : speed;
+}
+
+/* The bound on the speed towards one side, some distance away: arrival_box in
+ * wbc/controllers/reachable.py. */
+static double arriving(double distance, double towards, double speed, double faster,
+                       double deceleration, double dt) {
+    const double wait = ARRIVAL > dt ? ARRIVAL : dt, left = distance > FAR ? FAR : distance;
+    const double kept = SETTLE > dt ? 1.0 - dt / SETTLE : 0.0;
+    const double now = braking_speed(left, speed, deceleration, wait);
+    double most = braking_speed(left - dt * towards, speed, deceleration, wait);
+    most += kept * (towards - now);
+    if (most > speed || left >= FAR) most = speed;
+    const double start = (towards > 0.0 ? towards : 0.0) + faster;
+    if (most > start) most = start;
+    const double reach = towards - BRAKING * dt * deceleration;
+    return most < reach ? reach : most;
+}
+
+/* The box on v+ of wbc.constraints.Limits with free braking, at the torque level of arrival_box. */
 static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t moving,
                  double *lower, double *upper) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
-    const double dt = plan->dt, *base = slow + n;
+    const double dt = plan->dt, *braked = slow + n, *base = braked + n;
     for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
     for (int64_t k = 0; k < n; k++) {
         const double position = joint_position(plan, q, k), start = slow[k] * dt;
         const double left[2] = {position - lo[k], up[k] - position};
         double most[2];
         for (int side = 0; side < 2; side++) {
+            const double towards = side ? v[6 + k] : -v[6 + k];
+            if (plan->torque) {
+                most[side] = arriving(left[side], towards, speed[k], start, braked[k], dt);
+                continue;
+            }
             if (left[side] < -AT_LIMIT) return OUTSIDE_LIMITS;
             const double reach = left[side] < 0.0 ? 0.0 : left[side] > FAR ? FAR : left[side];
-            most[side] = 2.0 * reach / (sqrt(2.0 * reach / slow[k] + dt * dt) + dt);
+            most[side] = stopping(reach, slow[k], dt);
             if (left[side] > FAR) most[side] = INFINITY;
             if (most[side] > speed[k]) most[side] = speed[k];
             if (moving) { /* it may stop, and start the other way in the same tick */
-                const double change = (side ? v[6 + k] : -v[6 + k]) + start;
-                const double limit = change > start ? change : start;
+                const double change = towards + start, limit = change > start ? change : start;
                 if (most[side] > limit) most[side] = limit;
             }
         }
-        lower[6 + k] = -most[0], upper[6 + k] = most[1];
-        if (plan->torque) {
-            const double least = v[6 + k] + BRAKING * start, largest = v[6 + k] - BRAKING * start;
-            if (lower[6 + k] > least) lower[6 + k] = least;
-            if (upper[6 + k] < largest) upper[6 + k] = largest;
+        if (plan->torque && most[0] + most[1] < 0.0) { /* contradicting: between them */
+            const double between = 0.5 * (most[1] - most[0]);
+            most[0] = -between, most[1] = between;
         }
+        lower[6 + k] = -most[0], upper[6 + k] = most[1];
     }
     return DONE;
 }
