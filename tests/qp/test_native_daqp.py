@@ -1,5 +1,6 @@
 """QPs solved in the native core, equalities eliminated, against the same in Python."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,10 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.native import VARIABLE, Core, build, status
-from wbc.qp.daqp import Daqp, native_daqp
+from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.kkt import kkt_residuals
-from wbc.qp.native_daqp import NativeDaqp
+from wbc.qp.native_daqp import NativeDaqp, native_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import Status
 
@@ -131,3 +132,11 @@ def test_another_answer_is_asked_for() -> None:
 def test_without_the_core_there_is_none(monkeypatch) -> None:
     monkeypatch.setenv(VARIABLE, "off")
     assert native_daqp(1e-8, 1000) is None
+
+
+def test_a_backend_can_be_copied_once_it_has_solved() -> None:
+    """It keeps the core's solver, which where it is copied to may be another one."""
+    qp, backend = random_qp(np.random.default_rng(6)), Daqp()
+    solution = backend.solve(qp)
+    again = pickle.loads(pickle.dumps(backend)).solve(qp)
+    np.testing.assert_array_equal(again.x, solution.x)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from wbc.qp import QP, ProxQP, Status, make_backend
-from wbc.qp.daqp import native_daqp
 from wbc.qp.native import Workspace
+from wbc.qp.native_daqp import native_daqp
 from wbc.qp.solution import RawSolution
 
 

@@ -143,7 +143,8 @@ class Limits(Fixed):
 
     def emergency_braking_box(self, snapshot: Snapshot, dt: float) -> Box:
         """Return the bounds (nv,), (nv,) if joints may stop at once; 0 is always inside."""
-        return self._box(snapshot, self.signed_distance(snapshot), dt, bounded=False)
+        reach = np.maximum(self.signed_distance(snapshot), 0.0)
+        return self._box(snapshot, reach, dt, bounded=False)
 
     def box_and_recovery(self, snapshot: Snapshot, dt: float) -> tuple[Box, Rows | None]:
         """Return :meth:`box`, and unit-weight rows that move joints back into range.
@@ -151,8 +152,10 @@ class Limits(Fixed):
         The rows are None if all joints are inside.
         """
         distance = self.signed_distance(snapshot)
-        box = self._box(snapshot, distance, dt, bounded=self.braking == "bounded")
-        if not distance.size or distance.item(distance.argmin()) >= -AT_LIMIT:
+        least = distance.item(distance.argmin()) if distance.size else 0.0
+        reach = distance if least >= 0.0 else np.maximum(distance, 0.0)
+        box = self._box(snapshot, reach, dt, bounded=self.braking == "bounded")
+        if least >= -AT_LIMIT:
             return box, None
         distance = np.where(distance < -AT_LIMIT, distance, 0.0)
         outside = distance[0] - distance[1]
@@ -180,17 +183,15 @@ class Limits(Fixed):
         """Return the distances (2, joints) to the lower and upper limits, negative outside."""
         return self._signed_bounds - _SIGNS * snapshot.joint_positions
 
-    def _box(self, snapshot: Snapshot, distance: Array, dt: float, bounded: bool) -> Box:
-        """Return the bounds on v by position, speed and acceleration."""
+    def _box(self, snapshot: Snapshot, reach: Array, dt: float, bounded: bool) -> Box:
+        """Return the bounds on v by speed, acceleration, and what is left to the limits, >= 0."""
         speed, acceleration, sides = self.speed, self.acceleration, self._sides
         if sides.dt != dt or sides.given[0] is not speed or sides.given[1] is not acceleration:
             sides = self._sides = _BothSides.of(speed, acceleration, dt)
-        reach = np.maximum(distance, sides.zero)
+        near = np.minimum(reach, FAR) if self._has_free_joints else reach
+        most = stopping_speed(near, sides.acceleration, dt)
         if self._has_free_joints:
-            np.minimum(reach, FAR, out=reach)
-        most = stopping_speed(reach, sides.acceleration, dt)
-        if self._has_free_joints:
-            most[distance > FAR] = np.inf
+            most[reach > FAR] = np.inf
         np.minimum(most, sides.speed, out=most)
         if snapshot.moving:
             change = _SIGNS * snapshot.v[BASE_NV:]

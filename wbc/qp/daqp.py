@@ -10,9 +10,8 @@ at when they are not.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Hashable
-from functools import lru_cache
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
@@ -20,11 +19,9 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.native import VARIABLE, core
-from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.daqp_memory import EQUALITY, daqp_memory
 from wbc.qp.kkt import SolveCheck, Stacked
-from wbc.qp.native_daqp import NativeDaqp
+from wbc.qp.native_daqp import NativeDaqp, native_daqp
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.validate import Array, finite_number
@@ -64,6 +61,10 @@ class Daqp:
         self.eps = finite_number("eps of DAQP", eps, least=1e-12)
         self.max_iterations = int(finite_number("max_iterations of DAQP", max_iterations, least=1))
 
+    @cached_property
+    def _native(self) -> NativeDaqp | None:
+        return native_daqp(self.eps, self.max_iterations)
+
     def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
 
@@ -77,8 +78,7 @@ class Daqp:
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         answer = None
         if type(self).answer is Daqp.answer:  # who derives from this may answer otherwise
-            native = native_daqp(self.eps, self.max_iterations)
-            found = None if native is None else native.solve(qp, self.name)
+            found = None if self._native is None else self._native.solve(qp, self.name)
             if found is not None:
                 return found
             if is_sound(qp, shapes_only=True):
@@ -104,19 +104,6 @@ class Daqp:
     def finer(self, qp: QP) -> RawSolution:
         """Return the same with a finer zero: see :data:`wbc.qp.daqp_direct.FINE`."""
         return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations, fine=True).solve())
-
-
-def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
-    """Return the core's solver; None where there is no core, or DAQP cannot be called by it."""
-    return _native_daqp(eps, max_iterations, os.environ.get(VARIABLE))
-
-
-@lru_cache(maxsize=64)
-def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaqp | None:
-    native = core()
-    if native is None or not direct_daqp().address:
-        return None
-    return NativeDaqp(native, eps, max_iterations)
 
 
 class KeptDaqp:

@@ -7,12 +7,14 @@ answers with a solution whose residuals are small, or leaves the QP to the path 
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Iterable
+from functools import lru_cache
 from time import perf_counter
 
 import numpy as np
 
-from wbc.native import Core, address
+from wbc.native import VARIABLE, Core, address, core
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, Solution, Status
@@ -42,10 +44,13 @@ class NativeDaqp:
     """
 
     def __init__(self, native: Core, eps: float, max_iterations: int) -> None:
-        self._eps = eps
+        self._eps, self._max_iterations = eps, max_iterations
         self._call = native.wbc_solve_qp
         self._settings = direct_daqp().settings(eps, max_iterations)
         self._last = direct_daqp().address, ctypes.addressof(self._settings)
+
+    def __reduce__(self) -> tuple[object, ...]:  # elsewhere there may be another core, or none
+        return native_daqp, (self._eps, self._max_iterations)
 
     def solve(self, qp: QP, name: str) -> Solution | None:
         """Return the solution; None if this is no QP, or no answer of small residuals was found."""
@@ -70,6 +75,19 @@ class NativeDaqp:
             return None
         parts = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
         return solution_of(parts, out[-4:], perf_counter() - start, name)
+
+
+def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:
+    """Return the core's solver; None where there is no core, or DAQP cannot be called by it."""
+    return _native_daqp(eps, max_iterations, os.environ.get(VARIABLE))
+
+
+@lru_cache(maxsize=64)
+def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaqp | None:
+    native = core()
+    if native is None or not direct_daqp().address:
+        return None
+    return NativeDaqp(native, eps, max_iterations)
 
 
 def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:

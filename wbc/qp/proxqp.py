@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.qp.daqp import Daqp, native_daqp
+from wbc.qp.daqp import Daqp
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
+from wbc.qp.native_daqp import native_daqp
 from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
