@@ -29,8 +29,11 @@ class WalkingWeights:
     """Weights of the tasks, and how stiff they are.
 
     A pressure can be had by accelerating the CoM or by turning the trunk; only the first brings
-    the robot anywhere. So the trunk is held upright about as firmly as the pressure is wanted: at
-    a sixth of the weight, pushes of 20 N s threw a G1's trunk to its limits.
+    the robot anywhere. So the trunk is held upright firmly: at a sixth of the weight, pushes of
+    20 N s threw a G1's trunk to its limits.
+
+    The pressure comes before the foot in the air: at a fifth of the weight, a G1's foot that is
+    hurried at 60 m/s^2 had 0.4 m/s^2 more of them, and the pressure was 5 cm off for it.
 
     The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
     more than the length of a sole. About the vertical only friction holds a foot, so that is
@@ -52,7 +55,7 @@ class WalkingWeights:
         Their ``kp`` [1/s^2].
     """
 
-    com: float = 30.0
+    com: float = 150.0
     height: float = 30.0
     swing: float = 10.0
     trunk: float = 6.0
