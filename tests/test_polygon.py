@@ -1,10 +1,11 @@
-"""Insets of polygons against the distance from the edge."""
+"""Insets of polygons against the distance from the edge, nearest points against SciPy."""
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from wbc.errors import InvalidInputError
-from wbc.polygon import convex_hull, inset, polygon_margin
+from wbc.polygon import convex_hull, inset, nearest_point, polygon_margin
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -26,3 +27,21 @@ def test_short_edges_vanish_and_no_inset_is_none() -> None:
     np.testing.assert_array_equal(inset(square, 0.0), square)
     with pytest.raises(InvalidInputError, match=r"nothing of it is 0\.6 m inside"):
         inset(square, 0.6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_nearest_point_is_the_nearest_mixture_of_corners(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    polygon, point = convex_hull(rng.normal(size=(count, 2))), 2.0 * rng.normal(size=2)
+    k = len(polygon)
+    mixed = minimize(
+        lambda shares: float(np.square(shares @ polygon - point).sum()),
+        np.full(k, 1.0 / k),
+        bounds=[(0.0, 1.0)] * k,
+        constraints={"type": "eq", "fun": lambda shares: shares.sum() - 1.0},
+        options={"ftol": 1e-14},
+    )
+    np.testing.assert_allclose(nearest_point(polygon, point), mixed.x @ polygon, atol=1e-5)
+    inside = polygon.mean(axis=0)
+    np.testing.assert_allclose(nearest_point(polygon, inside), inside, atol=1e-12)

@@ -155,6 +155,18 @@ def polygon_margin(polygon: ArrayLike, points: ArrayLike) -> Array:
     return np.where((left >= 0.0).all(axis=-1), distance, -distance)
 
 
+def nearest_point(polygon: Array, point: Array) -> Array:
+    """Return the point (2,) of a polygon (k, 2), or of a segment or point, nearest to a point."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    arms = point - polygon
+    if len(polygon) > 2 and (edges[:, 0] * arms[:, 1] >= edges[:, 1] * arms[:, 0]).all():
+        return point
+    squares = np.maximum(np.einsum("ij,ij->i", edges, edges), 1e-300)
+    shares = np.clip(np.einsum("ij,ij->i", edges, arms) / squares, 0.0, 1.0)
+    places = polygon + shares[:, None] * edges
+    return np.asarray(places[np.argmin(np.square(places - point).sum(axis=1))])
+
+
 def _chain(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
     chain: list[tuple[float, float]] = []
     for point in rows:

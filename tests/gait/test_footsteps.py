@@ -9,7 +9,7 @@ import pytest
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.dcm import dcm_offsets
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
-from wbc.gait.phases import Measured, SingleSupport, Standing
+from wbc.gait.phases import DoubleSupport, Measured, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
 from wbc.gait.swing import Motion, SwingFoot, turned
 from wbc.robot import Robot
@@ -150,3 +150,25 @@ def test_a_foot_that_lands_early_waits_unless_it_had_to_hurry(legs: Legs) -> Non
     assert planner.double_time(on_one_foot("left", T - 0.01, 0.01)) == gait.double + 0.01
     assert planner.double_time(on_one_foot("left", 0.7 * T, 0.3 * T)) == 2.0 * gait.double
     assert planner.double_time(on_one_foot("left", 0.5 * T, 0.1 * T)) == gait.double
+
+
+def test_between_two_feet_the_pressure_is_wanted_where_they_are(legs: Legs) -> None:
+    """A push outwards over the left foot, as the right one lands and then bears alone."""
+    gait = GaitSettings.of(legs)
+    places = {"left": np.array((0.0, 0.2, 0.0)), "right": np.array((0.3, 0.0, 0.0))}
+    now = Measured(np.zeros(2), places, dict.fromkeys(SIGN, np.eye(3)))
+    planner, far = planner_of(legs, gait), np.array((0.0, 0.8))
+
+    def within(vrp: Array, left: float, unloading: bool = False) -> Array:
+        phase = DoubleSupport("right", ORIGIN, gait.double, left, unloading=unloading)
+        return planner.within(phase, vrp, now)
+
+    np.testing.assert_allclose(within(far, gait.double), (0.0, 0.23), atol=1e-12)
+    np.testing.assert_allclose(within(far, gait.ramp, True), (0.0, 0.23), atol=1e-12)
+    half = within(far, 0.5 * gait.ramp, True)  # the left foot bears half at most
+    np.testing.assert_allclose(half[1], 0.115, atol=1e-12)
+    np.testing.assert_allclose(within(far, 0.0, True), (0.22, 0.03), atol=1e-12)
+    for part in (1.0, 0.7, 0.5):  # of a walk that nothing disturbs nothing is changed
+        vrp = (1.0 - part) * places["right"][:2] + part * places["left"][:2]
+        left = part * gait.double
+        np.testing.assert_allclose(within(vrp, left, part <= 0.5), vrp, atol=1e-12)

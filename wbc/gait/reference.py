@@ -17,6 +17,7 @@ from wbc.gait.given import SHORTEST, Footstep, given_offsets, velocity_on
 from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import turned, yaw_of
+from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot
 from wbc.robot.legs import Legs
 from wbc.validate import Array
@@ -37,6 +38,8 @@ TOUCH = 0.1
 DECIDED = 0.15
 # A step at rest ends the walk if it is this near to its place [m].
 BESIDE = 0.03
+# Of a sole, in units of its half size.
+CORNERS = np.array(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
 # A footstep that is given is left only where the sole and the time of the landing do not suffice.
 GIVEN = StepWeights(place=100.0)
 
@@ -217,12 +220,25 @@ class StepPlanner:
         return replace(phase, left=plan.left, goal=base + R @ plan.place, offset=R @ plan.offset)
 
     def within(self, phase: Phase, vrp: Array, now: Measured) -> Array:
-        """Return the point (2,) nearest to ``vrp`` on the sole that bears alone."""
-        if not isinstance(phase, SingleSupport):
-            return vrp
-        R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
-        half = self.soles[phase.support]
-        return place + R @ np.clip(R.T @ (vrp - place), -half, half)
+        """Return the point (2,) nearest to ``vrp`` that can be pressed, on one sole or between two.
+
+        About a point outside the moment of the forces would be least where there are none: led
+        there by a push, a robot left the ground for the whole double support. What a foot that is
+        being relieved can bear goes to zero, and so does what it adds to the other sole.
+        """
+        if isinstance(phase, SingleSupport):
+            R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
+            half = self.soles[phase.support]
+            return place + R @ np.clip(R.T @ (vrp - place), -half, half)
+        soles = {
+            foot: place[:2] + (self.soles[foot] * CORNERS) @ now.rotations[foot][:2, :2].T
+            for foot, place in now.places.items()
+        }
+        if isinstance(phase, DoubleSupport) and phase.unloading:
+            place, old = now.places[phase.support][:2], other(phase.support)
+            share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
+            soles[old] = place + share * (soles[old] - place)
+        return nearest_point(convex_hull(np.concatenate(list(soles.values()))), vrp)
 
 
 def half_sizes(robot: Robot) -> dict[str, Array]:
