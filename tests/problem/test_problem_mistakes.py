@@ -273,6 +273,24 @@ def test_support_needs_feet(file: Path, mode: str) -> None:
     assert "p.yaml:3: support: unknown foot of hoap2_like 'left'" in complaint(file, text)
 
 
+@pytest.mark.parametrize(
+    ("joints", "words"),
+    [
+        ("{'*_ankle_pitch': 0.0}", "the left foot does not stand: a corner of its sole is"),
+        (
+            "{right_hip_pitch: -0.7, right_knee_pitch: 1.4, right_ankle_pitch: -0.7}",
+            "the right foot does not stand: a corner of its sole is 38 mm above the ground",
+        ),
+    ],
+)
+def test_soles_that_support_are_on_the_ground(file: Path, joints: str, words: str) -> None:
+    """They were held there, in the air or on an edge, and the CoM counted as over them."""
+    text = GOOD.replace('{"*_knee_pitch": 0.5}', joints)
+    assert f"p.yaml:3: support: {words}" in complaint(file, text)
+    file.write_text(text.replace("support: double", "support: [left_sole, right_sole]"))
+    load_problem(file)  # where they are is meant
+
+
 def test_locked_joints_are_looked_up(file: Path) -> None:
     text = GOOD.replace("hoap2_like", "{model: hoap2_like,\n  locked: {waist_pich: 0}}")
     assert "p.yaml:2: robot.locked.waist_pich: unknown" in complaint(file, text)

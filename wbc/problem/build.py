@@ -27,7 +27,7 @@ from wbc.problem.robot_spec import RobotSpec
 from wbc.problem.simulation_spec import turned_with
 from wbc.problem.source import Source
 from wbc.problem.spec import ProblemSpec
-from wbc.problem.support import check_said, contacts_of, slack_by_frame
+from wbc.problem.support import check_said, check_stands, contacts_of, slack_by_frame
 from wbc.problem.walk import WalkSpec, walker_of
 from wbc.robot import Snapshot
 from wbc.run.phases import Phase
@@ -58,6 +58,8 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         first = next((phase.support for phase in (spec.phases or {}).values()), None)
         check_said(spec.support or first, robot)
         contacts += contacts_of(spec.support, start, spec.controller.friction_cone)
+        if not spec.phases:  # which look at feet themselves, as each begins
+            check_stands(spec.support, start)
     check_level(spec, mistakes)
     check_loops(spec, built, mistakes)
     built, reference = follow_plan(spec, built, start, contacts, folder, mistakes)

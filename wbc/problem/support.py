@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from wbc.constraints import Contact, PointContact, support
@@ -24,6 +25,10 @@ from wbc.problem.section import (
     Section,
 )
 from wbc.robot import Robot, Snapshot
+from wbc.run.standing import off_the_ground
+
+# How far corners of soles that stand may be from the ground at the start [m].
+FLAT = 0.02
 
 
 class ContactSpec(Section):
@@ -126,6 +131,33 @@ def check_said(spec: Support | None, robot: Robot) -> None:
             f"say what the robot stands on: write support: {words and words + ', '}a list of "
             f"frames such as [{soles}], or floating (nothing is held)"
         )
+
+
+def check_stands(spec: Support | None, snapshot: Snapshot) -> None:
+    """Refuse feet that a word says to stand on, and that are not on one level ground.
+
+    Raises
+    ------
+    InvalidInputError
+        The message names the foot, how far off it is, and what to write.
+    """
+    if not isinstance(spec, str) or spec == "floating":
+        return
+    feet = [name for name in snapshot.robot.feet if spec in (name, "double")]
+    soles = [snapshot.robot.feet[name] for name in feet]
+    lowest = min(
+        float((one.polygon @ snapshot.rotation(one.frame)[2, :2]).min())
+        + float(snapshot.position(one.frame)[2])
+        for one in soles
+    )
+    for name in feet:
+        why = off_the_ground(snapshot, name, lambda places: np.full(len(places), lowest), FLAT)
+        if why:
+            frames = ", ".join(one.frame for one in soles)
+            raise InvalidInputError(
+                f"{why}; change start.joints (hip, knee, ankle), or list the frames that are to be"
+                f" held where they are: support: [{frames}]"
+            )
 
 
 def slack_by_frame(supports: Iterable[Support | None]) -> dict[str, float]:
