@@ -1,7 +1,9 @@
 """`wbc analyze` as a user meets it."""
 
 import inspect
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +11,9 @@ import typer
 from typer.testing import CliRunner, Result
 
 import wbc.cli.analyze as command_module
-from wbc.cli.analyze import analyze
-from wbc.motion import analyse, read_motion
+from wbc.cli.analyze import _verdict, analyze
+from wbc.cli.sim_report import _cop
+from wbc.motion import Motion, analyse, read_motion
 from wbc.robot import Robot
 
 TIME = np.arange(100) / 100.0
@@ -143,3 +146,29 @@ def test_defaults_are_those_of_the_library() -> None:
     assert analysis["feet"].default == command_module.FEET
     assert reading["longest_gap"].default == command_module.LONGEST_GAP
     assert reading["beyond"].default == command_module.BEYOND
+
+
+@pytest.mark.parametrize(
+    ("measured", "words"),
+    [(False, "the motion is infeasible there"), (True, "it was measured, so see by --cutoff none")],
+)
+def test_what_was_measured_was_feasible(measured: bool, words: str) -> None:
+    """A filter that blurs a landing takes the CoP outside the soles."""
+    robot = Robot.load("hoap2_like")
+    q = np.tile(robot.postures["standing"], (100, 1))
+    one_foot = analyse(Motion(robot, TIME, q[:, 7:], q[:, :7]), feet=["left"])
+    said = str(_verdict(replace(one_foot, measured=measured)))
+    assert words in said
+    assert " mm at most, first at 0 s" in said
+
+
+@pytest.mark.parametrize(
+    ("margin", "words"),
+    [
+        (-1e-9, "at least 0.0 mm inside the soles"),
+        (2e-3, "at least 2.0 mm inside the soles"),
+        (-1.6e-3, "at most 1.6 mm outside the soles"),
+    ],
+)
+def test_where_the_cop_of_a_simulation_was(margin: float, words: str) -> None:
+    assert words in _cop(SimpleNamespace(least_cop_margin=margin, cop_error=0.0))

@@ -101,8 +101,13 @@ def _cop(result: SimulationResult) -> str:
     least = 1e3 * result.least_cop_margin
     if not np.isfinite(least):
         return "none: no sole bore load"
+    where = (
+        f"at most {-least:.1f} mm outside"
+        if least <= -0.05
+        else f"at least {abs(least):.1f} mm inside"
+    )
     return (
-        f"at least {least:.1f} mm inside the soles, {1e3 * result.cop_error:.1f} mm (rms) from"
+        f"{where} the soles, {1e3 * result.cop_error:.1f} mm (rms) from"
         " where the controller wanted it"
     )
 
