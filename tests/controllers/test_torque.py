@@ -251,6 +251,16 @@ def test_what_has_no_effect_at_this_level_is_said(
     tasks = [wbc.ComTask(robot, here.com, singular_threshold=5e-4)]
     wbc.TorqueController(robot, tasks, contacts=wbc.support(here, "double"))
     assert "singular_threshold of task 'com' has no effect" in caplog.text
+    caplog.clear()
+    first, second = wbc.ComTask(robot, here.com, gain=0.3), wbc.ComTask(robot, here.com, kp=50.0)
+    both = wbc.ComTask(robot, here.com, gain_per_second=5.0, kd=9.0)
+    for task in (first, second, both, wbc.ComTask(robot, here.com)):
+        wbc.TorqueController(robot, [task], contacts=wbc.support(here, "double"))
+        wbc.KinematicController(robot, [task], contacts=wbc.support(here, "double"))
+    assert [record.getMessage() for record in caplog.records] == [
+        "controller: gain of task 'com' has no effect at the torque level; give kp, kd",
+        "controller: kp, kd of task 'com' has no effect at the velocity level; give gain",
+    ]
 
 
 @pytest.mark.parametrize("share", [0.3, 1.0])

@@ -34,6 +34,7 @@ from wbc.controllers.parts import (
     motion_and_forces,
     one_of,
     refuse_idle,
+    say_unused_gains,
     verify_parts,
 )
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
@@ -129,6 +130,7 @@ class Controller(Fixed, ABC):
         contacts, slack = held_by(robot, contacts), NO_SLACK if slack is None else slack
         check_parts(robot, tasks, contacts, limits, constraints, slack)
         refuse_idle(tasks)
+        say_unused_gains(tasks, self._bears)
         self.robot = robot
         self.limits = limits
         self.dt = finite_number("controller, dt", dt, above=0.0)
@@ -159,7 +161,9 @@ class Controller(Fixed, ABC):
         constraints = self.constraints if constraints is None else constraints
         slack = self._slack if slack is None else slack
         check_parts(self.robot, tasks, held, self.limits, constraints, slack)
-        refuse_idle([] if tasks is self.tasks else tasks)
+        if tasks is not self.tasks:
+            refuse_idle(tasks)
+            say_unused_gains(tasks, self._bears)
         self._take(tasks, constraints, slack)
         # What is held already may be leaving: only contacts that are asked for come back.
         self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))

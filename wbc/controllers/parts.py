@@ -11,7 +11,7 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.laws import Residual
+from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
@@ -21,6 +21,10 @@ ANOTHER = "make another controller"
 PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
     ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"), ANOTHER
 )
+
+UNTOLD = VelocityLaw()
+# What a controller of velocities, and of torques, does not read; its name; and what it does read.
+LEVEL_GAINS = ("kp, kd", "velocity", "gain"), ("gain", "torque", "kp, kd")
 
 
 def held_by(robot: Robot, contacts: Sequence[Task] | None) -> Sequence[Task]:
@@ -49,6 +53,24 @@ def refuse_idle(tasks: Sequence[Task]) -> None:
             raise InvalidInputError(
                 f"controller: {task} has no weight and would do nothing; leave it out, or give it"
                 " a weight (switch_off() of a task does that later)"
+            )
+
+
+def say_unused_gains(tasks: Sequence[Task], torques: bool) -> None:
+    """Log which tasks have gains of the other level, and none of this one."""
+    for task in tasks:
+        if not isinstance(task, Task) or isinstance(task, ForceTask):
+            continue
+        first = (task.law.gain, task.law.gain_per_second) != (UNTOLD.gain, UNTOLD.gain_per_second)
+        second = task.acceleration_law != AccelerationLaw()
+        if first != second and second != torques:
+            unused, level, used = LEVEL_GAINS[torques]
+            logging.getLogger(__name__).warning(
+                "controller: %s of %s has no effect at the %s level; give %s",
+                unused,
+                task,
+                level,
+                used,
             )
 
 
