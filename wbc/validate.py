@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -188,20 +188,6 @@ def set_fields(instance: Any, **values: Any) -> None:
     """Set fields of a frozen dataclass while it is being made."""
     for name, value in values.items():
         object.__setattr__(instance, name, value)
-
-
-class Fixed:
-    """Objects with attributes that are worked into others when they are made, or by a method.
-
-    To assign such a one would change what the object says of itself, and not what it does.
-    """
-
-    _fixed: ClassVar[Mapping[str, str]] = {}  # by name: what to do instead
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name in self._fixed and name in self.__dict__:
-            raise InvalidInputError(f"{self!r}: {name} cannot be assigned; {self._fixed[name]}")
-        object.__setattr__(self, name, value)
 
 
 def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, float]:

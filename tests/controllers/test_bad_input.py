@@ -117,6 +117,17 @@ def test_what_is_worked_in_is_not_assigned_in_vain() -> None:
     plain.change(tasks=[CALM])
 
 
+def test_misspelt_attributes_are_told_with_what_was_meant() -> None:
+    for one, name, meant in (
+        (made(), "dampng", "damping"),
+        (TorqueController(ROBOT, [CALM], contacts=HELD), "torque_bound", "torque_bounds"),
+        (Limits(ROBOT), "aceleration", "acceleration"),
+        (SelfCollision(ROBOT), "margn", "margin"),
+    ):
+        with pytest.raises(WbcError, match=f"no attribute '{name}'; did you mean '{meant}'"):
+            setattr(one, name, 1.0)
+
+
 TINY, LITTLE = 1e-9, 1e-6
 
 Make = Callable[[Any], Any]

@@ -30,7 +30,8 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
-from wbc.validate import Array, Fixed, finite_number, finite_vector, read_only, real_array
+from wbc.tasks.sealed import Fixed
+from wbc.validate import Array, finite_number, finite_vector, read_only, real_array
 
 BASE_ROWS = ("base x", "base y", "base z", "base rx", "base ry", "base rz")
 BRAKING = ("free", "bounded")

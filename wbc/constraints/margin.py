@@ -32,7 +32,8 @@ from wbc.errors import InvalidInputError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
-from wbc.validate import Array, Fixed, finite_number, read_only
+from wbc.tasks.sealed import Fixed
+from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture

@@ -46,8 +46,9 @@ from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
-from wbc.validate import Array, Fixed, finite_number, read_only
+from wbc.validate import Array, finite_number, read_only
 
 
 class Controller(Fixed, ABC):

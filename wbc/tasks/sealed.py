@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABCMeta
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from wbc.errors import InvalidInputError, suggest
 from wbc.robot.model import check_robot
@@ -31,3 +32,20 @@ def check_attribute(made: object, name: str) -> None:
     if hasattr(made, MARK) and not hasattr(made, name):
         names = [key for key in dir(made) if not key.startswith("_")]
         raise InvalidInputError(f"{made} has no attribute {name!r}{suggest(name, names, listed=0)}")
+
+
+class Fixed(metaclass=Sealed):
+    """Objects with attributes that are worked into others when they are made, or by a method.
+
+    To assign such a one would change what the object says of itself, and not what it does; nor
+    would a new one, which is most likely misspelt. Those that begin with _ are the object's own.
+    """
+
+    _fixed: ClassVar[Mapping[str, str]] = {}  # by name: what to do instead
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not name.startswith("_"):
+            check_attribute(self, name)
+        if name in self._fixed and name in self.__dict__:
+            raise InvalidInputError(f"{self!r}: {name} cannot be assigned; {self._fixed[name]}")
+        object.__setattr__(self, name, value)
