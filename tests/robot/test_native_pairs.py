@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from tests.conftest import ROBOTS, load, random_state
 from wbc.native import VARIABLE, status
 from wbc.robot import Robot
-from wbc.robot.collision import CollisionModel
+from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
 
 pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
@@ -242,3 +242,34 @@ def test_a_copy_of_bodies_that_coal_measures(how) -> None:
     again = model.nearest(robot.snapshot(robot.posture())).distance
     assert far > 2.5
     np.testing.assert_array_equal(near, again)
+
+
+def test_more_pairs_are_asked_for_at_once_while_many_bodies_touch(rng, monkeypatch) -> None:
+    """What was found to be too few is not asked for first in the next look; found is the same."""
+    robot, _ = both("icub", monkeypatch)
+    bodies = robot_bodies(robot, "hull")
+    chosen = select_pairs(robot, bodies)
+    model = CollisionModel(robot, chosen.bodies, chosen.pairs)
+    asked, nearest = [], model.native.nearest
+    monkeypatch.setattr(
+        model.native, "nearest", lambda *args: asked.append(args[1]) or nearest(*args)
+    )
+
+    def looked(q) -> tuple[list[int], list[np.ndarray]]:
+        asked.clear()
+        found = model.nearest(robot.snapshot(q), 25)
+        return asked.copy(), list(found[:4])
+
+    few, more, standing = 25, 100, robot.posture("standing")
+    for _ in range(50):
+        folded = random_state(robot, rng)[0]
+        first, second = looked(folded), looked(folded)
+        if first[0] == [few, more] and second[0] == [more]:
+            break
+        looked(standing), looked(standing)
+    else:
+        pytest.fail("no posture in which more pairs are needed, and enough")
+    for one, other in zip(first[1], second[1], strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert looked(standing)[0] == [more]  # where nothing touches
+    assert looked(standing)[0] == [few]

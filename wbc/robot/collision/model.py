@@ -93,6 +93,7 @@ class CollisionModel:
         self._candidates = CANDIDATES_OF_SOLIDS if most else CANDIDATES
         self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
         self._native = None  # the core knows no half-spaces
+        self._many_touch = 0
         if not self._covers.flat.size:
             parents = [0, *map(int, list(robot.model.parents)[1:])]
             self._native = NativePairs(self._covers, self.bodies, self.pairs, solid, parents)
@@ -147,7 +148,8 @@ class CollisionModel:
         total = len(self.pairs)
         count = total if count is None else min(count, total)
         if self._native is not None and snapshot.native_state is not None and total:
-            for most in (count, min(MORE * count, total)):
+            # As bodies touch for many ticks, what was too few is not asked for first again.
+            for most in (count, min(MORE * count, total))[self._many_touch :]:
                 nearest = self._native.nearest(snapshot.native_state, most, kept)
                 if nearest is None:
                     continue
@@ -159,6 +161,7 @@ class CollisionModel:
                 left = _above(found, kept)
                 # Of those that the core measured, none that it left out is nearer.
                 if known.all() or left[known].max(initial=-np.inf) >= _smallest(left, count):
+                    self._many_touch = int(MORE * touching > count)
                     return _fewest(found, count, kept)
         if kept is None:
             return self._nearest(snapshot, count)
