@@ -104,7 +104,12 @@ def test_legs_that_stand_brake_what_they_carry(robot_named: Callable[[str], Robo
         force = np.zeros(len(kkt))
         force[k] = 0.5 * torques[k - 6]
         moved = np.linalg.lstsq(kkt, force, rcond=1e-12)[0][k]
-        assert found[k - 6] == pytest.approx(min(moved, limits.acceleration[k - 6]), rel=1e-6)
+        ground = robot.gravity / np.linalg.norm(start.position(name) - start.com)
+        able = min(max(moved, ground), limits.acceleration[k - 6])
+        assert found[k - 6] == pytest.approx(able, rel=1e-6)
+    pitch, roll = (robot.joint_index(f"left_ankle_{axis}_joint") - 6 for axis in ("pitch", "roll"))
+    assert 20.0 < found[pitch] < 0.5 * limits.acceleration[pitch]  # the motor's
+    assert 10.0 < found[roll] < 20.0  # the ground's
     np.testing.assert_array_equal(stance_decelerations(limits, torques, ()), limits.acceleration)
     given = Limits(robot, acceleration=5.0)
     np.testing.assert_array_equal(stance_decelerations(given, torques, held), 5.0)

@@ -30,8 +30,10 @@ def stance_decelerations(limits: Limits | None, torques: Array, held: Sequence[T
 
     By half of a joint's own torque in the standing posture, as the limits' default accelerations,
     which bound them; but a leg that stands carries the robot, not its foot: the ankles of a G1
-    brake by 39 and 4 rad/s^2 there, in pitch and roll, by 300 in the air. Accelerations that were
-    given to the limits stay.
+    brake by 39 and 4 rad/s^2 there, in pitch and roll, by 300 in the air. At least, though, by what
+    the ground does that pushes with the robot's weight: g by the distance of the CoM, 15 rad/s^2 on
+    a G1. By 4 the roll of a walking one was held from 0.2 of its 0.26 rad off the limit on: pushed
+    sideways, it fell. Accelerations that were given to the limits stay.
     """
     if limits is None:
         return read_only(np.zeros(torques.size))
@@ -44,6 +46,9 @@ def stance_decelerations(limits: Limits | None, torques: Array, held: Sequence[T
     yielding = np.diagonal(freely - moved.T @ np.linalg.pinv(moved @ J.T, HELD, True) @ moved)
     able = np.maximum(TORQUE_SHARE * yielding[BASE_NV:], 0.0)
     able = np.multiply(torques, able, out=np.full(able.size, LEAST), where=able > 0.0)
+    joints = np.array([snapshot.position(name) for name in limits.robot.joint_names])
+    away = np.linalg.norm(joints - snapshot.com, axis=1)
+    able = np.maximum(able, limits.robot.gravity / np.maximum(away, HELD))
     return read_only(np.maximum(np.minimum(able, limits.acceleration), LEAST))
 
 
