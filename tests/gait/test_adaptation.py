@@ -154,3 +154,22 @@ def test_bounds_hold_however_hard_the_push(push: tuple[float, float]) -> None:
     plan = adapt_step(np.array(push), nominal(0.3), BOUNDS, OMEGA, TIMES.double)
     assert (plan.place >= BOUNDS.lower - 1e-7).all() and (plan.place <= BOUNDS.upper + 1e-7).all()
     assert BOUNDS.least <= plan.left <= BOUNDS.most
+
+
+def test_what_has_no_solution_is_finite_within_its_bounds_and_said() -> None:
+    """Where a foot is in reach of one place only, at one time, DAQP finds none now and then."""
+    rng = np.random.default_rng(0)
+    unsolved = 0
+    for _ in range(200):
+        left = float(rng.uniform(0.1, 0.4))
+        reach = Reach(rng.normal(size=2), 3.0 * rng.normal(size=2), rng.uniform(5.0, 60.0))
+        least = max(0.1, reach.least_time(BOUNDS.lower, BOUNDS.upper))
+        bounds = BOUNDS._replace(least=least, most=max(least, 0.5), reach=reach)
+        bounds = bounds._replace(about=min(max(left, least), bounds.most))
+        plan = adapt_step(3.0 * rng.normal(size=2), nominal(left), bounds, OMEGA, TIMES.double)
+        unsolved += not plan.adapted
+        assert np.isfinite(np.concatenate((plan.place, plan.offset, plan.vrp))).all()
+        assert (plan.place >= bounds.lower - 1e-6).all()
+        assert (plan.place <= bounds.upper + 1e-6).all()
+        assert bounds.least <= plan.left <= bounds.most
+    assert 0 < unsolved < 20

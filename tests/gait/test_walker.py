@@ -2,14 +2,19 @@
 
 import re
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import wbc
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
+from wbc.qp.daqp import Daqp
+from wbc.qp.problem import QP
+from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot
 from wbc.simulation import FallLimits, FallWatch, Plant, Step, Terrain, simulate
 
@@ -38,6 +43,56 @@ def test_forces_that_are_none_are_a_typed_error(robot_named: Load) -> None:
     for bad in ({}, {"left_sole": [1.0], "right_sole": [[1.0], [2.0, 3.0]]}, [1.0], np.zeros(6)):
         with pytest.raises(InvalidInputError, match="walker, force"):
             walker.prepare(here, bad)  # type: ignore[arg-type]
+
+
+def test_a_footstep_without_solution_is_counted_and_said(
+    robot_named: Load, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A solver that finds nothing, in NaN: goals stay finite, and the foot in the air lands."""
+    robot = robot_named("hoap2_like")
+    walker, here = wbc.gait.Walker(robot), robot.snapshot(robot.posture())
+    walker.command(0.1)
+    while not isinstance(walker.phase, SingleSupport):
+        walker.prepare(here)
+    assert walker.unadapted == 0 and not caplog.records
+    left, sound = walker.phase.left, Daqp.solve
+
+    def nothing(solver: Daqp, qp: QP, **options: Any) -> Solution:
+        answer = sound(solver, qp, **options)
+        return answer._replace(x=np.full(qp.g.size, np.nan), status=Status.FAILED)
+
+    monkeypatch.setattr(Daqp, "solve", nothing)
+    for k in range(3):
+        walker.prepare(here)
+        assert walker.unadapted == k + 1 and not walker.phase.adapted
+        assert np.isfinite(walker.phase.goal).all() and np.isfinite(walker.phase.offset).all()
+        assert k == 0 or walker.phase.left == pytest.approx(left - walker.dt)
+        left = walker.phase.left
+    assert [one.message for one in caplog.records] == [
+        "walker: the QP of a footstep was not solved; the usual one is made instead"
+    ]
+    monkeypatch.undo()
+    while isinstance(walker.phase, SingleSupport):
+        walker.prepare(here)
+    assert walker.steps == 1 and walker.unadapted == 3
+
+
+def test_a_gait_follows_its_robot_s_gravity(robot_named: Load) -> None:
+    """Times go with 1/omega; what is no gravity is refused."""
+    earth = robot_named("hoap2_like")
+    moon = deepcopy(earth)
+    moon.model.gravity.linear = np.array((0.0, 0.0, -earth.gravity / 4.0))
+    gaits = [wbc.gait.Walker(robot).gait for robot in (earth, moon)]
+    assert gaits[1].height == gaits[0].height
+    assert gaits[1].omega == pytest.approx(0.5 * gaits[0].omega, rel=1e-12)
+    assert gaits[1].single == pytest.approx(2.0 * gaits[0].single, rel=1e-12)
+    space = deepcopy(earth)
+    space.model.gravity.linear = np.zeros(3)
+    vars(space).pop("gravity", None)  # kept since it was looked at
+    with pytest.raises(InvalidInputError, match="gravity"):
+        wbc.gait.Walker(space)
+    with pytest.raises(UnknownNameError, match="gravity"):
+        wbc.gait.Walker(earth, {"gravity": 1.6})
 
 
 @pytest.mark.slow

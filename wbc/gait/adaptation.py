@@ -22,6 +22,7 @@ import numpy as np
 from wbc.gait.dcm import shift_gain
 from wbc.qp.daqp import Daqp
 from wbc.qp.problem import QP, Labels
+from wbc.qp.solution import Status
 from wbc.validate import Array
 
 NAMES = ("u x", "u y", "sigma", "b x", "b y", "w x", "w y")
@@ -126,12 +127,15 @@ class StepPlan(NamedTuple):
         (2,) of the DCM from the next foot when that alone begins to bear [m].
     vrp:
         (2,) how far the VRP should be from the standing foot until then [m].
+    adapted:
+        Whether the QP gave it; else it is what was wanted, as far as the bounds let it.
     """
 
     place: Array
     left: float
     offset: Array
     vrp: Array
+    adapted: bool = True
 
 
 def step_qp(
@@ -191,9 +195,18 @@ def adapt_step(
     double: float,
     weights: StepWeights = WEIGHTS,
 ) -> StepPlan:
-    """Return the footstep nearest to ``nominal`` from which the walk goes on."""
+    """Return the footstep nearest to ``nominal`` from which the walk goes on.
+
+    Where the QP is not solved (a time at which only one place is in reach is none to a solver), the
+    nominal one within its bounds, without a claim to catch the robot: ``adapted`` says so.
+    """
     qp = step_qp(dcm, nominal, bounds, omega, double, weights)
-    x = Daqp().solve(qp, quick=True).x
+    solution = Daqp().solve(qp, quick=True)
+    if solution.status is not Status.SOLVED:
+        place = np.clip(nominal.place, bounds.lower, bounds.upper)
+        left = min(max(nominal.left, bounds.least), bounds.most)
+        return StepPlan(place, left, nominal.offset, nominal.vrp, adapted=False)
+    x = solution.x
     sigma = max(x[2] * math.exp(omega * nominal.left), 1e-9)
     left = min(max(math.log(sigma) / omega, bounds.least), bounds.most)
     return StepPlan(x[:2], left, x[3:5], x[5:7] / math.expm1(omega * left))

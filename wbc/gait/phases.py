@@ -96,6 +96,7 @@ class SingleSupport:
     offset: Array  # of the DCM from there, when that foot alone begins to bear (2,) [m]
     # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()
+    adapted: bool = True  # whether the QP of the footstep was solved
 
     @classmethod
     def begun(

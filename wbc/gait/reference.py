@@ -179,7 +179,8 @@ class StepPlanner:
     ) -> SingleSupport:
         """Return the phase with the footstep for the DCM that is measured.
 
-        Shortly before the landing a footstep stays as it is.
+        Shortly before the landing a footstep stays as it is; its ``adapted`` says whether that was
+        the answer of a QP.
         """
         gait, omega, support = self.gait, self.gait.omega, phase.support
         soon = DECIDED / omega
@@ -217,7 +218,8 @@ class StepPlanner:
             min(max(phase.left, least), most),
         )
         plan = adapt_step(R.T @ (now.dcm - base), nominal, bounds, omega, gait.double, weights)
-        return replace(phase, left=plan.left, goal=base + R @ plan.place, offset=R @ plan.offset)
+        goal, offset = base + R @ plan.place, R @ plan.offset
+        return replace(phase, left=plan.left, goal=goal, offset=offset, adapted=plan.adapted)
 
     def within(self, phase: Phase, vrp: Array, now: Measured) -> Array:
         """Return the point (2,) nearest to ``vrp`` that can be pressed, on one sole or between two.

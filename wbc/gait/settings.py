@@ -9,9 +9,8 @@ from typing import Any, Self
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.dcm import StepTimes
 from wbc.robot.legs import Legs
-from wbc.validate import check_fields
+from wbc.validate import check_fields, finite_number
 
-GRAVITY = 9.81
 # The hip's height over the ankle, in parts of the leg's length: knees stay bent in a long step.
 BENT = 0.905
 # Likewise, at most: for the sake of weak knees.
@@ -49,6 +48,8 @@ class GaitSettings:
         How long a foot takes to bear its load and to give it up [s].
     acceleration:
         At which the commanded velocity is followed [m/s^2].
+    gravity:
+        The robot's own [m/s^2].
     """
 
     single: float
@@ -59,6 +60,7 @@ class GaitSettings:
     clearance: float
     ramp: float
     acceleration: float
+    gravity: float
     gain: float = 2.0
 
     def __post_init__(self) -> None:
@@ -88,14 +90,15 @@ class GaitSettings:
         InvalidInputError
             A value out of range, such as a time of 0 s; or legs do not reach the ground.
         """
-        names = [one.name for one in fields(cls)]
+        names = [one.name for one in fields(cls) if one.name != "gravity"]
         for name in given:
             if name not in names:
                 raise UnknownNameError("setting of a gait", name, names)
         chosen: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
         height = chosen.setdefault("height", default_height(legs))
         legs.reach(float(height))  # raises where there is none
-        omega = math.sqrt(GRAVITY / float(height))
+        finite_number("gait, gravity", legs.gravity, above=0.0)
+        omega = math.sqrt(legs.gravity / float(height))
         chosen.setdefault("single", SINGLE / omega)
         chosen.setdefault("double", DOUBLE / omega)
         chosen.setdefault("ramp", min(RAMP / omega, float(chosen["double"])))
@@ -103,8 +106,8 @@ class GaitSettings:
         narrow = legs.sole_width + GAP * float(height)
         chosen.setdefault("least_width", min(narrow, float(chosen["width"])))
         chosen.setdefault("clearance", CLEARANCE * float(height))
-        chosen.setdefault("acceleration", SPEED_UP * GRAVITY * math.sqrt(float(height)))
-        return cls(**chosen)
+        chosen.setdefault("acceleration", SPEED_UP * legs.gravity * math.sqrt(float(height)))
+        return cls(**chosen, gravity=legs.gravity)
 
     @property
     def times(self) -> StepTimes:
@@ -114,7 +117,7 @@ class GaitSettings:
     @property
     def omega(self) -> float:
         """Of the pendulum [1/s]."""
-        return math.sqrt(GRAVITY / self.height)
+        return math.sqrt(self.gravity / self.height)
 
 
 def default_height(legs: Legs) -> float:

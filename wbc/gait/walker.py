@@ -67,6 +67,7 @@ FOLLOW = 3.0
 # How much the sole that bears counts for the slope of the ground: it may be on an edge.
 LEVELLING = 0.2
 FRICTION = FrictionCone()
+UNADAPTED = "the QP of a footstep was not solved; the usual one is made instead"
 
 
 class Walker:
@@ -110,6 +111,9 @@ class Walker:
         Footsteps that were given and not begun yet, in the world.
     landings:
         How far feet landed from those that were.
+    unadapted:
+        In how many ticks the QP that adapts the footstep was not solved, and the foot led to where
+        it would land without a disturbance; a warning says so at the first.
     notes:
         What its legs lack for walking, in words; warnings say so too.
 
@@ -169,6 +173,7 @@ class Walker:
         self.steps = 0
         self.coming: tuple[Footstep, ...] = ()
         self.landings: tuple[Landing, ...] = ()
+        self.unadapted = 0
 
     def __repr__(self) -> str:
         vx, vy, yaw = self.velocity
@@ -257,6 +262,7 @@ class Walker:
         phase = self._next_phase(snapshot, now, forces)
         if isinstance(phase, SingleSupport):
             phase = planner.adapted(phase, now, self.heading, self.velocity)
+            self._count(phase)
             phase = self._swung(phase, now)
             reference = planner.single(phase, now)
         elif isinstance(phase, DoubleSupport):
@@ -282,6 +288,13 @@ class Walker:
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         pressure = np.append(self._planner.within(self.phase, vrp, now), reference.ground)
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
+
+    def _count(self, phase: SingleSupport) -> None:
+        if phase.adapted:
+            return
+        if not self.unadapted:
+            logging.getLogger(__name__).warning("walker: %s", UNADAPTED)
+        self.unadapted += 1
 
     def _measured(self, snapshot: Snapshot) -> Measured:
         return Measured.of(snapshot, self._frames, self.gait.omega, self.gait.height)

@@ -44,6 +44,7 @@ class Legs:
     turn_speed: float  # at which a foot can be turned so [rad/s]
     # Shortest distance of the ankle from the hip at which the knee bears the robot alone [m].
     bearing_length: float
+    gravity: float  # [m/s^2]
 
     @classmethod
     def of(cls, robot: Robot) -> Legs:
@@ -71,6 +72,7 @@ class Legs:
             turn=least[4],
             turn_speed=least[5],
             bearing_length=bearing,
+            gravity=robot.gravity,
         )
 
     def reach(self, com_height: float) -> float:
