@@ -9,8 +9,10 @@ from typer.testing import CliRunner, Result
 
 from tests.texts import STAND
 from wbc.cli import app
+from wbc.cli.sim_report import _tracking
 from wbc.controllers.closed_loop import LoopTick
 from wbc.problem import History
+from wbc.tracking.deviation import Deviation, PlanTracking
 
 PUSHED = (
     STAND
@@ -111,3 +113,11 @@ def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (seen[0], *seen[-2:]) == ("push", 75, "waited")
     assert seen[1:-2] == [round(0.002 * k, 6) for k in range(75)]
     assert "played again at http://localhost:1" in done.stderr
+
+
+@pytest.mark.parametrize("peak", [0.0, 1e-9])
+def test_a_plan_whose_quantity_stays_has_no_peak_to_compare_with(peak: float) -> None:
+    """A hop straight up has the momentum of rounding: it was missed by "1.88e+08 % of its peak"."""
+    com, flat = Deviation(1e-3, 2e-3, 0.1, 0.01), Deviation(0.4, 0.9, 0.1, peak)
+    table = _tracking(PlanTracking(com, com, flat, flat, 0.0, 1.0, 1.0, {}))
+    assert list(table.columns[-1].cells) == ["10 %", "10 %", "it has none", "it has none"]

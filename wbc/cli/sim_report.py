@@ -16,6 +16,9 @@ from wbc.simulation import SimulationResult
 from wbc.simulation.push import Push
 from wbc.tracking.deviation import PlanTracking
 
+# A quantity of a plan that changes by less than this part of what a robot is off has no peak.
+ROUNDING = 1e-3
+
 
 def print_simulation(result: SimulationResult, written: Iterable[Path]) -> None:
     """Print whether it stood, how far each task is from its target, and what it took."""
@@ -64,7 +67,8 @@ def _tracking(found: PlanTracking) -> Table:
         ("inertia", found.inertia, 1.0, "kg m^2"),
     ):
         sizes = (f"{factor * size:.3g} {unit}" for size in (one.rms, one.worst))
-        part = _percent(one.rms / one.peak) if one.peak > 0.0 else "it has none"
+        none = one.peak <= ROUNDING * one.rms
+        part = "it has none" if none else _percent(one.rms / one.peak)
         table.add_row(Text(name), *sizes, f"{one.at:.3f}", part)
     if not found.whole:
         text = f"to {found.until:g} s only; it ends at {found.ends:g} s"
