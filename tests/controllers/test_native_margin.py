@@ -178,3 +178,32 @@ def test_a_copy_keeps_its_own_bodies_apart(how, native) -> None:
     assert far.qp.l[0] < near.qp.l[0] - 0.1
     found = margins.distances(here)
     np.testing.assert_allclose(near._evidence._answer.clearance, found.clearance, atol=1e-12)
+
+
+@pytest.mark.parametrize("core", [True, False])
+def test_pairs_that_could_not_stop_in_time_have_rows_at_the_torque_level(core, native) -> None:
+    """Of far pairs some close fast: seen when they were near, it was too late to brake."""
+    robot = native("hoap2_like")
+    here, v = robot.snapshot(robot.posture("standing")), np.zeros(robot.nv)
+    v[6:] = 4.0 * np.random.default_rng(3).normal(size=robot.nv - 6)
+    snapshot = robot.snapshot(here.q, v)
+    judge = SelfCollision(robot, pairs=10_000)
+    every = judge.distances(snapshot)
+    late = -every.jacobian @ v > judge._speed(every, 0.002)
+    wanted = {judge.model.labels[k] for k in np.flatnonzero(late)}
+    for pairs in (3, 200):
+        margins = SelfCollision(robot, pairs=pairs)
+        solver = "daqp" if core else "proxqp"
+        options = {"constraints": [margins], "solver": solver, "limits": None}
+        controller = controller_of(robot, here, TorqueController, **options)
+        rows = {
+            label for label in controller.step(snapshot).qp.labels.inequality if " vs " in label
+        }
+        assert len(wanted) > 3 and wanted <= rows
+        found = controller._native_problem(controller._native, snapshot)
+        if core:  # a plan has as many rows as pairs: more are added by Python
+            assert (found is None) == (pairs == 3)
+    slow = SelfCollision(robot, pairs=3)  # may stop at once: the nearest
+    nearest = slow.rows(snapshot, 0.002).distances
+    assert nearest.keys.tolist() == slow.distances(snapshot).keys.tolist()
+    assert len(slow.rows(snapshot, 0.002).labels) == 3

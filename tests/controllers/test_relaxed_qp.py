@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wbc.constraints import FrictionCone, Limits, support
+from wbc.constraints import FrictionCone, Limits, SelfCollision, support
 from wbc.constraints.contact import Contact
 from wbc.constraints.mechanics import BoltedBase
 from wbc.constraints.rows import Bounds
-from wbc.controllers import TorqueController
+from wbc.controllers import TorqueController, relaxation
 from wbc.controllers.plan import Decision, Physics, Plan
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.slack import Slacks
@@ -152,3 +152,26 @@ def test_a_load_that_cannot_be_had_is_dropped(robot: Robot) -> None:
     forces = tick.reaction.normal_forces()
     assert sum(forces.values()) == pytest.approx(robot.weight, rel=0.05)
     assert (np.abs(tick.torque) <= controller.torque_bounds + 1e-9).all()
+
+
+def test_bodies_are_not_pushed_into_each_other_by_tasks(robot, monkeypatch) -> None:
+    """Where not all can be kept; as light as a task they gave way to it."""
+    here, v = robot.snapshot(robot.posture("standing")), np.zeros(robot.nv)
+    v[6:] = 8.0 * np.random.default_rng(1).normal(size=robot.nv - 6)
+    target = here.q.copy()
+    target[7:] += np.random.default_rng(2).uniform(-3.0, 3.0, robot.nv - 6)
+    missed = []
+    for weight in (1.0, relaxation.BODIES):
+        monkeypatch.setattr(relaxation, "BODIES", weight)
+        controller = TorqueController(
+            robot,
+            [PostureTask(robot, target, kp=2000.0)],
+            contacts=(),
+            limits=Limits(robot),
+            constraints=[SelfCollision(robot)],
+            torque_limits=0.05,
+        )
+        tick = controller.step(robot.snapshot(here.q, v))
+        assert tick.policy == "relax"
+        missed.append(sum(by**2 for name, by in tick.slack.items() if " vs " in name))
+    assert missed[1] < 0.5 * missed[0]

@@ -27,6 +27,7 @@ _REASONS = {
     3: "a number is not finite",
     4: "a distance of two bodies could not be measured",
     5: "it leads two bodies inside their margin, which takes another round of the QP",
+    6: "more pairs of bodies could not stop in time than get a row, which takes a larger QP",
 }
 
 

@@ -9,12 +9,14 @@ import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import SKIN, USED, BrakingParameters, Margin
-from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
+from wbc.constraints.rows import Bounds, Distances, Index, SeparatedPairs, take
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
-from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
+from wbc.robot.collision import CollisionModel, PairDistances, robot_bodies, select_pairs
+from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.pairs import BY_DESCRIPTION
+from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
@@ -41,7 +43,8 @@ class SelfCollision(Margin):
         Distance that is kept [m].
     pairs:
         How many pairs, those of least clearance, get a row in each tick. Whether others come too
-        near is looked at where the command leads.
+        near is looked at where the command leads. At the torque level, of least clearance when they
+        have stopped; if more than these could not stop in time, they get rows, too.
     fit:
         What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
     include, exclude:
@@ -122,8 +125,28 @@ class SelfCollision(Margin):
             if keys is None
             else model.measure(snapshot, keys)
         )
-        clearance = found.distance - self._kept.take(found.pairs)
-        return Distances(found.pairs, clearance, model.rows(snapshot, found), None, found)
+        return self._distances(snapshot, found)
+
+    def _distances(
+        self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
+    ) -> Distances:
+        clearance, rows = found.distance - self._kept.take(found.pairs), self.model.rows
+        return Distances(found.pairs, clearance, rows(snapshot, found), None, found, beyond)
+
+    def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        """Return the rows of the pairs that have to brake first.
+
+        What moves cannot stop at once at the torque level, and of far pairs some close fast. All
+        that could not stop in time without a row get one, more than ``pairs`` if need be.
+        """
+        law, able, slowest = self.braking, self._joint_acceleration, 0.0
+        if not len(self.model.pairs):
+            return self.rows(snapshot, dt)
+        if able is not None:
+            slowest = float((np.abs(snapshot.v[BASE_NV:]) / able).max(initial=0.0))
+        closing = Closing(dt, law.deceleration, law.gain, slowest)
+        found, left = self.model.soonest(snapshot, self.count, self._kept, closing)
+        return self._rows(self._distances(snapshot, found, float(left.max())), dt)
 
     def has_more(self, distances: Distances) -> bool:
         """Whether there are pairs without rows."""

@@ -145,7 +145,10 @@ class Margin(Fixed, Constraint):
 
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return one row for each gap; see the module on how it is bounded."""
-        distances = self.distances(snapshot)
+        return self._rows(self.distances(snapshot), dt)
+
+    def _rows(self, distances: Distances, dt: float) -> Bounds:
+        """Return the rows of some distances."""
         least = np.negative(self._speed(distances, dt))
         inside = distances.clearance.size > 0 and np.minimum.reduce(distances.clearance) < 0.0
         if inside:
@@ -192,7 +195,8 @@ class Margin(Fixed, Constraint):
         labels = self.labels(after)
         chosen = tuple(labels[k] for k in violated)
         rate = None if after.rate is None else after.rate[violated]
-        which = Distances(after.keys[violated], after.clearance[violated], matrix, rate)
+        found = None if after.found is None else after.found.take(violated)
+        which = Distances(after.keys[violated], after.clearance[violated], matrix, rate, found)
         return Bounds(chosen, matrix, least, np.full(violated.size, np.inf), distances=which)
 
     def still_violated(
@@ -248,7 +252,10 @@ class Margin(Fixed, Constraint):
 
 def _others_may_come(distances: Distances, v: Array, dt: float) -> bool:
     """Whether distances without a row, all above the farthest with one, could be used up by v."""
-    return LEVER * dt * float(np.abs(v).sum()) > float(np.maximum.reduce(distances.clearance))
+    left = distances.beyond
+    if left is None:
+        left = float(np.maximum.reduce(distances.clearance))
+    return LEVER * dt * float(np.abs(v).sum()) > left
 
 
 def point_curvature_bound(distances: Distances, step: Array) -> Array:

@@ -38,6 +38,8 @@ class Distances(NamedTuple):
         (m,) what it changes by at v = 0 [m/s]; None if nothing but the robot moves.
     found:
         The bodies that the distances are between, as they were measured; None if there are none.
+    beyond:
+        What all others have at least [m]; None: as much as the farthest of these.
     """
 
     keys: Index
@@ -45,6 +47,7 @@ class Distances(NamedTuple):
     jacobian: Array
     rate: Array | None
     found: PairDistances | None = None
+    beyond: float | None = None
 
 
 class Bounds(NamedTuple):
@@ -102,6 +105,13 @@ class Constraint(ABC):
     @abstractmethod
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
         """Return the rows for the next velocity, to be applied for ``dt``."""
+
+    def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        """Return the rows where velocities do not change at once: those of the torque level.
+
+        The same as :meth:`rows`, unless there are more in motion.
+        """
+        return self.rows(snapshot, dt)
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
         """Whether ``v`` may lead to a violation, so that the constraint must be evaluated there."""

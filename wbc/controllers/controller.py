@@ -226,7 +226,7 @@ class Controller(Fixed, ABC):
         problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery)
         margins = None
         if self.constraints and tried is None:
-            margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+            margins = self._margins(snapshot)
         ready = perf_counter()
         attempt = tried or self._attempt(problem, margins)
         if attempt.outcome.solution.status is not Status.SOLVED:
@@ -276,6 +276,10 @@ class Controller(Fixed, ABC):
         if self.limits is None:
             return self._no_box, None
         return self.limits.box_and_recovery(snapshot, self.dt)
+
+    def _margins(self, snapshot: Snapshot) -> MarginRows:
+        """Return the rows of the constraints."""
+        return MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""

@@ -47,10 +47,16 @@ class MarginRows(NamedTuple):
 
     @classmethod
     def at(
-        cls, snapshot: Snapshot, constraints: Sequence[Constraint], slacks: Slacks, dt: float
+        cls,
+        snapshot: Snapshot,
+        constraints: Sequence[Constraint],
+        slacks: Slacks,
+        dt: float,
+        braked: bool = False,
     ) -> MarginRows:
-        """Evaluate the constraints at ``snapshot``."""
-        parts = [slacks.soften(part, part.rows(snapshot, dt)) for part in constraints]
+        """Evaluate the constraints at ``snapshot``; ``braked``: nothing stops at once."""
+        found = [(one.braked_rows if braked else one.rows)(snapshot, dt) for one in constraints]
+        parts = [slacks.soften(*both) for both in zip(constraints, found, strict=True)]
         return cls(constraints, slacks, snapshot, dt, parts)
 
     def violated(self, v: Array) -> list[Bounds]:

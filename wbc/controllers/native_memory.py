@@ -254,8 +254,8 @@ class NativeMemory:
         tree = self.tree
         work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 6 * tree.nv)
         if self.margin is not None:
-            pairs = 9 * (self.margin.bodies + self.margin.pairs)
-            there = 3 * tree.nv + 4 * tree.joints
+            pairs = 10 * (self.margin.bodies + self.margin.pairs)
+            there = 3 * tree.nv + 6 * tree.joints
             work = max(work, self.margin.rows * (tree.nv + 7) + there + pairs)
         motion = tree.motion_size if self.forces is not None else 0
         return frames * (tree.frame_size + 6) + motion + work

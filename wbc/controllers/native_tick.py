@@ -9,7 +9,7 @@ from typing import Any
 from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
 from wbc.controllers.levels import LevelProblem
-from wbc.controllers.look_ahead import Attempt, MarginRows
+from wbc.controllers.look_ahead import Attempt
 from wbc.controllers.native_margin import only_self_collision
 from wbc.controllers.native_plan import NativePlan, solves
 from wbc.controllers.native_problem import NativeProblem
@@ -68,7 +68,7 @@ class NativeController(Controller):
         problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
         margins = None
         if self.constraints:
-            margins = MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+            margins = self._margins(snapshot)
         ready = perf_counter()
         attempt = self._attempt(problem, margins)
         if not attempt.outcome.solved:  # the Python tick finds out why, and what is best then

@@ -6,9 +6,9 @@ torque): they are physics, and stay hard. Everything else gives way, in this ord
 costs:
 
 1. ranges of normal force (dropped: a foot that must be loaded may not be);
-2. contacts, joint limits and margins between bodies, each weighed like the heaviest task. What is
-   inside a margin already may not go further; that it is moved back waits for a tick that keeps the
-   rest.
+2. contacts, joint limits and margins, each weighed like the heaviest task, those between the
+   robot's own bodies ten times as heavy. What is inside a margin already may not go further; that
+   it is moved back waits for a tick that keeps the rest.
 
 All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
 gave way, and by how much, is reported by name.
@@ -32,6 +32,8 @@ from wbc.validate import Array
 # heaviest row of the tasks. Slack of a limit is a joint that approaches it faster than it can
 # brake, not one beyond it: at a hundred times a contact's cost it kicked feet off the ground.
 CONTACT, LIMIT = 1.0, 1.0
+# Of bodies that come too near: as cheap as tasks, these pushed them up to 23 cm into each other.
+BODIES = 100.0
 # A velocity missed by less [m/s or rad/s] is what solvers and these costs leave.
 NEGLIGIBLE = 1e-5
 
@@ -69,7 +71,7 @@ def relaxed_qp(
         else:
             costs.append(row._replace(weight=np.sqrt(CONTACT * unit) * np.ones(len(row.target))))
     parts = [] if hard is None else [hard]
-    parts += [_soft(part, LIMIT * unit) for part in margins if part.lower.size]
+    parts += [_soft(part, _cost(part) * unit) for part in margins if part.lower.size]
     limits = _as_rows(box, decision.names, n)
     if limits is not None:
         parts.append(_soft(limits, LIMIT * unit))
@@ -91,6 +93,11 @@ def _contacts_missed(plan: Plan, contacts: Sequence[Rows], x: Array) -> Iterator
     for row in contacts:
         values = row.matrix @ x[: row.matrix.shape[1]] - row.target
         yield from ((name, value) for value, name in zip(values.tolist(), labels, strict=False))
+
+
+def _cost(margin: Bounds) -> float:
+    measured = margin.distances
+    return LIMIT if measured is None or measured.found is None else BODIES
 
 
 def _soft(bounds: Bounds, weight: float) -> Bounds:

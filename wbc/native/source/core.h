@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 5
+#define WBC_CORE_VERSION 6
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -94,7 +94,7 @@ typedef struct {
 /* Write the numbers, increasing, of the count pairs of least distance, less kept (pairs) if that is
  * not 0, and of these (7, count): distance, normal to the first, point on the first. A distance of
  * -INFINITY: how deep they are inside each other is not known here. Returns 0; -1: to be done in
- * Python. scratch holds 9 numbers a body and 9 a pair. */
+ * Python. scratch holds 10 numbers a body and 10 a pair. */
 int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
                 double *scratch, int64_t *chosen, double *nearest);
 /* Write (7, k) of k pairs, as wbc_nearest does. Returns 0; -1: to be done in Python. */
@@ -110,7 +110,7 @@ typedef struct {
     const double *kept;         /* (pairs): distance, skin included */
     const double *shorter;      /* (pairs): length of the shorter body */
     const double *acceleration; /* (nv - 6) of joints that braking may count on, or 0 */
-    int64_t rows;               /* pairs that get one, those of least clearance */
+    int64_t rows;               /* pairs that get one, those of least clearance: see soonest */
     double deceleration, gain, recovery, recovery_speed;
 } wbc_margin;
 
@@ -184,9 +184,10 @@ typedef struct {
 } wbc_qp;
 
 /* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. NOT_MEASURED: of
- * some pair; LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. */
+ * some pair; LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. MORE_ROWS: of pairs
+ * that could not stop in time, than the plan has. */
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
-                   NOT_MEASURED = 4, LEADS_INSIDE = 5 };
+                   NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6 };
 /* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
  * without frames, or 0: then it is found here. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,

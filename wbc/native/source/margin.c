@@ -42,16 +42,49 @@ static void push(const wbc_plan *plan, const double *row, double rate, const wbc
     }
 }
 
+/* How bodies stop at v. */
+static wbc_closing closing_at(const wbc_plan *plan, const double *v, double *twist) {
+    const wbc_margin *margin = plan->margin;
+    wbc_closing closing = {twist, plan->dt, 0.0, plan->dt / margin->gain, 0.5 / margin->deceleration};
+    for (int64_t j = 6; margin->acceleration && j < plan->tree->nv; j++) {
+        const double time = fabs(v[j]) / margin->acceleration[j - 6];
+        if (time > closing.slowest) closing.slowest = time;
+    }
+    return closing;
+}
+
+/* How the joints move at v: against the base, which changes no distance, if no body is at rest. */
+static void add_twists(const wbc_plan *plan, const double *state, const double *v, double *twist) {
+    const wbc_pairs *of = plan->margin->of;
+    const wbc_tree *tree = plan->tree;
+    const int64_t nv = tree->nv;
+    const double *T = state + TWISTS(nv);
+    int at_rest = 0;
+    for (int64_t b = 0; b < of->bodies; b++) at_rest |= of->joint[b] == 0;
+    memset(twist, 0, 12 * sizeof *twist);
+    for (int64_t c = 0; at_rest && c < 6; c++)
+        for (int i = 0; i < 6; i++) twist[6 + i] += T[i * nv + c] * v[c];
+    for (int64_t j = 2; j < tree->joints; j++) {
+        const double *above = twist + 6 * tree->parent[j], rate = v[tree->iv[j]];
+        for (int i = 0; i < 6; i++) twist[6 * j + i] = above[i] + T[i * nv + tree->iv[j]] * rate;
+    }
+}
+
 int add_margin(const wbc_plan *plan, const double *state, const double *v, double *scratch,
                const wbc_qp *qp) {
     const wbc_margin *margin = plan->margin;
     const int64_t nv = plan->tree->nv, n = qp->n, k = margin->rows, before = qp->m - k;
-    double *nearest = scratch, *rows = nearest + 7 * k, *work = rows + k * nv;
+    double *nearest = scratch, *rows = nearest + 7 * k, *twist = rows + k * nv;
+    double *work = twist + 6 * plan->tree->joints;
+    const wbc_closing closing = closing_at(plan, v, twist);
     const double now = plan->torque ? MARGIN_BRAKING * plan->dt : INFINITY;
     int64_t *chosen = plan->order;
-    if (wbc_nearest(margin->of, state, k, margin->kept, work, chosen, nearest) != 0) return 0;
+    if (plan->torque) add_twists(plan, state, v, twist);
+    const int said = soonest(margin->of, state, k, margin->kept, plan->torque ? &closing : 0, work,
+                             chosen, nearest);
+    if (said) return said > 0 ? MORE_ROWS : NOT_MEASURED;
     for (int64_t i = 0; i < k; i++)
-        if (nearest[i] == -INFINITY) return 0;
+        if (nearest[i] == -INFINITY) return NOT_MEASURED;
     wbc_pair_rows(margin->of, plan->tree, state, k, chosen, nearest + k, nearest + 4 * k, rows);
     for (int64_t i = 0; i < k; i++) {
         const double *row = rows + i * nv, clearance = nearest[i] - margin->kept[chosen[i]];
@@ -70,7 +103,7 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
         qp->l[before + i] = smaller(least, reach), qp->u[before + i] = INFINITY;
         qp->clearance[i] = clearance, qp->chosen[i] = (double)chosen[i];
     }
-    return 1;
+    return DONE;
 }
 
 /* By how much the joints down to each turn at most over a step: 0 of the world, then sums. */
@@ -94,14 +127,18 @@ static double bend(const wbc_margin *margin, int64_t pair, const double *step,
 }
 
 /* The pairs that have to be measured where a step leads; returns how many, -1: any may come. */
-static int64_t watched(const wbc_plan *plan, const wbc_qp *qp, const double *step, double *turns,
-                       int64_t *pairs) {
+static int64_t watched(const wbc_plan *plan, const wbc_qp *qp, const double *v,
+                       const double *step, double *turns, int64_t *pairs) {
     const wbc_margin *margin = plan->margin;
     const int64_t nv = plan->tree->nv, k = margin->rows, before = qp->m - k;
     double farthest = -INFINITY, way = 0.0;
     int64_t count = 0;
-    for (int64_t i = 0; i < k; i++)
-        if (qp->clearance[i] > farthest) farthest = qp->clearance[i];
+    const wbc_closing closing = closing_at(plan, v, 0);
+    for (int64_t i = 0; i < k; i++) { /* no pair without a row is nearer than this: see soonest */
+        double left = qp->clearance[i];
+        if (plan->torque) left -= stopping_way(&closing, -dot(nv, qp->C + (before + i) * qp->n, v));
+        if (left > farthest) farthest = left;
+    }
     for (int64_t j = 0; j < nv; j++) way += fabs(step[j]);
     if (k < margin->of->pairs && LEVER * way > farthest) return -1;
     add_turns(plan->tree, step, turns);
@@ -121,7 +158,7 @@ static double clearance_of(const wbc_qp *qp, int64_t rows, double pair) {
     return INFINITY;
 }
 
-int leads_inside(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
+int leads_inside(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
     const wbc_margin *margin = plan->margin;
     const wbc_tree *tree = plan->tree;
     const int64_t nv = tree->nv, rows = margin->rows;
@@ -129,7 +166,7 @@ int leads_inside(const wbc_plan *plan, const double *q, const wbc_qp *qp) {
     double *arms = there + 2 * nv, *nearest = arms + 3 * tree->joints, *work = nearest + 7 * rows;
     int64_t *pairs = plan->order;
     for (int64_t i = 0; i < nv; i++) step[i] = plan->dt * qp->x[i];
-    int64_t k = watched(plan, qp, step, turns, pairs);
+    int64_t k = watched(plan, qp, v, step, turns, pairs);
     if (k == 0) return 0;
     wbc_integrate(tree, q, step, there);
     place_joints(tree, there, plan->state, arms);

@@ -4,11 +4,13 @@
 #include "core.h"
 #include "convex.h"
 #include "linear.h"
+#include "margin.h"
 
 #include <string.h>
 
 /* As in wbc/robot/collision/distances.py. */
 static const double PARALLEL = 1e-10, TOUCHING = 1e-9;
+static const double EVEN = 1e-9; /* m: wbc/robot/collision/model.py */
 
 /* Of a body, in a row: start, unit direction and middle, world axes. */
 enum { START = 0, DIRECTION = 3, MIDDLE = 6, PLACED = 9 };
@@ -112,29 +114,80 @@ static double smallest(double *values, int64_t n, int64_t k) {
     return values[k];
 }
 
-/* Lower bounds by the balls round the bodies; false: one is not a number. */
-static int bound_by_balls(const wbc_pairs *of, const double *placed, const double *kept,
+/* How fast any point of each body moves at most, by the twists of the joints. */
+static void bound_speeds(const wbc_pairs *of, const wbc_closing *closing, const double *placed,
+                         double *most) {
+    for (int64_t b = 0; b < of->bodies; b++) {
+        const double *T = closing->twist + 6 * of->joint[b], *c = placed + PLACED * b + MIDDLE;
+        double at[3];
+        cross3(T + 3, c, at);
+        for (int i = 0; i < 3; i++) at[i] += T[i];
+        most[b] = sqrt(dot3(at, at)) + sqrt(dot3(T + 3, T + 3)) * of->size[SIZES * b + REACH];
+    }
+}
+
+/* How the second body of a pair moves against the first, at a point; returns its turn, squared. */
+static double against(const wbc_pairs *of, const wbc_closing *closing, int64_t pair,
+                      const double *point, double *at) {
+    const double *A = closing->twist + 6 * of->joint[of->pair[2 * pair]];
+    const double *B = closing->twist + 6 * of->joint[of->pair[2 * pair + 1]];
+    const double turn[3] = {B[3] - A[3], B[4] - A[4], B[5] - A[5]};
+    cross3(turn, point, at);
+    for (int i = 0; i < 3; i++) at[i] += B[i] - A[i];
+    return dot3(turn, turn);
+}
+
+/* How fast a pair closes that was measured. */
+static double closing_speed(const wbc_pairs *of, const wbc_closing *closing, int64_t pair,
+                            const double *found) {
+    double at[3];
+    against(of, closing, pair, found + 4, at);
+    return dot3(at, found + 1);
+}
+
+/* What a pair needs to stop in at most, by its motion alone: closer than by that of each body. */
+static double longest_way(const wbc_pairs *of, const wbc_closing *closing, const double *placed,
+                          int64_t pair) {
+    const int64_t first = of->pair[2 * pair];
+    double at[3];
+    const double turn = against(of, closing, pair, placed + PLACED * first + MIDDLE, at);
+    const double most = sqrt(dot3(at, at)) + sqrt(turn) * of->size[SIZES * first + REACH];
+    return stopping_way(closing, most);
+}
+
+/* Lower bounds by the balls round the bodies, less what is kept; false: one is not a number. */
+static int bound_by_balls(const wbc_pairs *of, const double *placed, const double *less,
                           double *lower) {
     for (int64_t p = 0; p < of->pairs; p++) {
         const int64_t a = of->pair[2 * p], b = of->pair[2 * p + 1];
         const double *A = placed + PLACED * a + MIDDLE, *B = placed + PLACED * b + MIDDLE;
         const double x = A[0] - B[0], y = A[1] - B[1], z = A[2] - B[2];
         lower[p] = sqrt(x * x + y * y + z * z) - of->size[SIZES * a + REACH] -
-                   of->size[SIZES * b + REACH] - (kept ? kept[p] : 0.0);
+                   of->size[SIZES * b + REACH] - less[p];
         if (!(lower[p] < INFINITY)) return 0;
     }
     return 1;
 }
 
-int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
-                double *scratch, int64_t *chosen, double *nearest) {
+int soonest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+            const wbc_closing *closing, double *scratch, int64_t *chosen, double *nearest) {
     const int64_t pairs = of->pairs;
-    double *placed = scratch, *lower = placed + PLACED * of->bodies, *sorted = lower + pairs;
-    double *found = sorted + pairs, limit;
+    double *placed = scratch, *speed = placed + PLACED * of->bodies, *lower = speed + of->bodies;
+    double *less = lower + pairs, *sorted = less + pairs, *found = sorted + pairs;
+    double limit;
     int64_t k = 0, beyond = 0, unknown = 0;
     if (count < 1 || pairs < count) return -1;
     place_bodies(of, state, placed);
-    if (!bound_by_balls(of, placed, kept, lower)) return -1;
+    if (kept)
+        memcpy(less, kept, pairs * sizeof *less);
+    else
+        memset(less, 0, pairs * sizeof *less);
+    if (!bound_by_balls(of, placed, less, lower)) return -1;
+    if (closing) {
+        bound_speeds(of, closing, placed, speed);
+        for (int64_t p = 0; p < pairs; p++)
+            lower[p] -= stopping_way(closing, speed[of->pair[2 * p]] + speed[of->pair[2 * p + 1]]);
+    }
     memcpy(sorted, lower, pairs * sizeof *lower);
     limit = smallest(sorted, pairs, count - 1);
     for (int64_t p = 0; p < pairs; p++) found[FOUND * p] = INFINITY;
@@ -144,37 +197,42 @@ int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const d
         int64_t measured = 0;
         for (int64_t p = 0; p < pairs; p++) {
             double *own = found + FOUND * p;
-            const double less = kept ? kept[p] : 0.0;
             if (lower[p] > limit) continue;
             if (own[0] == INFINITY) {
                 /* Axes of covers that touch say nothing, those of capsules have no direction. */
                 const int has_axes = measure_capsules(of, placed, p, own);
                 if (!has_axes && !of->solid[p]) return -1;
                 if (of->solid[p]) {
-                    if (round && has_axes && own[0] - less > limit) {
+                    const double way = closing ? longest_way(of, closing, placed, p) : 0.0;
+                    if (round && has_axes && own[0] - less[p] - way > limit) {
                         own[0] = INFINITY;
                         continue;
                     }
                     measure_hulls(of, state, placed, p, own);
                     if (own[0] == -INFINITY && ++unknown >= count) return -1;
                 }
+                if (closing) less[p] += stopping_way(closing, closing_speed(of, closing, p, own));
             }
-            sorted[measured++] = own[0] - less;
+            sorted[measured++] = own[0] - less[p];
         }
         limit = smallest(sorted, measured, count - 1);
     }
-    for (int64_t p = 0; p < pairs; p++) { /* of those as far as the farthest, the first */
-        const double own = found[FOUND * p] - (kept ? kept[p] : 0.0);
-        beyond += own < limit;
-    }
+    const double even = closing ? EVEN : 0.0; /* of those as far as the farthest, the first */
+    for (int64_t p = 0; p < pairs; p++) beyond += found[FOUND * p] - less[p] < limit - even;
     beyond = count - beyond;
     for (int64_t p = 0; p < pairs && k < count; p++) {
-        const double own = found[FOUND * p] - (kept ? kept[p] : 0.0);
-        if (own < limit || (own == limit && beyond-- > 0)) chosen[k++] = p;
+        const double own = found[FOUND * p] - less[p];
+        if (own < limit - even || (own <= limit + even && beyond-- > 0)) chosen[k++] = p;
     }
     for (int64_t i = 0; i < k; i++)
         for (int r = 0; r < FOUND; r++) nearest[r * k + i] = found[FOUND * chosen[i] + r];
-    return k == count ? 0 : -1;
+    if (k < count) return -1;
+    return closing && count < pairs && limit < 0.0; /* then others may be as urgent */
+}
+
+int wbc_nearest(const wbc_pairs *of, const double *state, int64_t count, const double *kept,
+                double *scratch, int64_t *chosen, double *nearest) {
+    return soonest(of, state, count, kept, 0, scratch, chosen, nearest);
 }
 
 int wbc_measure(const wbc_pairs *of, const double *state, int64_t k, const int64_t *chosen,

@@ -302,7 +302,8 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (!add_block(plan, block, &at, J, &qp, &damping)) return HALF_A_TURN;
-    if (plan->margin && !add_margin(plan, state, v, J, &qp)) return NOT_MEASURED;
+    const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
+    if (kept != DONE) return kept;
     for (int64_t i = 0; i < qp.n; i++) {
         qp.P[i * qp.n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
         if (plan->torque && i < nv) qp.g[i] -= plan->damping[i] * v[i];

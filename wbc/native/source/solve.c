@@ -302,5 +302,5 @@ int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const d
     const int said = wbc_solve(plan);
     wbc_qp qp;
     lay_out(plan, &qp);
-    return said == DONE && plan->margin && leads_inside(plan, q, &qp) ? LEADS_INSIDE : said;
+    return said == DONE && plan->margin && leads_inside(plan, q, v, &qp) ? LEADS_INSIDE : said;
 }

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.robot.collision.closing import BodyMotion, Closing
 from wbc.robot.collision.covers import Covers, chosen_of
 from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
@@ -26,6 +27,7 @@ NARROWED = 3
 # Where many bodies touch the core is asked for so many times as many, before it is coal that
 # measures all: how deep these are, the core does not know, so that others may be nearer.
 MORE = 4
+EVEN = 1e-9  # m: of pairs that have as much left, the first by their number
 
 
 class PairDistances(NamedTuple):
@@ -77,7 +79,7 @@ class CollisionModel:
         if same.size:
             k = int(same[0])
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
-        moves = _moved_by(robot)
+        self._moves = moves = _moved_by(robot)
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
@@ -168,6 +170,39 @@ class CollisionModel:
         # Pairs are found by distance: so many may be nearer than one of less clearance.
         closer = int(np.count_nonzero(kept < kept.max(initial=0.0)))
         return _fewest(self._nearest(snapshot, min(count + closer, total)), count, kept)
+
+    def soonest(
+        self, snapshot: Snapshot, count: int, kept: Array, closing: Closing
+    ) -> tuple[PairDistances, Array]:
+        """Return the pairs that have to brake first, in order, and what they have left (k,) [m].
+
+        That is what is above the distance ``kept`` (N,) less the way in which they stop. Of all
+        pairs, ``count`` of those with the least, and all that have less than nothing. Which to
+        measure is found by balls round the bodies and bounds on the speed of their points, which
+        no pair's clearance and closing is worse than.
+        """
+        total = len(self.pairs)
+        count = min(count, total)
+        motion = BodyMotion(snapshot, self._joints, self._moves)
+        placed = self._covers.placed(snapshot)
+        speed = motion.most(placed[2].T, self._covers.sizes[:, 2])
+        lower = self._covers.balls(placed)
+        lower -= kept + closing.way(speed.take(self.pairs).sum(axis=1))
+        limit = max(0.0, _smallest(lower, count))
+        while True:
+            found = self.measure(snapshot, np.flatnonzero(lower <= limit))
+            speed = motion.closing(self.pairs.take(found.pairs, axis=0), found.normal, found.point)
+            left = found.distance - kept.take(found.pairs) - closing.way(speed)
+            farthest = max(0.0, _smallest(left, count))
+            if farthest <= limit or len(found.pairs) == total:
+                break
+            limit = farthest
+        last = _smallest(left, count)
+        first = left < last - EVEN
+        last_ones = np.flatnonzero(~first & (left <= last + EVEN))
+        first[last_ones[: count - np.count_nonzero(first)]] = True
+        chosen = np.flatnonzero(first | (left < 0.0))
+        return found.take(chosen), left.take(chosen)
 
     def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
         """Measure what the core could not; return which (k,) it could."""

@@ -103,7 +103,7 @@ class NativePairs:
         capsules touch, or more than ``count`` pairs of others.
         """
         bodies, pairs = self.counts
-        scratch, found = np.empty(9 * (bodies + pairs)), np.empty((7, count))
+        scratch, found = np.empty(10 * (bodies + pairs)), np.empty((7, count))
         chosen = np.empty(count, dtype=np.int64)
         struct = self.struct(state.tree)
         arrays = state.array, scratch, chosen, found

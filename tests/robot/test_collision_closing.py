@@ -1,0 +1,88 @@
+"""Which pairs have to brake first: against all pairs, measured and differentiated."""
+
+import numpy as np
+import pytest
+
+from tests.conftest import random_state
+from wbc.braking import stopping_speed
+from wbc.constraints import Limits, SelfCollision
+from wbc.native import VARIABLE
+from wbc.robot import Robot
+from wbc.robot.collision import Body, Capsule, CollisionModel
+from wbc.robot.collision.closing import BodyMotion, Closing
+
+
+@pytest.mark.parametrize("slowest", [0.0, 0.03])
+def test_the_way_is_not_shorter_than_the_margins_law_needs(slowest: float, rng) -> None:
+    closing = Closing(0.002, 5.0, 0.5, slowest)
+    speed = 10.0 ** rng.uniform(-4, 2, 200)
+    # A joint of rate v and acceleration a that closes at |J| v gives |J| a.
+    braking = np.minimum(5.0, speed / (2.0 * slowest)) if slowest else 5.0
+    allowed = np.minimum(
+        stopping_speed(closing.way(speed), braking, 0.002), closing.way(speed) / 0.004
+    )
+    assert (allowed >= speed * (1.0 - 1e-12)).all()
+    if not slowest:
+        np.testing.assert_allclose(allowed, speed, rtol=1e-9)
+    assert (closing.way(-speed) == 0.0).all()
+
+
+@pytest.mark.parametrize("native", ["auto", "off"])
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_those_with_the_least_left_of_all_pairs(
+    native: str, at_rest: bool, rng, monkeypatch
+) -> None:
+    """Bounds on speeds never underestimate: no pair is left out that brute force finds."""
+    monkeypatch.setenv(VARIABLE, native)
+    robot = Robot.load("hoap2_like")
+    bodies = [
+        Body(str(joint), "base", joint, Capsule.of(*(0.05 * rng.normal(size=(2, 3))), 0.02))
+        for joint in range(1, robot.model.njoints)
+    ]
+    if at_rest:
+        bodies.append(Body("pole", "", 0, Capsule.of([0.3, 0, 0], [0.3, 0, 1], 0.02)))
+    n = len(bodies)
+    model = CollisionModel(robot, bodies, [(a, b) for a in range(n) for b in range(a + 1, n)])
+    kept, more = 0.01 * rng.random(len(model.pairs)), 0
+    for _ in range(25):
+        q, v = random_state(robot, rng)
+        here = robot.snapshot(q, v * 10.0 ** rng.uniform(-2, 1))
+        closing = Closing(0.002, 5.0, 0.5, 0.001)
+        every = model.measure(here, np.arange(len(model.pairs)))
+        speed = -model.rows(here, every) @ here.v
+        motion = BodyMotion(here, model._joints, model._moves)
+        most = motion.most(model._covers.placed(here)[2].T, model._covers.sizes[:, 2])
+        assert (most[model.pairs].sum(axis=1) >= speed - 1e-9).all()
+        np.testing.assert_allclose(
+            motion.closing(model.pairs, every.normal, every.point), speed, atol=1e-9
+        )
+        left = every.distance - kept - closing.way(speed)
+        for count in (1, 10, 1000):
+            found, theirs = model.soonest(here, count, kept, closing)
+            fewest = np.sort(left)[: max(count, np.count_nonzero(left < 0.0))]
+            np.testing.assert_allclose(np.sort(theirs), fewest, atol=1e-8)
+            np.testing.assert_allclose(theirs, left[found.pairs], atol=1e-8)
+            assert (np.diff(found.pairs) > 0).all()
+            more += len(found.pairs) > count
+    assert more > 10
+
+
+def test_accelerations_that_joints_have_make_the_way_longer() -> None:
+    """Of what braking counts on there is half: pairs get rows from farther away."""
+    robot = Robot.load("hoap2_like")
+    limits, v = Limits(robot), np.zeros(robot.nv)
+    v[6:] = 1.0
+    here = robot.snapshot(robot.posture("standing"), v)
+    counts = []
+    for known in (None, limits):
+        margins = SelfCollision(robot, pairs=1, limits=known)
+        if known is not None:
+            limits.acceleration = np.full(robot.nv - 6, 2.0)
+            margins = SelfCollision(robot, pairs=1, limits=limits)
+        rows = margins.braked_rows(here, 0.002)
+        distances = margins.distances(here, np.arange(len(margins.margins)))
+        speed = -distances.jacobian @ v
+        late = speed > margins._speed(distances, 0.002)
+        assert set(np.flatnonzero(late)) <= set(rows.distances.keys.tolist())
+        counts.append(len(rows.labels))
+    assert counts[1] > counts[0]
