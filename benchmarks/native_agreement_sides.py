@@ -76,5 +76,5 @@ def sides_of(name: str, margin: bool) -> Sides:
         return Sides(Side(robot, limits), Side(plain, others))
     kept = wbc.SelfCollision(robot, limits=limits)
     same = wbc.SelfCollision(plain, model=SamePairs(plain, kept.model), limits=others)
-    same.margins, same._kept = kept.margins, kept._kept
+    vars(same).update(margins=kept.margins, _kept=kept._kept)  # no one else may
     return Sides(Side(robot, limits, kept), Side(plain, others, same))

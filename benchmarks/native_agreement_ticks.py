@@ -149,7 +149,9 @@ def compare_tick(
         return one
     clearance = ours._answer.clearance
     if rows[0] != rows[1]:
-        near = controller.constraints[0].distances(state).clearance
+        (margin,) = controller.constraints
+        made = margin.braked_rows if isinstance(controller, wbc.TorqueController) else margin.rows
+        near = made(state, controller.dt).distances.clearance
         one.worst = float(np.abs(np.sort(near) - np.sort(clearance)).max())
         return one
     one.worst = of_qps(ours.qp, theirs.qp)

@@ -187,7 +187,8 @@ class CollisionModel:
         placed = self._covers.placed(snapshot)
         speed = motion.most(placed[2].T, self._covers.sizes[:, 2])
         lower = self._covers.balls(placed)
-        lower -= kept + closing.way(speed.take(self.pairs).sum(axis=1))
+        first, second = self.pairs.T
+        lower -= kept + closing.way(speed.take(first) + speed.take(second))
         limit = max(0.0, _smallest(lower, count))
         while True:
             found = self.measure(snapshot, np.flatnonzero(lower <= limit))
