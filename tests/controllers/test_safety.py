@@ -8,12 +8,13 @@ from scipy.optimize import lsq_linear
 
 from wbc.constraints import Limits, PositionBox, support
 from wbc.controllers import KinematicController
+from wbc.native import VARIABLE
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation
-from wbc.tasks import ComTask, OrientationTask, PositionTask, PostureTask
+from wbc.tasks import ComTask, MomentumTask, OrientationTask, PositionTask, PostureTask
 
 Load = Callable[[str], Robot]
 DT, HAND = 0.005, "left_rubber_hand"
@@ -121,3 +122,31 @@ def test_the_second_level_is_the_lexicographic_optimum(seed: int, robot_named: L
     ).x
     cost, best = (float(np.sum((J @ v - w) ** 2)) for v in (tick.velocity, oracle))
     assert cost <= best * (1.0 + 1e-4) + 1e-9
+
+
+@pytest.mark.parametrize("mode", ["auto", "off"])
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+@pytest.mark.parametrize("margins", [False, True])
+def test_without_limits_nothing_is_commanded_that_no_state_may_have(
+    mode: str, solver: str, margins: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before: 1e9 rad/s and "solved", or, with margins, an error from where it led."""
+    monkeypatch.setenv(VARIABLE, mode)
+    robot = Robot.load("g1")
+    here = robot.snapshot(robot.posture("standing"))
+    for policy in ("hold", "damp", "closest"):
+        controller = KinematicController(
+            robot,
+            [MomentumTask(robot, np.full(6, 1e9))],
+            contacts=[],
+            constraints=[PositionBox.height(robot, 0.1)] if margins else [],
+            limits=None,
+            dt=DT,
+            solver=solver,
+            on_failure=policy,
+        )
+        tick = controller.step(here)
+        assert tick.status is Status.CONTRADICTED
+        assert "beyond 1e+06, which no state may have" in tick.report()
+        assert np.abs(tick.velocity).max() <= 1e6
+        robot.snapshot(robot.integrate(here.q, tick.velocity, 1e-6), tick.velocity)

@@ -283,11 +283,10 @@ class Controller(Fixed, ABC):
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""
-        names = self.plan.decision.names
         if margins is None:
-            return Attempt(self._solver.solve(problem).within_limits(names), [])
+            return Attempt(self._solver.solve(problem), [])
         solve = partial(self._solver.solve, problem)
-        return solve_with_look_ahead(solve, margins, problem.contacts).within_limits(names)
+        return solve_with_look_ahead(solve, margins, problem.contacts)
 
     def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
         """Return what is best where not everything can be kept: here, what was tried."""

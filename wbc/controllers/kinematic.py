@@ -18,6 +18,7 @@ from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.robot import Snapshot
+from wbc.robot.tree import LARGEST
 from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
 
@@ -47,7 +48,10 @@ class KinematicController(NativeController):
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         nv = self.robot.nv
         if self.on_failure == "closest":
-            found = least_infeasible(outcome.first)
+            most = np.full(outcome.first.g.size, np.inf)
+            most[:nv] = LARGEST  # where there are no limits
+            lower, upper = np.fmax(outcome.first.lower, -most), np.fmin(outcome.first.upper, most)
+            found = least_infeasible(outcome.first._replace(lower=lower, upper=upper))
             return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, *outcome.box), {}

@@ -31,6 +31,7 @@ from wbc.qp.elimination import Elimination, eliminate
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Snapshot
+from wbc.robot.tree import LARGEST
 from wbc.validate import Array
 
 # How equalities are treated: as rows of the QP, or eliminated before it.
@@ -86,6 +87,7 @@ class Outcome(NamedTuple):
     def within_limits(self, names: Sequence[str]) -> Outcome:
         """Refuse a solution outside the limits in the robot's own units, whatever it rests on.
 
+        Without limits what a robot's state may have is one: where it led could not be looked at.
         Residuals are judged relative to the numbers of the QP, which may be huge; joints are not.
         ``names`` are those of the unknowns.
         """
@@ -96,13 +98,14 @@ class Outcome(NamedTuple):
         excess = np.maximum(lower - v, v - upper)
         worst = int(excess.argmax())
         if excess.item(worst) <= TOLERANCE:  # NaN is not
-            return self
+            if np.abs(v).max() <= LARGEST:
+                return self
+            worst, where = int(np.abs(v).argmax()), f"beyond {LARGEST:g}, which no state may have"
+        else:
+            where = f"outside its limits [{lower[worst]:.6g}, {upper[worst]:.6g}]"
         solution = solution._replace(
             status=Status.CONTRADICTED,
-            message=(
-                f"{names[worst]} at {v[worst]:.6g}, outside its limits "
-                f"[{lower[worst]:.6g}, {upper[worst]:.6g}]: not commanded"
-            ),
+            message=f"{names[worst]} at {v[worst]:.6g}, {where}: not commanded",
         )
         return self._replace(solution=solution)
 
@@ -170,7 +173,7 @@ class LevelSolver:
     def solve(
         self, problem: LevelProblem, margins: Bounds | None = None, box: Box | None = None
     ) -> Outcome:
-        """Return the lexicographic optimum with rows of margins.
+        """Return the lexicographic optimum with rows of margins; outside the limits it is none.
 
         ``box``: of an earlier round of this tick, None in the first.
         """
@@ -191,9 +194,9 @@ class LevelSolver:
             solution = self._solve_first(qp, once=True)
             spent += solution.solve_time
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
-        return (
-            outcome if len(self.plan.levels) == 1 else self._descend(problem, held, bounds, outcome)
-        )
+        if len(self.plan.levels) > 1:
+            outcome = self._descend(problem, held, bounds, outcome)
+        return outcome.within_limits(self.plan.decision.names)
 
     def reduce_singular(
         self, rows: list[Rows], held: Sequence[Rows], level: int

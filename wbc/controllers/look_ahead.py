@@ -114,11 +114,6 @@ class Attempt(NamedTuple):
     rows: list[Bounds]
     step_scale: float = 1.0
 
-    def within_limits(self, names: Sequence[str]) -> Attempt:
-        """Refuse a solution outside the limits; see :meth:`Outcome.within_limits`."""
-        outcome = self.outcome.within_limits(names)
-        return self if outcome is self.outcome else self._replace(outcome=outcome)
-
 
 def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows]) -> Attempt:
     """Return the outcome with margins kept where it leads, and the part of it to command.

@@ -296,7 +296,7 @@ class TorqueController(NativeController):
         parts = [reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
         solve, margins = partial(self._solver.solve, problem), margins._replace(parts=parts)
         outcome, rows, _ = solve_with_cuts(solve, margins)  # no part of a step is safer than all
-        return Attempt(outcome, rows).within_limits(self.plan.decision.names)
+        return Attempt(outcome, rows)
 
     def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
         outcome = attempt.outcome

@@ -10,6 +10,7 @@
  */
 #include "linear.h"
 #include "margin.h"
+#include "tree.h"
 
 #include <string.h>
 
@@ -286,6 +287,7 @@ int wbc_solve(const wbc_plan *plan) {
     wbc_qp qp;
     lay_out(plan, &qp);
     const int said = solve(&qp, plan->scratch, plan->order, plan->quadprog, plan->settings);
+    if (said == DONE && !is_measured(qp.x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
     if (said == DONE && plan->torque) command(plan, &qp);
     return said;
 }

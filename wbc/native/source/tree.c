@@ -176,7 +176,7 @@ static int64_t configuration_size(const wbc_tree *tree) {
     return last < 2 ? 7 : tree->iq[last] + (tree->kind[last] == CONTINUOUS ? 2 : 1);
 }
 
-static int is_measured(const double *values, int64_t n) {
+int is_measured(const double *values, int64_t n) {
     for (int64_t i = 0; i < n; i++)
         if (!(fabs(values[i]) <= LARGEST)) return 0; /* NaN is not */
     return 1;

@@ -7,6 +7,9 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
+/* Whether numbers are what may be entries of q and v: finite, and within what rounding allows. */
+int is_measured(const double *values, int64_t n);
+
 /* Write rotations and origins of all joints at q into a state; arms holds 3 numbers a joint. */
 void place_joints(const wbc_tree *tree, const double *q, double *state, double *arms);
 
