@@ -91,6 +91,13 @@ def test_one_singular_direction_is_scaled_by_its_square_over_the_threshold(rng) 
         assert found[4] == pytest.approx(s)
 
 
+def test_beside_rows_of_zeros_nothing_is_lost(rng) -> None:
+    """Of a frame that no free joint moves; an IndexError before."""
+    vectors = rng.normal(size=(3, 7))
+    np.testing.assert_array_equal(_beside(np.zeros((2, 7)), vectors), vectors)
+    np.testing.assert_array_equal(_beside(np.zeros((0, 7)), vectors), vectors)
+
+
 def test_what_lies_beside_rows_is_orthogonal_to_them(rng) -> None:
     """Oracle: the projector of the pseudo-inverse."""
     vectors = rng.normal(size=(4, N))

@@ -119,10 +119,10 @@ def achieved_rows(rows: Sequence[Rows], x: Array) -> list[Rows]:
 
 def _beside(held: Array, vectors: Array) -> Array:
     """Return vectors (m, n) less their parts in the row space of ``held`` (k, n)."""
-    if not held.size:
-        return vectors
     lengths = np.linalg.norm(held, axis=1)
     unit = held[lengths > 0.0] / lengths[lengths > 0.0, None]
+    if not unit.size:  # rows may all be zero: of a frame that nothing moves
+        return vectors
     packed, _, tau, _, _ = lapack.dgeqp3(unit.T)
     diagonal = np.abs(np.diagonal(packed))
     rank = int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[0]))
