@@ -91,8 +91,6 @@ def test_exit_codes(file: Path, assignments: list[str], code: int, words: str) -
 
 
 def test_a_failed_qp_has_its_own_exit_code(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataclasses import replace
-
     from wbc.qp.proxqp import ProxQP
     from wbc.qp.solution import Status
 
@@ -100,7 +98,7 @@ def test_a_failed_qp_has_its_own_exit_code(file: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(
         ProxQP,
         "solve",
-        lambda *arguments, **named: replace(solve(*arguments, **named), status=Status.FAILED),
+        lambda *arguments, **named: solve(*arguments, **named)._replace(status=Status.FAILED),
     )
     answer = wbc_command("run", file, "--set", "stop.duration=0.02")
     assert answer.exit_code == 4
