@@ -185,12 +185,15 @@ class LevelSolver:
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
-        bounded = self._limits is not None and self._limits.braking == "bounded"
+        limits = self._limits
+        if limits is not None and limits.braking != "bounded":
+            limits = None  # a box that always has room needs no second look
         # Other rows than in the round before: there is no warm start, and will be none.
-        solution = self._solve_first(qp, once=again, quick=bounded)
+        solution = self._solve_first(qp, once=again, quick=limits is not None)
         spent = solution.solve_time
-        if solution.status is not Status.SOLVED and bounded:
-            qp = self._brake_harder(qp, problem.snapshot)
+        if solution.status is not Status.SOLVED and limits is not None:
+            gently = partial(self._solve_quickly, workspace=None)
+            qp = relax_box(qp, limits, problem.snapshot, self._dt, gently) or qp
             solution = self._solve_first(qp, once=True)
             spent += solution.solve_time
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
@@ -282,12 +285,6 @@ class LevelSolver:
         if self._limits is None or self._limits.braking == "free":
             return qp
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
-
-    def _brake_harder(self, qp: QP, snapshot: Snapshot) -> QP:
-        """Return a QP without solution with joints that may brake harder than their bounds."""
-        assert self._limits is not None
-        gently = partial(self._solve_quickly, workspace=None)
-        return relax_box(qp, self._limits, snapshot, self._dt, gently) or qp
 
     def _solve_first(self, qp: QP, once: bool, quick: bool = False) -> Solution:
         """Solve the first level in the chosen formulation.
