@@ -279,7 +279,7 @@ class Controller(Fixed, ABC):
 
     def _margins(self, snapshot: Snapshot) -> MarginRows:
         """Return the rows of the constraints."""
-        return MarginRows.at(snapshot, self.constraints, self.slacks, self.dt)
+        return MarginRows.at(snapshot, self.constraints, self.slacks, self.dt, self._bears)
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""

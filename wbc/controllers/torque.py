@@ -287,9 +287,6 @@ class TorqueController(NativeController):
             return self._no_box, None
         return arrival_box(self.limits, snapshot, self._deceleration, self.dt), None
 
-    def _margins(self, snapshot: Snapshot) -> MarginRows:
-        return MarginRows.at(snapshot, self.constraints, self.slacks, self.dt, braked=True)
-
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         if margins is None:
             return super()._attempt(problem, None)
