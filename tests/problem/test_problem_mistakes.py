@@ -170,7 +170,7 @@ MISTAKES = [
         "double",
         "2",
         3,
-        "support: expected floating, left, right, double, or a list of frames, got 2",
+        "support: expected floating, left, right, double, all, or a list of feet and frames, got 2",
     ),
     ("hoap2_like", "7", 1, "robot: expected a robot's name"),
     (
@@ -335,7 +335,7 @@ def test_a_robot_with_feet_does_not_float_because_support_was_forgotten(file: Pa
     message = complaint(file, GOOD.replace("support: double\n", ""))
     assert message == (
         "p.yaml:1: support: say what the robot stands on: write support: left, right, double, a "
-        "list of frames such as [left_sole, right_sole], or floating (nothing is held)"
+        "list of feet and frames such as [left, right], or floating (nothing is held)"
     )
     file.write_text(GOOD.replace("support: double", "support: floating"))
     assert load_problem(file).parts.contacts == ()

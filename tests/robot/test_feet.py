@@ -310,6 +310,23 @@ def test_quadrupeds_stand_on_four_feet(urdf: str, robot_named: Load) -> None:
         assert abs(place[2]) < 1e-3
         assert (place[0] > s.com[0]) == name.startswith("front")
         assert (place[1] > s.com[1]) == name.endswith("left")
+    soles = [foot.frame for foot in robot.feet.values()]
+    assert [contact.frame for contact in support(s, "all")] == soles
+    assert [contact.frame for contact in support(s, ["hind_left", soles[0]])] == [
+        soles[2],
+        soles[0],
+    ]
+    with pytest.raises(
+        UnknownNameError, match=r"its feet are front_left, .*; write all, or a list"
+    ):
+        support(s, "double")
+
+
+def test_all_feet_of_a_robot_without_any_are_refused(robot_named: Load) -> None:
+    folder = next(p for p in robot_named("g1").path.parents if p.name == "robots")
+    arm = Robot.load(folder / "ur_description/urdf/ur5_robot.urdf")
+    with pytest.raises(UnknownNameError, match="no feet were found"):
+        support(arm.snapshot(arm.posture("neutral")), "all")
 
 
 def test_standing_is_found_where_the_neutral_posture_falls(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from wbc.validate import Array, finite_array, read_only, real_array
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions
     from wbc.robot.symbolic import Expression, SymbolicPosture
 
-SUPPORTS = ("floating", "left", "right", "double")
+SUPPORTS = ("floating", "left", "right", "double", "all")
 DEFAULT_FRICTION = FrictionCone()
 
 
@@ -245,7 +245,8 @@ def support(
     Parameters
     ----------
     mode:
-        ``"floating"``, ``"left"``, ``"right"``, ``"double"``, or a list of frames to hold.
+        ``"floating"``, ``"left"``, ``"right"``, ``"double"``, ``"all"`` feet that the robot has, or
+        a list of feet and frames to hold.
     friction:
         Of each contact, for the torque level.
 
@@ -260,13 +261,9 @@ def support(
         raise InvalidInputError(f"support: expected a snapshot of a robot, got {snapshot!r}")
     if not isinstance(mode, Iterable):
         raise InvalidInputError(f"support: expected a mode or a list of frames, got {mode!r}")
-    frames = list(mode)
-    if isinstance(mode, str):
-        frames = [snapshot.robot.foot(foot).frame for foot in _feet_of(mode)]
-    held = (
-        contact_kind(snapshot.robot, frame).hold(snapshot, frame, friction=friction)
-        for frame in frames
-    )
+    robot = snapshot.robot
+    frames = [sole_or_frame(robot, one) for one in feet_of(robot, mode)]
+    held = (contact_kind(robot, frame).hold(snapshot, frame, friction=friction) for frame in frames)
     return base_contact(snapshot) + tuple(held)
 
 
@@ -281,7 +278,31 @@ def base_contact(snapshot: Snapshot) -> tuple[Contact, ...]:
     return (Contact.hold(snapshot, BASE),) if snapshot.robot.fixed_base else ()
 
 
-def _feet_of(mode: str) -> tuple[str, ...]:
+def feet_of(robot: Robot, mode: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the feet that a support mode stands on; what is listed as it is.
+
+    Raises
+    ------
+    UnknownNameError
+        A mode that does not exist, or one of feet that the robot does not have.
+    """
+    if not isinstance(mode, str):
+        return tuple(mode)
     if mode not in SUPPORTS:
         raise UnknownNameError("support mode", mode, SUPPORTS)
-    return {"floating": (), "double": ("left", "right")}.get(mode, (mode,))
+    every = tuple(robot.feet) or ("all",)  # which none of its feet is called
+    feet = {"floating": (), "double": ("left", "right"), "all": every}.get(mode, (mode,))
+    for foot in feet:
+        if robot.feet and foot not in robot.feet:
+            names = ", ".join(robot.feet)
+            remedy = f"its feet are {names}; write all, or a list of those to stand on"
+            raise UnknownNameError(f"foot of {robot.name}", foot, robot.feet, remedy)
+        robot.foot(foot)
+    return feet
+
+
+def sole_or_frame(robot: Robot, name: str) -> str:
+    """Return the frame that a name in a list of supports means: a frame's own, or a foot's sole."""
+    if name in robot.feet and name not in robot.frame_indices:
+        return robot.feet[name].frame
+    return name

@@ -89,7 +89,7 @@ def build(spec: ProblemSpec, source: Source, folder: Path) -> Parts:
         phases=phases,
         limits=limits,
         surroundings=around,
-        contact_slack=slack_by_frame(supports),
+        contact_slack=slack_by_frame(start.robot, supports),
         plan=reference,
     )
     _check_parts(spec, parts, start, mistakes)

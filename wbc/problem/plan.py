@@ -214,7 +214,7 @@ def _check_free(spec: ProblemSpec, start: Snapshot, mistakes: Mistakes) -> None:
         contacts = contacts_of(spec.support, start)
     except WbcError:  # noted where the support is made
         return
-    soft = slack_by_frame([spec.support])
+    soft = slack_by_frame(start.robot, [spec.support])
     held = held_joints(start.robot, [one for one in contacts if one.frame not in soft])
     for name, task in spec.tasks.items():
         with mistakes.at("tasks", name), suppress(UnknownNameError):  # of the frame: noted before

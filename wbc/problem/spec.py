@@ -115,9 +115,9 @@ class ProblemSpec(Section):
     start: StartSpec = StartSpec()
     """Where the robot starts."""
     support: Support | None = None
-    """What is held where it is at the start: nothing (floating), a foot, both feet (double), or a
-    list of frames. Left out: nothing, of a robot without feet; a robot with feet must say, here or
-    in its first phase."""
+    """What is held where it is at the start: nothing (floating), a foot, both feet (double), all
+    feet, or a list of feet and frames. Left out: nothing, of a robot without feet; a robot with
+    feet must say, here or in its first phase."""
     tasks: Annotated[dict[PlainName, AnyTask], Field(min_length=1)]
     """What the robot should do, by names of your choice."""
     phases: Annotated[dict[PlainName, PhaseSpec], Field(min_length=1)] | None = None

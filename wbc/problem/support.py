@@ -9,7 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from wbc.constraints import Contact, PointContact, support
-from wbc.constraints.contact import DEFAULT_FRICTION, base_contact, contact_kind
+from wbc.constraints.contact import (
+    DEFAULT_FRICTION,
+    base_contact,
+    contact_kind,
+    feet_of,
+    sole_or_frame,
+)
 from wbc.constraints.friction import FrictionCone
 from wbc.errors import InvalidInputError
 from wbc.problem.friction import FrictionSpec, cone
@@ -35,7 +41,7 @@ class ContactSpec(Section):
     """A frame that is held where it is at the start."""
 
     frame: Name
-    """A link, sole or other frame of the robot."""
+    """A foot, link, sole or other frame of the robot."""
     type: Literal["fixed", "point"] | None = None
     """fixed: position and orientation are held; point: the position only; left out: point for the
     sole of a foot that ends in a point, as those of quadrupeds do, else fixed."""
@@ -72,13 +78,14 @@ class ContactSpec(Section):
 
 
 Support = Annotated[
-    Literal["floating", "left", "right", "double"]
+    Literal["floating", "left", "right", "double", "all"]
     | NonEmpty[
         Annotated[
-            Name | ContactSpec, Forms("a frame's name, or {frame: ..., type: fixed or point}")
+            Name | ContactSpec,
+            Forms("the name of a foot or frame, or {frame: ..., type: fixed or point}"),
         ]
     ],
-    Forms("floating, left, right, double, or a list of frames"),
+    Forms("floating, left, right, double, all, or a list of feet and frames"),
 ]
 
 
@@ -101,17 +108,18 @@ def contacts_of(
     """
     if spec is None or isinstance(spec, str):
         return support(snapshot, spec or "floating", friction=friction)
+    robot = snapshot.robot
     wanted = [ContactSpec(frame=one) if isinstance(one, str) else one for one in spec]
-    frames = [one.frame for one in wanted]
+    frames = [sole_or_frame(robot, one.frame) for one in wanted]
     for k, frame in enumerate(frames):
         if frame in frames[:k]:
             raise Misplaced(f"frame {frame!r} is named twice", k)
     kinds = {"fixed": Contact, "point": PointContact}
     held = (
-        (kinds[one.type] if one.type else contact_kind(snapshot.robot, one.frame)).hold(
-            snapshot, one.frame, **one.settings(friction)
+        (kinds[one.type] if one.type else contact_kind(robot, frame)).hold(
+            snapshot, frame, **one.settings(friction)
         )
-        for one in wanted
+        for one, frame in zip(wanted, frames, strict=True)
     )
     return base_contact(snapshot) + tuple(held)
 
@@ -125,11 +133,11 @@ def check_said(spec: Support | None, robot: Robot) -> None:
         The message says what to write.
     """
     if spec is None and robot.feet:
-        words = "left, right, double" if {"left", "right"} <= robot.feet.keys() else ""
-        soles = ", ".join(foot.frame for foot in robot.feet.values())
+        words = "left, right, double" if {"left", "right"} <= robot.feet.keys() else "all"
+        feet = ", ".join(robot.feet)
         raise InvalidInputError(
-            f"say what the robot stands on: write support: {words and words + ', '}a list of "
-            f"frames such as [{soles}], or floating (nothing is held)"
+            f"say what the robot stands on: write support: {words}, a list of feet and frames such "
+            f"as [{feet}], or floating (nothing is held)"
         )
 
 
@@ -143,7 +151,7 @@ def check_stands(spec: Support | None, snapshot: Snapshot) -> None:
     """
     if not isinstance(spec, str) or spec == "floating":
         return
-    feet = [name for name in snapshot.robot.feet if spec in (name, "double")]
+    feet = feet_of(snapshot.robot, spec)
     soles = [snapshot.robot.feet[name] for name in feet]
     lowest = min(
         float((one.polygon @ snapshot.rotation(one.frame)[2, :2]).min())
@@ -160,11 +168,11 @@ def check_stands(spec: Support | None, snapshot: Snapshot) -> None:
             )
 
 
-def slack_by_frame(supports: Iterable[Support | None]) -> dict[str, float]:
+def slack_by_frame(robot: Robot, supports: Iterable[Support | None]) -> dict[str, float]:
     """Return the slack weights of contacts, by frame; a later support's count over an earlier's."""
     listed = (one for support in supports if not isinstance(support, str) for one in support or ())
     return {
-        one.frame: one.slack
+        sole_or_frame(robot, one.frame): one.slack
         for one in listed
         if isinstance(one, ContactSpec) and one.slack is not None
     }

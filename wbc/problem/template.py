@@ -66,7 +66,7 @@ def problem_template(robot: Robot, name: str, file: str, schema: str | None = No
     return _TEXT.format(
         robot=name,
         file=file,
-        support="double  " if double else "floating",
-        feet="left, right, double, " if double else "",
+        support="double  " if double else "all     " if robot.feet else "floating",
+        feet="left, right, double, " if double else "all, " if robot.feet else "",
         editor="" if schema is None else EDITOR_LINE.format(schema),
     )

@@ -39,8 +39,8 @@ class Over(Section):
     """A place of the CoM above what the robot stands on."""
 
     over: Name
-    """A foot, or double for left and right together: the middle of its sole, or half way between
-    the two, where they are when the target is set."""
+    """A foot, double for left and right together, or all: the middle of its sole, or of those of
+    several, where they are when the target is set."""
     height: Number | None = None
     """Height above the ground [m]; as it was if left out."""
 
@@ -132,12 +132,13 @@ class ComSpec(ErrorTaskSpec):
         """Return the feet that the target is above, all of which exist."""
         if not isinstance(self.target, Over):
             return ()
-        feet = DOUBLE if self.target.over == "double" else (self.target.over,)
-        for foot in feet:
-            if foot not in robot.feet:
-                choices = [*robot.feet, *(["double"] if set(DOUBLE) <= set(robot.feet) else [])]
-                remedy = "" if robot.feet else NO_FEET
-                raise UnknownNameError(f"foot of {robot.name}", self.target.over, choices, remedy)
+        several = {"double": DOUBLE, "all": tuple(robot.feet)}
+        feet = several.get(self.target.over, (self.target.over,))
+        if not feet or not set(feet) <= set(robot.feet):
+            words = (word for word, feet in several.items() if set(feet) <= set(robot.feet))
+            choices = [*robot.feet, *words] if robot.feet else []
+            remedy = "" if robot.feet else NO_FEET
+            raise UnknownNameError(f"foot of {robot.name}", self.target.over, choices, remedy)
         return feet
 
 

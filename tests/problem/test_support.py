@@ -1,0 +1,62 @@
+"""What a file says the robot stands on: feet by words, by their names, and frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import ProblemFileError
+from wbc.problem import Problem, load_problem
+
+TEXT = """
+robot: {robot}
+support: {support}
+tasks:
+  com: {{type: com, target: {{over: {over}}}}}
+  posture: {{type: posture, target: start, weight: 0.1}}
+"""
+
+
+def load(folder: Path, robot: str, support: str, over: str) -> Problem:
+    path = folder / "p.yaml"
+    path.write_text(TEXT.format(robot=robot, support=support, over=over))
+    return load_problem(path)
+
+
+@pytest.fixture
+def quadruped(robot_named) -> str:
+    folder = next(p for p in robot_named("g1").path.parents if p.name == "robots")
+    return str(folder / "go2_description/urdf/go2.urdf")
+
+
+def test_a_quadruped_stands_on_all_feet_with_its_com_over_them(tmp_path: Path, quadruped) -> None:
+    parts = load(tmp_path, quadruped, "all", "all").parts
+    soles = [foot.frame for foot in parts.robot.feet.values()]
+    assert [contact.frame for contact in parts.contacts] == soles
+    assert len(soles) == 4
+    start = parts.robot.snapshot(parts.start)
+    middle = np.mean([start.position(sole) for sole in soles], axis=0)
+    (com,) = (one for one in parts.targeted if one.task.name == "com")
+    np.testing.assert_allclose(com.goal(start, start.com)[:2], middle[:2], atol=1e-12)
+
+
+def test_feet_are_listed_by_their_names_beside_frames(tmp_path: Path) -> None:
+    support = "[{frame: left, slack: 100}, right_hand]"
+    parts = load(tmp_path, "hoap2_like", support, "double").parts
+    assert [contact.frame for contact in parts.contacts] == ["left_sole", "right_hand"]
+    assert parts.contact_slack == {"left_sole": 100.0}
+
+
+@pytest.mark.parametrize(
+    ("support", "over", "words"),
+    [
+        ("double", "all", "its feet are front_left, front_right, hind_left, hind_right; write all"),
+        ("all", "double", "unknown foot of go2_description 'double'"),
+        ("[front_left, front_left_sole]", "all", "frame 'front_left_sole' is named twice"),
+    ],
+)
+def test_words_that_do_not_fit(
+    tmp_path: Path, quadruped, support: str, over: str, words: str
+) -> None:
+    with pytest.raises(ProblemFileError, match=words):
+        load(tmp_path, quadruped, support, over)
