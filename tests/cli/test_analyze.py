@@ -157,8 +157,9 @@ def test_what_was_measured_was_feasible(measured: bool, words: str) -> None:
     robot = Robot.load("hoap2_like")
     q = np.tile(robot.postures["standing"], (100, 1))
     one_foot = analyse(Motion(robot, TIME, q[:, 7:], q[:, :7]), feet=["left"])
-    said = str(_verdict(replace(one_foot, measured=measured)))
+    said = str(_verdict(replace(one_foot, measured=measured), filtered=True))
     assert words in said
+    assert "--cutoff" not in str(_verdict(replace(one_foot, measured=measured), filtered=False))
     assert " mm at most, first at 0 s" in said
 
 

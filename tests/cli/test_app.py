@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
 import wbc
@@ -330,3 +332,13 @@ def test_layers_and_directions_of_a_picture(
     assert views == [View.of("left", "robot,com")]
     assert "unknown layer 'legs'; did you mean 'leg'" in refused("run", file, "--show", "legs")
     assert "unknown direction to view from 'up'" in refused("run", file, "--view-from", "up")
+
+
+def test_units_stand_in_the_help() -> None:
+    """Rich takes [s] for markup and swallows it: "when it begins ."."""
+    commands = typer.main.get_command(app).commands
+    assert "push" in commands
+    for name, command in commands.items():
+        said = [command.help, *(getattr(p, "help", None) for p in command.params)]
+        for text in said:
+            assert not re.search(r"\[[a-zA-Z/^0-9 ]+\]", text or ""), f"wbc {name}: {text}"

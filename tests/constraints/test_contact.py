@@ -6,6 +6,7 @@ import pytest
 from wbc.constraints import Contact, Limits, PointContact, support
 from wbc.constraints.independent_rows import independent_rows
 from wbc.controllers import KinematicController
+from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, PostureTask
@@ -113,3 +114,11 @@ def test_one_link_in_two_places_is_still_a_contradiction(here, case) -> None:
     )
     assert not tick.ok
     assert contacts[1].frame in tick.report()
+
+
+def test_corners_are_given_once(here) -> None:
+    """Their forces are unknowns of the QP: others came to nothing, without a word."""
+    contact = Contact.hold(here, "left_sole")
+    with pytest.raises(InvalidInputError, match=r"corners: cannot be assigned; .* set_contacts"):
+        contact.corners = [[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]]
+    assert len(contact.corners) == len(here.robot.feet["left"].polygon)

@@ -268,3 +268,24 @@ def test_one_bad_acceleration_among_good_ones_is_refused(robot_named) -> None:
         acceleration[3] = bad
         with pytest.raises(InvalidInputError, match="acceleration: every entry must be positive"):
             Limits(robot, acceleration=acceleration)
+
+
+def test_what_is_assigned_is_checked_as_what_is_given(robot: Robot) -> None:
+    limits = Limits(robot)
+    for name in ("speed", "acceleration"):
+        for bad in (-1.0, 0.0, np.nan, np.full(3, 1.0), "fast", np.full(robot.nv - 6, -1.0)):
+            with pytest.raises(InvalidInputError, match=f"^limits, {name}: "):
+                setattr(limits, name, bad)
+    for name, bad, told in (
+        ("recovery", 1.5, "above 1"),
+        ("recovery", 0.0, "greater than 0"),
+        ("braking", "fre", "did you mean 'free'"),
+    ):
+        with pytest.raises(WbcError, match=told):
+            setattr(limits, name, bad)
+    mine = np.full(robot.nv - 6, 0.25)
+    limits.speed, limits.acceleration = mine, np.inf
+    mine[:] = 9.0  # the caller's own
+    upper = limits.box(robot.snapshot(robot.posture()), DT)[1][6:]
+    assert upper.max() == 0.25
+    assert np.isinf(limits.acceleration).all()

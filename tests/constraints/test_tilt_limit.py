@@ -145,3 +145,15 @@ def test_a_limit_that_is_none_is_refused(robot, what, answer) -> None:
 def test_a_frame_that_is_none_is_refused(robot) -> None:
     with pytest.raises(UnknownNameError, match="trunk"):
         TiltLimit(robot, "trunk", 1.0)
+
+
+def test_an_assigned_angle_is_checked_and_counts(robot) -> None:
+    limit = TiltLimit(robot, TRUNK, 1.0)
+    for bad in (0.0, -1.0, 4.0, np.nan, "30 degrees"):
+        with pytest.raises(InvalidInputError, match="tilt of base, angle: "):
+            limit.angle = bad
+    limit.angle = 0.5
+    here = robot.snapshot(tilted(robot, (0.2, 0.0, 0.0)))
+    assert limit.distances(here).clearance[0] == pytest.approx(0.3 - SKIN)
+    with pytest.raises(InvalidInputError, match="axis cannot be assigned"):
+        limit.axis = (1.0, 0.0, 0.0)

@@ -137,6 +137,20 @@ def test_commands_parse(path: Path) -> None:
                 assert (ROOT / word).is_file(), line
 
 
+@pytest.mark.parametrize("path", pages_with("sh"), ids=named)
+def test_files_that_commands_read_are_in_a_clone(path: Path) -> None:
+    """Or made by a command before: who pastes them meets no error."""
+    made = set[str]()
+    for line in commands(path):
+        words = shlex.split(line, comments=True)
+        if words[0] != "wbc":
+            continue
+        if words[1] == "init":
+            made.add(words[2])
+        elif len(words) > 2 and words[2].endswith(".yaml"):
+            assert words[2] in made or (ROOT / words[2]).is_file(), line
+
+
 def parse(words: list[str]) -> None:
     """Let the command line parse its arguments, without running anything."""
     group = typer.main.get_command(app)

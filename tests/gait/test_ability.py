@@ -43,6 +43,7 @@ def test_weak_joints_are_named(caplog: pytest.LogCaptureFixture) -> None:
         (note,) = Walker(robot).notes
     assert "left_hip_roll takes 2.09 and has 1.5, right_hip_roll" in note
     assert "left_ankle" not in note
+    assert note.endswith("give the joint's, as effort={'left_hip_roll': ...}")
     assert note in caplog.text
     assert Walker(robot, torque_limits=None).notes == ()  # they are not bounded there
     assert Walker(robot, torque_limits=2.0).notes == ()

@@ -149,3 +149,14 @@ def test_every_robot_of_the_library_can_carry_itself(robot_named) -> None:
         carried = sum(here.jacobian(f).T @ w for f, w in zip(feet, weight, strict=True))
         share = np.abs((here.bias - carried)[6:]) / robot.limits.effort
         assert share.max() < 0.5, (name, robot.joint_names[share.argmax()], share.max())
+
+
+def test_a_rotor_that_turns_harder_than_the_robot_is_noted() -> None:
+    """3 kg m^2 on a robot of 7 kg, whose own largest principal moment is 0.11 kg m^2."""
+    robot = Robot.load("hoap2_like", armature={"left_knee_pitch": 3.0, "*ankle*": 0.1})
+    (note,) = (note for note in robot.notes if "rotor" in note)
+    assert "left_knee_pitch (3 kg m^2)" in note
+    assert "ankle" not in note
+    assert "gear ratio squared" in note
+    for name in ("hoap2_like", "g1", "talos"):
+        assert not any("rotor" in note for note in Robot.load(name, armature=0.05).notes)

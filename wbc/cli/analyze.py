@@ -110,7 +110,7 @@ def analyze(
         if plot is not None:
             outputs.draw(plot, lambda picture: _draw(series, picture, moments))
         if not quiet:
-            _print(series, outputs.written)
+            _print(series, low_pass is not None, outputs.written)
         code = outputs.exit_code()
     raise typer.Exit(code)
 
@@ -175,7 +175,7 @@ def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
 # ---------------------------------------------------------------------- what is printed
 
 
-def _print(series: RmpSeries, written: list[Path]) -> None:
+def _print(series: RmpSeries, filtered: bool, written: list[Path]) -> None:
     """Print what the motion came to, and what it lacked."""
     import numpy as np
     from rich.console import Console
@@ -208,7 +208,7 @@ def _print(series: RmpSeries, written: list[Path]) -> None:
             table.add_row(Text(name), *(f"{number:.4g}" for number in numbers))
     console.print(table)
     console.print()
-    console.print(_verdict(series))
+    console.print(_verdict(series, filtered))
     print_written(console, written, 9)
 
 
@@ -235,8 +235,8 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
     yield "turning of the axes [rad/s]", 1.0, np.linalg.norm(axes, axis=1)
 
 
-def _verdict(series: RmpSeries) -> Any:
-    """Return what is to be said of the CoP, flight and axes, in a line."""
+def _verdict(series: RmpSeries, filtered: bool) -> Any:
+    """Return what is to be said of the CoP, flight and axes, in a line; after a low-pass or not."""
     import numpy as np
     from rich.text import Text
 
@@ -257,7 +257,9 @@ def _verdict(series: RmpSeries) -> Any:
         # What was measured was possible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
         why = "the motion is infeasible there"
         if series.measured:
-            why = "it was measured, so see by --cutoff none how much of that the filter does"
+            why = "it was measured, so the forces, the soles' shape or the ground's height are off"
+            if filtered:
+                why = "it was measured, so see by --cutoff none how much of that the filter does"
         line.append(
             f"CoP outside the support polygon in {series.cop_outside.sum()} of {count} frames, by"
             f" {1e3 * farthest:.2g} mm at most, first at {first:.12g} s: {why}. ",

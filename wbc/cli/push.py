@@ -52,8 +52,8 @@ def push(
     body: Annotated[
         str, typer.Option(help="Link or frame that is pushed, where the CoM is at the start.")
     ] = "base",
-    duration: Annotated[float, typer.Option(help="Of a push, of constant force [s].")] = 0.1,
-    at: Annotated[float, typer.Option(help="When it begins [s].")] = 0.1,
+    duration: Annotated[float, typer.Option(help="Of a push, of constant force, in s.")] = 0.1,
+    at: Annotated[float, typer.Option(help="When it begins, in s.")] = 0.1,
     compare: Annotated[
         Path | None,
         typer.Option(help="Push this problem, too, and say how much more the first survives."),

@@ -89,7 +89,7 @@ def collisions(
     robot: Annotated[
         str, typer.Argument(help="Name or file of a robot.", autocompletion=robots_beginning)
     ],
-    margin: Annotated[float, typer.Option(help="Distance that bodies keep [m].")] = 0.01,
+    margin: Annotated[float, typer.Option(help="Distance that bodies keep, in m.")] = 0.01,
     fit: Annotated[str, typer.Option(help="capsule or hull")] = "capsule",
 ) -> None:
     """List the pairs of a robot's bodies that self-collision does not watch, and why."""

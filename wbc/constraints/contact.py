@@ -60,7 +60,7 @@ class Contact(Task):
     friction:
         The :class:`~wbc.constraints.friction.FrictionCone`, or None.
     corners:
-        (k, 3) in the frame's axes [m], or None if the frame is no sole and none were given.
+        (k, 3) in the frame's axes [m], or None if the frame is no sole and none were given. Fixed.
     """
 
     ROWS: tuple[str, ...] = AXES + TURNS
@@ -102,6 +102,11 @@ class Contact(Task):
         elif name == "friction" and not isinstance(value, FrictionCone | None):
             raise InvalidInputError(
                 f"{self}, friction: expected a FrictionCone or None, got {value!r}"
+            )
+        elif name == "corners" and name in self.__dict__:  # forces at them are unknowns of a QP
+            raise InvalidInputError(
+                f"{self}, corners: cannot be assigned; make another contact with corners=..., and"
+                " hand it to set_contacts()"
             )
         super().__setattr__(name, value)
 

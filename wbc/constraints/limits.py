@@ -18,7 +18,7 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 from __future__ import annotations
 
 from copy import copy
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +77,11 @@ class Limits(Fixed):
         Fraction of a violation to take back in one tick, in (0, 1]; a torque controller takes it
         back with a time constant of 20 ms.
 
+    Attributes
+    ----------
+    speed, acceleration:
+        Of each joint (nv - 6,), positive, read-only. Others can be assigned, one number too.
+
     Raises
     ------
     InvalidInputError
@@ -89,6 +94,20 @@ class Limits(Fixed):
 
     def __repr__(self) -> str:
         return f"Limits({self.robot.name!r}, {self.robot.nv - 6} joints)"
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("speed", "acceleration"):
+            value = _by_joint(f"limits, {name}", value, self.robot.nv - 6)
+        elif name == "braking" and value not in BRAKING:
+            raise UnknownNameError("kind of braking", value, BRAKING)
+        elif name == "recovery":
+            value = finite_number("limits, recovery", value, above=0.0)
+            if value > 1.0:
+                raise InvalidInputError(f"limits, recovery: {value:g} is above 1 (all in one tick)")
+        super().__setattr__(name, value)
+
+    speed: Array
+    acceleration: Array
 
     def __init__(
         self,
@@ -107,16 +126,13 @@ class Limits(Fixed):
         joints = robot.nv - 6
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
-        self.acceleration = read_only(_accelerations(acceleration, self.speed, joints))
         self.by_default = acceleration is None
-        if braking not in BRAKING:
-            raise UnknownNameError("kind of braking", braking, BRAKING)
+        by_speed = self.speed / DEFAULT_RISE_TIME
+        self.acceleration = cast(Array, by_speed if acceleration is None else acceleration)
         self.braking = braking
         twist = np.full(6, np.inf) if base_twist is None else base_twist
         self.base_twist = _positive("limits, base_twist", twist, 6)
-        self.recovery = finite_number("limits, recovery", recovery, above=0.0)
-        if self.recovery > 1.0:
-            raise InvalidInputError(f"limits, recovery: {recovery:g} is above 1 (all in one tick)")
+        self.recovery = recovery
         self._box_of_base = np.zeros((2, BASE_NV + joints))
         self._box_of_base[:, :BASE_NV] = _SIGNS * self.base_twist
         self._signed_bounds = np.stack((-self.lower, self.upper))
@@ -135,7 +151,7 @@ class Limits(Fixed):
         inertia = np.diagonal(self.robot.snapshot(q).mass_matrix)[BASE_NV:]
         limits = copy(self)
         able = TORQUE_SHARE * torques / inertia
-        limits.acceleration = read_only(np.minimum(self.acceleration, able))
+        limits.acceleration = np.minimum(self.acceleration, able)
         return limits
 
     def box(self, snapshot: Snapshot, dt: float) -> Box:
@@ -246,16 +262,13 @@ def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array
 
 def _speeds(robot: Robot, velocity: float | None) -> Array:
     if velocity is None:
-        return read_only(np.full(robot.nv - 6, np.inf))
-    return read_only(finite_number("limits, velocity", velocity, above=0.0) * robot.limits.velocity)
+        return np.full(robot.nv - 6, np.inf)
+    return finite_number("limits, velocity", velocity, above=0.0) * robot.limits.velocity
 
 
-def _accelerations(acceleration: ArrayLike | None, speed: Array, joints: int) -> Array:
-    if acceleration is None:
-        return speed / DEFAULT_RISE_TIME
-    what = "limits, acceleration"
-    given = real_array(what, acceleration)
-    return _positive(what, np.full(joints, given) if given.ndim == 0 else given, joints)
+def _by_joint(what: str, given: ArrayLike, joints: int) -> Array:
+    numbers = real_array(what, given)
+    return _positive(what, np.full(joints, numbers) if numbers.ndim == 0 else numbers, joints)
 
 
 def _positive(what: str, value: Any, size: int) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,7 @@ class TiltLimit(Margin):
     frame:
         Such as the trunk's link.
     angle:
-        The largest tilt, in (0, pi) [rad].
+        The largest tilt, in (0, pi) [rad]; another one can be assigned.
     axis:
         (3,) what should point up, in the frame's axes; see :meth:`upright`.
     braking:
@@ -47,6 +47,15 @@ class TiltLimit(Margin):
     InvalidInputError
         An angle out of range, or an axis of no length.
     """
+
+    _fixed = dict.fromkeys(("frame", "axis"), "make another TiltLimit")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "angle":
+            value = finite_number(f"{self.name}, angle", value, above=0.0)
+            if value >= np.pi:
+                raise InvalidInputError(f"{self.name}, angle: must be below pi, got {value:g} rad")
+        super().__setattr__(name, value)
 
     def __init__(
         self,
@@ -62,9 +71,7 @@ class TiltLimit(Margin):
         super().__init__(robot, f"tilt of {frame}", braking, limits)
         robot.frame_id(frame)
         self.frame = frame
-        self.angle = finite_number(f"{self.name}, angle", angle, above=0.0)
-        if self.angle >= np.pi:
-            raise InvalidInputError(f"{self.name}, angle: must be below pi, got {angle:g} rad")
+        self.angle = angle
         given = finite_vector(f"{self.name}, axis", axis, 3)
         length = float(np.linalg.norm(given))
         if length == 0.0:

@@ -43,7 +43,9 @@ def lacks(posture: Snapshot, most: Array) -> tuple[str, ...]:
     if weak:
         said.append(
             f"with the pressure at the middle of one sole {', '.join(weak)} N m: it will be"
-            " elsewhere, so that the robot walks faster than it is told to, or falls"
+            " elsewhere, so that the robot walks faster than it is told to, or falls; a file may"
+            " have one motor's torque where two drive a joint by rods: then give the joint's, as"
+            f" effort={{{robot.joint_names[int(np.argmax(needed - most))]!r}: ...}}"
         )
     for note in said:
         logging.getLogger(__name__).warning("walker: %s: %s", robot.name, note)

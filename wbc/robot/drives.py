@@ -70,3 +70,26 @@ def effort_note(limits: Limits) -> tuple[str, ...]:
         return ()
     which = "any joint" if len(without) == len(limits.names) else listed(without)
     return (f"no effort limit is given for {which}: torques are not bounded there (effort: ...)",)
+
+
+def armature_note(model: pin.Model) -> tuple[str, ...]:
+    """Return a note of joints harder to turn than the whole robot: a unit, or a ratio not squared.
+
+    Compared is the largest principal moment about the CoM in the neutral posture, without rotors;
+    where a joint slides, the robot's mass.
+    """
+    data = model.createData()
+    pin.ccrba(model, data, pin.neutral(model), np.zeros(model.nv))
+    turned, moved = float(np.linalg.eigvalsh(data.Ig.inertia)[2]), float(data.Ig.mass)
+    heavy = []
+    for j in (j for j in range(2, model.njoints) if model.nvs[j] == 1):
+        rotor = float(model.armature[model.idx_vs[j]])
+        slides = model.joints[j].shortname().startswith("JointModelP")
+        if rotor > (moved if slides else turned):
+            heavy.append(f"{model.names[j]} ({rotor:.3g} {'kg' if slides else 'kg m^2'})")
+    if not heavy:
+        return ()
+    return (
+        f"rotor inertias above that of the whole robot ({turned:.2g} kg m^2): {listed(heavy)}; they"
+        " are as felt at the joint, in kg m^2: the rotor's own times the gear ratio squared",
+    )

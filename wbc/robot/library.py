@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wbc.errors import InvalidInputError, ModelError, UnknownNameError
+from wbc.errors import InvalidInputError, ModelError, UnknownNameError, suggest
 from wbc.robot.feet import FootSpec
 
 DATA_VARIABLE = "WBC_ROBOT_DATA"  # a folder holding g1_description, talos_data, ...
@@ -220,7 +220,11 @@ def _from_robot_descriptions(name: str) -> Source:
     wanted = (f"robot_descriptions.{name}", f"robot_descriptions.{name}_description")
     module_name = next((m for m in wanted if installed and importlib.util.find_spec(m)), None)
     if module_name is None:
-        raise UnknownNameError("robot", name, robot_names())
+        known = suggest(name, robot_names()).removeprefix(";").strip()
+        others = "" if installed else ", or pip install robot_descriptions for its many"
+        raise UnknownNameError(
+            "robot", name, robot_names(), f"{known}; or give the path of a URDF or MJCF file{others}"
+        )
     try:
         module = importlib.import_module(module_name)
     except Exception as error:  # whatever its download raises: no network, no git, no space

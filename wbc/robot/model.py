@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError
-from wbc.robot.drives import JointValues, effort_note, set_drives
+from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
@@ -156,7 +156,7 @@ class Robot(KinematicTree):
             fixed_base=stance.bolted,
             couplings=couplings,
             postures=postures,
-            notes=notes + posture_notes + stance.notes + effort_note(limits),
+            notes=notes + posture_notes + stance.notes + armature_note(model) + effort_note(limits),
             srdf=states_file,
             geometry=description.geometry,
         )
