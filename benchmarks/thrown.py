@@ -1,10 +1,10 @@
-"""Bodies thrown at each other by torques: are margins kept, with rows for few pairs?
+"""Bodies thrown at each other, or at obstacles, by torques: are margins kept, with few rows?
 
-Random postures are asked for at a stiffness that no tick can follow, without contacts (all joints)
-or standing (arms and waist). All pairs are measured after every tick: one is broken that ends in a
-tick further inside its margin than it began.
+Random postures are asked for at a stiffness that no tick can follow, without contacts (all joints),
+standing (arms and waist), or standing among balls that hang where arms may come. All pairs are
+measured after every tick: one is broken that ends in a tick farther inside than it began.
 
-    python benchmarks/thrown.py [--ticks 900] [--robots g1 talos] [--pairs 5 25] [--timed 2000]
+    python benchmarks/thrown.py [--ticks 900] [--robots g1] [--among balls] [--pairs 5 25]
 """
 
 import os
@@ -16,18 +16,54 @@ from time import thread_time
 
 import numpy as np
 
-from wbc.constraints import Limits, SelfCollision, support
+from wbc.constraints import Limits, Obstacles, SelfCollision, support
+from wbc.constraints.margin import Margin
 from wbc.controllers import TorqueController
 from wbc.robot import Robot
+from wbc.robot.collision import Obstacle
 from wbc.tasks import ComTask, PostureTask
+from wbc.validate import Array
 
 DT, TURN = 0.002, 60  # s; ticks for each target
 STIFFNESS, REACH = 2000.0, 3.0  # 1/s^2; rad
 INSIDE, ROUNDING = 1.5e-4, 1e-7  # m
 LEGS = ("hip", "knee", "ankle", "leg")
+AMONG = ("nothing", "feet", "balls")
+BALLS, RADIUS, ROOM = 20, 0.05, 0.08  # m: of balls, and round them at the start
 
 
-def controller_of(robot: Robot, stands: bool, margins: SelfCollision) -> TorqueController:
+def balls_of(robot: Robot, rng: np.random.Generator) -> list[Obstacle]:
+    """Return balls where arms may be thrown, none of them near the robot that stands."""
+    q = robot.posture("standing")
+    here, model = robot.snapshot(q), SelfCollision(robot).model
+    found: list[Obstacle] = []
+    while len(found) < BALLS:
+        there = model.covers.placed(robot.snapshot(anywhere(robot, q, rng, True)))[2].T
+        moved = np.flatnonzero(np.abs(there - model.covers.placed(here)[2].T).max(axis=1) > ROOM)
+        ball = Obstacle.sphere(f"ball {len(found)}", there[rng.choice(moved)], RADIUS)
+        if Obstacles(robot, [ball], margin=ROOM).distances(here).clearance.min() > 0.0:
+            found.append(ball)
+    return found
+
+
+def anywhere(robot: Robot, q: Array, rng: np.random.Generator, stands: bool) -> Array:
+    """Return a random posture; of a robot that stands, arms and waist are anywhere."""
+    target = q.copy()
+    lower, upper = (np.clip(end, -REACH, REACH) for end in (robot.limits.lower, robot.limits.upper))
+    moved = np.array([not (stands and any(leg in j for leg in LEGS)) for j in robot.joint_names])
+    target[7:] = np.where(moved, rng.uniform(lower, upper), q[7:])
+    return target
+
+
+def margins_of(robot: Robot, among: str, pairs: int, seed: int) -> tuple[Margin, Margin]:
+    """Return what keeps bodies apart, with rows for so many pairs, and what looks at all."""
+    if among != "balls":
+        return SelfCollision(robot, pairs=pairs), SelfCollision(robot, pairs=10_000)
+    balls = balls_of(robot, np.random.default_rng(seed))
+    return Obstacles(robot, balls, pairs=pairs), Obstacles(robot, balls, pairs=100_000)
+
+
+def controller_of(robot: Robot, stands: bool, margins: Margin) -> TorqueController:
     """Return a controller whose last task is the posture that bodies are thrown by."""
     here = robot.snapshot(robot.posture("standing"))
     tasks = [ComTask(robot, here.com, weight=10.0)] if stands else []
@@ -38,24 +74,19 @@ def controller_of(robot: Robot, stands: bool, margins: SelfCollision) -> TorqueC
     return TorqueController(robot, [*tasks, posture], **options)
 
 
-def thrown(name: str, stands: bool, pairs: int, ticks: int, seed: int) -> str:
-    """Return what was seen of one robot."""
+def thrown(name: str, among: str, pairs: int, ticks: int, seed: int) -> str:
+    """Return what was seen of one robot, among "nothing", on its "feet" alone or among "balls"."""
     robot, rng = Robot.load(name), np.random.default_rng(seed)
-    margins = SelfCollision(robot, pairs=pairs)
-    judge = SelfCollision(robot, pairs=len(margins.margins))
+    stands, margins, judge = among != "nothing", *margins_of(robot, among, pairs, seed)
     controller = controller_of(robot, stands, margins)
     posture = controller.tasks[-1]
-    lower, upper = (np.clip(end, -REACH, REACH) for end in (robot.limits.lower, robot.limits.upper))
-    moved = np.array([not (stands and any(leg in j for leg in LEGS)) for j in robot.joint_names])
     q, v = robot.posture("standing"), np.zeros(robot.nv)
     standing, began = q.copy(), judge.distances(robot.snapshot(q)).clearance
     broken = relaxed = larger = 0
     worst = fastest = away = 0.0
     for k in range(ticks):
         if k % TURN == 0:
-            target = standing.copy()
-            target[7:] = np.where(moved, rng.uniform(lower, upper), standing[7:])
-            posture.set_target(target)
+            posture.set_target(anywhere(robot, standing, rng, stands))
         tick = controller.step(robot.snapshot(q, v))
         relaxed += tick.policy is not None
         larger += sum(" vs " in label for label in tick.qp.labels.inequality) > pairs
@@ -67,9 +98,8 @@ def thrown(name: str, stands: bool, pairs: int, ticks: int, seed: int) -> str:
         worst = max(worst, -float(now[inside].min(initial=0.0)))
         fastest, began = max(fastest, float(np.abs(v[6:]).max())), now
         away = max(away, *tick.displaced.values(), 0.0)
-    support_kind = "double" if stands else "none"
     return (
-        f"{name:12s}{support_kind:8s}{pairs:5d} of{len(began):5d}{ticks:7d}{broken:8d}"
+        f"{name:12s}{among:8s}{pairs:5d} of{len(began):5d}{ticks:7d}{broken:8d}"
         f"{1e3 * worst:10.2f}{relaxed:9d}{larger:8d}{fastest:10.1f}{1e3 * away:9.2f}"
     )
 
@@ -95,17 +125,18 @@ def main() -> None:
     parser.add_argument("--timed", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robots", nargs="+", default=("g1", "talos", "hoap2_like"))
+    parser.add_argument("--among", nargs="+", choices=AMONG, default=AMONG)
     parser.add_argument("--pairs", nargs="+", type=int, default=(5, 25))
     options = parser.parse_args()
     print(
-        f"{'robot':12s}{'support':8s}{'pairs':>13s}{'ticks':>7s}{'broken':>8s}{'worst mm':>10s}",
+        f"{'robot':12s}{'among':8s}{'pairs':>13s}{'ticks':>7s}{'broken':>8s}{'worst mm':>10s}",
         end="",
     )
     print(f"{'relaxed':>9s}{'larger':>8s}{'rad/s':>10s}{'feet mm':>9s}")
     for name in options.robots if options.ticks else ():
-        for stands in (False, True):
+        for among in options.among:
             for pairs in options.pairs:
-                print(thrown(name, stands, pairs, options.ticks, options.seed), flush=True)
+                print(thrown(name, among, pairs, options.ticks, options.seed), flush=True)
     if options.timed:
         times("g1", options.timed)
 

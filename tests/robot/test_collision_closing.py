@@ -5,11 +5,14 @@ import pytest
 
 from tests.conftest import random_state
 from wbc.braking import stopping_speed
-from wbc.constraints import Limits, SelfCollision
+from wbc.constraints import Limits, Obstacles, SelfCollision
 from wbc.native import VARIABLE
 from wbc.robot import Robot
-from wbc.robot.collision import Body, Capsule, CollisionModel
-from wbc.robot.collision.closing import BodyMotion, Closing
+from wbc.robot.collision import Body, Capsule, CollisionModel, HalfSpace, Obstacle, Shape
+from wbc.robot.collision.closing import Closing, PairMotion
+from wbc.robot.collision.soonest import soonest
+
+WALL = HalfSpace.of([1.0, 0.2, 0.1], -0.5)
 
 
 @pytest.mark.parametrize("slowest", [0.0, 0.03])
@@ -28,9 +31,9 @@ def test_the_way_is_not_shorter_than_the_margins_law_needs(slowest: float, rng) 
 
 
 @pytest.mark.parametrize("native", ["auto", "off"])
-@pytest.mark.parametrize("at_rest", [False, True])
+@pytest.mark.parametrize("around", [None, Capsule.of([0.3, 0, 0], [0.3, 0, 1], 0.02), WALL])
 def test_those_with_the_least_left_of_all_pairs(
-    native: str, at_rest: bool, rng, monkeypatch
+    native: str, around: Shape | None, rng, monkeypatch
 ) -> None:
     """Bounds on speeds never underestimate: no pair is left out that brute force finds."""
     monkeypatch.setenv(VARIABLE, native)
@@ -39,26 +42,26 @@ def test_those_with_the_least_left_of_all_pairs(
         Body(str(joint), "base", joint, Capsule.of(*(0.05 * rng.normal(size=(2, 3))), 0.02))
         for joint in range(1, robot.model.njoints)
     ]
-    if at_rest:
-        bodies.append(Body("pole", "", 0, Capsule.of([0.3, 0, 0], [0.3, 0, 1], 0.02)))
+    if around is not None:
+        bodies.append(Body("around", "", 0, around))
     n = len(bodies)
     model = CollisionModel(robot, bodies, [(a, b) for a in range(n) for b in range(a + 1, n)])
     kept, more = 0.01 * rng.random(len(model.pairs)), 0
     for _ in range(25):
         q, v = random_state(robot, rng)
+        if around is not None:
+            model.place(n - 1, np.eye(3), rng.normal(size=3), *(4.0 * rng.normal(size=(2, 3))))
         here = robot.snapshot(q, v * 10.0 ** rng.uniform(-2, 1))
         closing = Closing(0.002, 5.0, 0.5, 0.001)
         every = model.measure(here, np.arange(len(model.pairs)))
-        speed = -model.rows(here, every) @ here.v
-        motion = BodyMotion(here, model._joints, model._moves)
-        most = motion.most(model._covers.placed(here)[2].T, model._covers.sizes[:, 2])
-        assert (most[model.pairs].sum(axis=1) >= speed - 1e-9).all()
-        np.testing.assert_allclose(
-            motion.closing(model.pairs, every.normal, every.point), speed, atol=1e-9
-        )
+        speed = -model.rows(here, every) @ here.v - model.rates(every)
+        motion, first = PairMotion(model.twists(here), model.pairs), model.pairs[:, 0]
+        balls = model.covers.placed(here)[2][:, first], model.covers.sizes[first, 2]
+        assert (motion.most(*balls) >= speed - 1e-9).all()
+        np.testing.assert_allclose(motion.closing(every.normal, every.point), speed, atol=1e-9)
         left = every.distance - kept - closing.way(speed)
         for count in (1, 10, 1000):
-            found, theirs = model.soonest(here, count, kept, closing)
+            found, theirs = soonest(model, here, count, kept, closing)
             fewest = np.sort(left)[: max(count, np.count_nonzero(left < 0.0))]
             np.testing.assert_allclose(np.sort(theirs), fewest, atol=1e-8)
             np.testing.assert_allclose(theirs, left[found.pairs], atol=1e-8)
@@ -86,3 +89,17 @@ def test_accelerations_that_joints_have_make_the_way_longer() -> None:
         assert set(np.flatnonzero(late)) <= set(rows.distances.keys.tolist())
         counts.append(len(rows.labels))
     assert counts[1] > counts[0]
+
+
+def test_an_obstacle_that_comes_fast_has_its_row_before_nearer_ones_at_rest() -> None:
+    robot = Robot.load("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    hand = here.position("left_hand")
+    near = [Obstacle.sphere(f"near {k}", hand + [0.0, 0.1 + 0.1 * k, 0.0], 0.03) for k in range(3)]
+    comes = Obstacle.sphere("comes", hand + [0.6, 0.0, 0.0], 0.03)
+    comes.move(np.eye(3), np.zeros(3), velocity=[-3.0, 0.0, 0.0])
+    around = Obstacles(robot, [*near, comes], pairs=1)
+    assert all("comes" in label for label in around.braked_rows(here, 0.002).labels)
+    comes.move(np.eye(3), np.zeros(3))
+    (label,) = around.braked_rows(here, 0.002).labels
+    assert label.endswith("near 0")

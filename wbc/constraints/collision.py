@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from wbc.constraints.bodies import BodyMargin
 from wbc.constraints.limits import Limits
-from wbc.constraints.margin import SKIN, USED, BrakingParameters, Margin
-from wbc.constraints.rows import Bounds, Distances, Index, SeparatedPairs, take
+from wbc.constraints.margin import SKIN, USED, BrakingParameters
+from wbc.constraints.rows import Distances, SeparatedPairs
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel, PairDistances, robot_bodies, select_pairs
-from wbc.robot.collision.closing import Closing
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.collision.pairs import BY_DESCRIPTION
-from wbc.robot.limits import BASE_NV
 from wbc.validate import Array, finite_number, read_only
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ class WatchedPairs(NamedTuple):
     braking: BrakingParameters
 
 
-class SelfCollision(Margin):
+class SelfCollision(BodyMargin):
     """Keep the robot's bodies ``margin`` apart.
 
     Parameters
@@ -87,9 +86,8 @@ class SelfCollision(Margin):
         braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, "self-collision", braking, limits)
+        super().__init__(robot, "self-collision", pairs, braking, limits)
         self.margin = finite_number("self-collision, margin", margin, least=0.0)
-        self.count = int(finite_number("self-collision, pairs", pairs, least=1.0))
         self.excluded: dict[str, str] = {}
         self.finer: dict[str, str] = {}
         margins: Sequence[float] = ()
@@ -117,40 +115,16 @@ class SelfCollision(Margin):
         """Pairs that nobody asked to leave out and that are not watched, with the reason."""
         return {pair: why for pair, why in self.excluded.items() if why not in BY_DESCRIPTION}
 
-    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
-        """Return the pairs of least clearance, or those given by their numbers."""
-        model = self.model
-        found = (
-            model.nearest(snapshot, self.count, self._kept)
-            if keys is None
-            else model.measure(snapshot, keys)
-        )
-        return self._distances(snapshot, found)
+    def kept(self) -> Array:
+        """Return the distance (N,) that each pair keeps [m], skin included."""
+        return self._kept
 
-    def _distances(
+    def made_of(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
+        """Return what was measured as distances."""
         clearance, rows = found.distance - self._kept.take(found.pairs), self.model.rows
         return Distances(found.pairs, clearance, rows(snapshot, found), None, found, beyond)
-
-    def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
-        """Return the rows of the pairs that have to brake first.
-
-        What moves cannot stop at once at the torque level, and of far pairs some close fast. All
-        that could not stop in time without a row get one, more than ``pairs`` if need be.
-        """
-        law, able, slowest = self.braking, self._joint_acceleration, 0.0
-        if not len(self.model.pairs):
-            return self.rows(snapshot, dt)
-        if able is not None:
-            slowest = float((np.abs(snapshot.v[BASE_NV:]) / able).max(initial=0.0))
-        closing = Closing(dt, law.deceleration, law.gain, slowest)
-        found, left = self.model.soonest(snapshot, self.count, self._kept, closing)
-        return self._rows(self._distances(snapshot, found, float(left.max())), dt)
-
-    def has_more(self, distances: Distances) -> bool:
-        """Whether there are pairs without rows."""
-        return distances.keys.size < len(self.model.pairs)
 
     def watched(self) -> WatchedPairs | None:
         """Return what the native core needs to make the rows; None: it does not know the bodies."""
@@ -163,11 +137,6 @@ class SelfCollision(Margin):
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs."""
         return SeparatedPairs(self.model, self._kept, {})
-
-    def labels(self, distances: Distances) -> tuple[str, ...]:
-        """Return labels such as ``"left_hand vs pelvis"``."""
-        every = self.model.labels
-        return every if distances.keys.size == len(every) else take(every, distances.keys)
 
     def curvature_bound(self, distances: Distances, step: Array) -> Array:
         """See :meth:`wbc.robot.collision.CollisionModel.tight_curvature_bound`."""

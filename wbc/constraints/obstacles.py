@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wbc.constraints.bodies import BodyMargin
 from wbc.constraints.limits import Limits
-from wbc.constraints.margin import SKIN, BrakingParameters, Margin
-from wbc.constraints.rows import Distances, Index, SeparatedPairs, take
+from wbc.constraints.margin import SKIN, BrakingParameters
+from wbc.constraints.rows import Distances, SeparatedPairs
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Body, CollisionModel, Obstacle, PairDistances, robot_bodies
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
 
-class Obstacles(Margin):
+class Obstacles(BodyMargin):
     """Keep the robot's bodies ``margin`` away from obstacles.
 
     A row includes the velocity that the obstacle says it has (see
@@ -37,7 +38,9 @@ class Obstacles(Margin):
     margin:
         Distance that is kept [m].
     pairs:
-        How many pairs of a body and an obstacle, the nearest of all, get a row in each tick.
+        How many pairs of a body and an obstacle, the nearest of all, get a row in each tick. At the
+        torque level, those of least clearance when they have stopped; if more than these could not
+        stop in time, they get rows, too.
     links:
         Patterns of the links that must keep clear. Leave out the feet if one of the obstacles is
         the floor they stand on.
@@ -68,7 +71,7 @@ class Obstacles(Margin):
         braking: BrakingParameters | None = None,
         limits: Limits | None = None,
     ) -> None:
-        super().__init__(robot, "obstacles", braking, limits)
+        super().__init__(robot, "obstacles", pairs, braking, limits)
         self.margin = finite_number("obstacles, margin", margin, least=0.0)
         listed = isinstance(obstacles, Iterable)
         if not listed or not all(isinstance(one, Obstacle) for one in obstacles):
@@ -76,7 +79,6 @@ class Obstacles(Margin):
         if not obstacles:
             raise InvalidInputError("obstacles: none given; name at least one, or leave this out")
         self.obstacles = tuple(obstacles)
-        self.count = int(finite_number("obstacles, pairs", pairs, least=1.0))
         own = _bodies_of(robot_bodies(robot, fit), links)
         around = [Body(one.name, one.name, 0, one.shape) for one in self.obstacles]
         self._first = len(own)
@@ -86,20 +88,23 @@ class Obstacles(Margin):
             [(b, self._first + k) for k in range(len(around)) for b in range(len(own))],
         )
 
-    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
-        """Return the nearest pairs, or those given, with the obstacles where they are now."""
-        for k, obstacle in enumerate(self.obstacles):
-            self.model.place(self._first + k, obstacle.rotation, obstacle.origin)
-        model = self.model
-        found = (
-            model.nearest(snapshot, self.count) if keys is None else model.measure(snapshot, keys)
-        )
-        clearance = found.distance - (self.margin + SKIN)
-        return Distances(found.pairs, clearance, model.rows(snapshot, found), self._rates(found))
+    def kept(self) -> Array:
+        """Return the distance (N,) that each pair keeps [m], skin included."""
+        return np.full(len(self.model.pairs), self.margin + SKIN)
 
-    def has_more(self, distances: Distances) -> bool:
-        """Whether there are pairs without rows."""
-        return distances.keys.size < len(self.model.pairs)
+    def place(self) -> None:
+        """Put the obstacles where they are now."""
+        for k, one in enumerate(self.obstacles, self._first):
+            moving = one.velocity, one.angular_velocity
+            self.model.place(k, one.rotation, one.origin, *moving)
+
+    def made_of(
+        self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
+    ) -> Distances:
+        """Return what was measured as distances, and how obstacles change them."""
+        model, clearance = self.model, found.distance - (self.margin + SKIN)
+        rates = model.rates(found)
+        return Distances(found.pairs, clearance, model.rows(snapshot, found), rates, found, beyond)
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SeparatedPairs:
         """Return all pairs, with the obstacles where they are now.
@@ -121,23 +126,9 @@ class Obstacles(Margin):
         }
         return SeparatedPairs(self.model, self.margin + SKIN, places)
 
-    def labels(self, distances: Distances) -> tuple[str, ...]:
-        """Return labels such as ``"left_hand vs table"``."""
-        return take(self.model.labels, distances.keys)
-
     def curvature_bound(self, distances: Distances, step: Array) -> Array:
         """See :meth:`wbc.robot.collision.CollisionModel.curvature_bound`."""
         return self.model.curvature_bound(distances.keys, step)
-
-    def _rates(self, found: PairDistances) -> Array:
-        """Return how fast (k,) the obstacles themselves change the distances [m/s]."""
-        which = self.model.pairs[found.pairs, 1] - self._first
-        origins = np.array([one.origin for one in self.obstacles])[which]
-        rates = np.array([one.velocity for one in self.obstacles])[which]
-        spins = np.array([one.angular_velocity for one in self.obstacles])[which]
-        facing = found.point - found.distance[:, None] * found.normal
-        rates = rates + np.cross(spins, facing - origins)
-        return -np.einsum("ki,ki->k", found.normal, rates)
 
 
 def _bodies_of(bodies: Sequence[Body], patterns: Iterable[str]) -> tuple[Body, ...]:

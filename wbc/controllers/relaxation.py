@@ -6,9 +6,9 @@ torque): they are physics, and stay hard. Everything else gives way, in this ord
 costs:
 
 1. ranges of normal force (dropped: a foot that must be loaded may not be);
-2. contacts, joint limits and margins, each weighed like the heaviest task, those between the
-   robot's own bodies ten times as heavy. What is inside a margin already may not go further; that
-   it is moved back waits for a tick that keeps the rest.
+2. contacts, joint limits and margins, each weighed like the heaviest task, those between bodies ten
+   times as heavy. What is inside a margin already may not go further; that it is moved back waits
+   for a tick that keeps the rest.
 
 All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
 gave way, and by how much, is reported by name.

@@ -223,7 +223,10 @@ def _from_robot_descriptions(name: str) -> Source:
         known = suggest(name, robot_names()).removeprefix(";").strip()
         others = "" if installed else ", or pip install robot_descriptions for its many"
         raise UnknownNameError(
-            "robot", name, robot_names(), f"{known}; or give the path of a URDF or MJCF file{others}"
+            "robot",
+            name,
+            robot_names(),
+            f"{known}; or give the path of a URDF or MJCF file{others}",
         )
     try:
         module = importlib.import_module(module_name)

@@ -106,6 +106,11 @@ def chosen_of(values: NDArray[Scalar], chosen: Index | None) -> NDArray[Scalar]:
     return values if chosen is None else values.take(chosen, axis=0)
 
 
+def smallest(values: Array, count: int) -> float:
+    """Return the ``count``-th of the smallest values."""
+    return float(np.partition(values, count - 1)[count - 1])
+
+
 def _cover(shape: Shape) -> Capsule:
     """Return a capsule that holds a shape; of a half-space, a point of its surface."""
     match shape:

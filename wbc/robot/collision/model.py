@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
-from wbc.robot.collision.closing import BodyMotion, Closing
-from wbc.robot.collision.covers import Covers, chosen_of
+from wbc.robot.collision.closing import PairMotion
+from wbc.robot.collision.covers import Covers, chosen_of, smallest
 from wbc.robot.collision.curvature import CurvatureBounds
 from wbc.robot.collision.distances import ShapePairs, parts
 from wbc.robot.collision.native_pairs import NativePairs
@@ -27,7 +27,7 @@ NARROWED = 3
 # Where many bodies touch the core is asked for so many times as many, before it is coal that
 # measures all: how deep these are, the core does not know, so that others may be nearer.
 MORE = 4
-EVEN = 1e-9  # m: of pairs that have as much left, the first by their number
+_REST = read_only(np.zeros(3))
 
 
 class PairDistances(NamedTuple):
@@ -60,6 +60,8 @@ class CollisionModel:
     ----------
     labels:
         One for each pair, such as ``"left_hand vs pelvis"``.
+    covers:
+        Balls and capsules round the bodies.
     """
 
     def __init__(
@@ -79,13 +81,15 @@ class CollisionModel:
         if same.size:
             k = int(same[0])
             raise InvalidInputError(f"pair {self.labels[k]!r}: both are on one joint")
-        self._moves = moves = _moved_by(robot)
+        moves = _moved_by(robot)
+        self._moves = moves[joints]  # (bodies, nv)
+        self._own_twists = np.zeros((6, len(joints)))  # of what does not hang on the robot
         # What turns the first body away from the second: joints below both move neither.
         self._signs = moves[joints[first]] - moves[joints[second]]  # (pairs, nv)
         self._curvature = CurvatureBounds(self.bodies, self.pairs, np.abs(self._signs))
         if any(isinstance(self.bodies[k].shape, HalfSpace) for k in first.tolist()):
             raise InvalidInputError("pairs: a half-space must be the second of a pair")
-        self._covers = Covers(self.bodies, self.pairs)
+        self.covers = Covers(self.bodies, self.pairs)
         # Pairs of capsules are measured as segments, the others by coal.
         other = np.array([not isinstance(body.shape, Capsule) for body in self.bodies])
         solid = np.logical_or(other[first], other[second])  # (pairs,)
@@ -96,9 +100,9 @@ class CollisionModel:
         self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
         self._native = None  # the core knows no half-spaces
         self._many_touch = 0
-        if not self._covers.flat.size:
+        if not self.covers.flat.size:
             parents = [0, *map(int, list(robot.model.parents)[1:])]
-            self._native = NativePairs(self._covers, self.bodies, self.pairs, solid, parents)
+            self._native = NativePairs(self.covers, self.bodies, self.pairs, solid, parents)
 
     def __repr__(self) -> str:
         return (
@@ -115,14 +119,26 @@ class CollisionModel:
         """Length of the shorter body of each pair (N,) [m]."""
         return self._curvature.shorter
 
-    def place(self, body: int, rotation: Array, origin: Array) -> None:
-        """Move a body of joint 0: its shape's frame is put at ``rotation``, ``origin`` (world)."""
+    def place(
+        self,
+        body: int,
+        rotation: Array,
+        origin: Array,
+        velocity: Array = _REST,
+        spin: Array = _REST,
+    ) -> None:
+        """Move a body of joint 0: its shape's frame is put at ``rotation``, ``origin`` (world).
+
+        ``velocity`` is that of the frame's origin, ``spin`` its angular velocity, world axes.
+        """
         if self._joints[body] != 0:
             raise InvalidInputError(f"body {self.bodies[body].name!r} is moved by the robot")
         R = finite_array("rotation", rotation, (3, 3))
         p = finite_array("origin", origin, (3,))
-        self._covers.place(body, R, p)
+        self.covers.place(body, R, p)
         core = self.bodies[body].shape.core @ R.T + p
+        self._own_twists[:3, body] = velocity - np.cross(spin, p)
+        self._own_twists[3:, body] = spin
         self._curvature.place(body, core)
         if self._native is not None:
             self._native.place(body, core)
@@ -162,7 +178,7 @@ class CollisionModel:
                 found = _pair_distances(snapshot, *nearest)
                 left = _above(found, kept)
                 # Of those that the core measured, none that it left out is nearer.
-                if known.all() or left[known].max(initial=-np.inf) >= _smallest(left, count):
+                if known.all() or left[known].max(initial=-np.inf) >= smallest(left, count):
                     self._many_touch = int(MORE * touching > count)
                     return _fewest(found, count, kept)
         if kept is None:
@@ -170,40 +186,6 @@ class CollisionModel:
         # Pairs are found by distance: so many may be nearer than one of less clearance.
         closer = int(np.count_nonzero(kept < kept.max(initial=0.0)))
         return _fewest(self._nearest(snapshot, min(count + closer, total)), count, kept)
-
-    def soonest(
-        self, snapshot: Snapshot, count: int, kept: Array, closing: Closing
-    ) -> tuple[PairDistances, Array]:
-        """Return the pairs that have to brake first, in order, and what they have left (k,) [m].
-
-        That is what is above the distance ``kept`` (N,) less the way in which they stop. Of all
-        pairs, ``count`` of those with the least, and all that have less than nothing. Which to
-        measure is found by balls round the bodies and bounds on the speed of their points, which
-        no pair's clearance and closing is worse than.
-        """
-        total = len(self.pairs)
-        count = min(count, total)
-        motion = BodyMotion(snapshot, self._joints, self._moves)
-        placed = self._covers.placed(snapshot)
-        speed = motion.most(placed[2].T, self._covers.sizes[:, 2])
-        lower = self._covers.balls(placed)
-        first, second = self.pairs.T
-        lower -= kept + closing.way(speed.take(first) + speed.take(second))
-        limit = max(0.0, _smallest(lower, count))
-        while True:
-            found = self.measure(snapshot, np.flatnonzero(lower <= limit))
-            speed = motion.closing(self.pairs.take(found.pairs, axis=0), found.normal, found.point)
-            left = found.distance - kept.take(found.pairs) - closing.way(speed)
-            farthest = max(0.0, _smallest(left, count))
-            if farthest <= limit or len(found.pairs) == total:
-                break
-            limit = farthest
-        last = _smallest(left, count)
-        first = left < last - EVEN
-        last_ones = np.flatnonzero(~first & (left <= last + EVEN))
-        first[last_ones[: count - np.count_nonzero(first)]] = True
-        chosen = np.flatnonzero(first | (left < 0.0))
-        return found.take(chosen), left.take(chosen)
 
     def _fill_in(self, snapshot: Snapshot, pairs: Index, found: Array) -> NDArray[np.bool_]:
         """Measure what the core could not; return which (k,) it could."""
@@ -219,8 +201,8 @@ class CollisionModel:
         tried = self._candidates * count
         if tried >= total:
             return _pair_distances(snapshot, *self._measured(snapshot, None, self._every, count))
-        placed = self._covers.placed(snapshot)
-        lower = self._covers.balls(placed)
+        placed = self.covers.placed(snapshot)
+        lower = self.covers.balls(placed)
         order = lower.argpartition(tried)
         near = order[:tried]
         near.sort()
@@ -251,6 +233,17 @@ class CollisionModel:
         matrix = line.T @ snapshot.joint_twists
         matrix *= chosen_of(self._signs, self._or_all(found.pairs))
         return matrix
+
+    def twists(self, snapshot: Snapshot) -> Array:
+        """Return how bodies move: (6, bodies), velocity at the world's origin [m/s], spin."""
+        moving: Array = snapshot.joint_twists @ (self._moves * snapshot.v).T
+        moving += self._own_twists
+        return moving
+
+    def rates(self, found: PairDistances) -> Array:
+        """Return by how much (k,) [m/s] distances grow while the robot stands still."""
+        motion = PairMotion(self._own_twists, self.pairs[found.pairs])
+        return -motion.closing(found.normal, found.point)
 
     def curvature_bound(self, pairs: Index, step: Array) -> Array:
         """Return how far (k,) the distances may end below their linear prediction [m].
@@ -289,11 +282,11 @@ class CollisionModel:
         solids, (where, numbers) = self._solids, self._solids_among(tried)
         if solids is not None and len(where) == count == len(tried):
             return tried, solids.measure(snapshot, numbers)
-        placed = self._covers.placed(snapshot) if placed is None else placed
-        found = self._covers.capsules(placed, self._or_all(tried))
+        placed = self.covers.placed(snapshot) if placed is None else placed
+        found = self.covers.capsules(placed, self._or_all(tried))
         distance, rank, limit = found[0], NARROWED * count, farthest
-        if self._covers.flat.size:
-            distance[np.isin(tried, self._covers.flat)] = -np.inf  # nothing is round a plane
+        if self.covers.flat.size:
+            distance[np.isin(tried, self.covers.flat)] = -np.inf  # nothing is round a plane
         if where.size > rank:
             limit = min(farthest, float(np.partition(distance, rank)[rank]))
         while solids is not None and where.size:  # those that may be among the nearest
@@ -328,10 +321,6 @@ def _pair_distances(snapshot: Snapshot, pairs: Index, found: Array) -> PairDista
 
 def _above(found: PairDistances, kept: Array | None) -> Array:
     return found.distance if kept is None else found.distance - kept.take(found.pairs)
-
-
-def _smallest(values: Array, count: int) -> float:
-    return float(np.partition(values, count - 1)[count - 1])
 
 
 def _fewest(found: PairDistances, count: int, kept: Array | None) -> PairDistances:

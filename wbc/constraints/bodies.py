@@ -1,0 +1,88 @@
+"""Margins between bodies: which of many pairs get rows."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from wbc.constraints.limits import Limits
+from wbc.constraints.margin import BrakingParameters, Margin
+from wbc.constraints.rows import Bounds, Distances, Index, take
+from wbc.robot import Robot, Snapshot
+from wbc.robot.collision import CollisionModel, PairDistances
+from wbc.robot.collision.closing import Closing
+from wbc.robot.collision.soonest import soonest
+from wbc.robot.limits import BASE_NV
+from wbc.validate import Array, finite_number
+
+
+class BodyMargin(Margin):
+    """Keep pairs of bodies apart; those that need them first have rows.
+
+    Parameters
+    ----------
+    pairs:
+        How many get one in each tick.
+    braking, limits:
+        See :class:`~wbc.constraints.margin.Margin`.
+    """
+
+    model: CollisionModel
+
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        pairs: int,
+        braking: BrakingParameters | None,
+        limits: Limits | None,
+    ) -> None:
+        super().__init__(robot, name, braking, limits)
+        self.count = int(finite_number(f"{name}, pairs", pairs, least=1.0))
+
+    @abstractmethod
+    def kept(self) -> Array:
+        """Return the distance (N,) that each pair keeps [m], skin included."""
+
+    @abstractmethod
+    def made_of(
+        self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
+    ) -> Distances:
+        """Return what was measured as distances; all others have ``beyond`` [m] at least."""
+
+    def place(self) -> None:
+        """Put bodies that do not hang on the robot where they are now."""
+
+    def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
+        """Return the pairs of least clearance, or those given by their numbers."""
+        self.place()
+        model = self.model
+        if keys is not None:
+            return self.made_of(snapshot, model.measure(snapshot, keys))
+        return self.made_of(snapshot, model.nearest(snapshot, self.count, self.kept()))
+
+    def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
+        """Return the rows of the pairs that have to brake first.
+
+        What moves cannot stop at once at the torque level, and of far pairs some close fast. All
+        that could not stop in time without a row get one, more than ``pairs`` if need be.
+        """
+        law, able, slowest = self.braking, self._joint_acceleration, 0.0
+        if not len(self.model.pairs):
+            return self.rows(snapshot, dt)
+        if able is not None:
+            slowest = float((np.abs(snapshot.v[BASE_NV:]) / able).max(initial=0.0))
+        closing = Closing(dt, law.deceleration, law.gain, slowest)
+        self.place()
+        found, left = soonest(self.model, snapshot, self.count, self.kept(), closing)
+        return self._rows(self.made_of(snapshot, found, float(left.max())), dt)
+
+    def has_more(self, distances: Distances) -> bool:
+        """Whether there are pairs without rows."""
+        return distances.keys.size < len(self.model.pairs)
+
+    def labels(self, distances: Distances) -> tuple[str, ...]:
+        """Return labels such as ``"left_hand vs pelvis"``."""
+        every = self.model.labels
+        return every if distances.keys.size == len(every) else take(every, distances.keys)
