@@ -231,7 +231,8 @@ def test_diagnostics(robot_named: Load, rng) -> None:
     elapsed = perf_counter() - began
     np.testing.assert_allclose(tick.errors["com"], [-0.01, 0, 0], atol=1e-12)
     stages = (tick.times.tasks, tick.times.assembly, tick.times.solve)
-    assert min(stages) > 0.0
+    assert min(stages) >= 0.0  # the core assembles while it solves
+    assert min(tick.times.tasks, tick.times.solve) > 0.0
     assert tick.times.total == pytest.approx(sum(stages))
     assert tick.times.total <= elapsed
     assert tick.report() == "solved"

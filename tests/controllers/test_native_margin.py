@@ -24,6 +24,7 @@ pytestmark = [
 ]
 HANDS = ("left_hand", "right_hand")
 LEVELS = (KinematicController, TorqueController)
+SOLVERS = ("daqp", "proxqp")
 
 
 def controller_of(
@@ -46,21 +47,27 @@ def assert_same_tick(controller: Controller, snapshot: Snapshot) -> bool:
     assert (plain.status.value, plain.policy, plain.step_scale) == ("solved", None, 1.0)
     assert found.qp.labels == plain.qp.labels
     assert_same_entries(found.qp, plain.qp)
-    # Of the solver's two ways to one optimum, with and without equalities.
-    np.testing.assert_allclose(found.velocity, plain.velocity, rtol=0.0, atol=1e-7)
+    # Of the solver's two ways to one optimum, with and without equalities; warm or not, ProxQP's are
+    # as near as its residuals and the least curvature let them be.
+    exact = controller.backend.name == "daqp"
+    accuracy = {"rtol": 0.0, "atol": 1e-7 if exact else 1e-5}
+    np.testing.assert_allclose(found.velocity, plain.velocity, **accuracy)
     fast = controller.step(snapshot)
-    np.testing.assert_array_equal(fast.velocity, found.velocity)
+    np.testing.assert_allclose(fast.velocity, found.velocity, **accuracy)
+    assert not exact or np.array_equal(fast.velocity, found.velocity)
     return True
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("level", LEVELS)
-def test_rows_verdict_and_command_near_and_inside_a_margin(level, native, rng) -> None:
+def test_rows_verdict_and_command_near_and_inside_a_margin(level, solver, native, rng) -> None:
     """Boxes, hulls and capsules; other robots are compared by benchmarks/native_agreement.py."""
     robot = native("hoap2_like")
     here, v = robot.snapshot(robot.posture("standing")), np.zeros(robot.nv)
     limits = Limits(robot)
     margins = SelfCollision(robot, pairs=30, limits=limits)
-    controller = controller_of(robot, here, level, limits=limits, constraints=[margins])
+    options = {"limits": limits, "constraints": [margins], "solver": solver}
+    controller = controller_of(robot, here, level, **options)
     q, taken, active, inside = here.q, 0, 0, 0
     for _ in range(150):  # to where margins hold the hands
         v = controller.step(robot.snapshot(q, v)).velocity
@@ -79,14 +86,15 @@ def test_rows_verdict_and_command_near_and_inside_a_margin(level, native, rng) -
     assert inside > 3
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_closed_loop_into_the_margin(level, native) -> None:
+def test_a_closed_loop_into_the_margin(level, solver, native) -> None:
     """Where the answer leads inside, Python cuts; nothing is ever broken."""
     robot = native("hoap2_like")
     q = robot.posture("standing")
     here, v = robot.snapshot(q), np.zeros(robot.nv)
     margins = SelfCollision(robot, margin=0.02)
-    controller = controller_of(robot, here, level, constraints=[margins])
+    controller = controller_of(robot, here, level, constraints=[margins], solver=solver)
     taken, held, least = 0, 0, np.inf
     for _ in range(120):
         snapshot = robot.snapshot(q, v)
@@ -101,12 +109,13 @@ def test_a_closed_loop_into_the_margin(level, native) -> None:
     assert least > -1e-4  # the skin
 
 
-def test_where_an_answer_leads_is_looked_at(native) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_where_an_answer_leads_is_looked_at(solver, native) -> None:
     """From speeds and turns that rows, which are linear, know nothing of."""
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))
     margins = SelfCollision(robot, margin=0.02)
-    controller = controller_of(robot, here, constraints=[margins], dt=0.3)
+    controller = controller_of(robot, here, constraints=[margins], dt=0.3, solver=solver)
     q, cut = here.q, 0
     for _ in range(6):
         snapshot = robot.snapshot(q)
@@ -149,7 +158,7 @@ def test_only_what_the_core_knows_is_kept_by_it(native) -> None:
         {"constraints": [margins, box]},
         {"constraints": [Own(robot)]},
         {"constraints": [margins], "slack": {margins.name: 100.0}},
-        {"constraints": [margins], "solver": "proxqp"},
+        {"constraints": [margins], "solver": "proxqp_cold"},
         {"constraints": [margins], "formulation": "reduced"},
     ):
         controller = controller_of(robot, here, **options)
@@ -193,7 +202,7 @@ def test_pairs_that_could_not_stop_in_time_have_rows_at_the_torque_level(core, n
     wanted = {judge.model.labels[k] for k in np.flatnonzero(late)}
     for pairs in (3, 200):
         margins = SelfCollision(robot, pairs=pairs)
-        solver = "daqp" if core else "proxqp"
+        solver = "daqp" if core else "proxqp_cold"
         options = {"constraints": [margins], "solver": solver, "limits": None}
         controller = controller_of(robot, here, TorqueController, **options)
         rows = {

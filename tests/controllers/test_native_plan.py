@@ -28,6 +28,7 @@ from wbc.qp import daqp_direct
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.kkt import kkt_residuals
+from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import exp_rotation
 from wbc.tasks import (
@@ -455,16 +456,22 @@ def test_dependent_contacts_are_not_solved_in_the_core(native) -> None:
 
 
 @direct
-def test_only_daqp_as_it_is_runs_in_the_core(native) -> None:
+def test_only_solvers_as_they_are_answer_the_core(native) -> None:
     class Other(Daqp):
         """Its answers may be anything."""
+
+    class OtherProxQP(ProxQP):
+        """So may this one's."""
 
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture())
     tasks = [PostureTask(robot, here.q)]
     for options in (
-        {"solver": "proxqp"},
+        {"solver": "proxqp_cold"},
         {"solver": Other()},
+        {"solver": OtherProxQP()},
+        {"solver": Daqp(eps=1e-5)},  # may leave limits by more than a command may
+        {"solver": ProxQP(eps=1e-5)},
         {"solver": "daqp", "formulation": "reduced"},
     ):
         assert controller_of(robot, tasks, **options)._native.problem(here).solution is None

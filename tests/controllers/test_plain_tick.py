@@ -12,7 +12,7 @@ from wbc.robot import Robot
 from wbc.tasks import ComTask, PostureTask
 
 # One file and two functions ask whether the native core takes it.
-FILES, FUNCTIONS = 16, 45
+FILES, FUNCTIONS = 16, 46
 PACKAGE = str(Path(wbc.__file__).parent)
 
 

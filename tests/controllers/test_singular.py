@@ -162,7 +162,8 @@ def test_up_over_straight_knees(name: str, formulation: str, robot_named: Load) 
     assert max(fastest(knee, 0.0) for knee in scan) > 25.0
     assert max(fastest(knee, 0.08) for knee in scan) < 1.0 / 0.08
     assert fastest(0.001, 0.08) < 0.1 * fastest(0.001, 0.0)
-    assert fastest(1.4, 0.08) == pytest.approx(fastest(1.4, 0.0), rel=1e-9)
+    # One by the core, one by Python; damping of 1e-6 alone decides what the task leaves open.
+    assert fastest(1.4, 0.08) == pytest.approx(fastest(1.4, 0.0), rel=1e-5)
 
 
 def reaching(robot: Robot, name: str, angle: float, least: float) -> tuple[Snapshot, list[Task]]:

@@ -179,6 +179,7 @@ def test_failed_ticks_end_as_qp_failed(
         return solve(self, qp, workspace)._replace(status=Status.CONTRADICTED)
 
     monkeypatch.setattr(ProxQP, "solve", refuse)
+    monkeypatch.setattr(ProxQP, "solve_for", lambda *_: None)  # nor for the native core
     overrides = {"stop.duration": 0.1, "controller.on_failure": policy}
     result = problem(tmp_path, FLOATING, overrides).run()
     assert result.status is RunStatus.QP_FAILED

@@ -18,10 +18,14 @@ from wbc.native import address
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.native_daqp import scratch_sizes
+from wbc.qp.problem import QP, Labels
+from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot
 from wbc.robot.kernel import NativeTree, frame_places
 from wbc.robot.names import BASE
 from wbc.validate import Array
+
+UNSOLVED, REDUCED = -1, 7  # of what the core says: enum handed_over of source/core.h
 
 
 class _Plan(ctypes.Structure):
@@ -37,7 +41,7 @@ class _Plan(ctypes.Structure):
         ),
         *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
         *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
-        *((name, ctypes.c_int64) for name in ("bounded", "cones")),
+        *((name, ctypes.c_int64) for name in ("bounded", "cones", "outside")),
         *((name, ctypes.c_double) for name in ("dt", "mass", "unit", "eps")),
     ]
 
@@ -54,7 +58,7 @@ class Answer(NamedTuple):
     heaviest:
         (1,) the largest square of a weighted row.
     x, y, z, z_box, found:
-        DAQP's answer, and its residuals and iterations (4,).
+        The answer, and its residuals and iterations (4,).
     exact, torque:
         v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
     clearance, chosen:
@@ -95,7 +99,7 @@ class NativeMemory:
     margin:
         Between the robot's bodies; None: no rows of it.
     solver:
-        DAQP's settings, if the core is to solve the QP too.
+        Of the QP: DAQP is called by the core itself, ProxQP gets it reduced. None: no one's.
 
     Attributes
     ----------
@@ -119,7 +123,7 @@ class NativeMemory:
         dt: float,
         rows: TorqueRows | None,
         margin: NativeMargin | None,
-        solver: Daqp | None,
+        solver: Daqp | ProxQP | None,
     ) -> None:
         self.tree, self.margin = tree, margin
         frames, index, blocks = self._plan_blocks(parts)
@@ -139,8 +143,10 @@ class NativeMemory:
         costs = sum(block.rows for block in blocks if not block.held)
         largest = max((block.rows for block in blocks), default=0)
         solving, integers = scratch_sizes(self.n, self.k, self.m)
-        scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving))
-        order = np.zeros(max(integers, 0 if margin is None else margin.pairs), dtype=np.int64)
+        looking = 0 if margin is None else self._margin_scratch_size(margin)
+        scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving + looking))
+        integers += self.k + (0 if margin is None else margin.pairs)
+        order = np.zeros(integers, dtype=np.int64)
         self._cut(costs)
         self.blocks = (Block * len(blocks))(*blocks)
         self.state = np.zeros(tree.frames)
@@ -161,10 +167,14 @@ class NativeMemory:
         self._point(solver)
         function = tree.core.wbc_problem if solver is None else tree.core.wbc_tick
         self._call: Any = function
+        self._answer: Any = tree.core.wbc_answer
         self._plan_address = ctypes.addressof(self.struct)
         self._state_address = address(self.state)
+        self._asked: tuple[bytes, bytes] = b"", b""  # q, v
+        self._residuals = self._places[Answer._fields.index("found")]
+        self._reduced: dict[int, QP] = {}  # by its number of rows
 
-    def _point(self, solver: Daqp | None) -> None:
+    def _point(self, solver: Daqp | ProxQP | None) -> None:
         """Let the struct point at all that it needs, of both levels."""
         struct = self.struct
         struct.tree, struct.block = self.tree.address, ctypes.addressof(self.blocks)
@@ -176,8 +186,9 @@ class NativeMemory:
             setattr(struct, name, address(array))
         self._settings = None
         if solver is not None:
-            self._settings = direct_daqp().settings(solver.eps, solver.max_iterations)
-            struct.eps = solver.eps
+            daqp = solver if isinstance(solver, Daqp) else solver.active_set
+            self._settings = direct_daqp().settings(daqp.eps, daqp.max_iterations)
+            struct.eps, struct.outside = daqp.eps, daqp is not solver
             struct.quadprog = direct_daqp().address
             struct.settings = ctypes.addressof(self._settings)
 
@@ -190,10 +201,45 @@ class NativeMemory:
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_address
-        out = np.empty(self.size)
+        self.out = out = np.empty(self.size)
         self.struct.out = address(out)
-        said = self._call(self._plan_address, known, q.tobytes(), v.tobytes(), moving)
+        self._asked = asked = q.tobytes(), v.tobytes()
+        self.said = said = self._call(self._plan_address, known, *asked, moving)
         return said, out
+
+    def reduced(self) -> QP:
+        """Return what the core left to be solved, a QP without equalities: views on its memory."""
+        rows = int(self.out[self._residuals.start])
+        found = self._reduced.get(rows)
+        if found is None:
+            found = self._reduced[rows] = self._reduced_qp(rows)
+        return found
+
+    def _reduced_qp(self, rows: int) -> QP:
+        begin, left = np.zeros(5, dtype=np.int64), self.n - self.k
+        self.tree.core.wbc_reduced(self._plan_address, address(begin))
+        sizes = left * left, left, left + rows, left + rows, rows * left
+        memory = self.arrays["scratch"]
+        P, g, low, up, C = (memory[b : b + k] for b, k in zip(begin.tolist(), sizes, strict=True))
+        ends = low[left:], up[left:], low[:left], up[:left]
+        none, labels = np.zeros(0), Labels.numbered(left, 0, rows)
+        shaped = P.reshape(left, left), g, none.reshape(0, left), none, C.reshape(rows, left)
+        return QP(*shaped, *ends, labels)
+
+    @property
+    def iterations(self) -> int:
+        """Of the last answer."""
+        return int(self.out[self._residuals.stop - 1])
+
+    def takes(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
+        """Whether an answer of the reduced QP makes one of the whole: see :class:`Judge`."""
+        self.said = self._answer(self._plan_address, *self._asked, x, z, scale, iterations)
+        return self.said != UNSOLVED
+
+    def solves(self) -> bool:
+        """Whether DAQP's does."""
+        self.said = self._answer(self._plan_address, *self._asked, None, None, 1.0, 0)
+        return self.said != UNSOLVED
 
     def read(self, out: Array) -> Answer:
         """Return views on what the core wrote."""
@@ -254,11 +300,15 @@ class NativeMemory:
         tree = self.tree
         work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 6 * tree.nv)
         if self.margin is not None:
-            pairs = 10 * (self.margin.bodies + self.margin.pairs)
-            there = 3 * tree.nv + 6 * tree.joints
-            work = max(work, self.margin.rows * (tree.nv + 7) + there + pairs)
+            rows = self.margin.rows * tree.nv
+            work = max(work, rows + self._margin_scratch_size(self.margin))
         motion = tree.motion_size if self.forces is not None else 0
         return frames * (tree.frame_size + 6) + motion + work
+
+    def _margin_scratch_size(self, margin: NativeMargin) -> int:
+        """Return how many numbers looking where an answer leads needs."""
+        there = 3 * self.tree.nv + 6 * self.tree.joints + 7 * margin.rows
+        return there + 10 * (margin.bodies + margin.pairs)
 
     def _add_level(self, forces: NativeForces) -> None:
         """Add what the torque level needs to the arrays and to the struct."""

@@ -18,20 +18,23 @@ import numpy as np
 from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.controllers.contact_forces import NO_RAMPS
+from wbc.controllers.levels import TOLERANCE
 from wbc.controllers.native_forces import TorqueRows, unbearable
 from wbc.controllers.native_margin import NativeMargin
-from wbc.controllers.native_memory import NativeMemory
+from wbc.controllers.native_memory import REDUCED, NativeMemory
 from wbc.controllers.native_parts import Part
 from wbc.controllers.native_problem import Layout, NativeProblem
 from wbc.controllers.plan import Plan
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.proxqp import Answered, ProxQP
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
+_BY_DAQP = Answered(Daqp.name, 1)
 _LATER = object()  # of a snapshot that was not asked for anything yet
 
 
@@ -65,13 +68,14 @@ class NativePlan:
         self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
         self._plan, self._parts, self._dt, self._lock = plan, parts, dt, threading.Lock()
         self._limits = _read(limits)
-        solver = backend if solves(backend) else None
+        self._workspace = False, *plan.workspace  # as LevelSolver's
+        self._solver = solver = backend if solves(backend) else None
         self.margin = margin
         self.memory = NativeMemory(robot, tree, plan, parts, limits, dt, rows, margin, solver)
         ends = np.cumsum([0, *(len(task.rows) for task in tasks)]).tolist()
         names = [task.name for task in tasks]
         errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
-        self._layout = Layout(self.memory, errors, plan.labels[0], solver)
+        self._layout = Layout(self.memory, errors, plan.labels[0])
 
     @classmethod
     def of(
@@ -90,7 +94,7 @@ class NativePlan:
         Parameters
         ----------
         backend:
-            What solves the QP as it is; DAQP is called by the core itself. None: it does not.
+            What solves the QP as it is. None: it is not solved here.
         rows:
             What the torque level adds; None at the velocity level.
         constraint:
@@ -152,11 +156,19 @@ class NativePlan:
                 return None
             called = perf_counter()
             said, out = self.memory.call(snapshot.q, snapshot.v, snapshot.moving, state)
+            answered = _BY_DAQP
+            if said == REDUCED and isinstance(self._solver, ProxQP):
+                memory = self.memory
+                qp, quick = memory.reduced(), memory.forces is not None
+                by = self._solver.solve_for(memory, qp, self._workspace, quick)
+                said, answered = self.memory.said, by or answered
             done = perf_counter()
             if said > 0:
                 return None
-            solved = said == 0 and self._layout.solver is not None
-            return NativeProblem(self._layout, out, begun, called, done, solved)
+            solved = said == 0 and self._solver is not None
+            return NativeProblem(
+                self._layout, out, begun, called, done, answered if solved else None
+            )
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
@@ -171,9 +183,15 @@ class NativePlan:
         return forces is None or forces.write(ramps)
 
 
-def solves(backend: Backend | None) -> TypeGuard[Daqp]:
-    """Whether the core can call a solver itself."""
-    return type(backend) is Daqp and bool(direct_daqp().address)
+def solves(backend: Backend | None) -> TypeGuard[Daqp | ProxQP]:
+    """Whether a tick stays with the core until it is solved: it calls DAQP itself, or ProxQP's aid.
+
+    A command may exceed limits by no more than its residuals.
+    """
+    if not isinstance(backend, Daqp | ProxQP) or backend.eps > TOLERANCE:
+        return False
+    known = type(backend) is Daqp or (type(backend) is ProxQP and backend.warm)
+    return known and bool(direct_daqp().address)
 
 
 def _read(limits: Limits | None) -> tuple[Limits | None, Array | None, Array | None, str | None]:

@@ -16,9 +16,9 @@ from wbc.controllers.native_memory import Answer, NativeMemory
 from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
-from wbc.qp.daqp import Daqp
 from wbc.qp.native_daqp import solution_of
 from wbc.qp.problem import QP, Labels
+from wbc.qp.proxqp import Answered
 from wbc.qp.solution import Solution
 from wbc.validate import Array, read_only
 
@@ -34,14 +34,11 @@ class Layout(NamedTuple):
         Of each task, by name: where its error is among all.
     labels:
         Of the QP; at the torque level inequality rows have others, which contacts may change.
-    solver:
-        Whose settings the core solves with; None: it does not.
     """
 
     memory: NativeMemory
     errors: dict[str, slice]
     labels: Labels
-    solver: Daqp | None
 
 
 class NativeProblem:
@@ -54,20 +51,29 @@ class NativeProblem:
     begun, called, done:
         When the tick began, when the core was called, and when it was done [s].
 
-    Attributes
-    ----------
-    solved:
-        Whether the core solved it; the residuals are then small enough to need no second look.
+    answered:
+        Who solved it, if the core found the residuals small enough to need no second look.
     """
 
     def __init__(
-        self, layout: Layout, out: Array, begun: float, called: float, done: float, solved: bool
+        self,
+        layout: Layout,
+        out: Array,
+        begun: float,
+        called: float,
+        done: float,
+        answered: Answered | None,
     ) -> None:
         self._layout, self._out = layout, out
         self._clock = begun, called, done
         forces = layout.memory.forces
         self._forced = None if forces is None else forces.labels  # these of this tick
-        self.solved = solved
+        self._answered = answered
+
+    @property
+    def solved(self) -> bool:
+        """Whether it has a solution."""
+        return self._answered is not None
 
     @cached_property
     def _answer(self) -> Answer:
@@ -122,13 +128,13 @@ class NativeProblem:
 
     @cached_property
     def solution(self) -> Solution | None:
-        """What DAQP answered; None if it was not asked, or its residuals are not small enough."""
-        solver, a = self._layout.solver, self._answer
-        if solver is None or not self.solved:
+        """The answer; None if none was asked for, or its residuals are not small enough."""
+        by, a = self._answered, self._answer
+        if by is None:
             return None
         _, called, done = self._clock
         parts = (part.copy() for part in (a.x, a.y, a.z, a.z_box))
-        return solution_of(parts, a.found, done - called, solver.name)
+        return solution_of(parts, a.found, done - called, *by)
 
     @property
     def velocity(self) -> Array:

@@ -16,7 +16,7 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 6  # WBC_CORE_VERSION of source/core.h
+VERSION = 7  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long. An address
 # of what is only read may be given as bytes: array.tobytes() takes a tenth of address(array).
 _FUNCTIONS = {
@@ -28,6 +28,8 @@ _FUNCTIONS = {
     "wbc_drifts": 7,
     "wbc_problem": 5,
     "wbc_tick": 5,
+    "wbc_reduced": 2,
+    "wbc_answer": 7,
     "wbc_solve_qp": 5,
     "wbc_nearest": 7,
     "wbc_measure": 6,
@@ -53,6 +55,11 @@ class Core:
                 function = getattr(library, name)
                 function.argtypes = [ctypes.c_void_p] * count
                 function.restype = ctypes.c_int
+            library.wbc_answer.argtypes = [
+                *[ctypes.c_void_p] * 5,
+                ctypes.c_double,
+                ctypes.c_int64,
+            ]
             library.wbc_move.argtypes = [*[ctypes.c_void_p] * 3, ctypes.c_double, ctypes.c_void_p]
         except (OSError, AttributeError) as error:
             raise NativeCoreError(f"{path} cannot be loaded: {error}") from error
@@ -68,6 +75,8 @@ class Core:
         self.wbc_drifts: Any = library.wbc_drifts
         self.wbc_problem: Any = library.wbc_problem
         self.wbc_tick: Any = library.wbc_tick
+        self.wbc_reduced: Any = library.wbc_reduced
+        self.wbc_answer: Any = library.wbc_answer
         self.wbc_solve_qp: Any = library.wbc_solve_qp
         self.wbc_nearest: Any = library.wbc_nearest
         self.wbc_measure: Any = library.wbc_measure

@@ -122,6 +122,11 @@ class Workspace:
         native.init(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
         return cls(native, mi, scale)
 
+    @property
+    def is_capped(self) -> bool:
+        """Whether the last solve ran into its cap of iterations."""
+        return _CLAIMS.get(self.native.results.info.status) is Status.ITERATION_LIMIT
+
     def cap(self, max_iterations: int) -> None:
         """Bound the outer iterations of the next solves."""
         self.native.settings.max_iter = max_iterations
@@ -138,12 +143,17 @@ class Workspace:
 
         ``refresh``: compute the preconditioner anew.
         """
+        self.run(qp, refresh)
+        return self._answer()
+
+    def run(self, qp: QP, refresh: bool = False) -> None:
+        """Solve ``qp`` as :meth:`solve_warm` does, without reading the answer."""
         native = self.native
         P, g = (qp.P, qp.g) if self.scale == 1.0 else (self.scale * qp.P, self.scale * qp.g)
+        A, b = (qp.A, qp.b) if qp.b.size else (None, None)
         # Never solve() twice without update(): ProxQP 0.8 then scales the box a second time.
-        native.update(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper, refresh)
+        native.update(P, g, A, b, qp.C, qp.l, qp.u, qp.lower, qp.upper, refresh)
         native.solve()
-        return self._answer()
 
     def _answer(self) -> RawSolution:
         results, mi = self.native.results, self.inequalities

@@ -93,11 +93,13 @@ def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaq
 def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
     """Return how many numbers and integers the core works in: as ``place`` of source/solve.c."""
     left = n - k
-    numbers = k * (n + 3) + 2 * k * left + left * left + 2 * n + (3 + left) * (n + m)
-    return numbers, 2 * n + m + k
+    numbers = k * (n + 1) + 2 * k * left + left * left + 3 * n + 3 * (n + m) + (m + k) * left
+    return numbers, 2 * n + m
 
 
-def solution_of(parts: Iterable[Array], found: Array, spent: float, name: str) -> Solution:
+def solution_of(
+    parts: Iterable[Array], found: Array, spent: float, name: str, attempts: int = 1
+) -> Solution:
     """Return the core's accurate answer as a solution.
 
     Parameters
@@ -110,4 +112,5 @@ def solution_of(parts: Iterable[Array], found: Array, spent: float, name: str) -
     *residuals, iterations = found.tolist()
     x, y, z, z_box = parts
     known = KktResiduals(*residuals)
-    return Solution(x, y, z, z_box, Status.SOLVED, known, int(iterations), spent, name)
+    solved = Status.SOLVED
+    return Solution(x, y, z, z_box, solved, known, int(iterations), spent, name, None, attempts)

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 6
+#define WBC_CORE_VERSION 7
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -161,12 +161,13 @@ typedef struct {
     double *state;               /* what is found at a state that nobody has looked at */
     double *out;
     double *scratch;
-    int64_t *order;       /* (2 n + k + m), (pairs) of a margin at least; scratch too */
+    int64_t *order;       /* (2 n + m) to work in, (k) to keep, (pairs) of a margin */
     const wbc_margin *margin; /* rows behind all others, or 0 */
     const void *quadprog; /* DAQP's function, or 0 */
     void *settings;       /* and its settings */
     int64_t blocks, frames, costs, held, limited;
     int64_t torque, forces, bearing, passives, bounded, cones;
+    int64_t outside; /* whether the reduced QP is solved by others */
     double dt, mass, unit, eps; /* unit: newtons per unit of a force; eps: as in wbc_qp */
 } wbc_plan;
 
@@ -185,21 +186,28 @@ typedef struct {
 
 /* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. NOT_MEASURED: of
  * some pair; LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. MORE_ROWS: of pairs
- * that could not stop in time, than the plan has. */
+ * that could not stop in time, than the plan has. REDUCED: to who solves it, outside. */
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
-                   NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6 };
+                   NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
 /* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
  * without frames, or 0: then it is found here. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
-/* Solve it by DAQP: x, y, z, z of the box; primal, dual and complementarity residuals, iterations. */
-int wbc_solve(const wbc_plan *plan);
-/* The same for any QP. scratch holds k (n + 3) + 2 k (n - k) + (n - k)^2 + 2 n
- * + (3 + n - k) (n + m) numbers, order 2 n + m + k. */
-int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
-                 void *settings);
-/* Both. */
+/* The same and its answer: x, y, z, z of the box; primal, dual and complementarity residuals,
+ * iterations. The equalities are eliminated, what is left is solved by DAQP; or, if it is to be
+ * solved outside, REDUCED is returned, and how many rows C there are is the first residual. */
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving);
+/* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
+ * x and then of C x, C (rows, left). Returns 0. */
+int wbc_reduced(const wbc_plan *plan, int64_t *begin);
+/* After that: the tick's answer from the reduced QP's, x (left) and multipliers of rows, then of
+ * bounds, times scale; x 0: by DAQP. May be called again. */
+int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
+               const double *z, double scale, int64_t iterations);
+/* The same for any QP, by DAQP. scratch holds k (n + 1) + 2 k left + left^2 + 3 n
+ * + 3 (n + m) + (k + m) left numbers, left = n - k; order 2 n + m. */
+int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
+                 void *settings);
 
 #endif

@@ -78,7 +78,7 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
     double *work = twist + 6 * plan->tree->joints;
     const wbc_closing closing = closing_at(plan, v, twist);
     const double now = plan->torque ? MARGIN_BRAKING * plan->dt : INFINITY;
-    int64_t *chosen = plan->order;
+    int64_t *chosen = usual_columns(plan, qp) + qp->k;
     if (plan->torque) add_twists(plan, state, v, twist);
     const int said = soonest(margin->of, state, k, margin->kept, plan->torque ? &closing : 0, work,
                              chosen, nearest);
@@ -158,13 +158,13 @@ static double clearance_of(const wbc_qp *qp, int64_t rows, double pair) {
     return INFINITY;
 }
 
-int leads_inside(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
+int leads_inside(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp,
+                 double *scratch, int64_t *pairs) {
     const wbc_margin *margin = plan->margin;
     const wbc_tree *tree = plan->tree;
     const int64_t nv = tree->nv, rows = margin->rows;
-    double *step = plan->scratch, *turns = step + nv, *there = turns + tree->joints;
+    double *step = scratch, *turns = step + nv, *there = turns + tree->joints;
     double *arms = there + 2 * nv, *nearest = arms + 3 * tree->joints, *work = nearest + 7 * rows;
-    int64_t *pairs = plan->order;
     for (int64_t i = 0; i < nv; i++) step[i] = plan->dt * qp->x[i];
     int64_t k = watched(plan, qp, v, step, turns, pairs);
     if (k == 0) return 0;

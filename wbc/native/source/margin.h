@@ -38,8 +38,10 @@ int add_margin(const wbc_plan *plan, const double *state, const double *v, doubl
                const wbc_qp *qp);
 
 /* Whether the velocity found leads from q, where it was v, into the margin, or to where it cannot
- * be measured; plan->state is lost, and so is the scratch. */
-int leads_inside(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp);
+ * be measured; plan->state is lost. scratch holds 3 nv + 4 joints + 7 numbers a row and what
+ * wbc_measure needs, pairs one each. */
+int leads_inside(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp,
+                 double *scratch, int64_t *pairs);
 
 #pragma GCC visibility pop
 

@@ -32,6 +32,8 @@ static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radian
 static const double NO_BOUND = 1e30;  /* DAQP's infinity */
 /* Unknowns without bounds are preferred as dependent ones, by this factor: they add no row. */
 static const double PREFERENCE = 10.0;
+/* So is what a row had in the last tick, where others solve the reduced QP: they start from there. */
+static const double USUAL = 4.0;
 
 static double clamp(double value) {
     return value > NO_BOUND ? NO_BOUND : value < -NO_BOUND ? -NO_BOUND : value;
@@ -52,6 +54,8 @@ typedef struct {
     double *rows;          /* (m + k, left) */
     double *multipliers, *answer;
     double *factor;        /* (2 k) */
+    double *gradient;      /* (n), of the full QP */
+    double *end;           /* of the memory */
     int *sense;
 } reduced;
 
@@ -69,11 +73,14 @@ static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r)
     r->multipliers = r->rows + (qp->m + k) * left;
     r->answer = r->multipliers + most;
     r->factor = r->answer + left;
+    r->gradient = r->factor + 2 * k;
+    r->end = r->gradient + n;
 }
 
 /* W = [A b] reduced until the columns order[0..k) would be those of the identity: in their place
- * stands the inverse of what they were. False if dependent rows leave next to nothing of one. */
-WIDE static int eliminate(const wbc_qp *qp, const reduced *of) {
+ * stands the inverse of what they were. False if dependent rows leave next to nothing of one.
+ * usual, or 0: of each row the column that it had, plus one. */
+WIDE static int eliminate(const wbc_qp *qp, const reduced *of, int64_t *usual) {
     const int64_t n = qp->n, k = qp->k, width = n + 1;
     double *restrict W = of->W;
     int64_t *order = of->order;
@@ -86,12 +93,14 @@ WIDE static int eliminate(const wbc_qp *qp, const reduced *of) {
         double *restrict top = W + r * width, most = -1.0;
         int64_t column = r;
         for (int64_t c = r; c < n; c++) {
-            const double size = fabs(top[order[c]]) * (is_free(qp, order[c]) ? PREFERENCE : 1.0);
+            double size = fabs(top[order[c]]) * (is_free(qp, order[c]) ? PREFERENCE : 1.0);
+            if (usual && usual[r] == order[c] + 1) size *= USUAL;
             if (size > most) most = size, column = c;
         }
         const int64_t pivot = order[column];
         if (!(fabs(top[pivot]) > DEPENDENT)) return 0;
         order[column] = order[r], order[r] = pivot;
+        if (usual) usual[r] = pivot + 1;
         const double scale = 1.0 / top[pivot];
         top[pivot] = 1.0;
         for (int64_t c = 0; c < width; c++) top[c] *= scale;
@@ -257,52 +266,95 @@ static void command(const wbc_plan *plan, const wbc_qp *qp) {
     }
 }
 
-/* x, y, z, z of the box, the three residuals and the number of iterations of a QP. */
-static int solve(const wbc_qp *qp, double *scratch, int64_t *order, const void *address,
-                 void *settings) {
+/* How many bounds and rows are left. */
+static int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
+    int64_t bounded = r->left + qp->m;
+    for (int64_t s = 0; s < qp->k; s++) bounded += !is_free(qp, r->order[s]);
+    return bounded;
+}
+
+/* Leave the QP without its equalities; returns the number of its bounds and rows, 0: it cannot be. */
+static int64_t reduce(const wbc_qp *qp, const reduced *r, int64_t *usual) {
+    if (r->left < 1 || !eliminate(qp, r, usual)) return 0;
+    reduce_cost(qp, r);
+    return reduce_bounds(qp, r);
+}
+
+/* Solve what is left by DAQP; returns its iterations, -1: no answer. */
+static int64_t ask(const reduced *r, int64_t bounded, const void *address, void *settings) {
     daqp_quadprog *quadprog;
-    reduced r;
-    place(qp, scratch, order, &r);
     memcpy(&quadprog, &address, sizeof quadprog); /* ISO C has no cast to a function */
-    if (!quadprog || r.left < 1 || !eliminate(qp, &r)) return UNSOLVED;
-    reduce_cost(qp, &r);
-    const int64_t bounded = reduce_bounds(qp, &r);
-    memset(r.sense, 0, bounded * sizeof *r.sense);
-    daqp_problem problem = {(int)r.left, (int)bounded, (int)r.left, r.H, r.f, r.rows,
-                            r.up,        r.low,        r.sense,     0,   0,   0};
+    if (!quadprog) return -1;
+    memset(r->sense, 0, bounded * sizeof *r->sense);
+    daqp_problem problem = {(int)r->left, (int)bounded, (int)r->left, r->H, r->f, r->rows,
+                            r->up,        r->low,       r->sense,     0,    0,    0};
     daqp_result result;
     memset(&result, 0, sizeof result);
-    result.x = r.answer, result.multipliers = r.multipliers;
+    result.x = r->answer, result.multipliers = r->multipliers;
     quadprog(&result, &problem, settings);
-    if (result.flag != 1) return UNSOLVED;
-    lift(qp, &r);
-    residuals(qp, r.W);
-    qp->found[3] = result.iterations;
+    return result.flag == 1 ? result.iterations : -1;
+}
+
+/* x, y, z, z of the box, the three residuals and the number of iterations of a QP. */
+static int conclude(const wbc_qp *qp, const reduced *r, int64_t iterations) {
+    lift(qp, r);
+    residuals(qp, r->gradient);
+    qp->found[3] = (double)iterations;
     for (int i = 0; i < 3; i++)
         if (!(qp->found[i] <= qp->eps)) return UNSOLVED; /* NaN is not */
     return DONE;
 }
 
-int wbc_solve(const wbc_plan *plan) {
+int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
+               const double *z, double scale, int64_t iterations) {
     wbc_qp qp;
+    reduced r;
     lay_out(plan, &qp);
-    const int said = solve(&qp, plan->scratch, plan->order, plan->quadprog, plan->settings);
-    if (said == DONE && !is_measured(qp.x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
-    if (said == DONE && plan->torque) command(plan, &qp);
-    return said;
-}
-
-int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
-                 void *settings) {
-    return is_qp(qp) ? solve(qp, scratch, order, quadprog, settings) : NOT_FINITE;
+    place(&qp, plan->scratch, plan->order, &r);
+    const int64_t bounded = bounds_left(&qp, &r), rows = bounded - r.left;
+    if (x) {
+        memcpy(r.answer, x, r.left * sizeof *x);
+        for (int64_t i = 0; i < r.left; i++) r.multipliers[i] = z[rows + i] / scale;
+        for (int64_t i = 0; i < rows; i++) r.multipliers[r.left + i] = z[i] / scale;
+    } else
+        iterations = ask(&r, bounded, plan->quadprog, plan->settings);
+    if (iterations < 0 || conclude(&qp, &r, iterations) != DONE) return UNSOLVED;
+    if (!is_measured(qp.x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
+    if (plan->torque) command(plan, &qp);
+    int64_t *pairs = usual_columns(plan, &qp) + qp.k;
+    return plan->margin && leads_inside(plan, q, v, &qp, r.end, pairs) ? LEADS_INSIDE : DONE;
 }
 
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving) {
     const int found = wbc_problem(plan, state, q, v, moving);
     if (found != DONE) return found;
-    const int said = wbc_solve(plan);
     wbc_qp qp;
+    reduced r;
     lay_out(plan, &qp);
-    return said == DONE && plan->margin && leads_inside(plan, q, v, &qp) ? LEADS_INSIDE : said;
+    place(&qp, plan->scratch, plan->order, &r);
+    const int64_t bounded = reduce(&qp, &r, plan->outside ? usual_columns(plan, &qp) : 0);
+    if (bounded == 0) return UNSOLVED;
+    qp.found[0] = (double)(bounded - r.left);
+    return plan->outside ? REDUCED : wbc_answer(plan, q, v, 0, 0, 1.0, 0);
+}
+
+int wbc_reduced(const wbc_plan *plan, int64_t *begin) {
+    wbc_qp qp;
+    reduced r;
+    lay_out(plan, &qp);
+    place(&qp, plan->scratch, plan->order, &r);
+    const double *every[] = {r.H, r.f, r.low, r.up, r.rows};
+    for (int i = 0; i < 5; i++) begin[i] = every[i] - plan->scratch;
+    return DONE;
+}
+
+int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
+                 void *settings) {
+    if (!is_qp(qp)) return NOT_FINITE;
+    reduced r;
+    place(qp, scratch, order, &r);
+    const int64_t bounded = reduce(qp, &r, 0);
+    const int64_t iterations = bounded == 0 ? -1 : ask(&r, bounded, quadprog, settings);
+    return iterations < 0 ? UNSOLVED : conclude(qp, &r, iterations);
 }
