@@ -297,3 +297,22 @@ def test_without_phases_there_is_one_without_a_name(tmp_path: Path) -> None:
     floating = problem(tmp_path, {"support": "floating"}, text).run()
     assert floating.balance is None
     assert set(floating.history.support) == {""}
+
+
+def test_a_task_that_comes_in_is_not_said_to_do_nothing(
+    tmp_path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its ramp begins near 0: each such task of a problem was warned of in Python's log."""
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "robot: hoap2_like\nsupport: double\n"
+        "tasks:\n"
+        "  com: {type: com, target: start, weight: 10}\n"
+        "  hand: {type: frame, frame: left_hand, control: position, target: start, active: false}\n"
+        "  posture: {type: posture, weight: 0.01}\n"
+        "phases:\n"
+        "  wait: {duration: 0.02}\n"
+        "  reach: {duration: 0.02, tasks: {hand: {active: true}}}\n"
+    )
+    assert not load_problem(path).run().failures
+    assert "weight" not in caplog.text

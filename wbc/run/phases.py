@@ -264,8 +264,9 @@ class PhaseExecutor:
         # A foot let go of comes in with all its weight, for the contact's was without bound.
         off = self._full[name] if change.at_once else np.zeros(len(task.rows))
         begin, end = off if before is None else before, off if end is None else end
-        task.weight = begin
-        if (begin != end).any():
+        if not (begin != end).any():
+            task.weight = begin
+        else:
             set_weight = _set_weight(task, LEAST_WEIGHT * np.maximum(begin, end))
             ramp = MinimumJerk(begin, end, phase.ramp)
             self._moving.append(MovingTarget(ramp, set_weight, phase.begins))
