@@ -51,9 +51,14 @@ def test_everything_is_drawn(robot: Robot, arrays: Arrays, tmp_path) -> None:
     assert {f"t = {t:.2f} s" for t in (0.0, 0.35, 0.5, 0.85, 2.0)} <= titles
     plots = {axes.get_title(loc="left"): axes for axes in figure.axes}
     torques = plots["Torques that come nearest to their bounds"]
-    np.testing.assert_allclose(torques.lines[0].get_ydata(), 50.0)
+    np.testing.assert_allclose(torques.lines[1].get_ydata(), 50.0)
     words = [text.get_text() for text in torques.texts]
     assert robot.joint_names[3] in words and "something gave way" in words
+    assert any("semi-axes a₁ ≥ a₂ ≥ a₃ in mm" in text.get_text() for text in figure.texts)
+    margin = plots["CoP inside the soles that bear load"]
+    (name,) = margin.texts  # where its curve ends, at 20 mm
+    place = margin.transAxes.transform(name.get_position())
+    assert margin.transData.inverted().transform(place)[1] == pytest.approx(20.0, abs=0.5)
     lateral = plots["CoM and CoP, y: to the left"]
     np.testing.assert_allclose(lateral.lines[-1].get_ydata(), 0.0, atol=1e-12)
     pushed = lateral.patches[0].get_extents().transformed(lateral.transData.inverted())

@@ -254,3 +254,11 @@ def test_matplotlib_is_left_as_it_was() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_figure_of_many_is_no_wider_than_one_of_three() -> None:
+    """Eight side by side were 29 inches across, and no text could be read on a page."""
+    robot = Robot.load("hoap2_like")
+    q = robot.posture()
+    many = robot_figure(robot, {str(k): q for k in range(8)})
+    assert many.get_figwidth() == pytest.approx(3 * robot_figure(robot, {"one": q}).get_figwidth())

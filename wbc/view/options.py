@@ -13,7 +13,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 LAYERS = {
     "robot": "",
     "ground": "",
-    "ellipsoid": "blue: equimomental ellipsoid (the robot's inertia), semi-axes a₁ ≥ a₂ ≥ a₃",
+    "ellipsoid": "blue: equimomental ellipsoid (the robot's inertia), semi-axes a₁ ≥ a₂ ≥ a₃ in mm",
     "masses": "dots on its axes: the six reaction masses M/6",
     "com": "quartered disc: CoM",
     "leg": "black: pendulum's leg, from the ground under the CoM",

@@ -34,6 +34,7 @@ SUNK = 0.02  # m: a robot reaching lower than this below z = 0 is not meant to s
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
 LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch
+NARROWEST = 5.2  # points of text per inch of a picture's width where three texts just fit
 NARROW = 1.0 / 3.3  # distance between two of them where there is less room, part of the width
 
 
@@ -162,7 +163,7 @@ def draw_portraits(all_axes: Sequence[Axes], portraits: Sequence[Portrait]) -> N
         unit = "" if narrow else " mm"  # where there is no room the figure says it once
         semi_axes = 1e3 * portrait.scene.ellipsoid.semi_axes
         texts = [f"a{style.INDEX[k]} {a:.0f}{unit}" for k, a in enumerate(semi_axes)]
-        size = style.SMALL if narrow else style.NORMAL
+        size = min(style.SMALL, NARROWEST * width) if narrow else style.NORMAL
         style.write_below(panel.axes, texts, NARROW if narrow else TEXT_WIDTH / width, size)
 
 

@@ -24,6 +24,7 @@ from wbc.view.portrait import (
 )
 
 PANEL_WIDTH = 3.6  # inches, of a picture in a figure of robots
+WIDEST = 3 * PANEL_WIDTH  # of the figure: in a wider one no text can be read on a page
 PANEL_SHAPE = (0.8, 1.5)  # its height to width, at least and at most
 ABOVE, BELOW = 0.3, 0.35  # inches of text above and below a picture
 
@@ -59,7 +60,8 @@ def robot_figure(
     """
     portraits = portraits_of(robot, configurations, view)
     count, heading = len(portraits), 0.0 if title is None else ABOVE
-    width, height = PANEL_WIDTH, PANEL_WIDTH * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
+    width = min(PANEL_WIDTH, WIDEST / count)
+    height = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
     caption = captions(portraits, width * count)
     below = BELOW + LINE * len(caption)
     total = below + height + ABOVE + heading

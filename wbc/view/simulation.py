@@ -16,7 +16,14 @@ from wbc.motion.dropouts import runs
 from wbc.robot import Robot
 from wbc.validate import Array, finite_array
 from wbc.view import style
-from wbc.view.portrait import draw_portraits, portraits_of, shape_of
+from wbc.view.portrait import (
+    LINE,
+    captions,
+    draw_portraits,
+    portraits_of,
+    shape_of,
+    write_caption,
+)
 from wbc.view.series import Series, plot_curves
 
 WIDTH = 12.0  # inches
@@ -75,13 +82,16 @@ def simulation_figure(robot: Robot, arrays: Mapping[str, Any], *, title: str) ->
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))
     rows = ROWS + ("plan_com" in run)
     below = rows * PLOT
-    figure = style.sheet(WIDTH, TOP + high + BELOW_PANEL + below, title, below)
+    caption = captions(portraits, WIDTH)
+    room = BELOW_PANEL + LINE * len(caption)
+    figure = style.sheet(WIDTH, TOP + high + room + below, title, below)
     margin = 0.5 * (WIDTH - len(portraits) * width)
-    bottom = below + BELOW_PANEL
+    bottom = below + room
     places = [
         style.place(figure, margin + k * width, bottom, width, high) for k in range(len(portraits))
     ]
     draw_portraits(places, portraits)
+    write_caption(figure, caption, below + LINE * len(caption))
     grid = figure.add_gridspec(rows, 2)
     for k, draw in enumerate(_plots(robot, run)):
         draw(figure.add_subplot(grid[k // 2, k % 2]))
@@ -216,8 +226,8 @@ def _plot_torques(axes: Axes, robot: Robot, run: Mapping[str, Array]) -> None:
     curves = [
         Series(robot.joint_names[j], style.SERIES[k], "-", used[:, j]) for k, j in enumerate(most)
     ]
+    axes.axhline(100.0, color=style.VERMILION, linewidth=0.8)  # it stretches the axis: before names
     plot_curves(axes, run["time"], curves)
-    axes.axhline(100.0, color=style.VERMILION, linewidth=0.8)
     axes.set_ylim(0.0, max(105.0, axes.get_ylim()[1]))
     gave_way = run["time"][run["relaxed"] > 0.0]
     if len(gave_way):
@@ -238,8 +248,8 @@ def _plot_margin(axes: Axes, run: Mapping[str, Array]) -> None:
     style.plain(axes, "CoP inside the soles that bear load", "time [s]", "mm")
     curves = [Series("CoP", style.BLUE, "-", 1e3 * run["cop_margin"])]
     _make_room(axes, run, curves)
+    axes.axhline(0.0, color=style.VERMILION, linewidth=0.8)  # it stretches the axis: before names
     plot_curves(axes, run["time"], curves)
-    axes.axhline(0.0, color=style.VERMILION, linewidth=0.8)
 
 
 def _plot(axes: Axes, time: Array, curves: Sequence[Series]) -> None:
