@@ -45,3 +45,22 @@ def test_missing_limits_are_said(tmp_path: Path) -> None:
     assert "note: arm: joints without a limit: velocity (j); effort (j)" in answer.stderr
     row = next(line for line in answer.stdout.splitlines() if line.startswith("j "))
     assert row.split() == ["j", "-1", "1", "none", "none", "1.000"]
+
+
+def test_joints_that_follow_others_are_named(tmp_path: Path) -> None:
+    inertial = (
+        '<inertial><mass value="1"/>'
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
+    )
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="palm"/><child link="{0}_link"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>{1}</joint>'
+    )
+    mimic = '<mimic joint="thumb" multiplier="-0.5" offset="0.1"/>'
+    links = "".join(
+        f'<link name="{name}">{inertial}</link>' for name in ("palm", "thumb_link", "finger_link")
+    )
+    path = tmp_path / "hand.urdf"
+    joints = joint.format("thumb", "") + joint.format("finger", mimic)
+    path.write_text(f'<robot name="hand">{links}{joints}</robot>')
+    assert "finger follows: -0.5 thumb +0.1\n" in command("robots", path).stdout

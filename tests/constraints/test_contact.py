@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from wbc.constraints import Contact, Limits, PointContact, support
+from wbc.constraints import (
+    ComSupport,
+    Contact,
+    Limits,
+    PointContact,
+    TiltLimit,
+    support,
+)
 from wbc.constraints.independent_rows import independent_rows
 from wbc.controllers import KinematicController
 from wbc.errors import InvalidInputError
@@ -122,3 +129,27 @@ def test_corners_are_given_once(here) -> None:
     with pytest.raises(InvalidInputError, match=r"corners: cannot be assigned; .* set_contacts"):
         contact.corners = [[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]]
     assert len(contact.corners) == len(here.robot.feet["left"].polygon)
+
+
+def test_what_is_no_snapshot_is_named(here) -> None:
+    robot = here.robot
+    for make in (
+        lambda: support(robot, "double"),
+        lambda: Contact.hold(robot, "left_sole"),
+        lambda: ComSupport.over(robot),
+        lambda: TiltLimit.upright(robot.posture(), "base", 0.5),
+    ):
+        with pytest.raises(InvalidInputError, match=r"expected a snapshot of a robot, as robot\."):
+            make()
+
+
+def test_soles_that_face_upwards_are_warned_of(here, caplog: pytest.LogCaptureFixture) -> None:
+    """A quaternion in the order w, x, y, z stands the robot on its head, and nothing said so."""
+    robot = here.robot
+    q = robot.posture()
+    support(robot.snapshot(q), "double")
+    assert not caplog.records
+    q[3:7] = q[[6, 3, 4, 5]]
+    support(robot.snapshot(q), "double")
+    assert "face upwards" in caplog.text
+    assert "x, y, z, w?" in caplog.text

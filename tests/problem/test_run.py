@@ -1,11 +1,14 @@
 """Short real runs on the small humanoid: what moves, what is held, and how a run ends."""
 
+import copy
+import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.texts import CHEAP
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
 from wbc.qp.proxqp import ProxQP
@@ -203,3 +206,13 @@ stop: {duration: 0.2, speed: null}
         assert result.tasks["joint"].norm == pytest.approx(np.exp(-1.0) * first, rel=1e-4)
     with pytest.raises(ProblemFileError, match=r"joint.gain_per_second: give gain or gain_per_sec"):
         problem(tmp_path, text, {"tasks.joint.gain": 0.5})
+
+
+def test_a_problem_can_be_pickled_and_copied(tmp_path) -> None:
+    """As for a pool of processes: the copy is the problem as it was loaded, values replaced."""
+    path = tmp_path / "p.yaml"
+    path.write_text(CHEAP)
+    problem = load_problem(path, {"stop.duration": 0.03})
+    for again in (pickle.loads(pickle.dumps(problem)), copy.deepcopy(problem)):
+        assert again.overrides == {"stop.duration": 0.03}
+        np.testing.assert_array_equal(again.run().q, problem.run().q)

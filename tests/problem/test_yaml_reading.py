@@ -62,7 +62,7 @@ def test_every_key_and_entry_has_its_line() -> None:
         ("a:\n\tb: 1\n", 2, "indent with spaces"),
         ("a: b: c\n", 1, "needs quotes"),
         ("a: [1, 2\nb: 3\n", 2, "not valid YAML"),
-        ("a: 'x\n", 2, "a closing quote is missing"),
+        ("a: 'x\nb: 1\nc: 2\n", 1, "a closing quote is missing"),  # where it opens
         ("joints: {*_knee: 1}\n", 1, "needs quotes"),
         ("a: " + "9" * 5000 + "\n", 1, "not a usable number"),
         ("a: !!int x\n", 1, "not a usable number"),

@@ -59,6 +59,9 @@ def _describe(robot: Robot) -> None:
     console = Console(highlight=False)
     console.print(_joints(robot))
     missing = missing_limits(robot)
+    for name, drive in robot.couplings.items():
+        follows = f"{drive.ratio:g} {drive.driver} {drive.offset:+g}"
+        console.print(f"{name} follows: {follows}", markup=False)
     console.print(f"\nmissing limits: {missing or 'none'}", markup=False)
     console.print("\nframes:", markup=False)
     console.print(Columns(robot.frame_names, padding=(0, 2), column_first=True))

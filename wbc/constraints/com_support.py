@@ -14,6 +14,7 @@ from wbc.constraints.rows import Distances, Index, SymbolicRows, take
 from wbc.errors import InvalidInputError
 from wbc.polygon import convex_hull
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ class ComSupport(Margin):
         cls, snapshot: Snapshot, feet: Iterable[str] = ("left", "right"), *, margin: float = 0.01
     ) -> ComSupport:
         """Return the constraint for the soles of ``feet`` where they are in ``snapshot``."""
+        check_snapshot("ComSupport.over", snapshot)
         return cls(snapshot.robot, support_polygon(snapshot, feet), margin=margin)
 
     def set_polygon(self, polygon: ArrayLike) -> None:
@@ -124,6 +126,7 @@ def support_polygon(snapshot: Snapshot, feet: Iterable[str]) -> Array:
     InvalidInputError
         No feet at all.
     """
+    check_snapshot("support polygon", snapshot)
     robot = snapshot.robot
     names = (feet,) if isinstance(feet, str) else tuple(feet)
     if not names:

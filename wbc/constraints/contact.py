@@ -6,6 +6,7 @@ a cost. The anchor is given once, by the caller. Any other task may be held the 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Self, Unpack, cast
 
@@ -18,6 +19,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual, Rows
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.robot.names import BASE
 from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
@@ -121,6 +123,7 @@ class Contact(Task):
         **law: Unpack[LawKeywords],
     ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
+        check_snapshot(f"{cls.__name__}.hold", snapshot)
         position, rotation = snapshot.position(frame), snapshot.rotation(frame)
         return cls(
             snapshot.robot, frame, position, rotation, friction=friction, corners=corners, **law
@@ -262,12 +265,16 @@ def support(
     InvalidInputError
         No snapshot, or no mode.
     """
-    if not isinstance(snapshot, Snapshot):
-        raise InvalidInputError(f"support: expected a snapshot of a robot, got {snapshot!r}")
+    check_snapshot("support", snapshot)
     if not isinstance(mode, Iterable):
         raise InvalidInputError(f"support: expected a mode or a list of frames, got {mode!r}")
     robot = snapshot.robot
     frames = [sole_or_frame(robot, one) for one in feet_of(robot, mode)]
+    if isinstance(mode, str) and any(snapshot.rotation(frame)[2, 2] < 0.0 for frame in frames):
+        logging.getLogger(__name__).warning(
+            "support: soles of %s face upwards; is the quaternion q[3:7] in the order x, y, z, w?",
+            robot.name,
+        )
     held = (contact_kind(robot, frame).hold(snapshot, frame, friction=friction) for frame in frames)
     return base_contact(snapshot) + tuple(held)
 

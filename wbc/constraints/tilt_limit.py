@@ -12,6 +12,7 @@ from wbc.constraints.margin import SKIN, BrakingParameters, Margin
 from wbc.constraints.rows import Distances, Index, SymbolicRows
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.validate import Array, finite_number, finite_vector, read_only
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ class TiltLimit(Margin):
         braking: BrakingParameters | None = None,
     ) -> TiltLimit:
         """Return the constraint for what points up in ``snapshot``."""
+        check_snapshot("TiltLimit.upright", snapshot)
         up = snapshot.rotation(frame)[2]
         return cls(snapshot.robot, frame, angle, axis=up, braking=braking)
 

@@ -20,6 +20,27 @@ QUATERNION = ("base_qx", "base_qy", "base_qz", "base_qw")
 ANGLES = ("base_roll", "base_pitch", "base_yaw")
 UNIT = 1e-2  # how far the norm of a recorded quaternion may be from 1: two decimals are enough
 SUFFIXES = ("deg", "rad")
+# Groups of columns that wbc run and wbc sim write beside time and configuration, GROUP/NAME.
+OWN = frozenset(
+    [
+        "velocity",
+        "com",
+        "inertia",
+        "error",
+        "target",
+        "limits",
+        "balance",
+        "constraint",
+        "held_back",
+        "tick",
+        "torque",
+        "forces",
+        "planned_forces",
+        "cop",
+        "planned_cop",
+        "trunk",
+    ]
+)
 TENFOLD = 10.0  # so far past its limits that a joint must be in another unit
 
 
@@ -29,7 +50,10 @@ class UnknownColumnError(UnknownNameError):
     def __init__(self, file: str, name: str, choices: Iterable[str]) -> None:
         super().__init__("column", shortened(name), choices)
         self.file = file
-        self.args = (f"{file}: {self}; correct it, or declare that it be passed over (ignore)",)
+        self.args = (
+            f"{file}: {self}; correct it, or declare that it be passed over (ignore, as in"
+            f" --ignore {name!r})",
+        )
 
 
 def configuration_columns(robot: Robot) -> tuple[str, ...]:
@@ -93,6 +117,8 @@ def read_columns(
             raise RecordingError(what, table.source)
         name, unit = _split(header, known)
         name = name.lower() if name.lower() in TIME else name
+        if name not in known and name.partition("/")[0] in OWN and "/" in name:
+            continue
         if name not in known:
             choices = {"time", *robot.joint_names, *PLACE, *QUATERNION}
             raise UnknownColumnError(table.source, name, choices)

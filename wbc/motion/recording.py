@@ -135,7 +135,8 @@ def read_motion(
     missing:
         Posture (``standing``, ``neutral``) that gives the joints that the file does not have.
     ignore:
-        Columns to pass over, names or patterns such as ``imu_*``.
+        Columns to pass over, names or patterns such as ``imu_*``; what ``wbc run`` and
+        ``wbc sim`` write beside time and configuration is passed over in any case.
     beyond:
         How far a joint may be past its limits [rad or m]; by default 0.1, nearly 6 degrees.
     fill:

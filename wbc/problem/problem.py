@@ -62,6 +62,9 @@ class Problem:
         told = f"{self.parts.robot.name!r}, {len(self.spec.tasks)} tasks"
         return f"Problem({self.source.name!r}, {told})"
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return _made_of, (self.source, dict(self.overrides))  # parts have functions in them
+
     def run(
         self,
         progress: Progress | None = None,
@@ -244,8 +247,13 @@ def load_problem(
         from wbc.problem.pendulum.problem import load_pendulum
 
         return load_pendulum(source, overrides, Path(path).parent)
+    return _made_of(source, overrides)
+
+
+def _made_of(source: Source, overrides: Mapping[str, Any]) -> Problem:
+    """Return the problem of a source in which values are replaced already."""
     spec = read_problem(source)
-    return Problem(source, overrides, spec, build(spec, source, Path(path).parent))
+    return Problem(source, overrides, spec, build(spec, source, Path(source.name).parent))
 
 
 def load_unchanged(

@@ -136,7 +136,10 @@ def _refuse(name: str, event: Event, reason: str) -> None:
 def _syntax_message(error: YAMLError, text: str, name: str) -> str:
     if not isinstance(error, MarkedYAMLError) or error.problem_mark is None:
         return f"{name}: not valid YAML: {str(error).splitlines()[0]}"
-    line = error.problem_mark.line
+    mark = error.problem_mark
+    if error.context_mark and ("end of stream" in error.problem or "stream end" in error.problem):
+        mark = error.context_mark  # where the quote or bracket opens that nothing closes
+    line = mark.line
     problem = ", ".join(part for part in (error.context, error.problem) if part)
     hint = next((f" ({hint})" for sign, hint in _HINTS.items() if sign in problem), "")
     if _STAR.search("".join(text.splitlines()[line : line + 1])):

@@ -222,12 +222,8 @@ def _from_robot_descriptions(name: str) -> Source:
     if module_name is None:
         known = suggest(name, robot_names()).removeprefix(";").strip()
         others = "" if installed else ", or pip install robot_descriptions for its many"
-        raise UnknownNameError(
-            "robot",
-            name,
-            robot_names(),
-            f"{known}; or give the path of a URDF or MJCF file{others}",
-        )
+        remedy = f"{known}; or give the path of a URDF or MJCF file{others}"
+        raise UnknownNameError("robot", name, robot_names(), remedy)
     try:
         module = importlib.import_module(module_name)
     except Exception as error:  # whatever its download raises: no network, no git, no space

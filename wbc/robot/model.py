@@ -264,6 +264,21 @@ def check_robot(what: str, robot: object) -> None:
         )
 
 
+def check_snapshot(what: str, snapshot: object) -> None:
+    """Refuse what is no snapshot, such as the robot or its configuration.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what is expected.
+    """
+    if not isinstance(snapshot, Snapshot):
+        raise InvalidInputError(
+            f"{what}: expected a snapshot of a robot, as robot.snapshot(q) makes it, got"
+            f" {snapshot!r}"
+        )
+
+
 class Snapshot(MovingState):
     """Everything known about a robot at one measured state, read-only: see :meth:`Robot.snapshot`.
 

@@ -22,6 +22,10 @@ ROUNDING = 1e-6  # of a body's largest moment: files give inertias to about six 
 # Of the robot's own second moment. Romeo's forearms break the triangle inequality by 3e-4 (a digit
 # is missing in the file); it does not show in the robot's inertia, so it is noted, not refused.
 NEGLIGIBLE = 1e-3
+LARGEST, HEAVIEST = 20.0, 5000.0  # m, kg: what is larger or heavier is in other units
+# rad: what the middle one of a robot's joints can turn by, a little more than once around; and what
+# stands for no limit.
+ROUND, NO_LIMIT = 6.5, 400.0
 FEW_JOINTS = 6  # their places say little of how large a robot is
 
 
@@ -35,7 +39,8 @@ def check_supported(model: pin.Model, path: Path) -> tuple[str, ...]:
         body has an inertia that no rigid body can have. The message names joint and link.
     """
     _check_joints(model, path)
-    notes = _check_masses(model, path) + _check_inertias(model, path) + _too_large(model)
+    notes = _check_masses(model, path) + _check_inertias(model, path)
+    notes += _too_large(model) + _units(model)
     _check_turning(model, path)
     return notes
 
@@ -131,8 +136,35 @@ def _too_large(model: pin.Model) -> tuple[str, ...]:
         return ()
     return (
         "links whose moments of inertia are those of bodies larger than the whole robot, as if"
-        f" placeholders stood in the file: {listed(links)}; what moves will not move so",
+        f" placeholders, or other units than kg m^2, stood in the file: {listed(links)}; what moves"
+        " will not move so",
     )
+
+
+def _units(model: pin.Model) -> tuple[str, ...]:
+    """Note sizes that no robot has, as files in millimetres, grams or degrees give them."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    size = float(np.ptp(np.array([at.translation for at in list(data.oMi)[1:]]), axis=0).max())
+    mass = float(pin.computeTotalMass(model))
+    notes = []
+    if size > LARGEST:
+        notes.append(f"its joints are up to {size:.3g} m apart: are lengths in millimetres?")
+    if mass > HEAVIEST:
+        notes.append(f"it weighs {mass:.3g} kg: are masses in grams?")
+    turning = [
+        model.idx_qs[j]
+        for j in range(2, model.njoints)
+        if model.nqs[j] == 1 and not model.joints[j].shortname().startswith("JointModelP")
+    ]
+    farthest = np.maximum(-model.lowerPositionLimit[turning], model.upperPositionLimit[turning])
+    farthest = farthest[farthest < NO_LIMIT]
+    if farthest.size and np.median(farthest) > ROUND:
+        notes.append(
+            f"half of its joints turn by {np.median(farthest):.3g} rad and more: are limits in"
+            " degrees?"
+        )
+    return tuple(notes)
 
 
 def _refuse_inertia(model: pin.Model, joint: int, path: Path, reason: str) -> None:

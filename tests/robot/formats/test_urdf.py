@@ -118,6 +118,27 @@ def test_placeholders_for_inertias_are_noted(tmp_path: Path) -> None:
     assert ": c, g;" in note
 
 
+@pytest.mark.parametrize(
+    ("usual", "changed", "told"),
+    [
+        ("", "", ""),
+        ('xyz="0 0 -0.2"', 'xyz="0 0 -200"', "m apart: are lengths in millimetres?"),
+        ('mass value="1"', 'mass value="2000"', "kg: are masses in grams?"),
+        ('lower="-1" upper="2"', 'lower="-57" upper="115"', "turn by 115 rad and more: are limits"),
+        ('lower="-1" upper="2"', 'lower="-1e16" upper="1e16"', ""),  # none
+    ],
+)
+def test_files_in_other_units_are_noted(
+    tmp_path: Path, usual: str, changed: str, told: str
+) -> None:
+    names = "abcde"
+    parts = [link(name) for name in names]
+    parts += [joint(f"j{k}", names[k], names[k + 1]) for k in range(4)]
+    path = write(tmp_path, *(part.replace(usual, changed) if usual else part for part in parts))
+    notes = Robot.load(path, feet={}, base="floating").notes
+    assert [told in note for note in notes if "?" in note] == ([True] if told else [])
+
+
 REFUSED_URDFS = {
     "planar": (link("a") + link("b") + joint("j", "a", "b", "planar"), ("'j'", "planar")),
     "spherical": (link("a") + link("b") + joint("j", "a", "b", "ball"), ("'j'", "ball")),
