@@ -106,7 +106,7 @@ class Record:
     failures: Counter[str] = field(default_factory=Counter)
     examples: list[dict[str, Any]] = field(default_factory=list)
     slowest: list[list[Any]] = field(default_factory=list)  # ms, episode, tick, what
-    times: Counter[str] = field(default_factory=Counter)  # ticks by tenths of a millisecond
+    times: Counter[str] = field(default_factory=Counter)  # "backend tenths of a millisecond"
     memory: list[list[list[float]]] = field(default_factory=list)  # per process: ticks, MB
     pending: list[list[Any]] = field(
         default_factory=list
@@ -124,8 +124,8 @@ class Record:
         self.pending.append([seconds, episode, tick, what])
 
     def is_slow(self) -> bool:
-        """Whether the episode has slow ticks of the default backend."""
-        return any(seconds > SLOW and _by_default(what) for seconds, *_, what in self.pending)
+        """Whether the episode has slow ticks."""
+        return any(seconds > SLOW for seconds, *_ in self.pending)
 
     def run_again(self, other: "Record") -> None:
         """Take the lesser times of the same episode, run by ``other``."""
@@ -136,7 +136,7 @@ class Record:
         """Count the times of the episode."""
         for seconds, episode, tick, what in self.pending:
             ms = 1e3 * seconds
-            self.times[str(int(10.0 * ms))] += 1
+            self.times[f"{what.split()[1]} {int(10.0 * ms)}"] += 1
             if seconds > SLOW:
                 kind = "slow" if _by_default(what) else "slow, other backends (not a failure)"
                 self.fail(kind, episode, tick, f"{ms:.1f} ms: {what}")
@@ -160,14 +160,24 @@ class Record:
         draft.write_text(json.dumps(vars(self)))
         draft.replace(path)
 
-    def percentile(self, share: float) -> float:
-        """Return the time [ms] that this share of the ticks did not exceed."""
-        total, seen = sum(self.times.values()), 0
-        for tenths in sorted(map(int, self.times)):
-            seen += self.times[str(tenths)]
+    def percentile(self, share: float, backend: str = "") -> float:
+        """Return the time [ms] that this share of the ticks, or of a backend's, did not exceed."""
+        times: Counter[int] = Counter()
+        for key, n in self.times.items():
+            name, tenths = key.split()
+            if backend in ("", name):
+                times[int(tenths)] += n
+        total, seen = times.total(), 0
+        for tenth in sorted(times):
+            seen += times[tenth]
             if seen >= share * total:
-                return 0.1 * (tenths + 1)
+                return 0.1 * (tenth + 1)
         return 0.0
+
+    def slow_share(self, backend: str) -> float:
+        """Return which share of a backend's ticks took more than 5 ms."""
+        own = {int(key.split()[1]): n for key, n in self.times.items() if key.split()[0] == backend}
+        return sum(n for tenth, n in own.items() if tenth >= 1e4 * SLOW) / max(sum(own.values()), 1)
 
     def report(self) -> str:
         """Return all counts in words."""
@@ -180,6 +190,9 @@ class Record:
                 if key.split()[0] == name
             }
             lines.append(f"  {name:12s}" + "  ".join(f"{key} {n}" for key, n in counts.items()))
+            p50, p99, most = (self.percentile(p, name) for p in (0.5, 0.99, 1.0))
+            slow = f"{self.slow_share(name):.3%} above {1e3 * SLOW:g} ms"
+            lines.append(f"    CPU time [ms]: 50% {p50:.1f}  99% {p99:.1f}  all {most:.1f}; {slow}")
         lines += [f"  injected: {key}: {n}" for key, n in sorted(self.faults.items())]
         times = "  ".join(f"{100 * p:g}% {self.percentile(p):.1f}" for p in (0.5, 0.99, 0.9999))
         lines.append(f"CPU time of a tick [ms]: {times}")
@@ -514,6 +527,8 @@ class Episode:
         record.ticks += 1
         status = tick.status.value
         record.statuses[f"{self.solver} {status}"] += 1
+        if tick.left_out:
+            record.statuses[f"{self.solver} something_left_out"] += 1
         what = f"{self._what()} {status}, {len(self.controller.plan.levels)} levels, "
         what += f"{len(tick.qp.l)} rows, attempts {tick.solution.attempts}"
         what += f", solver {1e3 * tick.times.solve:.1f} ms wall"

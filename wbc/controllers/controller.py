@@ -11,6 +11,7 @@ and at the torque level the last forces and the ramps of those that come and go.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -41,6 +42,7 @@ from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
+from wbc.controllers.work import BUDGET, Work
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
@@ -89,6 +91,10 @@ class Controller(Fixed, ABC):
         (half the measured velocity, within limits), ``"closest"`` (within limits, missing the other
         rows by as little as can be; :func:`wbc.qp.least_infeasible.least_infeasible`, some
         milliseconds) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
+    budget:
+        Work that a tick may take, in units of about a microsecond of a quiet core, counted and
+        never clocked: see :mod:`wbc.controllers.work`. What it does not afford is left out, by
+        name (``tick.left_out``). None: nothing is left out, however long it takes.
 
     Raises
     ------
@@ -127,6 +133,7 @@ class Controller(Fixed, ABC):
         damping: float = 1e-6,
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
+        budget: float | None = BUDGET,
     ) -> None:
         contacts, slack = held_by(robot, contacts), NO_SLACK if slack is None else slack
         check_parts(robot, tasks, contacts, limits, constraints, slack)
@@ -139,6 +146,9 @@ class Controller(Fixed, ABC):
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
+        self.budget = math.inf
+        if budget is not None:
+            self.budget = finite_number("controller, budget", budget, above=0.0)
         self.on_failure = one_of("failure policy", on_failure, self._policies)
         self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
         self._take(tasks, constraints, slack)
@@ -203,6 +213,7 @@ class Controller(Fixed, ABC):
     def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
         start = perf_counter()
+        work = Work(self.budget)
         # Goals: rows of tasks, then of contacts that may give way.
         residuals, rows, reduce = {}, [], False
         for task in self._motion:
@@ -220,18 +231,18 @@ class Controller(Fixed, ABC):
         rows += physics.forces
         singular: dict[str, Singularity] = {}
         if reduce:
-            rows, singular = self._solver.reduce_singular(rows, contacts, level=0)
+            rows, singular = self._solver.reduce_singular(rows, contacts, level=0, work=work)
         # Safe: limits as a box, margins as rows.
         box, recovery = self._limits_at(snapshot)
-        problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery)
+        problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery, work)
         margins = None
         if self.constraints and tried is None:
-            margins = self._margins(snapshot)
+            margins = self._margins(snapshot, work)
         ready = perf_counter()
         attempt = tried or self._attempt(problem, margins)
         if attempt.outcome.solution.status is not Status.SOLVED:
             attempt = self._settle(problem, attempt)
-        tick = self._tick(snapshot, physics, residuals, attempt, singular, start, ready)
+        tick = self._tick(snapshot, physics, residuals, attempt, singular, work, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
@@ -277,9 +288,10 @@ class Controller(Fixed, ABC):
             return self._no_box, None
         return self.limits.box_and_recovery(snapshot, self.dt)
 
-    def _margins(self, snapshot: Snapshot) -> MarginRows:
+    def _margins(self, snapshot: Snapshot, work: Work) -> MarginRows:
         """Return the rows of the constraints."""
-        return MarginRows.at(snapshot, self.constraints, self.slacks, self.dt, self._bears)
+        parts = self.constraints, self.slacks, self.dt
+        return MarginRows.at(snapshot, *parts, work, self._bears)
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""
@@ -316,6 +328,7 @@ class Controller(Fixed, ABC):
         residuals: Mapping[str, Residual],
         attempt: Attempt,
         singular: dict[str, Singularity],
+        work: Work,
         start: float,
         ready: float,
     ) -> Tick:
@@ -325,7 +338,7 @@ class Controller(Fixed, ABC):
         slack: dict[str, float] = {}
         policy = None if solved else self.on_failure
         if not solved:
-            velocity, slack = self._fallback(snapshot, outcome)
+            velocity, slack = self._fallback(snapshot, outcome, work)
         else:
             velocity = outcome.solution.x[: self.robot.nv]
             if outcome.given_way is not None:
@@ -353,9 +366,12 @@ class Controller(Fixed, ABC):
             step_scale=step_scale,
             slack=slack,
             singular=singular | outcome.singular,
+            left_out=work.left_out,
         )
         return tick
 
     @abstractmethod
-    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
+    def _fallback(
+        self, snapshot: Snapshot, outcome: Outcome, work: Work
+    ) -> tuple[Array, dict[str, float]]:
         """Return the command of the declared policy, within the limits' box, and what it misses."""

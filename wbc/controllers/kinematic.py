@@ -14,6 +14,7 @@ from wbc.controllers.native_tick import NativeController
 from wbc.controllers.plan import NO_PHYSICS, Physics
 from wbc.controllers.slack import slacks_of
 from wbc.controllers.tick import Tick
+from wbc.controllers.work import Work
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.qp.least_infeasible import least_infeasible
@@ -21,6 +22,9 @@ from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
+
+# Units of work of the policy "closest": of its first problem, and of the second.
+LEAST, BEST = 400.0, 600.0
 
 
 class KinematicController(NativeController):
@@ -45,13 +49,18 @@ class KinematicController(NativeController):
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         return NO_PHYSICS
 
-    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
+    def _fallback(
+        self, snapshot: Snapshot, outcome: Outcome, work: Work
+    ) -> tuple[Array, dict[str, float]]:
         nv = self.robot.nv
         if self.on_failure == "closest":
             most = np.full(outcome.first.g.size, np.inf)
             most[:nv] = LARGEST  # where there are no limits
             lower, upper = np.fmax(outcome.first.lower, -most), np.fmin(outcome.first.upper, most)
-            found = least_infeasible(outcome.first._replace(lower=lower, upper=upper))
+            work.spend(LEAST)
+            best = work.affords(BEST, "the best of the least infeasible commands")
+            qp = outcome.first._replace(lower=lower, upper=upper)
+            found = least_infeasible(qp, best=best)
             return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, *outcome.box), {}

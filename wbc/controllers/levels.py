@@ -12,7 +12,7 @@ Active bounds that the achieved rows imply stay active below: see
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -21,10 +21,12 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, stack
 from wbc.controllers.active_set import ActiveSet, achieved_rows
+from wbc.controllers.asking import Solvers
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
+from wbc.controllers.work import Work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
 from wbc.qp.elimination import Elimination, eliminate
@@ -38,6 +40,9 @@ from wbc.validate import Array
 FORMULATIONS = ("equality", "reduced")
 # A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
 TOLERANCE = 1e-6
+# Units of work, for each unknown: a level's assembly, gains lowered to brake, singular rows, an
+# elimination, and all but the solver of a level below the first.
+ASSEMBLE, BRAKE, SINGULAR, ELIMINATE, BELOW = 5.0, 4.0, 8.0, 5.0, 14.0
 
 Box = tuple[Array, Array]
 
@@ -123,6 +128,8 @@ class LevelProblem(NamedTuple):
         Bounds (nv,), (nv,) on the velocity.
     recovery:
         Rows that move joints back into range, or None.
+    work:
+        Of the tick; what its budget does not afford is left out.
     assembled:
         The QP of the only level in ``box``, where the native core made it: no rows then.
     """
@@ -133,6 +140,7 @@ class LevelProblem(NamedTuple):
     physics: Physics
     box: Box
     recovery: Rows | None
+    work: Work
     assembled: Assembled | None = None
 
 
@@ -162,8 +170,10 @@ class LevelSolver:
     ) -> None:
         self.plan = plan
         self._names = tuple(names)
-        self._solve_quickly = partial(backend.solve, quick=True)
-        self._solve_qp: Callable[..., Solution] = self._solve_quickly if quick else backend.solve
+        self._solvers = Solvers(backend, quick)
+        # Units of work of a level below the first, and of all of them.
+        self._below = (ASSEMBLE + BELOW) * plan.decision.size
+        self._rest = (len(plan.levels) - 1) * self._below
         self._limits = limits
         self._dt = dt
         self._root = root
@@ -184,17 +194,18 @@ class LevelSolver:
             bounds = stack([problem.physics.bounds, margins])
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
+        work = problem.work
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
         limits = self._limits
         if limits is not None and limits.braking != "bounded":
             limits = None  # a box that always has room needs no second look
         # Other rows than in the round before: there is no warm start, and will be none.
-        solution = self._solve_first(qp, once=again, quick=limits is not None)
+        solution = self._solve_first(qp, work, once=again, quick=limits is not None)
         spent = solution.solve_time
         if solution.status is not Status.SOLVED and limits is not None:
-            gently = partial(self._solve_quickly, workspace=None)
+            gently = partial(self._solvers.solve, work=work, workspace=None, quick=True)
             qp = relax_box(qp, limits, problem.snapshot, self._dt, gently) or qp
-            solution = self._solve_first(qp, once=True)
+            solution = self._solve_first(qp, work, once=True)
             spent += solution.solve_time
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
         if len(self.plan.levels) > 1:
@@ -202,12 +213,13 @@ class LevelSolver:
         return outcome.within_limits(self.plan.decision.names)
 
     def reduce_singular(
-        self, rows: list[Rows], held: Sequence[Rows], level: int
+        self, rows: list[Rows], held: Sequence[Rows], level: int, work: Work
     ) -> tuple[list[Rows], dict[str, Singularity]]:
         """Return all rows, singular ones of a level asking for less, and what they are, by task."""
         members = self.plan.levels[level]
         if not any(rows[k].singular_threshold for k in members):
             return rows, {}
+        work.spend(SINGULAR * self.plan.decision.size)
         soft = [rows[k] for k in members if k >= len(self._names)]
         eased, found = reduce_singular([rows[k] for k in members], [*held, *soft], self._root)
         rows = list(rows)
@@ -222,7 +234,7 @@ class LevelSolver:
         """
         rows, contacts, physics = problem.rows, problem.contacts, problem.physics
         qp = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
-        solution = self._solve_quickly(qp, workspace=None)
+        solution = self._solvers.solve(qp, problem.work, None, quick=True)
         missed = given_way(self.plan, contacts, qp, solution.x) if solution.solved else None
         return Outcome(
             qp, solution, qp, self.plan.decision.nv, solution.solve_time, {}, given_way=missed
@@ -232,24 +244,32 @@ class LevelSolver:
         self, problem: LevelProblem, held: list[Rows], bounds: Bounds | None, first: Outcome
     ) -> Outcome:
         """Solve the levels below the first."""
-        outcome, rows = first, problem.rows
+        outcome, rows, work = first, problem.rows, problem.work
         active: ActiveSet | None = None
         for level in range(1, len(self.plan.levels)):
             if not outcome.solved:
                 break
+            name = f"level {level}: {', '.join(self._names_of(level))}"
+            if not work.affords(self._below, name):
+                break
+            work.spend(BELOW * self.plan.decision.size)
             x = outcome.solution.x
             achieved = achieved_rows([rows[k] for k in self.plan.levels[level - 1]], x)
             held = [*held, *achieved]
             active = ActiveSet.implied(
                 outcome.qp, outcome.solution, achieved, self.plan.decision
             ).union(active)
-            rows, found = self.reduce_singular(rows, held[len(problem.physics.equalities) :], level)
+            above = held[len(problem.physics.equalities) :]
+            rows, found = self.reduce_singular(rows, above, level, work)
             below = self._assemble(problem, rows, held, bounds, first.box, level)
             elimination = eliminate(active.as_equalities(below))
             singular = outcome.singular | found
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 return outcome._replace(singular=singular)
-            solution = self._solve_reduced(elimination, once=True)
+            solution = self._solve_reduced(elimination, work, once=True)
+            if work.short and not solution.solved:  # it was asked once only
+                work.leave_out(name)
+                break
             outcome = outcome._replace(
                 qp=elimination.full,
                 solution=solution,
@@ -271,7 +291,8 @@ class LevelSolver:
         if problem.assembled is not None:
             plain = bounds is None and box is problem.box
             return problem.assembled.qp if plain else problem.assembled.bounded(bounds, box)
-        plan = self.plan
+        plan, work = self.plan, problem.work
+        work.spend(ASSEMBLE * plan.decision.size)
         costs = rows if len(plan.levels) == 1 else [rows[k] for k in plan.levels[level]]
         if level == 0:
             dominating = [] if problem.recovery is None else [problem.recovery]
@@ -284,28 +305,40 @@ class LevelSolver:
         qp = assemble(plan.decision, costs, held, box, bounds, labels, rest)
         if self._limits is None or self._limits.braking == "free":
             return qp
+        work.spend(BRAKE * qp.g.size)
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
 
-    def _solve_first(self, qp: QP, once: bool, quick: bool = False) -> Solution:
+    def _solve_first(self, qp: QP, work: Work, once: bool, quick: bool = False) -> Solution:
         """Solve the first level in the chosen formulation.
 
         ``once``: without a warm start. ``quick``: what has no solution is relaxed and solved again.
         """
         if self._reduced:
+            work.spend(ELIMINATE * qp.g.size)
             elimination = eliminate(qp)
             if elimination.reduced.g.size > 0:
-                return self._solve_reduced(elimination, once, quick)
-        solve = self._solve_quickly if quick else self._solve_qp
-        return solve(qp, workspace=None if once else self._workspace)
+                return self._solve_reduced(elimination, work, once, quick, self._rest)
+        return self._solvers.solve(qp, work, None if once else self._workspace, quick, self._rest)
 
-    def _solve_reduced(self, elimination: Elimination, once: bool, quick: bool = False) -> Solution:
+    def _solve_reduced(
+        self,
+        elimination: Elimination,
+        work: Work,
+        once: bool,
+        quick: bool = False,
+        below: float = 0.0,
+    ) -> Solution:
         """Solve without the equalities; the answer is that of the full QP, and judged by it."""
-        solve = self._solve_quickly if quick else self._solve_qp
         workspace = None if once else self._workspace
-        lifted = elimination.lift(solve(elimination.reduced, workspace=workspace))
+        reduced = self._solvers.solve(elimination.reduced, work, workspace, quick, below)
+        lifted = elimination.lift(reduced)
         if lifted.status is Status.SOLVED and not elimination.admits(lifted):
-            return solve(elimination.full, workspace=None)
+            return self._solvers.solve(elimination.full, work, None, quick)
         return lifted
+
+    def _names_of(self, level: int) -> Sequence[str]:
+        """Return the names of the tasks of a level."""
+        return [self._names[k] for k in self.plan.levels[level] if k < len(self._names)]
 
 
 def _heaviest(rows: Sequence[Rows]) -> float:

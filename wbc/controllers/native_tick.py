@@ -15,6 +15,7 @@ from wbc.controllers.native_plan import NativePlan, solves
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.plan import Physics
 from wbc.controllers.tick import Tick
+from wbc.controllers.work import Work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
 from wbc.robot import Snapshot
@@ -65,16 +66,17 @@ class NativeController(Controller):
         # Met exactly: weights are not read.
         held = [Rows(qp.A, qp.b, weight=qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
-        problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
+        work = Work(self.budget)
+        problem = LevelProblem(snapshot, [], held, physics, box, None, work, found.assembled)
         margins = None
         if self.constraints:
-            margins = self._margins(snapshot)
+            margins = self._margins(snapshot, work)
         ready = perf_counter()
         attempt = self._attempt(problem, margins)
         if not attempt.outcome.solved:  # the Python tick finds out why, and what is best then
             return attempt if self._relaxes else None
         residuals = {name: found.residual(name) for name in found.errors}
-        return self._tick(snapshot, physics, residuals, attempt, {}, start, ready)
+        return self._tick(snapshot, physics, residuals, attempt, {}, work, start, ready)
 
     def _deviations(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
         """Return the errors if tasks report others than theirs: they are about their targets."""

@@ -62,6 +62,9 @@ class Tick:
     singular:
         Of each task with ``singular_threshold``, by name: its rank and least singular value, and
         by how much its wanted rate was reduced.
+    left_out:
+        What the budget of work did not afford, in words: see :mod:`wbc.controllers.work`. Levels
+        of lower priority that are not in the command, smaller steps that were not looked at.
     """
 
     velocity: Array
@@ -74,6 +77,7 @@ class Tick:
     step_scale: float = 1.0
     slack: Mapping[str, float] = field(default_factory=dict)
     singular: Mapping[str, Singularity] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     @classmethod
     def reading(cls, evidence: object, velocity: Array, **known: Any) -> Self:
@@ -86,6 +90,7 @@ class Tick:
             step_scale=1.0,
             slack={},
             singular={},
+            left_out=(),
             _evidence=evidence,
             **known,
         )
@@ -132,9 +137,10 @@ class Tick:
         return tuple(dict.fromkeys(name for name, size in strongest if size > least))
 
     def report(self) -> str:
-        """Return what went wrong in one or two sentences, or ``"solved"``."""
+        """Return what went wrong, or was left out, in one or two sentences, or ``"solved"``."""
         if self.ok:
-            return "solved"
+            left_out = "; ".join(self.left_out)
+            return f"solved, but no time for {left_out}" if left_out else "solved"
         conflict = self.conflict
         reason = self.solution.message or str(self.solution.residuals)
         if conflict is not None:

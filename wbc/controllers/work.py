@@ -1,0 +1,101 @@
+"""What a tick may do: work is counted, never clocked, so that the same input gives the same bits.
+
+A unit is about a microsecond of a quiet core; what steps take is estimated by sizes and iterations.
+Where a budget does not afford a step, the tick goes on with the cheapest checked answer there is:
+
+* rows of margins are cut, and levels of lower priority solved, only while the budget affords them:
+  the levels above have an answer within limits, contacts and margins already;
+* from half of the budget on solvers are asked for one bounded attempt, and slow ones are not asked
+  (:mod:`wbc.controllers.asking`);
+* a step that leads inside a margin is scaled down by fewer looks, or to rest.
+
+What was left out is said by name, in :attr:`wbc.controllers.tick.Tick.left_out`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from wbc.qp.solution import Solution
+
+# Of a tick at the velocity level: 3 ms of a quiet core, 5 of one that is busy.
+BUDGET = 2800.0
+# Solvers: what a call takes, and each iteration.
+_SOLVERS = {
+    "proxqp": (80.0, 35.0),
+    "proxqp_cold": (250.0, 35.0),
+    "daqp": (60.0, 4.0),
+    "piqp": (400.0, 15.0),
+    "osqp": (1500.0, 2.5),
+}
+_OTHERS = 1300.0, 0.0  # they do not say how many iterations they took
+# An attempt that was not accepted, and a search for rows in conflict.
+_ATTEMPT, _CONFLICT = 700.0, 600.0
+
+
+class Work:
+    """The work of one tick.
+
+    Attributes
+    ----------
+    spent:
+        Units so far.
+    kept:
+        Units that levels below the first leave for what comes after them.
+    left_out:
+        What the budget did not afford, in words.
+    """
+
+    __slots__ = ("_budget", "_left_out", "kept", "spent")
+
+    def __init__(self, budget: float = math.inf) -> None:
+        self._budget = budget
+        self.spent = self.kept = 0.0
+        self._left_out: dict[str, None] = {}
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the budget did not afford, in words."""
+        return tuple(self._left_out)
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether there is a budget."""
+        return self._budget < math.inf
+
+    @property
+    def short(self) -> bool:
+        """Whether half of the budget is spent."""
+        return self.spent > 0.5 * self._budget
+
+    def spend(self, units: float) -> None:
+        """Count work that is done anyway."""
+        self.spent += units
+
+    def has_room(self, units: float) -> bool:
+        """Whether there is room for so much more, and what is kept."""
+        return self.spent + self.kept + units <= self._budget
+
+    def affords(self, units: float, what: str) -> bool:
+        """Whether there is room for so much more; if not, ``what`` is left out."""
+        if self.has_room(units):
+            return True
+        self.leave_out(what)
+        return False
+
+    def leave_out(self, what: str) -> None:
+        """Note what is left out, in words."""
+        self._left_out[what] = None
+
+
+def work_of(solution: Solution) -> float:
+    """Return what a solution took."""
+    call, iteration = _SOLVERS.get(solution.solver, _OTHERS)
+    work = call + iteration * solution.iterations + _ATTEMPT * (solution.attempts - 1)
+    return work if solution.conflict is None else work + _CONFLICT
+
+
+def likely_work(solver: str) -> float:
+    """Return what a call of a solver mostly takes."""
+    call, iteration = _SOLVERS.get(solver, _OTHERS)
+    return call + 20.0 * iteration
