@@ -58,3 +58,18 @@ def test_an_update_chooses_the_controller_and_ends_the_loop(robot: Robot) -> Non
     assert len(ticks) == 3
     assert ticks[1].speed > 1e-3
     assert ticks[2].tick.velocity[2] > 0.0  # back up
+
+
+def test_what_no_budget_afforded_is_counted_in_the_result(robot: Robot) -> None:
+    start = robot.snapshot(robot.posture())
+    tasks = [ComTask(robot, start.com - (0.0, 0.0, 0.02)), PostureTask(robot, start.q, priority=1)]
+    stop, counted = Stop(duration=0.05, speed=None), []
+    for budget in (None, 1.0):
+        control = KinematicController(
+            robot, tasks, contacts=support(start, "double"), limits=Limits(robot), budget=budget
+        )
+        result = simulate(control, robot.posture(), stop)
+        assert result.status is RunStatus.COMPLETED and not result.failures
+        assert result.summary()["qp"]["left_out"] == result.left_out
+        counted.append(result.left_out)
+    assert counted == [{}, {"level 1: posture": 10}]

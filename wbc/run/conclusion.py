@@ -86,6 +86,7 @@ def conclude(
         not_kept=not_kept,
         phases=_phase_results(history),
         failures=tuple(Failure(k, report) for k, report in recorder.failures.items()),
+        left_out=dict(recorder.left_out),
         history=history,
         provenance=provenance or {},
     )

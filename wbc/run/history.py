@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
@@ -150,12 +151,15 @@ class Recorder:
         Why there was no solution, by tick.
     standings:
         What was held and kept in each tick.
+    left_out:
+        In how many ticks each of the things was left out that a budget of work did not afford.
     """
 
     def __init__(self, robot: Robot, tasks: Iterable[Task]) -> None:
         self.states: list[Measured] = []
         self.failures: dict[int, str] = {}
         self.standings: list[Standing] = []
+        self.left_out: Counter[str] = Counter()
         # By tick what the history keeps: not snapshots and QPs, which are a hundred times larger.
         self._rows: list[dict[str, Any]] = []
         self._tasks = tuple(tasks)
@@ -187,6 +191,7 @@ class Recorder:
         tick, state = now.tick, self.measure(now.snapshot, standing)
         if not tick.ok:
             self.failures[len(self.states)] = tick.report()
+        self.left_out.update(tick.left_out)
         judged = now.snapshot if truth is None else truth
         self.states.append(state if judged is now.snapshot else self.measure(judged, standing))
         self.standings.append(standing)

@@ -125,6 +125,9 @@ class Result:
         What each phase came to by name, in order; empty in a run without phases.
     failures:
         Every tick without solution.
+    left_out:
+        What ticks left out that their budget of work did not afford, and in how many of them; see
+        :mod:`wbc.controllers.work`.
     history:
         Every tick.
     provenance:
@@ -150,6 +153,7 @@ class Result:
     not_kept: tuple[str, ...]
     phases: Mapping[str, PhaseResult]
     failures: tuple[Failure, ...]
+    left_out: Mapping[str, int]
     history: History
     provenance: Mapping[str, Any]
     shaping: ShapingReport | None = None
@@ -224,6 +228,7 @@ class Result:
             "qp": {
                 "failed_ticks": len(self.failures),
                 "worst_kkt_residual": self.worst_kkt,
+                "left_out": dict(self.left_out),
                 "failures": [
                     {"tick": failure.tick, "report": failure.report}
                     for failure in self.failures[:SHOWN_FAILURES]
