@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 
-from wbc.controllers.work import Work, likely_work, work_of
+from wbc.controllers.work import ATTEMPT, Work, likely_work, work_of
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.problem import QP
@@ -51,7 +51,7 @@ class Solvers:
             solution = self._backend.solve(qp, workspace=workspace, quick=True)
         else:
             solution = self._backend.solve(qp, workspace=workspace)
-        work.spend(work_of(solution))
+        work.spent += work_of(solution)
         return solution
 
     def _solve_patiently(
@@ -61,9 +61,10 @@ class Solvers:
         asked = not quick and work.has_room(likely_work(self._backend.name) + below)
         if asked:
             first = self._backend.solve(qp, quick=True)
-            work.spend(work_of(first))
+            work.spent += work_of(first)
             if first.solved:
                 return first
+            work.spent += ATTEMPT
         solution = other.solve(qp, quick=quick or work.short)
-        work.spend(work_of(solution))
+        work.spent += work_of(solution)
         return solution._replace(attempts=2) if asked else solution

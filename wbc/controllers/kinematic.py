@@ -57,7 +57,7 @@ class KinematicController(NativeController):
             most = np.full(outcome.first.g.size, np.inf)
             most[:nv] = LARGEST  # where there are no limits
             lower, upper = np.fmax(outcome.first.lower, -most), np.fmin(outcome.first.upper, most)
-            work.spend(LEAST)
+            work.spent += LEAST
             best = work.affords(BEST, "the best of the least infeasible commands")
             qp = outcome.first._replace(lower=lower, upper=upper)
             found = least_infeasible(qp, best=best)

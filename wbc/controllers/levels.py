@@ -219,7 +219,7 @@ class LevelSolver:
         members = self.plan.levels[level]
         if not any(rows[k].singular_threshold for k in members):
             return rows, {}
-        work.spend(SINGULAR * self.plan.decision.size)
+        work.spent += SINGULAR * self.plan.decision.size
         soft = [rows[k] for k in members if k >= len(self._names)]
         eased, found = reduce_singular([rows[k] for k in members], [*held, *soft], self._root)
         rows = list(rows)
@@ -252,7 +252,7 @@ class LevelSolver:
             name = f"level {level}: {', '.join(self._names_of(level))}"
             if not work.affords(self._below, name):
                 break
-            work.spend(BELOW * self.plan.decision.size)
+            work.spent += BELOW * self.plan.decision.size
             x = outcome.solution.x
             achieved = achieved_rows([rows[k] for k in self.plan.levels[level - 1]], x)
             held = [*held, *achieved]
@@ -292,7 +292,7 @@ class LevelSolver:
             plain = bounds is None and box is problem.box
             return problem.assembled.qp if plain else problem.assembled.bounded(bounds, box)
         plan, work = self.plan, problem.work
-        work.spend(ASSEMBLE * plan.decision.size)
+        work.spent += ASSEMBLE * plan.decision.size
         costs = rows if len(plan.levels) == 1 else [rows[k] for k in plan.levels[level]]
         if level == 0:
             dominating = [] if problem.recovery is None else [problem.recovery]
@@ -305,7 +305,7 @@ class LevelSolver:
         qp = assemble(plan.decision, costs, held, box, bounds, labels, rest)
         if self._limits is None or self._limits.braking == "free":
             return qp
-        work.spend(BRAKE * qp.g.size)
+        work.spent += BRAKE * qp.g.size
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
 
     def _solve_first(self, qp: QP, work: Work, once: bool, quick: bool = False) -> Solution:
@@ -314,7 +314,7 @@ class LevelSolver:
         ``once``: without a warm start. ``quick``: what has no solution is relaxed and solved again.
         """
         if self._reduced:
-            work.spend(ELIMINATE * qp.g.size)
+            work.spent += ELIMINATE * qp.g.size
             elimination = eliminate(qp)
             if elimination.reduced.g.size > 0:
                 return self._solve_reduced(elimination, work, once, quick, self._rest)

@@ -78,7 +78,7 @@ class MarginRows(NamedTuple):
         found = [(one.braked_rows if braked else one.rows)(snapshot, dt) for one in constraints]
         parts = [slacks.soften(*both) for both in zip(constraints, found, strict=True)]
         margins = cls(constraints, slacks, snapshot, dt, parts, work)
-        work.spend(margins.look)
+        work.spent += margins.look
         return margins
 
     def violated(self, v: Array) -> list[Bounds]:
@@ -117,7 +117,7 @@ class MarginRows(NamedTuple):
         """
         if not doubtful:
             return
-        self.work.spend(self.look)
+        self.work.spent += self.look
         robot, step = self.snapshot.robot, (v, self.dt)
         there = robot.snapshot(robot.integrate(self.snapshot.q, *step))
         if suspect is not None:

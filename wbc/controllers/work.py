@@ -30,7 +30,7 @@ _SOLVERS = {
 }
 _OTHERS = 1300.0, 0.0  # they do not say how many iterations they took
 # An attempt that was not accepted, and a search for rows in conflict.
-_ATTEMPT, _CONFLICT = 700.0, 600.0
+ATTEMPT, _CONFLICT = 700.0, 600.0
 
 
 class Work:
@@ -46,17 +46,12 @@ class Work:
         What the budget did not afford, in words.
     """
 
-    __slots__ = ("_budget", "_left_out", "kept", "spent")
+    __slots__ = ("_budget", "kept", "left_out", "spent")
 
     def __init__(self, budget: float = math.inf) -> None:
         self._budget = budget
         self.spent = self.kept = 0.0
-        self._left_out: dict[str, None] = {}
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """What the budget did not afford, in words."""
-        return tuple(self._left_out)
+        self.left_out: tuple[str, ...] = ()
 
     @property
     def is_limited(self) -> bool:
@@ -67,10 +62,6 @@ class Work:
     def short(self) -> bool:
         """Whether half of the budget is spent."""
         return self.spent > 0.5 * self._budget
-
-    def spend(self, units: float) -> None:
-        """Count work that is done anyway."""
-        self.spent += units
 
     def has_room(self, units: float) -> bool:
         """Whether there is room for so much more, and what is kept."""
@@ -85,13 +76,14 @@ class Work:
 
     def leave_out(self, what: str) -> None:
         """Note what is left out, in words."""
-        self._left_out[what] = None
+        if what not in self.left_out:
+            self.left_out += (what,)
 
 
 def work_of(solution: Solution) -> float:
     """Return what a solution took."""
     call, iteration = _SOLVERS.get(solution.solver, _OTHERS)
-    work = call + iteration * solution.iterations + _ATTEMPT * (solution.attempts - 1)
+    work = call + iteration * solution.iterations + ATTEMPT * (solution.attempts - 1)
     return work if solution.conflict is None else work + _CONFLICT
 
 

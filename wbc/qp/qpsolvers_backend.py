@@ -47,7 +47,7 @@ _ACCURACY: Mapping[str, Callable[[float], dict[str, Any]]] = {
 # Caps on iterations of quick attempts. Of 112 and 104 QPs from wild states Clarabel and PIQP solved
 # as many to the accuracy promised as with their own caps of 200 and 250, which take up to 28 and 4
 # ms. OSQP solved half of 16, and all in 20,000 steps, which take 37 ms.
-_QUICK = {"clarabel": 50, "osqp": 400, "piqp": 50}
+_QUICK = {"clarabel": 30, "osqp": 400, "piqp": 30}
 # These take infinite bounds in their own box; for all others the finite ones become rows.
 _BOX = frozenset({"daqp", "osqp", "piqp"})
 # Settings are given a tenth of the accuracy promised: each scales its residuals differently.
