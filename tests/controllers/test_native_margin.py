@@ -47,8 +47,8 @@ def assert_same_tick(controller: Controller, snapshot: Snapshot) -> bool:
     assert (plain.status.value, plain.policy, plain.step_scale) == ("solved", None, 1.0)
     assert found.qp.labels == plain.qp.labels
     assert_same_entries(found.qp, plain.qp)
-    # Of the solver's two ways to one optimum, with and without equalities; warm or not, ProxQP's are
-    # as near as its residuals and the least curvature let them be.
+    # Of the solver's two ways to one optimum, with and without equalities; warm or not, those of
+    # ProxQP are as near as its residuals and the least curvature let them be.
     exact = controller.backend.name == "daqp"
     accuracy = {"rtol": 0.0, "atol": 1e-7 if exact else 1e-5}
     np.testing.assert_allclose(found.velocity, plain.velocity, **accuracy)

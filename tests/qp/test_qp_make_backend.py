@@ -90,3 +90,18 @@ def test_a_solver_that_raises_has_failed_and_says_why(monkeypatch):
     assert solution.status is Status.FAILED
     assert np.isnan(solution.x).all()
     assert "not to my taste" in solution.describe()
+
+
+@pytest.mark.skipif("osqp" not in installed_solvers(), reason="needs wbc[bench]")
+def test_quick_attempts_are_short():
+    """Within the cap, on a QP that takes more; what is asked for without hurry is solved."""
+    rng, n = np.random.default_rng(3), 8
+    J, C = rng.normal(size=(4, n)), rng.normal(size=(6, n))
+    P, one = 1e4 * J.T @ J + 1e-6 * np.eye(n), np.ones(n)
+    g = rng.normal(size=n) * 10.0
+    qp = QP.build(0.5 * (P + P.T), g, C=C, l=-one[:6], u=0.1 * one[:6], lower=-one, upper=one)
+    backend, own = make_backend("osqp"), make_backend("osqp", max_iter=25)
+    patient, quick = backend.solve(qp), backend.solve(qp, quick=True)
+    assert patient.solved and patient.iterations > 800
+    assert quick.iterations <= 400 and not quick.solved
+    assert own.solve(qp, quick=True).iterations <= 25  # a setting of the user's stands
