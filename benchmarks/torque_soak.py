@@ -12,7 +12,11 @@ with a tick that took four times the median so far is run again, from the same r
 ``--runs`` times while it does so again, and a tick is as slow as in its quickest run; what first
 runs alone show is told beside it. Runs that come out otherwise are counted as wrong.
 
+Ticks come in parts, each from random numbers of its own. With ``--state`` every part is kept in a
+file as it ends, and those of an earlier call are not run again: a long soak may be ended any time.
+
     python benchmarks/torque_soak.py [--ticks 10000] [--robots g1 ...] [--solver daqp] [--runs 4]
+        [--state FILE.jsonl]
 
 `WBC_NATIVE=off` measures the ticks of NumPy.
 """
@@ -25,11 +29,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads
 
 import argparse
 import gc
+import json
+import sys
 import traceback
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import thread_time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +62,7 @@ from wbc import (
 
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
 SOLVERS = ("daqp", "proxqp")
+PART = 1000  # ticks
 EPISODE = 100
 FAULTS = 0.01
 SLOW = 4.0  # times the median: worth another run
@@ -97,6 +106,22 @@ class Record:
                 self.wrong("runs differ: " + "; ".join(tick.what for tick in ticks))
             self.timed.append(min(ticks))
             self.once.append(ticks[0].seconds)
+
+    def join(self, other: Record) -> None:
+        """Add another part."""
+        self.ticks += other.ticks
+        self.bad += other.bad
+        self.faults += other.faults
+        self.policies += other.policies
+        self.examples = (self.examples + other.examples)[:5]
+        self.timed += other.timed
+        self.once += other.once
+
+    @classmethod
+    def read(cls, kept: dict[str, Any]) -> Record:
+        """Return a part as :func:`keep` wrote it."""
+        timed = [Timed(*one) for one in kept["timed"]]
+        return cls(**{**kept, "policies": Counter(kept["policies"]), "timed": timed})
 
     def is_slow(self, runs: list[Record]) -> bool:
         """Whether a tick of an episode was slow in all of its runs so far."""
@@ -246,11 +271,11 @@ def episode(
             there = robot.snapshot(robot.integrate(there.q, v, dt), v)
 
 
-def soak(name: str, solver: str, ticks: int, seed: int, runs: int) -> Record:
+def soak(name: str, solver: str, ticks: int, seed: list[int], runs: int) -> Record:
     """Run episodes until there are so many ticks, slow ones up to ``runs`` times."""
     robot, record = Robot.load(name), Record()
     margins = SelfCollision(robot, margin=0.01)
-    rng = np.random.default_rng([seed, sum(name.encode()), SOLVERS.index(solver)])
+    rng = np.random.default_rng([*seed, sum(name.encode()), SOLVERS.index(solver)])
     while record.ticks < ticks:
         began = rng.bit_generator.state
         episodes: list[Record] = []
@@ -271,6 +296,25 @@ def soak(name: str, solver: str, ticks: int, seed: int, runs: int) -> Record:
     return record
 
 
+def parts_of(path: Path | None) -> Iterator[tuple[list[Any], Record]]:
+    """Yield what a file keeps, by what each part is of; a line that was not ended is none."""
+    lines = path.read_text().splitlines(keepends=True) if path and path.exists() else []
+    for line in lines:
+        if line.endswith("\n"):
+            part, kept = json.loads(line)
+            yield part, Record.read(kept)
+
+
+def keep(path: Path, part: list[Any], record: Record) -> None:
+    """Add a part to a file, on a line of its own whatever was cut off before."""
+    data = path.read_bytes() if path.exists() else b""
+    whole = data.rfind(b"\n") + 1
+    if whole < len(data):
+        path.write_bytes(data[:whole])
+    with path.open("a") as file:
+        file.write(json.dumps([part, vars(record)]) + "\n")
+
+
 def main() -> None:
     """Soak each robot with each solver, and print what was seen."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -279,11 +323,23 @@ def main() -> None:
     parser.add_argument("--solver", nargs="+", default=list(SOLVERS))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=int, default=4, help="of an episode, at most")
+    parser.add_argument("--state", type=Path, help="parts are kept here, to go on after an end")
     options = parser.parse_args()
     gc.disable()  # between episodes only: a collection is no part of a tick
+    kept = {tuple(part): record for part, record in parts_of(options.state)}
     for name in options.robots:
         for solver in options.solver:
-            record = soak(name, solver, options.ticks, options.seed, options.runs)
+            record = Record()
+            for k in range(-(-options.ticks // PART)):
+                part = [name, solver, min(PART, options.ticks - k * PART), options.seed, k]
+                part.append(options.runs)
+                one = kept.get(tuple(part))
+                if one is None:
+                    one = soak(name, solver, part[2], [options.seed, k], options.runs)
+                    if options.state:
+                        keep(options.state, part, one)
+                    print(f"{name} {solver} {k}: {one.line()}", file=sys.stderr, flush=True)
+                record.join(one)
             print(f"{name} {solver}: {record.line()}", flush=True)
             for example in record.examples:
                 print(f"  {example}", flush=True)
