@@ -7,8 +7,8 @@ costs:
 
 1. ranges of normal force (dropped: a foot that must be loaded may not be);
 2. contacts, joint limits and margins, each weighed like the heaviest task, those between bodies ten
-   times as heavy. What is inside a margin already may not go further; that it is moved back waits
-   for a tick that keeps the rest.
+   times as heavy as the joint rates that miss them by as much. What is inside a margin already may
+   not go further; that it is moved back waits for a tick that keeps the rest.
 
 All levels are weighed in one QP: a tick that fights for its limits has no time for priorities. What
 gave way, and by how much, is reported by name.
@@ -26,14 +26,17 @@ from wbc.controllers.plan import IDLE, Physics, Plan, assemble
 from wbc.controllers.slack import slacks_of
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
+from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
 # Squared cost of a contact's, and of a limit's or margin's velocity missed [1/(m/s)^2], by the
 # heaviest row of the tasks. Slack of a limit is a joint that approaches it faster than it can
 # brake, not one beyond it: at a hundred times a contact's cost it kicked feet off the ground.
 CONTACT, LIMIT = 1.0, 1.0
-# Of bodies that come too near: as cheap as tasks, these pushed them up to 23 cm into each other.
+# Of bodies that come too near, by the rate of joints that carry them on a lever: as cheap as tasks,
+# these pushed them up to 23 cm into each other; with no regard to levers, short in hands, up to 4.
 BODIES = 100.0
+SHORTEST = 0.01  # m: levers count as no shorter
 # A velocity missed by less [m/s or rad/s] is what solvers and these costs leave.
 NEGLIGIBLE = 1e-5
 
@@ -95,13 +98,19 @@ def _contacts_missed(plan: Plan, contacts: Sequence[Rows], x: Array) -> Iterator
         yield from ((name, value) for value, name in zip(values.tolist(), labels, strict=False))
 
 
-def _cost(margin: Bounds) -> float:
+def _cost(margin: Bounds) -> float | Array:
+    """Return the cost of a margin's slack, by the heaviest row of the tasks: one, or (m,)."""
     measured = margin.distances
-    return LIMIT if measured is None or measured.found is None else BODIES
+    if measured is None or measured.found is None:
+        return LIMIT
+    joints = margin.matrix[:, BASE_NV:]
+    levers = np.einsum("ij,ij->i", joints, joints)  # squared
+    cost: Array = BODIES / np.maximum(levers, SHORTEST**2)
+    return cost
 
 
-def _soft(bounds: Bounds, weight: float) -> Bounds:
-    own = np.full(bounds.lower.size, weight)
+def _soft(bounds: Bounds, weight: float | Array) -> Bounds:
+    own = np.broadcast_to(weight, bounds.lower.shape)
     return bounds._replace(slack=own if bounds.slack is None else np.minimum(own, bounds.slack))
 
 
