@@ -144,6 +144,29 @@ def test_a_level_that_one_attempt_does_not_solve_is_left_out(here, monkeypatch) 
     assert work.left_out == ()
 
 
+def test_cuts_that_one_attempt_does_not_solve_are_left_out(here, monkeypatch) -> None:
+    """From half of the budget on a part of the answer without them is commanded, looked at."""
+    honest, asked = ProxQP.solve, []
+
+    def stubborn(self, qp, workspace="default", quick=False):
+        found = honest(self, qp, workspace, quick)
+        asked.append(workspace)
+        return found if workspace else found._replace(status=Status.FAILED, conflict=None)
+
+    monkeypatch.setattr(ProxQP, "solve", stubborn)
+    fast = np.abs(controller(here, levels=1).step(here).velocity).max()
+    constraint = Slow(here.robot, 0.3 * fast, useful=True)
+    constraint.start = here.q
+    one = controller(here, levels=1, constraints=[constraint])
+    assert not one.step(here).ok  # with time for it, no verdict is hidden
+    monkeypatch.setattr(Work, "short", property(lambda self: True))
+    asked.clear()
+    tick = one.step(here)
+    assert tick.ok and tick.step_scale == 0.25 and len(asked) == 2
+    assert tick.left_out == ("rows of margins where the command leads",)
+    assert 0.0 < np.abs(tick.velocity).max() <= constraint.most
+
+
 def test_the_verdict_with_a_proof_stays(here) -> None:
     """Where margins relaxed in a hurry give no verdict, that of the QP with them stands."""
     n = here.robot.nv

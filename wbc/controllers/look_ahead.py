@@ -30,6 +30,7 @@ SCALES = (1.0, 0.25, 0.0625)
 LOOK, ROW, INSIDE = 150.0, 4.0, 35.0
 # And to solve the first level again with cuts, for each unknown.
 AGAIN = 10.0
+CUTS = "rows of margins where the command leads"
 
 Box = tuple[Array, Array]
 Solve = Callable[[Bounds | None, Box | None], Outcome]
@@ -191,8 +192,11 @@ def solve_with_cuts(
         found = margins.violated(outcome.velocity)
         if not found:
             return outcome, rows, ()
-        if not work.affords(AGAIN * outcome.qp.g.size, "rows of margins where the command leads"):
+        if not work.affords(AGAIN * outcome.qp.g.size, CUTS):
             return outcome, rows, SCALES[1:]
-        rows += found
-        outcome = solve(stack(rows), outcome.box)
+        again = solve(stack([*rows, *found]), outcome.box)
+        if work.short and not again.solved:  # it was asked once only: a part of the first answer
+            work.leave_out(CUTS)
+            return outcome, rows, SCALES[1:]
+        outcome, rows = again, rows + found
     return outcome, rows, SCALES
