@@ -43,7 +43,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {
         "formulation": "equality",
         "damping": 1e-06,
         "on_failure": "hold",
-        "budget": 2800.0,
+        "budget": "usual",
     },
     "Limits": {
         "position": True,

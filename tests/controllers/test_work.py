@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.controllers.test_look_ahead import DT, Slow, outcome
-from wbc.constraints import Limits
+from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.slack import Slacks
@@ -220,3 +220,32 @@ def test_iterations_attempts_and_proofs_are_work() -> None:
         QP.build(np.eye(1), [0.0], C=[[1.0]], l=[1.0], u=[2.0], upper=[0.0])
     )
     assert work_of(infeasible) > work_of(infeasible._replace(conflict=None)) > 0.0
+
+
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_the_usual_budget_affords_every_level_of_a_usual_tick(robot_named, solver: str) -> None:
+    """However many there are: what is left out is the price of trouble, not of asking for more."""
+    robot = robot_named("g1")
+    start = robot.snapshot(robot.posture("standing"))
+    q = robot.posture("standing", {"*elbow*": 0.4, "*shoulder_roll*": 0.1})
+    names = ["*elbow*", "*shoulder*", "waist*", "*wrist*", "*"]
+    tasks = [ComTask(robot, start.com + 0.005)]
+    for level, pattern in enumerate(names, 1):
+        joints = {"*": 0.0, pattern: 1.0}
+        tasks.append(PostureTask(robot, q, joints=joints, name=f"part {level}", priority=level))
+    controller = KinematicController(
+        robot,
+        tasks,
+        contacts=support(start, "double"),
+        limits=Limits(robot),
+        constraints=[SelfCollision(robot)],
+        solver=solver,
+    )
+    now = start
+    for _ in range(3):
+        tick = controller.step(now)
+        assert tick.ok and tick.left_out == ()
+        now = robot.snapshot(robot.integrate(now.q, tick.velocity, DT), tick.velocity)
+    assert controller.budget > 1.2 * KinematicController(robot, tasks[:1], contacts=()).budget
+    with pytest.raises(InvalidInputError, match="make another controller"):
+        controller.budget = 1.0

@@ -11,7 +11,6 @@ and at the torque level the last forces and the ramps of those that come and go.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -42,7 +41,7 @@ from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
-from wbc.controllers.work import BUDGET, Work
+from wbc.controllers.work import USUAL, Work, units_of
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
@@ -94,7 +93,8 @@ class Controller(Fixed, ABC):
     budget:
         Work that a tick may take, in units of about a microsecond of a quiet core, counted and
         never clocked: see :mod:`wbc.controllers.work`. What it does not afford is left out, by
-        name (``tick.left_out``). None: nothing is left out, however long it takes.
+        name (``tick.left_out``). ``"usual"``: 2800, and more for many levels and joints. None:
+        nothing is left out, however long it takes.
 
     Raises
     ------
@@ -105,6 +105,7 @@ class Controller(Fixed, ABC):
     tasks: tuple[Task, ...]
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
+    budget: float  # units of work of a tick
 
     _fixed = PLANNED
     _policies: tuple[str, ...] = POLICIES
@@ -133,7 +134,7 @@ class Controller(Fixed, ABC):
         damping: float = 1e-6,
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
-        budget: float | None = BUDGET,
+        budget: float | str | None = USUAL,
     ) -> None:
         contacts, slack = held_by(robot, contacts), NO_SLACK if slack is None else slack
         check_parts(robot, tasks, contacts, limits, constraints, slack)
@@ -146,9 +147,7 @@ class Controller(Fixed, ABC):
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
         self.formulation = one_of("formulation", formulation, FORMULATIONS)
-        self.budget = math.inf
-        if budget is not None:
-            self.budget = finite_number("controller, budget", budget, above=0.0)
+        self._budget = budget
         self.on_failure = one_of("failure policy", on_failure, self._policies)
         self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
         self._take(tasks, constraints, slack)
@@ -320,6 +319,7 @@ class Controller(Fixed, ABC):
         self._solver = LevelSolver(
             self.plan, names, self.backend, limits, self.dt, root, reduced, quick=self._relaxes
         )
+        self.__dict__["budget"] = units_of(self._budget, self._solver.once)
 
     def _tick(
         self,

@@ -26,7 +26,7 @@ from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
-from wbc.controllers.work import Work
+from wbc.controllers.work import Work, likely_work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
 from wbc.qp.elimination import Elimination, eliminate
@@ -174,6 +174,9 @@ class LevelSolver:
         # Units of work of a level below the first, and of all of them.
         self._below = (ASSEMBLE + BELOW) * plan.decision.size
         self._rest = (len(plan.levels) - 1) * self._below
+        # And of all levels, solved once.
+        self.once = ASSEMBLE * plan.decision.size + self._rest
+        self.once += len(plan.levels) * likely_work("daqp")
         self._limits = limits
         self._dt = dt
         self._root = root

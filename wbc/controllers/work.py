@@ -17,9 +17,12 @@ from __future__ import annotations
 import math
 
 from wbc.qp.solution import Solution
+from wbc.validate import finite_number
 
-# Of a tick at the velocity level: 3 ms of a quiet core, 5 of one that is busy.
-BUDGET = 2800.0
+USUAL = "usual"
+# The usual budget: 3 ms of a quiet core, 5 of one that is busy; or so many times what it takes to
+# solve each level once, where that is more: of a tick that goes as it should nothing is left out.
+_LEAST, _ROOM = 2800.0, 1.5
 # Solvers: what a call takes, and each iteration.
 _SOLVERS = {
     "proxqp": (80.0, 35.0),
@@ -85,6 +88,21 @@ def work_of(solution: Solution) -> float:
     call, iteration = _SOLVERS.get(solution.solver, _OTHERS)
     work = call + iteration * solution.iterations + ATTEMPT * (solution.attempts - 1)
     return work if solution.conflict is None else work + _CONFLICT
+
+
+def units_of(budget: float | str | None, once: float) -> float:
+    """Return the units of a budget as users give it; ``once``: what solving each level once takes.
+
+    Raises
+    ------
+    InvalidInputError
+        Neither a number above zero, nor None, nor ``"usual"``.
+    """
+    if budget is None:
+        return math.inf
+    if isinstance(budget, str) and budget == USUAL:
+        return max(_LEAST, _ROOM * once)
+    return finite_number('controller, budget (units, "usual" or None)', budget, above=0.0)
 
 
 def likely_work(solver: str) -> float:
