@@ -22,6 +22,7 @@ hulls the distance, for which coal's tolerance is 1e-7 m.
 
     python benchmarks/native_agreement.py [--ticks 2000] [--robots g1 ...] [--seed 1]
         [--of velocity torque velocity-margin torque-margin pairs] [--state FILE.json]
+        [--solver proxqp]  # for ticks: the core hands QPs to ProxQP; Python's are solved by DAQP
 
 The same with the core under sanitizers (GCC):
 
@@ -47,6 +48,7 @@ from native_agreement_ticks import EPISODE, compare, compare_ticks
 
 import wbc
 from wbc.native import VARIABLE
+from wbc.qp import proxqp
 from wbc.robot.collision import Capsule, CollisionModel
 
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
@@ -79,13 +81,13 @@ def compare_pairs(ours: CollisionModel, theirs: CollisionModel, rng: np.random.G
     return found
 
 
-def episodes_of(name: str, what: str) -> Callable[[np.random.Generator], Found] | None:
+def episodes_of(name: str, what: str, solver: str) -> Callable[[np.random.Generator], Found] | None:
     """Return what compares one episode; None: the core takes none of them."""
     sides = sides_of(name, "margin" in what)
     if what in LEVELS:
         return partial(compare, sides, LEVELS[what])
     if what != "pairs":
-        return partial(compare_ticks, sides, LEVELS[what.removesuffix("-margin")])
+        return partial(compare_ticks, sides, LEVELS[what.removesuffix("-margin")], solver)
     ours = wbc.SelfCollision(sides.native.robot).model
     if ours.native is None:
         return None
@@ -93,10 +95,10 @@ def episodes_of(name: str, what: str) -> Callable[[np.random.Generator], Found] 
     return partial(compare_pairs, ours, plain)
 
 
-def run(name: str, what: str, ticks: int, seed: int, kept: Kept) -> str:
+def run(name: str, what: str, solver: str, ticks: int, seed: int, kept: Kept) -> str:
     """Return one line of the table; goes on where it was ended."""
-    known = kept.of(f"{name} {what} {seed}")
-    episode = None if known.ticks >= ticks else episodes_of(name, what)
+    known = kept.of(f"{name} {what} {solver} {seed}")
+    episode = None if known.ticks >= ticks else episodes_of(name, what, solver)
     while episode is not None and known.ticks < ticks:
         number = known.ticks // EPISODE
         rng = np.random.default_rng([seed, sum(f"{name} {what}".encode()), number])
@@ -114,10 +116,12 @@ def main() -> None:
     parser.add_argument("--ticks", type=int, default=2000, help="per robot, of each")
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
     parser.add_argument("--of", nargs="+", default=list(WHAT), choices=WHAT)
+    parser.add_argument("--solver", choices=("daqp", "proxqp"), default="daqp", help="the core's")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--state", type=Path, help="kept here, to go on after an end")
     options = parser.parse_args()
     os.environ[VARIABLE] = "require"
+    proxqp.PAUSE = 0  # asked in every tick, stalled or not
     kept = Kept(options.state)
     print(
         "| robot | of | compared | handed over | refuted | QP | command, hulls | pair holds", end=""
@@ -125,7 +129,8 @@ def main() -> None:
     print(" | inside | at limits | coal's pairs | QP |" + "\n" + 12 * "|---" + "|")
     for name in options.robots:
         for what in options.of:
-            print(run(name, what, options.ticks, options.seed, kept), flush=True)
+            row = run(name, what, options.solver, options.ticks, options.seed, kept)
+            print(row, flush=True)
 
 
 if __name__ == "__main__":

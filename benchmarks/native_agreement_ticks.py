@@ -91,17 +91,17 @@ def reaching(here: wbc.Snapshot, rng: np.random.Generator) -> list[wbc.Task]:
     return tasks
 
 
-def compare_ticks(sides: Sides, level: type[NativeController], rng: np.random.Generator) -> Found:
-    """Compare whole ticks of one episode in closed loop."""
+def compare_ticks(
+    sides: Sides, level: type[NativeController], solver: str, rng: np.random.Generator
+) -> Found:
+    """Compare whole ticks of one episode in closed loop; the Python tick's solver is DAQP."""
     found, made = Found(), []
     support = str(rng.choice(["floating", "left", "right", "double"]))
-    for side, chance in zip(sides, (rng, deepcopy(rng)), strict=True):
+    for side, chance, by in zip(sides, (rng, deepcopy(rng)), (solver, "daqp"), strict=True):
         here = side.robot.snapshot(side.robot.posture("standing"))
         kept = {"limits": side.limits, "constraints": [side.margin]}
         contacts = wbc.support(here, support)
-        made.append(
-            level(side.robot, reaching(here, chance), contacts=contacts, solver="daqp", **kept)
-        )
+        made.append(level(side.robot, reaching(here, chance), contacts=contacts, solver=by, **kept))
     controller, plain = made
     robot = sides.native.robot
     q, v = robot.posture("standing"), np.zeros(robot.nv)

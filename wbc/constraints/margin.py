@@ -46,6 +46,7 @@ ROUNDING = 1e-7  # m: by how much a violation may grow in one tick
 # Rows being recovered are relaxed by this speed [m/s], or by this part of the recovery speed, to
 # leave the solver an interior.
 INTERIOR, PART = 1e-3, 0.01
+ABLE = 1e-6  # m/s^2: joints that cannot brake a pair by more are not asked to
 LEVER = 1.0  # m: levers on which joints carry points, for an estimate of curvature
 JOINT_SHARE = 0.5  # of the joints' acceleration that braking before a margin may count on
 
@@ -246,7 +247,7 @@ class Margin(Fixed, Constraint):
         if self._joint_acceleration is not None:
             able = np.abs(distances.jacobian[:, 6:]) @ self._joint_acceleration
             # Where joints hardly change the clearance, their limits do not matter to it either.
-            deceleration = np.minimum(np.where(able > 1e-6, able, deceleration), deceleration)
+            deceleration = np.minimum(np.where(able > ABLE, able, deceleration), deceleration)
         return np.minimum(stopping_speed(clearance, deceleration, dt), law.gain / dt * clearance)
 
 

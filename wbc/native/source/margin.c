@@ -10,9 +10,12 @@
 
 /* As in wbc/constraints/margin.py. */
 static const double SKIN = 1e-4, USED = 0.5e-4, ROUNDING = 1e-7, INTERIOR = 1e-3, PART = 0.01;
+/* As in wbc/constraints/margin.py. */
 static const double LEVER = 1.0, ABLE = 1e-6;
-static const double MARGIN_BRAKING = 20.0;                    /* wbc/controllers/reachable.py */
-static const double RECOVERY_FACTOR = 1e2, LIGHTEST = 1e-6;   /* wbc/controllers/plan.py */
+/* As in wbc/controllers/reachable.py. */
+static const double MARGIN_BRAKING = 20.0;
+/* As in wbc/controllers/plan.py. */
+static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
 
 static double smaller(double a, double b) { return a < b ? a : b; }
 
@@ -33,7 +36,7 @@ static double approach(const wbc_plan *plan, const double *row, double clearance
 /* A dominating cost that asks a row for a rate. */
 static void push(const wbc_plan *plan, const double *row, double rate, const wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = qp->n;
-    const double heaviest = *qp->heaviest > LIGHTEST ? *qp->heaviest : LIGHTEST;
+    const double heaviest = *qp->heaviest > IDLE ? *qp->heaviest : IDLE;
     const double weight = RECOVERY_FACTOR * heaviest; /* squared */
     for (int64_t i = 0; i < nv; i++) {
         if (row[i] == 0.0) continue;

@@ -10,7 +10,8 @@
 
 /* As in wbc/robot/collision/distances.py. */
 static const double PARALLEL = 1e-10, TOUCHING = 1e-9;
-static const double EVEN = 1e-9; /* m: wbc/robot/collision/model.py */
+/* As in wbc/robot/collision/soonest.py. */
+static const double EVEN = 1e-9;
 
 /* Of a body, in a row: start, unit direction and middle, world axes. */
 enum { START = 0, DIRECTION = 3, MIDDLE = 6, PLACED = 9 };

@@ -12,7 +12,8 @@
 static const double AT_LIMIT = 1e-9, FAR = 1e12;
 /* As in wbc/controllers/reachable.py. */
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
-static const double NO_LIMIT = 1e150; /* as LARGEST in wbc/qp/problem.py */
+/* As in wbc/qp/problem.py. */
+static const double LARGEST = 1e150;
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
@@ -259,7 +260,7 @@ static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_sta
 }
 
 static int is_sound(const double *values, int64_t n) {
-    return dot(n, values, values) < NO_LIMIT * NO_LIMIT;
+    return dot(n, values, values) < LARGEST * LARGEST;
 }
 
 static int is_range(double lower, double upper) {

@@ -30,7 +30,7 @@ typedef void daqp_quadprog(daqp_result *, daqp_problem *, void *);
 
 static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
 static const double NO_BOUND = 1e30;  /* DAQP's infinity */
-/* Unknowns without bounds are preferred as dependent ones, by this factor: they add no row. */
+/* As in wbc/qp/elimination.py. */
 static const double PREFERENCE = 10.0;
 /* So is what a row had in the last tick, where others solve the reduced QP: they start from there. */
 static const double USUAL = 4.0;
