@@ -1,5 +1,7 @@
 """Limits: no overshoot, no oscillation, rest always allowed, and a way back from outside."""
 
+import pickle
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -259,6 +261,11 @@ def test_half_of_the_torques_are_counted_on_to_accelerate(robot_named, name: str
     np.testing.assert_array_equal(plain.acceleration, Limits(robot).acceleration)
     given = Limits(robot, acceleration=5.0)
     np.testing.assert_array_equal(given.within_torques(torques).acceleration, 5.0)
+    plain.speed = 0.5  # is assigned to what a torque controller made of these
+    np.testing.assert_array_equal(weak.speed, 0.5)
+    weak.speed = 0.4
+    np.testing.assert_array_equal(plain.speed, 0.5)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(plain)).speed, 0.5)
 
 
 def test_one_bad_acceleration_among_good_ones_is_refused(robot_named) -> None:

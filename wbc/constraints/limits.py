@@ -105,6 +105,9 @@ class Limits(Fixed):
             if value > 1.0:
                 raise InvalidInputError(f"limits, recovery: {value:g} is above 1 (all in one tick)")
         super().__setattr__(name, value)
+        if not name.startswith("_"):
+            for one in self.__dict__.get("_weaker", ()):
+                setattr(one, name, value)
 
     speed: Array
     acceleration: Array
@@ -123,6 +126,7 @@ class Limits(Fixed):
     ) -> None:
         check_robot("limits", robot)
         self.robot = robot
+        self._weaker: tuple[Limits, ...] = ()  # made of these
         joints = robot.nv - 6
         self.lower, self.upper = _position_bounds(robot, position, margin)
         self.speed = _speeds(robot, velocity)
@@ -143,15 +147,18 @@ class Limits(Fixed):
         """Return limits whose default accelerations torques (joints,) [N m] can give, by half.
 
         Each joint alone moving what it carries in the standing posture; the other half is for
-        gravity and for the other joints. What was given as ``acceleration`` stays.
+        gravity and for the other joints. What was given as ``acceleration`` stays. What is assigned
+        to these limits later is assigned to those, too.
         """
         if not self.by_default:
             return self
         q = self.robot.postures[STANDING]
         inertia = np.diagonal(self.robot.snapshot(q).mass_matrix)[BASE_NV:]
         limits = copy(self)
+        limits._weaker = ()
         able = TORQUE_SHARE * torques / inertia
         limits.acceleration = np.minimum(self.acceleration, able)
+        self._weaker += (limits,)
         return limits
 
     def box(self, snapshot: Snapshot, dt: float) -> Box:
