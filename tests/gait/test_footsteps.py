@@ -8,6 +8,7 @@ import pytest
 
 from wbc.gait import CommandLimits, GaitSettings, Legs, Velocity
 from wbc.gait.dcm import dcm_offsets
+from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
 from wbc.gait.phases import DoubleSupport, Measured, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
@@ -31,7 +32,8 @@ def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:
 
 def on_one_foot(support: str, elapsed: float, left: float, goal: Array = ORIGIN) -> SingleSupport:
     swing = SwingFoot(Motion.rest(np.zeros(3)), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.1)
-    return SingleSupport(support, swing, elapsed, left, goal, np.zeros(2))
+    stands = Foothold.whole(np.eye(3), np.array((0.08, 0.03)))
+    return SingleSupport(support, swing, elapsed, left, goal, np.zeros(2), stands)
 
 
 @pytest.mark.parametrize("velocity", [(0.5, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.2, -0.1, 0.0)])

@@ -149,7 +149,7 @@ def test_a_foot_is_not_carried_faster_than_hips_can(
 def test_soles_do_not_lie_on_each_other(able: StepRange, seed: int) -> None:
     """By points of one sole that are inside the other."""
     rng = np.random.default_rng(seed)
-    a, b = able.soles["right"], able.soles["left"]
+    a, b = able.corners["right"], able.corners["left"]
     weights = rng.dirichlet(np.full(len(a), 0.5), size=4000)
     judged = {True: 0, False: 0}
     for _ in range(40):

@@ -141,6 +141,31 @@ def test_a_step_that_is_not_known_is_felt(robot_named: Load) -> None:
     assert plant.com[2] == pytest.approx(walker.gait.height + 0.004, abs=5e-3)
 
 
+@pytest.mark.slow
+def test_who_stands_over_an_edge_does_not_tip_over_it(robot_named: Load) -> None:
+    """A G1 walks off a board of 2 cm, with half a sole beyond its edge before the foot lands."""
+    robot = robot_named("g1")
+    board = Step(centre=(-0.4, 0.0, 0.02), size=(2.0, 4.0, 0.02))
+    walker, plant = wbc.gait.Walker(robot), Plant(robot, terrain=Terrain(steps=(board,)))
+    q = robot.posture("standing").copy()
+    q[2] += 0.02
+    plant.reset(q)
+    walker.command(0.4)
+    steepest = 1.0
+    for one in simulate(
+        walker.controller,
+        plant,
+        3.2,
+        update=lambda _, snapshot: walker.prepare(snapshot, plant.contact_forces),
+    ):
+        assert one.verdict.stood, one.verdict
+        here = plant.snapshot()
+        upright = (here.rotation(foot.frame)[2, 2] for foot in robot.feet.values())
+        steepest = min(steepest, *upright)
+    assert plant.com[0] > 0.8
+    assert np.degrees(np.arccos(steepest)) < 15.0  # 7; 30 where it was pressed beyond the edge
+
+
 def test_a_tick_of_another_robot_is_refused(robot_named: Load) -> None:
     walker = wbc.gait.Walker(robot_named("hoap2_like"))
     other = robot_named("g1_27")

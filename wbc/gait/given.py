@@ -126,21 +126,21 @@ class StepRange:
 
     Attributes
     ----------
-    soles:
-        Corners (k, 2) by foot, in its axes [m].
+    corners:
+        Of the soles (k, 2) by foot, in its axes [m].
     """
 
     gait: GaitSettings
     limits: CommandLimits
     legs: Legs
-    soles: Mapping[str, Array]
+    corners: Mapping[str, Array]
 
     @classmethod
     def of(cls, robot: Robot, gait: GaitSettings) -> Self:
         """Return it for a robot that walks so."""
         legs = Legs.of(robot)
-        soles = {foot: sole.polygon for foot, sole in robot.feet.items()}
-        return cls(gait, CommandLimits.of(legs, gait), legs, soles)
+        corners = {foot: sole.polygon for foot, sole in robot.feet.items()}
+        return cls(gait, CommandLimits.of(legs, gait), legs, corners)
 
     def admitted(
         self,
@@ -269,8 +269,8 @@ class StepRange:
 
     def _overlap(self, foot: str, seen: Footstep) -> bool:
         """Return whether the sole at ``seen`` lies over the other one (separating axes)."""
-        mine = self.soles[foot] @ turned(seen.yaw)[:2, :2].T + seen.place
-        theirs = self.soles[other(foot)]
+        mine = self.corners[foot] @ turned(seen.yaw)[:2, :2].T + seen.place
+        theirs = self.corners[other(foot)]
         apart = [(mine, theirs), (theirs, mine)]
         return not any(
             np.any((corners @ normals.T - offsets).min(axis=0) >= 0.0)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from wbc.gait.command import Velocity
+from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import other
 from wbc.gait.given import Footstep
 from wbc.gait.settings import GaitSettings
@@ -96,6 +97,7 @@ class SingleSupport:
     left: float  # until the other foot lands; below zero if that is late [s]
     goal: Array  # where it lands (2,) [m]
     offset: Array  # of the DCM from there, when that foot alone begins to bear (2,) [m]
+    foothold: Foothold  # of the foot that bears
     # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()
     adapted: bool = True  # whether the QP of the footstep was solved
@@ -107,14 +109,24 @@ class SingleSupport:
         now: Measured,
         normal: Array,
         gait: GaitSettings,
+        half: Array,
         given: tuple[Footstep, ...] = (),
     ) -> Self:
-        """Return the phase in which ``foot`` leaves the ground, whose ``normal`` is (3,)."""
+        """Return the phase in which ``foot`` leaves the ground, whose ``normal`` is (3,).
+
+        ``half`` (2,) are half the sizes of the sole that bears [m].
+        """
         pose, height = now.pose(foot), float(now.places[foot][2])
         descent = DESCENT * gait.height * gait.omega
         swing = SwingFoot(Motion.rest(pose), height, normal, gait.clearance, descent)
         single = given[0].single(gait) if given else gait.single
-        return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), given)
+        stands = Foothold.whole(now.rotations[other(foot)], half)
+        return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), stands, given)
+
+    def felt(self, now: Measured, wrench: Array, weight: float) -> Self:
+        """Return it with what is known of the foothold now; ``wrench`` (6,) is on its sole [N]."""
+        known = self.foothold.felt(now.rotations[self.support], wrench, weight)
+        return replace(self, foothold=known)
 
 
 Phase = Standing | DoubleSupport | SingleSupport

@@ -14,9 +14,9 @@ from wbc.gait.command import CommandLimits, Velocity
 from wbc.gait.dcm import VrpSegment, shift_gain
 from wbc.gait.footsteps import SIGN, Footsteps, other
 from wbc.gait.given import SHORTEST, Footstep, given_offsets, velocity_on
-from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport
+from wbc.gait.phases import DoubleSupport, Measured, Phase, SingleSupport, landing_pose
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import turned, yaw_of
+from wbc.gait.swing import FootPose, turned, yaw_of
 from wbc.polygon import convex_hull, nearest_point
 from wbc.robot import Robot
 from wbc.robot.legs import Legs
@@ -36,6 +36,11 @@ HURRIED = 0.9
 TOUCH = 0.1
 # Nearer to the landing than this, in units of 1/omega, a footstep is not changed any more.
 DECIDED = 0.15
+# A foot that is pressed has landed, if it has done so much of its way: what it bumps into before is
+# an edge.
+DONE = 0.7
+# One that does not find the ground counts as landed so late, in units of 1/omega.
+LATEST = 1.2
 # A step at rest ends the walk if it is this near to its place [m].
 BESIDE = 0.03
 # Of a sole, in units of its half size.
@@ -141,12 +146,26 @@ class StepPlanner:
         """Return how long a phase should last [s]."""
         return phase.given[0].single(self.gait) if phase.given else self.gait.single
 
-    def touch(self, phase: SingleSupport) -> float:
-        """Return which part of the weight a foot bears that has landed.
+    def touches(self, phase: SingleSupport, load: float | None) -> bool:
+        """Return whether the foot in the air, which bears this part of the weight, has landed.
 
-        A slow one touches more softly, by the square of its speed.
+        A slow one touches more softly, by the square of its speed. None: it does when it should.
         """
-        return TOUCH * min(1.0, self.gait.single / self.single_time(phase)) ** 2
+        if load is None:
+            return phase.left <= 0.0
+        pressed = load > TOUCH * min(1.0, self.gait.single / self.single_time(phase)) ** 2
+        return (pressed and phase.swing.done > DONE) or phase.swing.late > LATEST / self.gait.omega
+
+    def swung(
+        self, phase: SingleSupport, now: Measured, heading: float, velocity: Velocity, dt: float
+    ) -> tuple[SingleSupport, FootPose]:
+        """Return the phase with the foot in the air led on by ``dt``, and where that should be."""
+        goal = landing_pose(phase, heading, velocity)
+        swing = phase.swing.advanced(goal, phase.left, dt)
+        x, y, z = phase.swing.normal.tolist()
+        dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
+        ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
+        return replace(phase, swing=swing), swing.pose(ground, max(phase.left, 0.0))
 
     def double_time(self, phase: SingleSupport) -> float:
         """Return how long the double support lasts that ends a phase now [s].
@@ -230,17 +249,16 @@ class StepPlanner:
         """
         if isinstance(phase, SingleSupport):
             R, place = now.rotations[phase.support][:2, :2], now.places[phase.support][:2]
-            half = self.soles[phase.support]
-            return place + R @ np.clip(R.T @ (vrp - place), -half, half)
-        soles = {
+            return place + R @ phase.foothold.nearest(R.T @ (vrp - place))
+        corners = {
             foot: place[:2] + (self.soles[foot] * CORNERS) @ now.rotations[foot][:2, :2].T
             for foot, place in now.places.items()
         }
         if isinstance(phase, DoubleSupport) and phase.unloading:
             place, old = now.places[phase.support][:2], other(phase.support)
             share = min(max(phase.left, 0.0) / self.gait.ramp, 1.0)
-            soles[old] = place + share * (soles[old] - place)
-        return nearest_point(convex_hull(np.concatenate(list(soles.values()))), vrp)
+            corners[old] = place + share * (corners[old] - place)
+        return nearest_point(convex_hull(np.concatenate(list(corners.values()))), vrp)
 
 
 def half_sizes(robot: Robot) -> dict[str, Array]:

@@ -39,6 +39,12 @@ class Motion(NamedTuple):
         """Return no motion at all."""
         return cls(value, np.zeros_like(value), np.zeros_like(value))
 
+    def sprung(self, goal: float, rate: float, dt: float) -> Self:
+        """Return it ``dt`` later on a critically damped spring to ``goal`` of ``rate`` [1/s]."""
+        acceleration = rate**2 * (goal - self.value) - 2.0 * rate * self.rate
+        v = self.rate + acceleration * dt
+        return type(self)(self.value + v * dt, v, acceleration)
+
 
 def towards(now: Motion, goal: Array, left: float, dt: float) -> Motion:
     """Return the motion ``dt`` later on the quintic that ends at rest at ``goal`` after ``left``.

@@ -40,7 +40,6 @@ from wbc.gait.phases import (
     SingleSupport,
     Standing,
     feet_after,
-    landing_pose,
     next_foot,
 )
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
@@ -52,13 +51,8 @@ from wbc.robot import Robot, Snapshot
 from wbc.robot.legs import Legs
 from wbc.robot.postures import STANDING
 from wbc.tasks.task import Task
-from wbc.validate import by_name, finite_number, finite_vector
+from wbc.validate import Array, by_name, finite_number, finite_vector
 
-# A foot that is pressed has landed, if it has done so much of its way: what it bumps into before is
-# an edge.
-DONE = 0.7
-# One that does not find the ground counts as landed so late, in units of 1/omega.
-LATEST = 1.2
 # Largest change of the yaw rate [rad/s^2].
 TURN_UP = 2.0
 # The CoM's height follows the ground, and how far apart feet are, as a critically damped spring of
@@ -259,11 +253,15 @@ class Walker:
         self.velocity = self.velocity.towards(wanted, gait.acceleration * dt, TURN_UP * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
-        phase = self._next_phase(snapshot, now, forces)
+        felt = self._felt(forces)
+        phase = self._next_phase(snapshot, now, felt)
         if isinstance(phase, SingleSupport):
             phase = planner.adapted(phase, now, self.heading, self.velocity)
             self._count(phase)
-            phase = self._swung(phase, now)
+            phase, pose = planner.swung(phase, now, self.heading, self.velocity, dt)
+            self._whole_body.swing(other(phase.support), pose)
+            if felt:
+                phase = phase.felt(now, felt[phase.support], self.robot.weight)
             reference = planner.single(phase, now)
         elif isinstance(phase, DoubleSupport):
             reference = planner.double(phase, now, self.heading, self.velocity, self.coming)
@@ -277,13 +275,10 @@ class Walker:
 
     def _lead(self, snapshot: Snapshot, now: Measured, reference: Reference) -> None:
         """Set the goals of CoM and trunk."""
-        rate = FOLLOW * self.gait.omega
         vrp = reference.vrp + (1.0 + self.gait.gain) * (now.dcm - reference.dcm)
-        z, z1, _ = self._ground
         sunk = self._planner.sunk(self.phase, now, self.heading)
-        z2 = rate**2 * (reference.ground - sunk - z) - 2.0 * rate * z1
-        z1 = z1 + z2 * self.dt
-        self._ground = Motion(z + z1 * self.dt, z1, z2)
+        follow = FOLLOW * self.gait.omega
+        self._ground = self._ground.sprung(reference.ground - sunk, follow, self.dt)
         height = np.concatenate(self._ground) + (self.gait.height, 0.0, 0.0)
         turn = 0.0 if isinstance(self.phase, Standing) else self.velocity.yaw_rate
         pressure = np.append(self._planner.within(self.phase, vrp, now), reference.ground)
@@ -299,20 +294,17 @@ class Walker:
     def _measured(self, snapshot: Snapshot) -> Measured:
         return Measured.of(snapshot, self._frames, self.gait.omega, self.gait.height)
 
-    def _swung(self, phase: SingleSupport, now: Measured) -> SingleSupport:
-        """Return the phase with the foot in the air led on by a tick."""
-        left = max(phase.left, 0.0)
-        goal = landing_pose(phase, self.heading, self.velocity)
-        swing = phase.swing.advanced(goal, phase.left, self.dt)
-        x, y, z = phase.swing.normal.tolist()
-        dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
-        ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
-        self._whole_body.swing(other(phase.support), swing.pose(ground, left))
-        return replace(phase, swing=swing)
+    def _felt(self, forces: Mapping[str, ArrayLike] | None) -> dict[str, Array]:
+        """Return the wrenches (6,) on the soles, by foot; none if they are not felt."""
+        if forces is None:
+            return {}
+        given = by_name("walker, forces", forces)
+        return {
+            foot: finite_vector(f"walker, force on {frame!r}", given.get(frame, ()), 6)
+            for foot, frame in self._frames.items()
+        }
 
-    def _next_phase(
-        self, snapshot: Snapshot, now: Measured, forces: Mapping[str, ArrayLike] | None
-    ) -> Phase:
+    def _next_phase(self, snapshot: Snapshot, now: Measured, felt: Mapping[str, Array]) -> Phase:
         """Return the phase a tick later, and change what is held where it ends."""
         phase, dt = self.phase, self.dt
         if isinstance(phase, Standing):
@@ -332,17 +324,9 @@ class Walker:
                 phase = replace(phase, unloading=True)
             return self._lifted(phase, now) if phase.left <= 0.0 else phase
         phase = replace(phase, left=phase.left - dt, elapsed=phase.elapsed + dt)
-        return self._landed(snapshot, phase, now) if self._touches(phase, forces) else phase
-
-    def _touches(self, phase: SingleSupport, forces: Mapping[str, ArrayLike] | None) -> bool:
-        """Return whether the foot in the air has landed."""
-        if forces is None:
-            return phase.left <= 0.0
-        frame = self._frames[other(phase.support)]
-        given = by_name("walker, forces", forces).get(frame, ())
-        load = float(finite_vector(f"walker, force on {frame!r}", given, 6)[2])
-        pressed = load > self._planner.touch(phase) * self.robot.weight
-        return (pressed and phase.swing.done > DONE) or phase.swing.late > LATEST / self.gait.omega
+        load = felt[other(phase.support)][2] / self.robot.weight if felt else None
+        landed = self._planner.touches(phase, load)
+        return self._landed(snapshot, phase, now) if landed else phase
 
     def _lifted(self, phase: DoubleSupport, now: Measured) -> SingleSupport:
         """Return the single support that begins."""
@@ -350,7 +334,8 @@ class Walker:
         sole = now.rotations[phase.support][:, 2]  # it has settled now
         self._normal = unit((1.0 - LEVELLING) * self._normal + LEVELLING * sole)
         given, self.coming = self.coming, self.coming[1:]
-        return SingleSupport.begun(foot, now, self._normal, self.gait, given)
+        half = self._planner.soles[phase.support]
+        return SingleSupport.begun(foot, now, self._normal, self.gait, half, given)
 
     def _landed(self, snapshot: Snapshot, phase: SingleSupport, now: Measured) -> DoubleSupport:
         """Return the double support that begins."""

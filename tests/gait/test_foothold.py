@@ -1,0 +1,67 @@
+"""A sole that tips about an edge is pressed farther in; one that stands flat on all of it."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.gait.foothold import Foothold
+from wbc.gait.swing import turned
+from wbc.validate import Array
+
+HALF, WEIGHT = np.array((0.08, 0.03)), 300.0
+
+
+def tipped(about: Array, angle: float) -> Array:
+    """Return a sole that stood at a heading of 0.7 rad, turned about an axis of its own."""
+    return turned(0.7) @ pin.exp3(angle * about)
+
+
+def pressed_at(point: tuple[float, float], R: Array, load: float = WEIGHT) -> Array:
+    """Return the wrench of a force at a point in the axes of the sole R, with friction."""
+    force = R @ (0.1 * load, -0.2 * load, load)
+    return np.concatenate((force, np.cross(R @ (*point, 0.0), force)))
+
+
+@pytest.mark.parametrize(
+    ("axis", "sign", "point"),
+    [(0, 1, (0.028, 0.01)), (0, -1, (-0.05, 0.0)), (1, 1, (0.0, 0.02)), (1, -1, (0.03, -0.01))],
+)
+def test_who_tips_over_an_edge_is_pressed_this_side_of_it(
+    axis: int, sign: int, point: tuple[float, float]
+) -> None:
+    stood = Foothold.whole(tipped(np.zeros(3), 0.0), HALF)
+    # ahead is over the axis to the left, to the left is over the one that points back
+    about = sign * (np.array((0.0, 1.0, 0.0)), np.array((-1.0, 0.0, 0.0)))[axis]
+    R = tipped(about, 0.05)
+    way = sign * np.eye(3)[axis]
+    assert (R @ way)[2] < -0.04  # that side is down
+    known = stood.felt(R, pressed_at(point, R), WEIGHT)
+    beyond = known.nearest(way[:2])  # a metre that way
+    assert beyond[axis] == pytest.approx(point[axis] - sign * 0.1 * HALF[axis], abs=1e-12)
+    assert known.nearest(-way[:2])[axis] == pytest.approx(-sign * HALF[axis])  # nothing else
+    other = 1 - axis
+    assert known.lower[other] == -HALF[other] and known.upper[other] == HALF[other]
+    # It is kept once the sole is flat again, and shrinks when it tips again farther in.
+    flat = tipped(np.zeros(3), 0.0)
+    assert known.felt(flat, pressed_at(point, flat), WEIGHT) is known
+    again = known.felt(R, pressed_at((0.0, 0.0), R), WEIGHT)
+    assert sign * again.nearest(way[:2])[axis] == pytest.approx(-0.1 * HALF[axis])
+
+
+def test_what_turns_little_or_bears_little_tells_nothing() -> None:
+    flat, about = tipped(np.zeros(3), 0.0), np.array((0.0, 1.0, 0.0))
+    stood = Foothold.whole(flat, HALF)
+    for angle, load in ((0.02, WEIGHT), (0.2, 0.05 * WEIGHT)):
+        R = tipped(about, angle)
+        assert stood.felt(R, pressed_at((0.02, 0.0), R, load), WEIGHT) is stood
+    R = turned(0.3) @ flat  # about the vertical
+    assert stood.felt(R, pressed_at((0.02, 0.0), R), WEIGHT) is stood
+
+
+def test_something_is_left_of_a_sole_that_tips_all_ways() -> None:
+    known = Foothold.whole(tipped(np.zeros(3), 0.0), HALF)
+    for about, point in (((0.0, 1.0, 0.0), (-0.06, 0.0)), ((0.0, -1.0, 0.0), (0.07, 0.0))):
+        R = tipped(np.array(about), 0.1)
+        known = known.felt(R, pressed_at(point, R), WEIGHT)
+    assert (known.lower <= known.upper).all()
+    assert (known.lower >= -HALF).all() and (known.upper <= HALF).all()
