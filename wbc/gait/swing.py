@@ -13,6 +13,9 @@ from wbc.validate import Array
 
 # Nearer to the landing than this the goal is met as it is [s].
 LEAST_LEFT = 0.03
+# By which power of s (1 - s) a foot rises, while it goes ahead with s^3: the less, the sooner it
+# is up, over an edge just before its toe; from 2 on its acceleration jumps.
+STEEPNESS = 2.5
 # Coefficients of s^0 to s^5 by value p, rate v, acceleration a and way d of a curve of unit time
 # that ends at p + d, rate and acceleration zero.
 QUINTIC = np.array(
@@ -84,13 +87,14 @@ class Lift(NamedTuple):
 
         ``rate`` is that of s [1/s], taken as constant.
         """
-        y = s * (1.0 - s)
-        d, bump = self.end - self.start, 64.0 * self.clearance
+        y, tilt = 4.0 * s * (1.0 - s), 4.0 * (1.0 - 2.0 * s)
+        d, bump, n = self.end - self.start, self.clearance, STEEPNESS
         slope, curve = minimum_jerk_rates(s)
-        # 64 s^3 (1-s)^3 is 1 in the middle; value, slope and curvature vanish at both ends.
-        height = self.start + d * minimum_jerk(s) + bump * y**3
-        slope = d * slope + bump * 3.0 * y * y * (1.0 - 2.0 * s)
-        curve = d * curve + bump * 6.0 * y * (1.0 - 5.0 * y)
+        # y^n is 1 in the middle; value, slope and curvature vanish at both ends.
+        height = self.start + d * minimum_jerk(s) + bump * y**n
+        slope = d * slope + bump * n * y ** (n - 1.0) * tilt
+        bend = (n - 1.0) * y ** (n - 2.0) * tilt * tilt - 8.0 * y ** (n - 1.0)
+        curve = d * curve + bump * n * bend
         return height, slope * rate, curve * rate * rate
 
 
