@@ -16,9 +16,9 @@ from wbc.gait.swing import Motion, SwingFoot, yaw_of
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# A foot that does not find the ground goes on down at this speed, in units of height times omega: what
-# is 3 % of the height lower is found within 0.2/omega, in which the capture point's error grows by a
-# fifth; at half the speed it grows by a half, beyond what a sole can do.
+# A foot that does not find the ground goes on down at this speed, in units of height times omega:
+# what is 3 % of the height lower is found within 0.2/omega, in which the capture point's error
+# grows by a fifth; at half the speed it grows by a half, beyond what a sole can do.
 DESCENT = 0.16
 
 

@@ -325,8 +325,7 @@ class Walker:
             return self._lifted(phase, now) if phase.left <= 0.0 else phase
         phase = replace(phase, left=phase.left - dt, elapsed=phase.elapsed + dt)
         load = felt[other(phase.support)][2] / self.robot.weight if felt else None
-        landed = self._planner.touches(phase, load)
-        return self._landed(snapshot, phase, now) if landed else phase
+        return self._landed(snapshot, phase, now) if self._planner.touches(phase, load) else phase
 
     def _lifted(self, phase: DoubleSupport, now: Measured) -> SingleSupport:
         """Return the single support that begins."""
