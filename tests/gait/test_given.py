@@ -245,17 +245,17 @@ def test_feet_land_where_they_should(robot_named: Load) -> None:
 
 @pytest.mark.slow
 def test_after_a_push_feet_come_back_to_their_footsteps(robot_named: Load) -> None:
-    """1.2 N s on 7 kg: one foot lands 3.3 mm away, those after it within a millimetre."""
+    """1.4 N s on 7 kg: one foot lands 8 mm away, all others within 1.4 mm."""
     robot = robot_named("hoap2_like")
     walker, plant = Walker(robot), Plant(robot)
     w = walker.gait.width
     sides = [("right", -w), ("left", w)] * 3
     steps = [Footstep(foot, 0.04, y) for foot, y in sides]
     world = walker.follow(steps, plant.snapshot(), relative=True)
-    plant.push("base", (0.0, 12.0, 0.0), start=1.05, duration=0.1)
+    plant.push("base", (0.0, 14.0, 0.0), start=1.05, duration=0.1)
     simulated(walker, plant, len(steps))
     away = [landing.distance for landing in walker.landings]
-    assert away[2] > 2e-3 and max(away[:2] + away[3:]) < 1.5e-3
+    assert away[2] > 4e-3 and max(away[:2] + away[3:]) < 2e-3
     for step in world[-2:]:
         assert np.linalg.norm(really(plant)[step.foot][:2] - step.place) < 5e-3
 
