@@ -25,13 +25,10 @@ from typing import Any
 import numpy as np
 
 import wbc
-from wbc.controllers.controller import Controller
-from wbc.controllers.levels import LevelSolver, Outcome
+from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.native_plan import NativePlan
-from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
-from wbc.controllers.plan import Assembled
-from wbc.qp import QP, ProxQP, native, proxqp
+from wbc.qp import QP, ProxQP, native
 from wbc.qp.daqp_memory import daqp_memory
 from wbc.qp.elimination import eliminate
 from wbc.qp.kkt import SolveCheck
@@ -50,19 +47,15 @@ WATCHED: tuple[tuple[str, Any, str], ...] = (
     ("integration", wbc.Robot, "integrate"),
     ("whose snapshot, and which path", wbc.KinematicController, "step"),
     ("whose snapshot, and which path", NativeController, "_step"),
-    ("problem, rows and attempt as objects", NativeController, "_native_step"),
-    ("problem, rows and attempt as objects", Controller, "_attempt"),
-    ("the core sets up the QP", NativePlan, "problem"),
-    ("what the core wrote as a QP", NativeProblem, "qp"),
-    ("errors of the tasks, by name", NativeProblem, "errors"),
-    ("levels: whose QP, and the outcome", LevelSolver, "solve"),
-    ("the QP within the box", Assembled, "bounded"),
-    ("which workspace, and ProxQP's answer judged", ProxQP, "solve"),
-    ("sizes and numbers of the QP", proxqp, "is_sound"),
-    ("ProxQP: loaded, solved, and read", native.Workspace, "solve_warm"),
-    ("KKT residuals and verdict", SolveCheck, "accept"),
-    ("last look at the limits", Outcome, "within_limits"),
-    ("the tick as an object", Controller, "_tick"),
+    ("whose snapshot, and which path", NativeController, "_native_step"),
+    ("what changed, written to the core", NativePlan, "_write"),
+    ("what is asked of whom, and the answer as an object", NativePlan, "problem"),
+    ("the core sets up the QP, contacts eliminated", NativeMemory, "call"),
+    ("the core's arrays as a QP", NativeMemory, "reduced"),
+    ("which workspace", ProxQP, "solve_for"),
+    ("ProxQP: loaded and solved", native.Workspace, "run"),
+    ("the core expands the answer and judges it", NativeMemory, "takes"),
+    ("the tick as an object", NativeController, "_native_tick"),
 )
 
 
