@@ -23,7 +23,7 @@ from wbc.controllers.native_forces import TorqueRows, unbearable
 from wbc.controllers.native_margin import NativeMargin
 from wbc.controllers.native_memory import REDUCED, NativeMemory
 from wbc.controllers.native_parts import Part
-from wbc.controllers.native_problem import Layout, NativeProblem
+from wbc.controllers.native_problem import IN_CORE, Layout, NativeProblem
 from wbc.controllers.plan import Plan
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
@@ -34,7 +34,7 @@ from wbc.robot.kernel import NativeTree
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
-_BY_DAQP = Answered(Daqp.name, 1)
+_BY_CORE = Answered(IN_CORE, 1)
 _LATER = object()  # of a snapshot that was not asked for anything yet
 
 
@@ -156,7 +156,7 @@ class NativePlan:
                 return None
             called = perf_counter()
             said, out = self.memory.call(snapshot.q, snapshot.v, snapshot.moving, state)
-            answered = _BY_DAQP
+            answered = _BY_CORE
             if said == REDUCED and isinstance(self._solver, ProxQP):
                 memory = self.memory
                 qp, quick = memory.reduced(), memory.forces is not None

@@ -16,6 +16,7 @@ from wbc.controllers.native_memory import Answer, NativeMemory
 from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
+from wbc.qp.daqp import Daqp
 from wbc.qp.native_daqp import solution_of
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import Answered
@@ -23,6 +24,10 @@ from wbc.qp.solution import Solution
 from wbc.validate import Array, read_only
 
 _NONE: Array = read_only(np.zeros(0))
+# Who answered in the call that made the QP: DAQP, or, where the optimum of the cost alone keeps all
+# bounds and rows, no solver; by the iterations it is told which.
+IN_CORE = "core"
+NO_SOLVER = "cholesky"
 
 
 class Layout(NamedTuple):
@@ -133,6 +138,8 @@ class NativeProblem:
         if by is None:
             return None
         _, called, done = self._clock
+        if by.solver == IN_CORE:
+            by = Answered(Daqp.name if a.found[-1] else NO_SOLVER, 1)
         parts = (part.copy() for part in (a.x, a.y, a.z, a.z_box))
         return solution_of(parts, a.found, done - called, *by)
 

@@ -94,6 +94,7 @@ def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
     """Return how many numbers and integers the core works in: as ``place`` of source/solve.c."""
     left = n - k
     numbers = k * (n + 1) + 2 * k * left + left * left + 3 * n + 3 * (n + m) + (m + k) * left
+    numbers += left * (left + 1)
     return numbers, 2 * n + m
 
 

@@ -120,7 +120,9 @@ class Solution(NamedTuple):
     residuals: KktResiduals
     iterations: int
     solve_time: float  # seconds, checks and every attempt included
-    solver: str  # who answered: a backend may ask another one
+    # Who answered: a backend may ask another one, and the core none ("cholesky", 0 iterations)
+    # where the optimum of the cost alone keeps all bounds and rows.
+    solver: str
     conflict: Conflict | None = None
     attempts: int = 1  # how many times a backend tried before it was satisfied or gave up
     message: str = ""  # what the solver itself said, when it failed

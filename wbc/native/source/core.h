@@ -194,7 +194,8 @@ enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2,
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
 /* The same and its answer: x, y, z, z of the box; primal, dual and complementarity residuals,
- * iterations. The equalities are eliminated, what is left is solved by DAQP; or, if it is to be
+ * iterations. The equalities are eliminated; where the optimum of the cost alone keeps all bounds and
+ * rows, that is the answer, in 0 iterations. Else what is left is solved by DAQP; or, if it is to be
  * solved outside, REDUCED is returned, and how many rows C there are is the first residual. */
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving);
@@ -206,7 +207,7 @@ int wbc_reduced(const wbc_plan *plan, int64_t *begin);
 int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
                const double *z, double scale, int64_t iterations);
 /* The same for any QP, by DAQP. scratch holds k (n + 1) + 2 k left + left^2 + 3 n
- * + 3 (n + m) + (k + m) left numbers, left = n - k; order 2 n + m. */
+ * + 3 (n + m) + (k + m) left + left (left + 1) numbers, left = n - k; order 2 n + m. */
 int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
                  void *settings);
 

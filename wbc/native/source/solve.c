@@ -55,6 +55,7 @@ typedef struct {
     double *multipliers, *answer;
     double *factor;        /* (2 k) */
     double *gradient;      /* (n), of the full QP */
+    double *triangle;      /* (left, left + 1): see least */
     double *end;           /* of the memory */
     int *sense;
 } reduced;
@@ -74,7 +75,8 @@ static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r)
     r->answer = r->multipliers + most;
     r->factor = r->answer + left;
     r->gradient = r->factor + 2 * k;
-    r->end = r->gradient + n;
+    r->triangle = r->gradient + n;
+    r->end = r->triangle + left * (left + 1);
 }
 
 /* W = [A b] reduced until the columns order[0..k) would be those of the identity: in their place
@@ -204,60 +206,13 @@ static void lift(const wbc_qp *qp, const reduced *r) {
     }
 }
 
-/* The larger, or what is not a number. */
-static double worse(double one, double other) {
-    return one != one || other <= one ? one : other;
-}
-
-/* A value between two bounds and its multiplier: primal and complementarity residual. */
-static void judge(double value, double lower, double upper, double z, double *found) {
-    const double above = upper - value, below = value - lower;
-    const double slack = fabs(z > 0.0 ? above : below), size = fabs(z);
-    found[0] = worse(worse(found[0], -above), -below);
-    found[2] = worse(found[2], slack < size ? slack : size);
-}
-
-/* Primal, dual and complementarity residuals. */
-WIDE static void residuals(const wbc_qp *qp, double *gradient) {
-    const int64_t n = qp->n;
-    double *found = qp->found;
-    found[0] = found[1] = found[2] = 0.0;
-    for (int64_t i = 0; i < n; i++) {
-        gradient[i] = qp->g[i] + qp->z_box[i] + dot(n, qp->P + i * n, qp->x);
-        judge(qp->x[i], qp->lower[i], qp->upper[i], qp->z_box[i], found);
-    }
-    for (int64_t r = 0; r < qp->k; r++) {
-        const double missed = dot(n, qp->A + r * n, qp->x) - qp->b[r];
-        for (int64_t j = 0; j < n; j++) gradient[j] += qp->A[r * n + j] * qp->y[r];
-        found[0] = worse(found[0], fabs(missed));
-    }
-    for (int64_t r = 0; r < qp->m; r++) {
-        for (int64_t j = 0; j < n && qp->z[r] != 0.0; j++)
-            gradient[j] += qp->C[r * n + j] * qp->z[r];
-        judge(dot(n, qp->C + r * n, qp->x), qp->l[r], qp->u[r], qp->z[r], found);
-    }
-    for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
-}
-
 /* The velocity at x with a base's that meets its dynamics to rounding, and the torques at that. */
 static void command(const wbc_plan *plan, const wbc_qp *qp) {
     const int64_t n = qp->n, nv = plan->tree->nv;
-    double L[36], missed[6];
-    for (int i = 0; i < 6; i++) { /* L L' = the base's inertia */
-        missed[i] = dot(n, qp->D + i * n, qp->x) + qp->offset[i];
-        for (int j = 0; j <= i; j++) {
-            double sum = qp->D[i * n + j];
-            for (int c = 0; c < j; c++) sum -= L[6 * i + c] * L[6 * j + c];
-            L[6 * i + j] = i == j ? sqrt(sum) : sum / L[6 * j + j];
-        }
-        for (int j = 0; j < i; j++) missed[i] -= L[6 * i + j] * missed[j];
-        missed[i] /= L[6 * i + i];
-    }
-    for (int i = 5; i >= 0; i--) {
-        for (int j = i + 1; j < 6; j++) missed[i] -= L[6 * j + i] * missed[j];
-        missed[i] /= L[6 * i + i];
-        qp->exact[i] = qp->x[i] - missed[i];
-    }
+    double missed[6], turn[6], triangle[42];
+    for (int i = 0; i < 6; i++) missed[i] = dot(n, qp->D + i * n, qp->x) + qp->offset[i];
+    least(6, qp->D, n, missed, triangle, turn); /* the base's inertia times turn = -missed */
+    for (int i = 0; i < 6; i++) qp->exact[i] = qp->x[i] + turn[i];
     memcpy(qp->exact + 6, qp->x + 6, (nv - 6) * sizeof *qp->x);
     for (int64_t i = 6; i < nv; i++) {
         const double *row = qp->D + i * n;
@@ -278,6 +233,19 @@ static int64_t reduce(const wbc_qp *qp, const reduced *r, int64_t *usual) {
     if (r->left < 1 || !eliminate(qp, r, usual)) return 0;
     reduce_cost(qp, r);
     return reduce_bounds(qp, r);
+}
+
+/* Whether the optimum of the cost alone keeps all bounds and rows: then it is the optimum. */
+WIDE static int is_kept(const reduced *r, int64_t bounded) {
+    if (!least(r->left, r->H, r->left, r->f, r->triangle, r->answer)) return 0;
+    for (int64_t i = 0; i < bounded; i++) {
+        const int64_t row = i - r->left;
+        const double value =
+            row < 0 ? r->answer[i] : dot(r->left, r->rows + row * r->left, r->answer);
+        if (!(value >= r->low[i] && value <= r->up[i])) return 0;
+        r->multipliers[i] = 0.0;
+    }
+    return 1;
 }
 
 /* Solve what is left by DAQP; returns its iterations, -1: no answer. */
@@ -305,6 +273,15 @@ static int conclude(const wbc_qp *qp, const reduced *r, int64_t iterations) {
     return DONE;
 }
 
+/* What a tick is made of besides, and where it leads. */
+static int finish(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp,
+                  const reduced *r) {
+    if (!is_measured(qp->x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
+    if (plan->torque) command(plan, qp);
+    int64_t *pairs = usual_columns(plan, qp) + qp->k;
+    return plan->margin && leads_inside(plan, q, v, qp, r->end, pairs) ? LEADS_INSIDE : DONE;
+}
+
 int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
                const double *z, double scale, int64_t iterations) {
     wbc_qp qp;
@@ -319,10 +296,7 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
     } else
         iterations = ask(&r, bounded, plan->quadprog, plan->settings);
     if (iterations < 0 || conclude(&qp, &r, iterations) != DONE) return UNSOLVED;
-    if (!is_measured(qp.x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
-    if (plan->torque) command(plan, &qp);
-    int64_t *pairs = usual_columns(plan, &qp) + qp.k;
-    return plan->margin && leads_inside(plan, q, v, &qp, r.end, pairs) ? LEADS_INSIDE : DONE;
+    return finish(plan, q, v, &qp, &r);
 }
 
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
@@ -335,6 +309,7 @@ int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const d
     place(&qp, plan->scratch, plan->order, &r);
     const int64_t bounded = reduce(&qp, &r, plan->outside ? usual_columns(plan, &qp) : 0);
     if (bounded == 0) return UNSOLVED;
+    if (is_kept(&r, bounded) && conclude(&qp, &r, 0) == DONE) return finish(plan, q, v, &qp, &r);
     qp.found[0] = (double)(bounded - r.left);
     return plan->outside ? REDUCED : wbc_answer(plan, q, v, 0, 0, 1.0, 0);
 }

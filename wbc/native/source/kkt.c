@@ -1,0 +1,39 @@
+/* The evidence for an answer of a QP: its KKT residuals, as in wbc/qp/kkt.py. */
+#include "linear.h"
+#include "problem.h"
+
+#include <math.h>
+
+/* The larger, or what is not a number. */
+static double worse(double one, double other) {
+    return one != one || other <= one ? one : other;
+}
+
+/* A value between two bounds and its multiplier: primal and complementarity residual. */
+static void judge(double value, double lower, double upper, double z, double *found) {
+    const double above = upper - value, below = value - lower;
+    const double slack = fabs(z > 0.0 ? above : below), size = fabs(z);
+    found[0] = worse(worse(found[0], -above), -below);
+    found[2] = worse(found[2], slack < size ? slack : size);
+}
+
+WIDE void residuals(const wbc_qp *qp, double *gradient) {
+    const int64_t n = qp->n;
+    double *found = qp->found;
+    found[0] = found[1] = found[2] = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        gradient[i] = qp->g[i] + qp->z_box[i] + dot(n, qp->P + i * n, qp->x);
+        judge(qp->x[i], qp->lower[i], qp->upper[i], qp->z_box[i], found);
+    }
+    for (int64_t r = 0; r < qp->k; r++) {
+        const double missed = dot(n, qp->A + r * n, qp->x) - qp->b[r];
+        for (int64_t j = 0; j < n; j++) gradient[j] += qp->A[r * n + j] * qp->y[r];
+        found[0] = worse(found[0], fabs(missed));
+    }
+    for (int64_t r = 0; r < qp->m; r++) {
+        for (int64_t j = 0; j < n && qp->z[r] != 0.0; j++)
+            gradient[j] += qp->C[r * n + j] * qp->z[r];
+        judge(dot(n, qp->C + r * n, qp->x), qp->l[r], qp->u[r], qp->z[r], found);
+    }
+    for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
+}
