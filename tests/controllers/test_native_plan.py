@@ -475,7 +475,7 @@ def test_only_solvers_as_they_are_answer_the_core(native) -> None:
         {"solver": "daqp", "formulation": "reduced"},
     ):
         assert controller_of(robot, tasks, **options)._native.problem(here).solution is None
-    assert solved(controller_of(robot, tasks), here).solution.solver == "daqp"
+    assert solved(controller_of(robot, tasks), here).solution.solver == "cholesky"
 
 
 @direct

@@ -1,4 +1,4 @@
-/* The evidence for an answer of a QP: its KKT residuals, as in wbc/qp/kkt.py. */
+/* The evidence for an answer of a QP: its KKT residuals, which wbc/qp/kkt.py computes in Python. */
 #include "linear.h"
 #include "problem.h"
 
