@@ -6,9 +6,19 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from wbc import KinematicController, Limits, Robot, SelfCollision, WbcError, support
+from wbc import (
+    Contact,
+    KinematicController,
+    Limits,
+    PoseTask,
+    Robot,
+    SelfCollision,
+    WbcError,
+    support,
+)
 from wbc.constraints import Constraint, Obstacles
 from wbc.constraints.rows import Bounds
 from wbc.problem import load_problem
@@ -125,6 +135,33 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
 def test_mistakes_are_typed_and_named(make: Callable[[Robot], Any], told: str, robot_named) -> None:
     with pytest.raises(WbcError, match=told.replace("{", re.escape("{"))):
         make(robot_named("hoap2_like"))
+
+
+def test_a_call_that_does_not_fit_says_what_is_taken(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    foot = robot.foot("left").frame
+    for pose in (np.eye(4), pin.SE3.Identity()):
+        for kind in (PoseTask, Contact):
+            taken = rf"{kind.__name__}\(robot, frame, position, rotation, "
+            with pytest.raises(WbcError, match=taken + ".*T.translation, T.rotation"):
+                kind(robot, foot, pose)
+    with pytest.raises(WbcError, match=r"'robot'; it is PostureTask\(robot, target, "):
+        PostureTask(weight=1e-3)
+    with pytest.raises(WbcError, match=r"too many .*; it is SelfCollision\(robot, \*, "):
+        SelfCollision(robot, 0.01)
+    with pytest.raises(TypeError, match="abstract"):
+        Task(robot, "nothing", ("x",))  # what else is wrong is not about arguments
+
+
+def test_a_time_step_in_milliseconds_is_noted(
+    robot_named, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = robot_named("hoap2_like")
+    tasks = [PostureTask(robot, robot.posture())]
+    KinematicController(robot, tasks, contacts=(), dt=0.1)
+    assert not caplog.records
+    KinematicController(robot, tasks, contacts=(), dt=5)
+    assert "5 ms are dt=0.005" in caplog.text
 
 
 def test_floating_has_to_be_said(robot_named, caplog: pytest.LogCaptureFixture) -> None:

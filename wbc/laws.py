@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number
 
+STANDARD_GRAVITY = 9.81  # m/s^2
 # Entries of v, each once.
 Columns = slice | NDArray[np.int64]
 
@@ -195,7 +196,7 @@ class AccelerationLaw:
 
     @classmethod
     def capture_point(
-        cls, height: float, gain: float = 2.0, gravity: float = 9.81
+        cls, height: float, gain: float = 2.0, gravity: float = STANDARD_GRAVITY
     ) -> AccelerationLaw:
         """Return the law of a CoM over level ground that brings its capture point to the target.
 

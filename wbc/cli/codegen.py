@@ -68,14 +68,7 @@ def codegen(
         }
         if what in PENDULUMS:
             _refuse(of_problem, "a problem", what)
-            _pendulum(
-                what,
-                mass,
-                9.81 if gravity is None else gravity,
-                output or Path("."),
-                function,
-                compiler,
-            )
+            _pendulum(what, mass, gravity, output or Path("."), function, compiler)
         else:
             _refuse(of_pendulum, "a pendulum", what)
             _problem(Path(what), output, assign, ticks or 200)
@@ -110,12 +103,13 @@ def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: i
 def _pendulum(
     model: str,
     mass: float | None,
-    gravity: float,
+    gravity: float | None,
     output: Path,
     function: list[str] | None,
     compiler: str | None,
 ) -> None:
     from wbc.errors import InvalidInputError
+    from wbc.laws import STANDARD_GRAVITY
     from wbc.rmp.functions import compile_c, export_c, largest_difference
     from wbc.rmp.planar import PlanarRmp
     from wbc.rmp.solid import EulerSolidRmp, SolidRmp
@@ -124,7 +118,7 @@ def _pendulum(
         raise InvalidInputError(f"{model}: give --mass, in kg")
     kinds: dict[str, Callable[[float, float], ReactionMassPendulum]]
     kinds = {"planar": PlanarRmp, "solid": SolidRmp, "euler": EulerSolidRmp}
-    pendulum = kinds[model](mass, gravity)
+    pendulum = kinds[model](mass, STANDARD_GRAVITY if gravity is None else gravity)
     source = export_c(pendulum, output, function or None)
     typer.echo(f"{source} and {source.with_suffix('.h').name}")
     names = function or list(pendulum.functions)

@@ -30,6 +30,7 @@ from wbc.controllers.parts import (
     check_list,
     check_parts,
     check_snapshot,
+    checked_step,
     held_by,
     motion_and_forces,
     one_of,
@@ -142,7 +143,7 @@ class Controller(Fixed, ABC):
         say_unused_gains(tasks, self._bears)
         self.robot = robot
         self.limits = limits
-        self.dt = finite_number("controller, dt", dt, above=0.0)
+        self.dt = checked_step(dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)

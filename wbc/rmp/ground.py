@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
+from wbc.laws import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array
 
 # A ground that pushes with less than this fraction of the weight is taken as not touched: the CoP
 # divides by the push, and would be made of rounding and measuring errors.
 FLIGHT = 0.01
-STANDARD_GRAVITY = 9.81  # m/s^2
 # The leg angle theta is undefined where the leg lies along y: within this, as a cosine.
 SINGULAR = 1e-6
 

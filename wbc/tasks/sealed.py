@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import ABCMeta
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -23,8 +24,26 @@ class Sealed(ABCMeta):
             if "robot" in kwargs or args:
                 check_robot(cls.__name__, kwargs.get("robot", args[0] if args else None))
             raise
+        except TypeError:
+            _check_call(cls, args, kwargs)
+            raise
         object.__setattr__(made, MARK, True)
         return made
+
+
+def _check_call(made: type, given: tuple[Any, ...], named: Mapping[str, Any]) -> None:
+    """Raise InvalidInputError if the arguments are not those that the constructor takes."""
+    signature = inspect.signature(made.__init__)  # type: ignore[misc]  # of the class
+    try:
+        signature.bind(None, *given, **named)
+    except TypeError as error:
+        empty = inspect.Parameter.empty
+        takes = [one.replace(annotation=empty) for one in signature.parameters.values()][1:]
+        shown = signature.replace(parameters=takes, return_annotation=empty)
+        pose = any(hasattr(x, "translation") or getattr(x, "shape", 0) == (4, 4) for x in given)
+        hint = "; of a pose T give T.translation, T.rotation" if pose else ""
+        name = made.__name__
+        raise InvalidInputError(f"{name}: {error}; it is {name}{shown}{hint}") from error
 
 
 def check_attribute(made: object, name: str) -> None:

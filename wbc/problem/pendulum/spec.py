@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from wbc.laws import STANDARD_GRAVITY
 from wbc.problem.pendulum.laws import LawChoice
 from wbc.problem.pendulum.plan import PlanSpec
 from wbc.problem.pendulum.start import PendulumStartSpec
@@ -89,7 +90,7 @@ class PendulumSpec(Section):
     `wbc robots` lists, a .urdf or .xml file relative to this file, or a mapping."""
     posture: Name = "standing"
     """The robot's posture in which the plan begins."""
-    gravity: NonNegative = 9.81
+    gravity: NonNegative = STANDARD_GRAVITY
     """[m/s^2], downward."""
     start: PendulumStartSpec | None = None
     """Where it starts, under a law."""
