@@ -145,6 +145,10 @@ def test_a_call_that_does_not_fit_says_what_is_taken(robot_named) -> None:
             taken = rf"{kind.__name__}\(robot, frame, position, rotation, "
             with pytest.raises(WbcError, match=taken + ".*T.translation, T.rotation"):
                 kind(robot, foot, pose)
+    here = robot.snapshot(robot.posture())
+    task = PoseTask(robot, foot, *here.placement(foot))
+    with pytest.raises(WbcError, match=r"give T.translation, T.rotation, or assign target = T"):
+        task.set_target(pin.SE3.Identity())
     with pytest.raises(WbcError, match=r"'robot'; it is PostureTask\(robot, target, "):
         PostureTask(weight=1e-3)
     with pytest.raises(WbcError, match=r"too many .*; it is SelfCollision\(robot, \*, "):

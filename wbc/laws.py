@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
+from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, finite_number
 
-STANDARD_GRAVITY = 9.81  # m/s^2
 # Entries of v, each once.
 Columns = slice | NDArray[np.int64]
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.validate import Array
 
+STANDARD_GRAVITY = 9.81  # m/s^2, where no model says another
 COMPONENTS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROWS = np.array([0, 0, 0, 1, 1, 2])
 COLUMNS = np.array([0, 1, 2, 1, 2, 2])

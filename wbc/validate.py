@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeGuard
@@ -14,6 +15,7 @@ from wbc.errors import InvalidInputError
 Array = NDArray[np.floating[Any]]
 # Numbers beyond this are refused: no controller means them, and products of a few would overflow.
 LARGEST = 1e30
+LONG_STEP = 0.5  # s
 _FLOAT = np.dtype(np.float64)
 _FEW = 9
 _NO_REAL = str, bytes, complex
@@ -127,6 +129,17 @@ def finite_number(
     if number < least:
         raise InvalidInputError(f"{what}: must be at least {least:g}, got {number:g}")
     return number
+
+
+def time_step(what: str, dt: Any) -> float:
+    """Return ``dt`` as a positive time step [s]; warn of one that was most likely meant in ms."""
+    step = finite_number(f"{what}, dt", dt, above=0.0)
+    if step >= LONG_STEP:
+        logging.getLogger(__name__).warning(
+            "%s: dt is in seconds, and %g is long for a tick; %g ms are dt=%g",
+            *(what, step, step, step / 1000.0),
+        )
+    return step
 
 
 def names_of(what: str, value: Any) -> tuple[str, ...]:

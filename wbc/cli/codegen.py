@@ -109,10 +109,10 @@ def _pendulum(
     compiler: str | None,
 ) -> None:
     from wbc.errors import InvalidInputError
-    from wbc.laws import STANDARD_GRAVITY
     from wbc.rmp.functions import compile_c, export_c, largest_difference
     from wbc.rmp.planar import PlanarRmp
     from wbc.rmp.solid import EulerSolidRmp, SolidRmp
+    from wbc.spatial import STANDARD_GRAVITY
 
     if mass is None:
         raise InvalidInputError(f"{model}: give --mass, in kg")

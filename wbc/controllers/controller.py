@@ -30,7 +30,6 @@ from wbc.controllers.parts import (
     check_list,
     check_parts,
     check_snapshot,
-    checked_step,
     held_by,
     motion_and_forces,
     one_of,
@@ -50,7 +49,7 @@ from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
-from wbc.validate import Array, finite_number, read_only
+from wbc.validate import Array, finite_number, read_only, time_step
 
 
 class Controller(Fixed, ABC):
@@ -143,7 +142,7 @@ class Controller(Fixed, ABC):
         say_unused_gains(tasks, self._bears)
         self.robot = robot
         self.limits = limits
-        self.dt = checked_step(dt)
+        self.dt = time_step("controller", dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)

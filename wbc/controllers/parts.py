@@ -15,7 +15,6 @@ from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
-from wbc.validate import finite_number
 
 # What is worked into a controller's plan, and what to do instead of assigning it.
 ANOTHER = "make another controller"
@@ -24,7 +23,6 @@ PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") |
     ANOTHER,
 )
 
-LONG_STEP = 0.5  # s: a time step that was most likely meant in ms
 UNTOLD = VelocityLaw()
 # What a controller of velocities, and of torques, does not read; its name; and what it does read.
 LEVEL_GAINS = ("kp, kd", "velocity", "gain"), ("gain", "torque", "kp, kd")
@@ -237,17 +235,6 @@ def one_of(kind: str, value: str, choices: Sequence[str]) -> str:
     if value not in choices:
         raise UnknownNameError(kind, value, choices)
     return value
-
-
-def checked_step(dt: float) -> float:
-    """Return the time step [s]; one that is most likely in ms is warned of."""
-    step = finite_number("controller, dt", dt, above=0.0)
-    if step >= LONG_STEP:
-        logging.getLogger(__name__).warning(
-            "controller: dt is in seconds, and %g is long for a tick; %g ms are dt=%g",
-            *(step, step, step / 1000.0),
-        )
-    return step
 
 
 def check_list(kind: str, given: Any, wanted: type) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.laws import STANDARD_GRAVITY
+from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, finite_array
 
 # A ground that pushes with less than this fraction of the weight is taken as not touched: the CoP

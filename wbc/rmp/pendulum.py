@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.laws import STANDARD_GRAVITY
+from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, check_fields, finite_vector, real_array, set_fields
 
 # How far a holding force may be off, as a fraction of the weight (times the leg, for a torque).

@@ -24,7 +24,7 @@ from wbc.simulation.sensors import Measurements, Sensors
 from wbc.simulation.shapes import ShapeOptions
 from wbc.simulation.states import StateMap
 from wbc.simulation.terrain import Terrain
-from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only
+from wbc.validate import Array, finite_array, finite_number, finite_vector, read_only, time_step
 
 _EVEN = 1e-6  # a control period is so many physics steps, to this part of one
 PERFECT = Sensors()
@@ -106,7 +106,7 @@ class Plant:
         require("mujoco", "simulation")
         self.robot = robot
         self.physics_dt = finite_number("plant, physics_dt", physics_dt, above=0.0)
-        self.dt = finite_number("plant, dt", dt, above=0.0)
+        self.dt = time_step("plant", dt)
         self._substeps("dt", self.dt)
         self.sensors, self.mismatch = sensors, mismatch
         self._delay = self._substeps("sensors, delay", sensors.delay, least=0)

@@ -32,7 +32,7 @@ class PlacementTask(Task):
     def set_target(
         self,
         position: ArrayLike,
-        rotation: ArrayLike,
+        rotation: ArrayLike | None = None,
         rate: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
@@ -44,6 +44,11 @@ class PlacementTask(Task):
             If they move: velocity [m/s] and angular velocity [rad/s] (6,), and the derivatives of
             both, in the same axes.
         """
+        if rotation is None:
+            raise InvalidInputError(
+                f"{self}: a position and a rotation are expected; of a pose T give T.translation,"
+                f" T.rotation, or assign target = T"
+            )
         place = self._target(position, (3,), "position")
         turn = self._target(rotation, (3, 3), "rotation")
         check_rotation(f"{self}, rotation", turn)

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from wbc.laws import STANDARD_GRAVITY
 from wbc.problem.pendulum.laws import LawChoice
 from wbc.problem.pendulum.plan import PlanSpec
 from wbc.problem.pendulum.start import PendulumStartSpec
@@ -24,6 +23,7 @@ from wbc.problem.section import (
     Size,
 )
 from wbc.rmp.balance.law import Bounds
+from wbc.spatial import STANDARD_GRAVITY
 
 _Polygon = Annotated[
     Pair | Annotated[ListOf[Pair], Field(min_length=3)],

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.laws import STANDARD_GRAVITY
 from wbc.polygon import half_planes
 from wbc.rmp.balance.law import FREE
+from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import (
     Array,
     check_fields,

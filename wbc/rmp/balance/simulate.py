@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, WbcError
-from wbc.laws import STANDARD_GRAVITY
 from wbc.rmp.balance.foot import ground_loads, require_support
 from wbc.rmp.balance.law import BalanceLaw, Bounds, Command, Pendulum
 from wbc.rmp.balance.record import Ending, Simulation, ground_push
 from wbc.rmp.functions import Evaluator
 from wbc.rmp.ground import FLIGHT
 from wbc.rmp.integrators import runge_kutta
+from wbc.spatial import STANDARD_GRAVITY
 from wbc.validate import Array, check_fields, finite_number, finite_vector, read_only, set_fields
 
 # Elevation of the leg at which a pendulum counts as fallen unless another is given [rad].
