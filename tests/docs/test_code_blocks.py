@@ -128,7 +128,11 @@ def test_commands_parse(path: Path) -> None:
         elif words[0] == "make":
             assert words[1] in targets, line
         else:
-            assert words[:2] in (["pip", "install"], ["git", "clone"]) or words[0] in (
+            assert words[:2] in (
+                ["pip", "install"],
+                ["git", "clone"],
+                [".", ".venv/bin/activate"],
+            ) or words[0] in (
                 "cd",
                 "python",
             )

@@ -1,4 +1,4 @@
-"""Margins between bodies: which of many pairs get rows."""
+"""Margins between bodies, and which of the many pairs get an inequality row in a tick."""
 
 from __future__ import annotations
 
@@ -18,12 +18,15 @@ from wbc.validate import Array, finite_number
 
 
 class BodyMargin(Margin):
-    """Keep pairs of bodies apart; those that need them first have rows.
+    """Keep pairs of bodies apart, with rows for those pairs alone that are the first to need one.
 
     Parameters
     ----------
     pairs:
-        How many get one in each tick.
+        How many pairs get a row in each tick. At the velocity level those of least clearance; all
+        others are checked at the configuration that the command leads to. At the torque level those
+        that would have the least clearance left after braking, and beyond ``pairs`` every pair that
+        could not stop in time.
     braking, limits:
         See :class:`~wbc.constraints.margin.Margin`.
     """
@@ -49,10 +52,10 @@ class BodyMargin(Margin):
     def made_of(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
-        """Return what was measured as distances; all others have ``beyond`` [m] at least."""
+        """Return measured pairs as distances; all other pairs have ``beyond`` [m] at least."""
 
     def place(self) -> None:
-        """Put bodies that do not hang on the robot where they are now."""
+        """Move bodies that are no part of the robot to where they are now."""
 
     def distances(self, snapshot: Snapshot, keys: Index | None = None) -> Distances:
         """Return the pairs of least clearance, or those given by their numbers."""
@@ -63,10 +66,9 @@ class BodyMargin(Margin):
         return self.made_of(snapshot, model.nearest(snapshot, self.count, self.kept()))
 
     def braked_rows(self, snapshot: Snapshot, dt: float) -> Bounds:
-        """Return the rows of the pairs that have to brake first.
+        """Return the rows of the pairs that have to brake first: see ``pairs`` of the class.
 
-        What moves cannot stop at once at the torque level, and of far pairs some close fast. All
-        that could not stop in time without a row get one, more than ``pairs`` if need be.
+        With finite torques nothing stops at once, and a far pair may close faster than a near one.
         """
         law, able, slowest = self.braking, self._joint_acceleration, 0.0
         if not len(self.model.pairs):

@@ -1,4 +1,4 @@
-"""The robot's own bodies kept apart."""
+"""Self-collision: the robot's own bodies kept apart."""
 
 from __future__ import annotations
 
@@ -41,9 +41,7 @@ class SelfCollision(BodyMargin):
     margin:
         Distance that is kept [m].
     pairs:
-        How many pairs, those of least clearance, get a row in each tick. Whether others come too
-        near is looked at where the command leads. At the torque level, of least clearance when they
-        have stopped; if more than these could not stop in time, they get rows, too.
+        How many get a row in each tick: see :class:`~wbc.constraints.bodies.BodyMargin`.
     fit:
         What meshes are replaced by: ``"capsule"`` or, closer and slower, ``"hull"``.
     include, exclude:
@@ -112,7 +110,7 @@ class SelfCollision(BodyMargin):
 
     @property
     def in_contact(self) -> dict[str, str]:
-        """Pairs that nobody asked to leave out and that are not watched, with the reason."""
+        """Pairs that are not watched although nobody asked to leave them out, with the reason."""
         return {pair: why for pair, why in self.excluded.items() if why not in BY_DESCRIPTION}
 
     def kept(self) -> Array:
@@ -122,12 +120,12 @@ class SelfCollision(BodyMargin):
     def made_of(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
-        """Return what was measured as distances."""
+        """Return measured pairs as distances."""
         clearance, rows = found.distance - self._kept.take(found.pairs), self.model.rows
         return Distances(found.pairs, clearance, rows(snapshot, found), None, found, beyond)
 
     def watched(self) -> WatchedPairs | None:
-        """Return what the native core needs to make the rows; None: it does not know the bodies."""
+        """Return what the native core needs for the rows, or None if it knows not all bodies."""
         model = self.model
         if model.native is None or not len(model.pairs):
             return None

@@ -1,9 +1,9 @@
-"""Which rows of contacts are independent: those that do not follow from others.
+"""A largest independent set of contact rows; those that follow from others are left out.
 
-Four corners of a sole make twelve rows, of which six are independent. Rows that follow from others
-agree with them to first order only; taken together they contradict each other by what a tick's
-second order leaves, and the QP has no solution: they are left out. Contacts that ask one link to be
-in two places do contradict each other; they keep their rows, so that the tick can name them.
+Four held corners of a sole make twelve rows, of which six are independent. The other six agree with
+them to first order only: the second-order drift of a tick makes the twelve contradict each other,
+and the QP infeasible. Contacts that really ask one link to be in two places keep all their rows, so
+that the tick can name them.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _kept_rows(contacts: Sequence[Task]) -> tuple[Index | None, ...]:
 
 
 def _agree(a: Contact, b: Contact) -> bool:
-    """Whether one link can be where both contacts want it, but for drift."""
+    """Whether one link can meet both anchors, up to drift."""
     if len(a.rows) < len(b.rows):
         a, b = b, a
     here, there = _frame(a).placement, _frame(b).placement

@@ -4,15 +4,16 @@ A constraint measures distances: how much clearance is left, and how it changes 
 ``d(clearance)/dt = jacobian v + rate``. One law turns them into rows, the same for bodies,
 obstacles, the CoM over its support and boxes:
 
-* braking: clearance x may be used up at u with ``u dt + u^2 / (2 a) <= x``, as a joint's range is
-  (:mod:`wbc.constraints.limits`), and no faster than ``gain x / dt``: the end is met without
-  oscillation;
+* braking: clearance x may shrink at a speed u with ``u dt + u^2 / (2 a) <= x``, as the distance of
+  a joint from its limit (:mod:`wbc.constraints.limits`), and no faster than ``gain x / dt``: it
+  comes to rest at the margin without oscillation;
 * standing still is always allowed: a row never asks for more than ``C v >= 0``, so no state makes
-  the QP infeasible. (Contacts that take back a drift may ask for a little less; then rows are
-  relaxed, see :func:`wbc.constraints.rows.relax_for_contacts`.) Recovery from inside a margin, or
-  out of a moving obstacle's path, is a dominating cost, met as far as limits and contacts allow;
-* rows are only first-order, so the margins are re-evaluated at the integrated configuration: where
-  one would be violated there, its row at that place is added and the QP solved again (see
+  the QP infeasible. (Contacts that correct a drift may need slightly negative ``C v``; then rows
+  are relaxed, see :func:`wbc.constraints.rows.relax_for_contacts`.) Recovery from inside a margin,
+  or out of a moving obstacle's path, is a cost that outweighs the tasks, met as far as limits and
+  contacts allow;
+* rows are only first-order, so the margins are evaluated again at the integrated configuration:
+  where one would be violated there, its linearisation there is added and the QP solved again (see
   :mod:`wbc.controllers.look_ahead`).
 """
 
@@ -38,17 +39,17 @@ from wbc.validate import Array, finite_number, read_only
 if TYPE_CHECKING:
     from wbc.robot.symbolic import SymbolicPosture
 
-# Rows keep this much more than the margin asked for [m], so that the margin itself is not violated
-# by what a linear row leaves out. Half of it may be used up by one tick.
+# Rows keep this much more than the margin asked for [m], so that the second order, which a linear
+# row leaves out, does not violate the margin itself. One tick may use up half of it.
 SKIN = 1e-4
 USED = 0.5 * SKIN
 ROUNDING = 1e-7  # m: by how much a violation may grow in one tick
 # Rows being recovered are relaxed by this speed [m/s], or by this part of the recovery speed, to
 # leave the solver an interior.
 INTERIOR, PART = 1e-3, 0.01
-ABLE = 1e-6  # m/s^2: joints that cannot brake a pair by more are not asked to
-LEVER = 1.0  # m: levers on which joints carry points, for an estimate of curvature
-JOINT_SHARE = 0.5  # of the joints' acceleration that braking before a margin may count on
+ABLE = 1e-6  # m/s^2: below this the joints' acceleration limits say nothing of a pair
+LEVER = 1.0  # m: assumed distance of points from the joints, to estimate curvature
+JOINT_SHARE = 0.5  # of the joints' acceleration limits that braking may count on
 
 
 @dataclass(frozen=True)
@@ -81,14 +82,14 @@ class BrakingParameters:
 
 
 class Margin(Fixed, Constraint):
-    """A constraint made of distances that must not close.
+    """A constraint on distances that must not fall below a margin.
 
     Parameters
     ----------
     braking:
         How fast clearance may be used up.
     limits:
-        If given, braking counts on no more than half of what the joints' accelerations give.
+        If given, braking counts on no more than half of their joint accelerations.
     """
 
     _looked: tuple[Distances, float, Array, Array] | None = None
@@ -126,7 +127,7 @@ class Margin(Fixed, Constraint):
         """Bound how far (m,) clearances end below their linear prediction over ``step`` (nv,)."""
 
     def has_more(self, distances: Distances) -> bool:
-        """Whether there are distances beside these, farther away and without rows."""
+        """Whether there are more distances than these: farther away, without rows."""
         return False
 
     def symbolic_rows(self, posture: SymbolicPosture) -> SymbolicRows | SeparatedPairs:
@@ -145,7 +146,7 @@ class Margin(Fixed, Constraint):
         )
 
     def rows(self, snapshot: Snapshot, dt: float) -> Bounds:
-        """Return one row for each gap; see the module on how it is bounded."""
+        """Return one row for each distance, bounded as the module says."""
         return self._rows(self.distances(snapshot), dt)
 
     def _rows(self, distances: Distances, dt: float) -> Bounds:
@@ -173,7 +174,7 @@ class Margin(Fixed, Constraint):
         )
 
     def may_violate(self, rows: Bounds, v: Array, dt: float) -> bool:
-        """Whether some clearance might end below what a tick may use up, with a row or without."""
+        """Whether some clearance, with a row or without, might end below the margin by ``v``."""
         distances = rows.distances
         if distances is None:
             return False
@@ -216,9 +217,9 @@ class Margin(Fixed, Constraint):
         return np.where(clearance < floor, np.minimum(0.0, start) - clearance, 0.0)
 
     def _least(self, distances: Distances, v: Array, dt: float) -> Array:
-        """Return an estimate (m,) from below of the clearances where ``v`` leads; the last is kept.
+        """Return lower estimates (m,) of the clearances where ``v`` leads.
 
-        A look asks twice: whether something may be violated, then what is to be measured there.
+        The last is kept: one check asks twice, for ``may_violate`` and for what to measure there.
         """
         last = self._looked
         if last and last[0] is distances and last[1] == dt and np.array_equal(last[2], v):
@@ -233,20 +234,19 @@ class Margin(Fixed, Constraint):
         return predicted
 
     def _watched(self, rows: Bounds, v: Array, dt: float) -> Index | None:
-        """Return the keys of the distances to measure where ``v`` leads; None for all there are."""
+        """Return the keys of the distances to measure where ``v`` leads, or None for all."""
         distances = rows.distances
         if distances is None or _others_may_come(distances, v, dt):
             return None
         return distances.keys[self._least(distances, v, dt) < -USED]
 
     def _speed(self, distances: Distances, dt: float) -> Array:
-        """Return the speed (m,) at which clearances may be used up, 0 where there is none."""
+        """Return the speeds (m,) at which clearances may shrink, 0 where there is none."""
         clearance = np.maximum(distances.clearance, 0.0)
         law = self.braking
         deceleration: Array | float = law.deceleration
         if self._joint_acceleration is not None:
             able = np.abs(distances.jacobian[:, 6:]) @ self._joint_acceleration
-            # Where joints hardly change the clearance, their limits do not matter to it either.
             deceleration = np.minimum(np.where(able > ABLE, able, deceleration), deceleration)
         return np.minimum(stopping_speed(clearance, deceleration, dt), law.gain / dt * clearance)
 
@@ -260,15 +260,15 @@ def _others_may_come(distances: Distances, v: Array, dt: float) -> bool:
 
 
 def point_curvature_bound(distances: Distances, step: Array) -> Array:
-    """Bound how far (m,) a point ends beside its linear prediction, on levers of a metre."""
+    """Bound how far (m,) a point a metre away ends from its linear prediction."""
     size = np.abs(step)
     slide, angle = float(size[:3].sum()), float(size[3:].sum())
-    # A base that turns while it slides bends its own way, on no lever.
+    # A base that turns while it slides moves on a curve itself, whatever the lever.
     return np.full(distances.clearance.size, 0.5 * (LEVER * angle + slide) * angle)
 
 
 def _asked(distances: Distances, least: Array) -> tuple[Array, Rows | None]:
-    """Return what is asked for as a bound (m,), and what as a dominating cost."""
+    """Return the part of ``least`` (m,) that bounds ask for, and as a cost what they cannot."""
     wanted = least > 0.0
     if not wanted.any():
         return least, None

@@ -1,4 +1,4 @@
-"""The robot's bodies kept clear of what stands or moves around it."""
+"""Obstacles: the robot's bodies kept clear of what stands or moves around it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,11 @@ if TYPE_CHECKING:
 class Obstacles(BodyMargin):
     """Keep the robot's bodies ``margin`` away from obstacles.
 
-    A row includes the velocity that the obstacle says it has (see
-    :class:`~wbc.robot.collision.Obstacle`): the robot may close in the more slowly, the faster the
-    obstacle comes. When it comes so fast, or is so near, that standing still would not do, the row
-    relaxes to ``C v >= 0`` (the robot does not go to meet it), and a cost that outweighs the tasks
-    asks for the velocity that would do. So the robot gets out of the way as far as contacts and
-    limits let it, and no obstacle can make the QP infeasible.
+    The obstacle's own velocity (see :class:`~wbc.robot.collision.Obstacle`) counts: the faster it
+    comes, the more slowly the robot may approach it. Where it is so fast or so near that standing
+    still is not enough, the row is relaxed to ``C v >= 0`` (the robot does not approach it), and a
+    cost that outweighs the tasks asks for the velocity that is missing. So the robot gets out of
+    the way as far as contacts and limits let it, and no obstacle can make the QP infeasible.
 
     Parameters
     ----------
@@ -38,9 +37,8 @@ class Obstacles(BodyMargin):
     margin:
         Distance that is kept [m].
     pairs:
-        How many pairs of a body and an obstacle, the nearest of all, get a row in each tick. At the
-        torque level, those of least clearance when they have stopped; if more than these could not
-        stop in time, they get rows, too.
+        How many pairs of a body and an obstacle get a row in each tick: see
+        :class:`~wbc.constraints.bodies.BodyMargin`.
     links:
         Patterns of the links that must keep clear. Leave out the feet if one of the obstacles is
         the floor they stand on.
@@ -93,7 +91,7 @@ class Obstacles(BodyMargin):
         return np.full(len(self.model.pairs), self.margin + SKIN)
 
     def place(self) -> None:
-        """Put the obstacles where they are now."""
+        """Move the obstacles to where they are now."""
         for k, one in enumerate(self.obstacles, self._first):
             moving = one.velocity, one.angular_velocity
             self.model.place(k, one.rotation, one.origin, *moving)
@@ -101,7 +99,7 @@ class Obstacles(BodyMargin):
     def made_of(
         self, snapshot: Snapshot, found: PairDistances, beyond: float | None = None
     ) -> Distances:
-        """Return what was measured as distances, and how obstacles change them."""
+        """Return measured pairs as distances, and the rates at which obstacles change them."""
         model, clearance = self.model, found.distance - (self.margin + SKIN)
         rates = model.rates(found)
         return Distances(found.pairs, clearance, model.rows(snapshot, found), rates, found, beyond)

@@ -24,22 +24,22 @@ INTERIOR = 1e-4
 
 
 class Distances(NamedTuple):
-    """What a constraint measured at one snapshot.
+    """The distances that a constraint measured at one snapshot.
 
     Attributes
     ----------
     keys:
-        (m,) numbers by which the same distance is found again at another snapshot, increasing.
+        (m,) increasing numbers that name the same distance at every snapshot.
     clearance:
-        (m,) what is left until the margin and its skin are used up [m]; negative inside.
+        (m,) distance less the margin and its skin [m]; negative inside.
     jacobian:
         (m, nv) derivative of the clearance by the velocity.
     rate:
-        (m,) what it changes by at v = 0 [m/s]; None if nothing but the robot moves.
+        (m,) derivative of the clearance at v = 0 [m/s]; None if nothing but the robot moves.
     found:
-        The bodies that the distances are between, as they were measured; None if there are none.
+        Pairs of bodies as measured, where the distances are between bodies; else None.
     beyond:
-        What all others have at least [m]; None: as much as the farthest of these.
+        A lower bound of all other clearances [m]; None: that of the farthest of these.
     """
 
     keys: Index

@@ -30,7 +30,7 @@ CERTAIN = 1e-6
 
 
 class ActiveSet(NamedTuple):
-    """Bounds that the levels so far leave no choice about.
+    """Bounds that the levels so far force to be met exactly.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class ActiveSet(NamedTuple):
         Parameters
         ----------
         decision:
-            The unknowns before the slacks; what their damping explains is not even looked at.
+            The unknowns before the slacks; multipliers that their damping explains are left out.
         """
         n, x = decision.size, solution.x
         least = CANDIDATE * float(decision.damping.max()) * float(np.abs(x[:n]).max())
@@ -88,8 +88,8 @@ class ActiveSet(NamedTuple):
     def as_equalities(self, qp: QP) -> QP:
         """Return the QP of the next level with these bounds as equalities.
 
-        What the level above missed of other rows and bounds by rounding, this one misses too: so
-        it can always do what that one did, however little is left free.
+        Other rows and bounds are widened to where the level above violates them by rounding: so
+        its solution stays feasible here, however little is left free.
         """
         values = qp.C @ self.x
         A = np.concatenate((qp.A, np.eye(qp.g.size)[self.variables], qp.C[self.rows]))

@@ -1,4 +1,4 @@
-"""What does not change between ticks: the unknowns, the levels and the names of their rows.
+"""The plan of a controller: unknowns, priority levels and row names, which ticks have in common.
 
 A :class:`Plan` is made once for each set of tasks and contacts; a tick then only fills in numbers.
 """
@@ -29,8 +29,8 @@ from wbc.validate import Array, read_only
 FLATTEST = 1e-5
 # Recovery from outside a limit or margin outweighs the tasks by this factor (in the squared cost).
 RECOVERY_FACTOR = 1e2
-# Squared weight that the heaviest row is taken to have at least, where all tasks are switched off:
-# what moves joints back then outweighs the usual damping, 1e-6, by the factor above.
+# Least squared weight assumed for the heaviest row, for when all tasks are switched off: recovery
+# then outweighs the usual damping, 1e-6, by the factor above.
 IDLE = 1e-6
 
 

@@ -1,17 +1,17 @@
 """Singularity-robust tasks: a singular task asks for less, in its singular directions only.
 
 Over straight knees, at a straight arm, or where tasks nearly repeat each other, a small rate of the
-error takes huge rates of the joints. Tasks that have opted in (``singular_threshold``) are looked
-at together, in the motions that are left to them. Let X (nv, k) be the motions that bring about one
-unit of each row: those that the held rows leave and, among these, the least by the joints' weights.
-With W the rows' weights, c the weighted rates that the tasks want beyond what the held rows bring
-about, and E = W * singular_threshold,
+error takes huge rates of the joints. Tasks that have opted in (``singular_threshold``) are treated
+together, within the motions that the held rows leave. Let X (nv, k) be the motions that bring about
+one unit of each row, the smallest such motions by the joints' weights. With W the rows' weights, c
+the weighted rates that the tasks want beyond those that the held rows cause, and
+E = W * singular_threshold,
 
     A A' = W (X' X)^-1 W,    L = positive part of (E^2 - A A'),    c' = A A' (A A' + L)^-1 c
 
-is what they ask for instead of c. If the joints' weights are equal A is W J N, with N (nv, free) an
-orthonormal basis of what the held rows leave; however they are, weights choose the motion, and what
-is singular is told by the joint rates of that motion, in plain rad/s.
+is what they ask for instead of c. For equal joint weights A is W J N, with N (nv, free) an
+orthonormal basis of the motions that the held rows leave. In any case the weights only choose the
+motion; whether it is singular is judged by its joint rates, in plain rad/s.
 
 For one task this is least squares damped by numerical filtering
 (Maciejewski and Klein 1988) with the variable damping of Nakamura and Hanafusa (1986) and

@@ -33,7 +33,7 @@ class Slacks:
     weights:
         Of 1/2 slack^2, the slack in m/s or rad/s: [1/(m/s)^2] or [1/(rad/s)^2], > 0.
     going:
-        The same of contacts that are leaving, and are soft until they have left.
+        The same for contacts that are being released, which are soft until they are.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class Slacks:
     def soften(self, constraint: Constraint, bounds: Bounds) -> Bounds:
         """Return a constraint's rows with their slack weights, if it is soft.
 
-        The dominating cost that recovers a margin is dropped: it would overrule what overrules.
+        The cost that recovers a margin is dropped: it would outweigh the tasks that may overrule.
         """
         if self.is_hard(constraint.name):
             return bounds

@@ -1,4 +1,4 @@
-"""Objects whose attributes are those they have when they are made: a misspelt one is an error."""
+"""Objects without new attributes after construction: to assign a misspelt one is an error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MARK = "_sealed"  # set on objects that are made
 
 
 class Sealed(ABCMeta):
-    """Seals what it makes; who derives from it asks :func:`check_attribute` when one is set."""
+    """Marks what it makes as sealed; their ``__setattr__`` calls :func:`check_attribute`."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         """Make an object and seal it."""
@@ -54,10 +54,10 @@ def check_attribute(made: object, name: str) -> None:
 
 
 class Fixed(metaclass=Sealed):
-    """Objects with attributes that are worked into others when they are made, or by a method.
+    """Objects of which some attributes are only read when they are made.
 
-    To assign such a one would change what the object says of itself, and not what it does; nor
-    would a new one, which is most likely misspelt. Those that begin with _ are the object's own.
+    To assign such a one later would change nothing, nor would a new one, most likely misspelt: both
+    are refused. Those that begin with _ are the object's own.
     """
 
     _fixed: ClassVar[Mapping[str, str]] = {}  # by name: what to do instead

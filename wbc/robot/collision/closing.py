@@ -1,4 +1,4 @@
-"""How fast pairs of bodies close, and the way that they need to stop in."""
+"""How fast pairs of bodies close, and the distance that they need to stop."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ class Closing(NamedTuple):
     Attributes
     ----------
     dt:
-        For which a speed is held before it is braked [s].
+        Time for which a speed is held before braking begins [s].
     deceleration:
         Of the distance [m/s^2].
     gain:
         Largest fraction of the clearance to use up in one tick.
     slowest:
-        In which the joint that takes longest is braked [s]; 0 where joints brake as they must. With
-        the Jacobian J of a distance, |J| a is all that their accelerations a give, and it closes at
-        no more than |J| |v|: it takes no longer than the slowest of them.
+        Time that the slowest joint takes to stop, max |v| / a [s]; 0 if joints brake without limit.
+        A distance of Jacobian J closes at |J| |v| at most and is braked by |J| a: it takes no
+        longer than that joint.
     """
 
     dt: float
@@ -33,9 +33,9 @@ class Closing(NamedTuple):
     slowest: float = 0.0
 
     def way(self, speed: Array) -> Array:
-        """Return what is used up (k,) [m] until closing at ``speed`` (k,) [m/s] has ended.
+        """Return the distances (k,) [m] that it takes to stop from ``speed`` (k,) [m/s].
 
-        The inverse of the speed that a margin allows (:mod:`wbc.constraints.margin`), or more.
+        At least the inverse of the speed that a margin allows (:mod:`wbc.constraints.margin`).
         """
         speed = np.maximum(speed, 0.0)
         wait = self.dt + np.maximum(0.5 * speed / self.deceleration, self.slowest)

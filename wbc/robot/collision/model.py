@@ -19,13 +19,13 @@ from wbc.robot.model import Robot, Snapshot
 from wbc.validate import Array, finite_array, read_only
 
 Index = NDArray[np.int64]
-# Pairs looked at for each pair asked for: bounding balls say little about long shapes, and where
-# most shapes are no capsules, the capsules round them say no more than which to measure.
+# Pairs measured for each pair asked for: bounding balls are loose about long shapes, and where most
+# shapes are no capsules, the capsules round them only tell which pairs to measure.
 CANDIDATES, CANDIDATES_OF_SOLIDS = 3, 5
 # Pairs measured at once for each asked for, where that needs GJK (1.5 us each).
 NARROWED = 3
-# Where many bodies touch the core is asked for so many times as many, before it is coal that
-# measures all: how deep these are, the core does not know, so that others may be nearer.
+# Where many bodies touch, so many times as many pairs are asked of the core before coal measures
+# all: the core does not know how deep they overlap, so that others may be deeper.
 MORE = 4
 _REST = read_only(np.zeros(3))
 

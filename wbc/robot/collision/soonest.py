@@ -1,7 +1,7 @@
 """Which pairs of bodies have to brake first.
 
-Where velocities cannot change at once, these are not the nearest, but those with the least left of
-the clearance once they have stopped.
+Where velocities cannot change at once, these are not the nearest pairs, but those with the least
+clearance left once they have stopped.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from wbc.robot.model import Snapshot
 from wbc.validate import Array
 
 CANDIDATES = 3  # pairs measured at first for each asked for
-EVEN = 1e-9  # m: of pairs that have as much left, the first by their number
+EVEN = 1e-9  # m: clearances that differ by less are equal, and the lower numbers win
 
 
 def soonest(
@@ -23,9 +23,9 @@ def soonest(
 ) -> tuple[PairDistances, Array]:
     """Return the pairs that have to brake first, in order, and what they have left (k,) [m].
 
-    That is what is above the distance ``kept`` (N,) less the way in which they stop. Of all pairs,
-    ``count`` of those with the least, and all that have less than nothing. Which to measure is
-    found by balls round the bodies, which say how near pairs may be and how fast they may close.
+    That is their distance, less the one to keep (``kept``, (N,)), less the one that stopping takes.
+    Returned are the ``count`` pairs with the least, and all with less than nothing. Balls round the
+    bodies bound distances and closing speeds, and so tell which pairs need to be measured.
     """
     pairs, total = model.pairs, len(model.pairs)
     count = min(count, total)
