@@ -21,6 +21,7 @@ from wbc import (
 )
 from wbc.constraints import Constraint, Obstacles
 from wbc.constraints.rows import Bounds
+from wbc.gait import Walker
 from wbc.problem import load_problem
 from wbc.qp.backend import make_backend
 from wbc.robot import Snapshot
@@ -68,6 +69,8 @@ def two_hands(robot: Robot, **keywords: Any) -> RelativePoseTask:
 
 
 CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
+    "a walker's posture for its gait": (lambda r: Walker(r, r.posture()), "gait: expected {name"),
+    "a posture by joints": (lambda r: r.posture({"head_yaw": 0.1}), "unknown posture {'head_yaw"),
     "one link": (lambda r: SelfCollision(r, include=["a"]), "include: expected a list of two"),
     "a number": (lambda r: SelfCollision(r, include=3), "include: expected a list of two"),
     "one of a pair": (lambda r: SelfCollision(r, exclude=[("x",)]), "exclude: expected.*'x',"),

@@ -72,7 +72,7 @@ def test_the_same_pairs_at_random_states(name: str, rng, monkeypatch) -> None:
     bodies += [Body(f"hull {k}", "base", 2 + k, Hull(corners[k])) for k in range(2)]
     pairs = random_pairs(bodies, rng, 400)
     models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
-    assert models[0]._native is not None
+    assert models[0].native is not None
     states = [random_state(plain, rng) for _ in range(15)]
     inside = sum(assert_same(*models, states, count) for count in (1, 7, 25, len(pairs)))
     assert inside > 10
@@ -105,7 +105,7 @@ def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
         R, p = here.joint_placements
         expected = models[1].measure(there, np.arange(len(pairs)))
         for k, (a, b) in enumerate(pairs):
-            found = models[0]._native.measure(here.native_state, np.array([k]))
+            found = models[0].native.measure(here.native_state, np.array([k]))
             if found[0, 0] == -np.inf:  # the cores touch
                 thickness = sum(bodies[i].shape.radius for i in (a, b))
                 assert expected.distance[k] < 1e-6 - thickness
@@ -147,7 +147,7 @@ def test_what_pairs_keep_and_those_that_touch(rng, monkeypatch) -> None:
             np.testing.assert_allclose(np.sort(clearance), np.sort(every)[:count], atol=1e-6)
             np.testing.assert_allclose(clearance, every[nearest.pairs], atol=1e-6)
             assert (np.diff(nearest.pairs) > 0).all()
-        core = ours._native.nearest(here.native_state, count, kept)
+        core = ours.native.nearest(here.native_state, count, kept)
         touching += 0 if core is None else np.count_nonzero(np.isneginf(core[1][0]))
         again = ours.measure(here, found.pairs)
         np.testing.assert_allclose(again.distance, found.distance, atol=1e-12)
@@ -178,7 +178,7 @@ def test_bodies_that_are_moved_from_outside(rng, monkeypatch) -> None:
     bodies += [Body("ball", "", 0, Capsule.sphere([0, 0, 0], 0.05))]
     pairs = [(a, b) for a in range(own) for b in (own, own + 1)]
     models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
-    assert models[0]._native is not None
+    assert models[0].native is not None
     for _ in range(10):
         turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
         turn *= np.sign(np.linalg.det(turn))
@@ -204,13 +204,13 @@ def test_what_it_does_not_know_is_left_to_python(monkeypatch) -> None:
     bodies = [Body(str(k), "base", joint, ball) for k, joint in enumerate(joints)]
     model = CollisionModel(fast, bodies, [(0, 1), (0, 2)])
     state = here.native_state
-    assert model._native.nearest(state, 1) is None  # axes touch: no direction between them
+    assert model.native.nearest(state, 1) is None  # axes touch: no direction between them
     assert model.nearest(here, 1).distance[0] == pytest.approx(-0.02)
     apart = CollisionModel(fast, bodies, [(0, 2), (1, 2)])
-    assert apart._native.nearest(state, 2) is not None
-    assert apart._native.nearest(state, 3) is None  # there are not so many
+    assert apart.native.nearest(state, 2) is not None
+    assert apart.native.nearest(state, 3) is None  # there are not so many
     wall = Body("wall", "", 0, HalfSpace.of([0, 0, 1], 0.0))
-    assert CollisionModel(fast, [*bodies, wall], [(0, 2), (0, 3)])._native is None
+    assert CollisionModel(fast, [*bodies, wall], [(0, 2), (0, 3)]).native is None
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
@@ -218,7 +218,7 @@ def test_a_copy_reads_its_own_bodies(how, monkeypatch) -> None:
     fast, _ = both("hoap2_like", monkeypatch)
     ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
     bodies = [Body("own", "base", 1, ball), Body("other", "", 0, ball), Body("far", "", 0, ball)]
-    pairs = how(CollisionModel(fast, bodies, [(0, 1), (0, 2)])._native)
+    pairs = how(CollisionModel(fast, bodies, [(0, 1), (0, 2)]).native)
     here = fast.snapshot(fast.posture())
     pairs.arrays["local"][1, :, 0] = here.position("base") + [0.3, 0.0, 0.0]
     pairs.arrays["local"][1, :, 2] = here.position("base") + [0.3, 0.0, 0.0]

@@ -21,22 +21,11 @@ import numpy as np
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Constraint
+from wbc.controllers import parts
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.levels import FORMULATIONS, Box, LevelProblem, LevelSolver, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
-from wbc.controllers.parts import (
-    PLANNED,
-    check_list,
-    check_parts,
-    check_snapshot,
-    held_by,
-    motion_and_forces,
-    one_of,
-    refuse_idle,
-    say_unused_gains,
-    verify_parts,
-)
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
@@ -76,25 +65,23 @@ class Controller(Fixed, ABC):
         A backend, or its name: ``"proxqp"`` or any that qpsolvers finds installed. Controllers that
         share a backend share its warm starts, one for each set of contacts.
     formulation:
-        ``"equality"``: contacts are equality rows. ``"reduced"``: they are eliminated first (paper
-        eqs. 34-37), which leaves a smaller QP with the same optimum.
+        ``"equality"``: contacts are equality rows. ``"reduced"``: they are eliminated first, to a
+        smaller QP with the same optimum (paper eqs. 34-37).
     damping:
         Weight of 1/2 |v|^2 in the cost, [1/(rad/s)^2]: picks one among equally good velocities.
     joint_weights:
-        Factors on the damping, so that it is 1/2 damping * sum of weight * v^2: a joint of weight
-        10 moves a tenth as much as one of weight 1 that serves as well. By name or pattern
-        (``{"*wrist*": 10, "base": 100}``, later entries win, all others 1), or (nv,). They decide
-        what tasks leave open: beside a posture task of all joints, nothing at usual damping.
+        Factors on the damping, 1/2 damping * sum of weight * v^2: a joint of weight 10 moves a
+        tenth as much as one of weight 1 that serves as well. By name or pattern (``{"*wrist*": 10,
+        "base": 100}``, later entries win, all others 1), or (nv,). They only decide what tasks
+        leave open: with a posture task of all joints, nothing.
     on_failure:
-        What the command is when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"``
-        (half the measured velocity, within limits), ``"closest"`` (within limits, missing the other
-        rows by as little as can be; :func:`wbc.qp.least_infeasible.least_infeasible`, some
-        milliseconds) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
+        The command when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"`` (half the
+        measured velocity, within limits), ``"closest"`` (within limits, least violation of all
+        else; some milliseconds) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
     budget:
-        Work that a tick may take, in units of about a microsecond of a quiet core, counted and
-        never clocked: see :mod:`wbc.controllers.work`. What it does not afford is left out, by
-        name (``tick.left_out``). ``"usual"``: 2800, and more for many levels and joints. None:
-        nothing is left out, however long it takes.
+        Work that a tick may take, counted in units of about a microsecond of a quiet core: see
+        :mod:`wbc.controllers.work`. What it does not afford is left out (``tick.left_out``).
+        ``"usual"``: 2800, and more for many levels and joints. None: nothing is ever left out.
 
     Raises
     ------
@@ -107,7 +94,7 @@ class Controller(Fixed, ABC):
     constraints: tuple[Constraint, ...]
     budget: float  # units of work of a tick
 
-    _fixed = PLANNED
+    _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
@@ -136,21 +123,17 @@ class Controller(Fixed, ABC):
         on_failure: str = "hold",
         budget: float | str | None = USUAL,
     ) -> None:
-        contacts, slack = held_by(robot, contacts), NO_SLACK if slack is None else slack
-        check_parts(robot, tasks, contacts, limits, constraints, slack)
-        refuse_idle(tasks)
-        say_unused_gains(tasks, self._bears)
-        self.robot = robot
-        self.limits = limits
+        contacts, slack = parts.held_by(robot, contacts), NO_SLACK if slack is None else slack
+        self.robot, self.limits = robot, limits
+        self._take(tasks, contacts, constraints, slack)
         self.dt = time_step("controller", dt)
         self.damping = finite_number("controller, damping", damping, above=0.0)
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
-        self.formulation = one_of("formulation", formulation, FORMULATIONS)
+        self.formulation = parts.one_of("formulation", formulation, FORMULATIONS)
         self._budget = budget
-        self.on_failure = one_of("failure policy", on_failure, self._policies)
+        self.on_failure = parts.one_of("failure policy", on_failure, self._policies)
         self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
-        self._take(tasks, constraints, slack)
         self._plan(tuple(contacts))
 
     def change(
@@ -170,17 +153,13 @@ class Controller(Fixed, ABC):
         held = self.contacts if contacts is None else contacts
         constraints = self.constraints if constraints is None else constraints
         slack = self._slack if slack is None else slack
-        check_parts(self.robot, tasks, held, self.limits, constraints, slack)
-        if tasks is not self.tasks:
-            refuse_idle(tasks)
-            say_unused_gains(tasks, self._bears)
-        self._take(tasks, constraints, slack)
+        self._take(tasks, held, constraints, slack)
         # What is held already may be leaving: only contacts that are asked for come back.
         self._plan(tuple(held) if contacts is None else self._next_contacts(tuple(contacts)))
 
     def set_contacts(self, contacts: Sequence[Task]) -> None:
         """Change what is held: :meth:`change` for contacts alone."""
-        check_list("contacts", contacts, Task)  # None would leave them as they are
+        parts.check_list("contacts", contacts, Task)  # None would leave them as they are
         self.change(contacts=contacts)
 
     def step(self, snapshot: Snapshot) -> Tick:
@@ -195,7 +174,7 @@ class Controller(Fixed, ABC):
             The QP has no solution and the policy is ``raise``.
         """
         if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
-            check_snapshot(self.robot, snapshot)
+            parts.check_snapshot(self.robot, snapshot)
         if not self._verified:
             self._verify(snapshot, own=False)
             self._verified = True
@@ -206,8 +185,8 @@ class Controller(Fixed, ABC):
             raise
 
     def _verify(self, snapshot: Snapshot, own: bool) -> None:
-        parts = self._motion, self.contacts, self.constraints
-        verify_parts(snapshot, self.dt, *parts, own=own)
+        given = self._motion, self.contacts, self.constraints
+        parts.verify_parts(snapshot, self.dt, *given, own=own)
 
     def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
@@ -251,10 +230,18 @@ class Controller(Fixed, ABC):
         return conditioning(tick.qp, self.damping, self.joint_weights)
 
     def _take(
-        self, tasks: Sequence[Task], constraints: Sequence[Constraint], slack: Mapping[str, float]
+        self,
+        tasks: Sequence[Task],
+        contacts: Sequence[Task],
+        constraints: Sequence[Constraint],
+        slack: Mapping[str, float],
     ) -> None:
-        """Take over what was checked."""
-        kinds = motion_and_forces(tasks, type(self).__name__, self._bears)
+        """Check all parts, and take over all but the contacts."""
+        parts.check_parts(self.robot, tasks, contacts, self.limits, constraints, slack)
+        if tasks is not self.__dict__.get("tasks"):
+            parts.refuse_idle(tasks)
+            parts.say_unused_gains(tasks, self._bears)
+        kinds = parts.motion_and_forces(tasks, type(self).__name__, self._bears)
         self._motion, self._force_tasks = kinds
         self.__dict__.update(tasks=tuple(tasks), constraints=tuple(constraints))
         self._slack = dict(slack)
@@ -289,8 +276,8 @@ class Controller(Fixed, ABC):
 
     def _margins(self, snapshot: Snapshot, work: Work) -> MarginRows:
         """Return the rows of the constraints."""
-        parts = self.constraints, self.slacks, self.dt
-        return MarginRows.at(snapshot, *parts, work, self._bears)
+        given = self.constraints, self.slacks, self.dt
+        return MarginRows.at(snapshot, *given, work, self._bears)
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""

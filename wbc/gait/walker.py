@@ -136,7 +136,7 @@ class Walker:
     ) -> None:
         legs = Legs.of(robot)
         self.robot = robot
-        self.gait = GaitSettings.of(legs, **(gait or {}))
+        self.gait = GaitSettings.of(legs, **by_name("walker, gait", {} if gait is None else gait))
         self.limits = CommandLimits.of(legs, self.gait)
         self.dt = finite_number("walker, dt", dt, above=0.0)
         start = robot.snapshot(robot.postures[STANDING] if posture is None else posture)

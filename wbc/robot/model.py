@@ -199,7 +199,7 @@ class Robot(KinematicTree):
         InvalidInputError
             A value outside the joint's limits.
         """
-        if reference not in self.postures:
+        if not isinstance(reference, str) or reference not in self.postures:
             raise UnknownNameError("posture", reference, self.postures)
         q = self.postures[reference].copy()
         set_joints(self.limits, q, joints or {})

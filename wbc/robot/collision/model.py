@@ -62,7 +62,11 @@ class CollisionModel:
         One for each pair, such as ``"left_hand vs pelvis"``.
     covers:
         Balls and capsules round the bodies.
+    native:
+        The pairs as the native core reads them; None if there are half-spaces.
     """
+
+    native: NativePairs | None
 
     def __init__(
         self, robot: Robot, bodies: Sequence[Body], pairs: Sequence[tuple[int, int]]
@@ -98,21 +102,16 @@ class CollisionModel:
         most = 2 * np.count_nonzero(solid) > len(solid)
         self._candidates = CANDIDATES_OF_SOLIDS if most else CANDIDATES
         self._solids = ShapePairs(robot, self.bodies, self.pairs[solid]) if solid.any() else None
-        self._native = None  # the core knows no half-spaces
+        self.native = None  # the core knows no half-spaces
         self._many_touch = 0
         if not self.covers.flat.size:
             parents = [0, *map(int, list(robot.model.parents)[1:])]
-            self._native = NativePairs(self.covers, self.bodies, self.pairs, solid, parents)
+            self.native = NativePairs(self.covers, self.bodies, self.pairs, solid, parents)
 
     def __repr__(self) -> str:
         return (
             f"CollisionModel({self.robot.name}, bodies={len(self.bodies)}, pairs={len(self.pairs)})"
         )
-
-    @property
-    def native(self) -> NativePairs | None:
-        """The pairs as the native core reads them; None: there are half-spaces."""
-        return self._native
 
     @property
     def shorter(self) -> Array:
@@ -140,15 +139,15 @@ class CollisionModel:
         self._own_twists[:3, body] = velocity - np.cross(spin, p)
         self._own_twists[3:, body] = spin
         self._curvature.place(body, core)
-        if self._native is not None:
-            self._native.place(body, core)
+        if self.native is not None:
+            self.native.place(body, core)
         if self._solids is not None:
             self._solids.place(body, (R, p))
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing."""
-        if self._native is not None and snapshot.native_state is not None:
-            found = self._native.measure(snapshot.native_state, pairs)
+        if self.native is not None and snapshot.native_state is not None:
+            found = self.native.measure(snapshot.native_state, pairs)
             if found is not None:
                 self._fill_in(snapshot, pairs, found)
                 return _pair_distances(snapshot, pairs, found)
@@ -165,10 +164,10 @@ class CollisionModel:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
-        if self._native is not None and snapshot.native_state is not None and total:
+        if self.native is not None and snapshot.native_state is not None and total:
             # As bodies touch for many ticks, what was too few is not asked for first again.
             for most in (count, min(MORE * count, total))[self._many_touch :]:
-                nearest = self._native.nearest(snapshot.native_state, most, kept)
+                nearest = self.native.nearest(snapshot.native_state, most, kept)
                 if nearest is None:
                     continue
                 touching = np.count_nonzero(nearest[1][0] == -np.inf)
@@ -220,11 +219,11 @@ class CollisionModel:
 
         The normal n through both nearest points is a line of force: with the twists J of the
         joints at the world's origin, d(distance)/dt = [n, p x n] J v over the joints that move one
-        body and not the other. No joint is looked at by itself.
+        body and not the other.
         """
         n, p = found.normal.T, found.point.T
-        if self._native is not None and snapshot.native_state is not None:
-            return self._native.rows(snapshot.native_state, found.pairs, n, p)
+        if self.native is not None and snapshot.native_state is not None:
+            return self.native.rows(snapshot.native_state, found.pairs, n, p)
         line = np.empty((6, len(found.pairs)))
         line[:3] = n
         n, p = np.concatenate((n, n)), np.concatenate((p, p))  # x y z x y z
