@@ -134,6 +134,21 @@ def test_without_the_core_there_is_none(monkeypatch) -> None:
     assert native_daqp(1e-8, 1000) is None
 
 
+def test_what_is_called_infeasible_is_not_asked_again_in_a_hurry(monkeypatch) -> None:
+    """The exit flag of the reduced QP stands; patiently, and where DAQP cycles, Python is asked."""
+    qp = QP.build(np.eye(3), np.ones(3), C=[[1.0, 0, 0], [-1.0, 0, 0]], u=[-1.0, -1.0])
+    asked = []
+    monkeypatch.setattr("wbc.qp.daqp.daqp_memory", lambda *args: asked.append(args))
+    backend = Daqp()
+    solution = backend.solve(qp, quick=True)
+    assert solution.status is Status.FAILED and not asked
+    assert solution.conflict is None and "infeasible" in solution.message
+    assert np.isnan(solution.x).all() and np.isinf(solution.residuals.primal)
+    with pytest.raises(AttributeError):  # what was asked gave nothing here
+        backend.solve(qp)
+    assert asked
+
+
 def test_a_backend_can_be_copied_once_it_has_solved() -> None:
     """It keeps the core's solver, which where it is copied to may be another one."""
     qp, backend = random_qp(np.random.default_rng(6)), Daqp()

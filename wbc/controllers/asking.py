@@ -9,11 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 
+from wbc.controllers.slack import GivingQP
 from wbc.controllers.work import ATTEMPT, Work, likely_work, work_of
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
+from wbc.qp.giving import solve_giving
+from wbc.qp.kkt import is_acceptable
 from wbc.qp.problem import QP
+from wbc.qp.proxqp import NEARLY, ProxQP
 from wbc.qp.solution import Solution
+
+# Of QPs with rows that give way: of 700 from wild states none took more than 372.
+ITERATIONS = 1000
 
 
 class Solvers:
@@ -53,6 +60,20 @@ class Solvers:
             solution = self._backend.solve(qp, workspace=workspace)
         work.spent += work_of(solution)
         return solution
+
+    def solve_giving(self, giving: GivingQP, work: Work) -> tuple[QP, Solution]:
+        """Return a QP with its slacks as unknowns and its checked solution, asked for once.
+
+        In place of DAQP, and of ProxQP, which asks DAQP once, the core answers without the slacks.
+        """
+        full, backend = giving.full(), self._backend
+        if giving.weights is not None and isinstance(backend, Daqp | ProxQP):
+            eps = backend.eps
+            found = solve_giving(giving.qp, giving.weights, NEARLY * eps, ITERATIONS)
+            if found is not None and is_acceptable(full, found, eps):
+                work.spent += work_of(found)
+                return full, found
+        return full, self.solve(full, work, None, quick=True)
 
     def _solve_patiently(
         self, other: Daqp, qp: QP, work: Work, quick: bool, below: float

@@ -236,8 +236,8 @@ class LevelSolver:
         See :mod:`wbc.controllers.relaxation`.
         """
         rows, contacts, physics = problem.rows, problem.contacts, problem.physics
-        qp = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
-        solution = self._solvers.solve(qp, problem.work, None, quick=True)
+        relaxed = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
+        qp, solution = self._solvers.solve_giving(relaxed, problem.work)
         missed = given_way(self.plan, contacts, qp, solution.x) if solution.solved else None
         return Outcome(
             qp, solution, qp, self.plan.decision.nv, solution.solve_time, {}, given_way=missed

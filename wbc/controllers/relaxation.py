@@ -23,7 +23,7 @@ import numpy as np
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds, stack, take
 from wbc.controllers.plan import IDLE, Physics, Plan, assemble
-from wbc.controllers.slack import slacks_of
+from wbc.controllers.slack import GivingQP, slacks_of
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
 from wbc.robot.limits import BASE_NV
@@ -49,7 +49,7 @@ def relaxed_qp(
     box: tuple[Array, Array],
     margins: Sequence[Bounds],
     physics: Physics,
-) -> QP:
+) -> GivingQP:
     """Return the QP in which only physics is hard.
 
     Parameters
@@ -82,8 +82,11 @@ def relaxed_qp(
     free = np.full(decision.nv, np.inf)
     physical = sum(len(row.target) for row in held)
     labels = Labels(plan.labels[0].equality[:physical], (), decision.names)
-    bounds = stack(parts) if parts else None
-    return assemble(decision, costs, held, (-free, free), bounds, labels, physics.rest)
+    bounds, weights = stack(parts) if parts else None, None
+    if bounds is not None:
+        bounds, weights = bounds._replace(slack=None), bounds.slack
+    qp = assemble(decision, costs, held, (-free, free), bounds, labels, physics.rest)
+    return GivingQP(qp, weights)
 
 
 def given_way(plan: Plan, contacts: Sequence[Rows], qp: QP, x: Array) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -86,6 +87,20 @@ class Slacks:
         return bounds._replace(slack=np.full(bounds.lower.size, weight), push=None)
 
 
+class GivingQP(NamedTuple):
+    """A QP, and the weights (mi,) of slacks of its inequality rows that are no unknowns in it.
+
+    Infinite for rows that may not give way; None: none may.
+    """
+
+    qp: QP
+    weights: Array | None
+
+    def full(self) -> QP:
+        """Return the QP with its slacks as unknowns."""
+        return self.qp if self.weights is None else with_slack(self.qp, self.weights)
+
+
 def with_slack(qp: QP, weights: Array) -> QP:
     """Return the QP with a slack variable for each inequality row that may give way.
 
@@ -124,8 +139,9 @@ def slacks_of(qp: QP, x: Array) -> dict[str, float]:
     """Return by how much each row that may give way has given way, by its name."""
     if not qp.labels.variables[-1].startswith(SLACK_OF):  # most ticks: slacks are the last unknowns
         return {}
+    names = qp.labels.variables
     return {
-        name.removeprefix(SLACK_OF): float(x[k])
-        for k, name in enumerate(qp.labels.variables)
-        if name.startswith(SLACK_OF) and abs(x[k]) > NEGLIGIBLE
+        names[k].removeprefix(SLACK_OF): float(x[k])
+        for k in np.flatnonzero(np.abs(x) > NEGLIGIBLE).tolist()
+        if names[k].startswith(SLACK_OF)
     }

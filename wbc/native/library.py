@@ -31,6 +31,7 @@ _FUNCTIONS = {
     "wbc_reduced": 2,
     "wbc_answer": 7,
     "wbc_solve_qp": 5,
+    "wbc_solve_giving": 5,
     "wbc_nearest": 7,
     "wbc_measure": 6,
     "wbc_pair_rows": 8,
@@ -78,6 +79,7 @@ class Core:
         self.wbc_reduced: Any = library.wbc_reduced
         self.wbc_answer: Any = library.wbc_answer
         self.wbc_solve_qp: Any = library.wbc_solve_qp
+        self.wbc_solve_giving: Any = library.wbc_solve_giving
         self.wbc_nearest: Any = library.wbc_nearest
         self.wbc_measure: Any = library.wbc_measure
         self.wbc_pair_rows: Any = library.wbc_pair_rows

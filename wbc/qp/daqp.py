@@ -78,7 +78,7 @@ class Daqp:
         check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
         answer = None
         if type(self).answer is Daqp.answer:  # who derives from this may answer otherwise
-            found = None if self._native is None else self._native.solve(qp, self.name)
+            found = None if self._native is None else self._native.solve(qp, self.name, quick)
             if found is not None:
                 return found
             if is_sound(qp, shapes_only=True):
@@ -92,9 +92,9 @@ class Daqp:
         if answer is None:  # theirs, or there is nothing to solve
             return check.judge(qp, self.answer(qp))
         raw = _raw(qp, *answer)
-        settled = check.accept(qp, raw)
-        if settled is None and not quick:
-            settled = check.accept(qp, self.finer(qp), 2)
+        settled = None
+        if not quick:
+            settled = check.accept(qp, raw) or check.accept(qp, self.finer(qp), 2)
         return settled or check.judge(qp, raw)
 
     def answer(self, qp: QP) -> RawSolution:

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.native import VARIABLE, Core, address, core
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
-from wbc.qp.solution import KktResiduals, Solution, Status
+from wbc.qp.solution import KktResiduals, RawSolution, Solution, Status
 from wbc.validate import Array
 
+UNSOLVED = -1  # of enum handed_over in source/core.h
+INFEASIBLE = -1.0  # DAQP's exit flag, in place of its iterations
 _FIELDS = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
 
@@ -32,6 +35,46 @@ class _Qp(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in (*_FIELDS, "x", "y", "z", "z_box", "found")),
         ("reserve", ctypes.c_void_p * 6),
     ]
+
+
+class QpMemory(NamedTuple):
+    """A QP as the core takes it, and where it writes the answer.
+
+    Attributes
+    ----------
+    sizes:
+        How many unknowns, equality and inequality rows.
+    given:
+        What the structure points at.
+    """
+
+    sizes: tuple[int, int, int]
+    given: Sequence[Array]
+    struct: _Qp
+    out: Array
+
+    @classmethod
+    def of(cls, qp: QP, eps: float) -> QpMemory | None:
+        """Return it; None if this is no QP, or too few unknowns for its equalities."""
+        n, k, m = sizes = qp.g.size, qp.b.size, qp.u.size
+        arrays = (qp.P, qp.A, qp.C, qp.g, qp.lower, qp.upper, qp.b, qp.l, qp.u)
+        shapes = ((n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,))
+        labels = qp.labels
+        if tuple([array.shape for array in arrays]) != shapes or k >= n:
+            return None
+        if (len(labels.variables), len(labels.equality), len(labels.inequality)) != sizes:
+            return None
+        given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
+        out = np.empty(2 * n + k + m + 4)
+        at = address(out)
+        places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
+        return cls(sizes, given, _Qp(*sizes, eps, *map(address, given), *places), out)
+
+    def parts(self) -> tuple[Array, Array, Array, Array]:
+        """Return x, y, z and z of the box as the core wrote them."""
+        n, k, m = self.sizes
+        out = self.out
+        return out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
 
 
 class NativeDaqp:
@@ -52,29 +95,31 @@ class NativeDaqp:
     def __reduce__(self) -> tuple[object, ...]:  # elsewhere there may be another core, or none
         return native_daqp, (self._eps, self._max_iterations)
 
-    def solve(self, qp: QP, name: str) -> Solution | None:
-        """Return the solution; None if this is no QP, or no answer of small residuals was found."""
+    def solve(self, qp: QP, name: str, quick: bool = False) -> Solution | None:
+        """Return the solution; None if this is no QP, or no answer of small residuals was found.
+
+        ``quick``: what DAQP calls infeasible has failed, with no proof of it. Of 1767 QPs of ticks
+        from wild states DAQP solved none either with the equalities left in.
+        """
         start = perf_counter()
-        n, k, m = qp.g.size, qp.b.size, qp.u.size
-        arrays = (qp.P, qp.A, qp.C, qp.g, qp.lower, qp.upper, qp.b, qp.l, qp.u)
-        shapes = ((n, n), (k, n), (m, n), (n,), (n,), (n,), (k,), (m,), (m,))
-        labels = qp.labels
-        if tuple([array.shape for array in arrays]) != shapes or k >= n:
+        known = QpMemory.of(qp, self._eps)
+        if known is None:
             return None
-        if (len(labels.variables), len(labels.equality), len(labels.inequality)) != (n, k, m):
-            return None
-        given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
-        size, integers = scratch_sizes(n, k, m)
+        size, integers = scratch_sizes(*known.sizes)
         memory, order = np.empty(size), np.empty(integers, dtype=np.int64)
-        out = np.empty(2 * n + k + m + 4)
-        at = address(out)
-        places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
-        struct = _Qp(n, k, m, self._eps, *map(address, given), *places)
         work = address(memory), address(order)
-        if self._call(ctypes.addressof(struct), *work, *self._last) != 0:
+        said = self._call(ctypes.addressof(known.struct), *work, *self._last)
+        if quick and said == UNSOLVED and known.out[-1] == INFEASIBLE:
+            return _failed(qp, perf_counter() - start, name)
+        if said != 0:
             return None
-        parts = out[:n], out[n : n + k], out[n + k : n + k + m], out[n + k + m : -4]
-        return solution_of(parts, out[-4:], perf_counter() - start, name)
+        return solution_of(known.parts(), known.out[-4:], perf_counter() - start, name)
+
+
+def _failed(qp: QP, spent: float, name: str) -> Solution:
+    raw = RawSolution.none(qp, Status.FAILED, "claimed 'infeasible', for which nothing was sought")
+    none = KktResiduals(np.inf, np.inf, np.inf)
+    return Solution(*raw[:4], raw.claim, none, 0, spent, name, message=raw.message)
 
 
 def native_daqp(eps: float, max_iterations: int) -> NativeDaqp | None:

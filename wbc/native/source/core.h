@@ -206,9 +206,15 @@ int wbc_reduced(const wbc_plan *plan, int64_t *begin);
  * bounds, times scale; x 0: by DAQP. May be called again. */
 int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
                const double *z, double scale, int64_t iterations);
-/* The same for any QP, by DAQP. scratch holds k (n + 1) + 2 k left + left^2 + 3 n
- * + 3 (n + m) + (k + m) left + left (left + 1) numbers, left = n - k; order 2 n + m. */
+/* The same for any QP, by DAQP; where it has no answer, its exit flag stands for the iterations.
+ * scratch holds k (n + 1) + 2 k left + left^2 + 3 n + 3 (n + m) + (k + m) left + left (left + 1)
+ * numbers, left = n - k; order 2 n + m. */
 int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
                  void *settings);
+/* The same, at the cost of 1/2 s^2 / give (m) with rows l <= C x - s <= u, s = 0 where give is 0; by
+ * source/active_set.c in at most most iterations. With p = n + m rows and bounds at most, scratch
+ * holds 2 left + 9 p + left^2 + p left + p^2 / 2 numbers more, order 2 p. */
+int wbc_solve_giving(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
+                     int64_t *order);
 
 #endif

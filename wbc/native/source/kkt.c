@@ -17,7 +17,7 @@ static void judge(double value, double lower, double upper, double z, double *fo
     found[2] = worse(found[2], slack < size ? slack : size);
 }
 
-WIDE void residuals(const wbc_qp *qp, double *gradient) {
+WIDE void residuals(const wbc_qp *qp, const double *give, double *gradient) {
     const int64_t n = qp->n;
     double *found = qp->found;
     found[0] = found[1] = found[2] = 0.0;
@@ -33,7 +33,8 @@ WIDE void residuals(const wbc_qp *qp, double *gradient) {
     for (int64_t r = 0; r < qp->m; r++) {
         for (int64_t j = 0; j < n && qp->z[r] != 0.0; j++)
             gradient[j] += qp->C[r * n + j] * qp->z[r];
-        judge(dot(n, qp->C + r * n, qp->x), qp->l[r], qp->u[r], qp->z[r], found);
+        const double given = give ? give[r] * qp->z[r] : 0.0;
+        judge(dot(n, qp->C + r * n, qp->x) - given, qp->l[r], qp->u[r], qp->z[r], found);
     }
     for (int64_t i = 0; i < n; i++) found[1] = worse(found[1], fabs(gradient[i]));
 }

@@ -8,6 +8,7 @@
  * has no equalities and a third fewer unknowns. Multipliers of A follow from the gradient, and the
  * KKT residuals are those of the full QP: what wbc/qp/kkt.py computes.
  */
+#include "active_set.h"
 #include "linear.h"
 #include "margin.h"
 #include "tree.h"
@@ -28,6 +29,7 @@ typedef struct {
 } daqp_result;
 typedef void daqp_quadprog(daqp_result *, daqp_problem *, void *);
 
+static const int64_t NO_ANSWER = -100;
 static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
 static const double NO_BOUND = 1e30;  /* DAQP's infinity */
 /* As in wbc/qp/elimination.py. */
@@ -248,11 +250,11 @@ WIDE static int is_kept(const reduced *r, int64_t bounded) {
     return 1;
 }
 
-/* Solve what is left by DAQP; returns its iterations, -1: no answer. */
+/* Solve what is left by DAQP; returns its iterations, or its exit flag below 0: no answer. */
 static int64_t ask(const reduced *r, int64_t bounded, const void *address, void *settings) {
     daqp_quadprog *quadprog;
     memcpy(&quadprog, &address, sizeof quadprog); /* ISO C has no cast to a function */
-    if (!quadprog) return -1;
+    if (!quadprog) return NO_ANSWER;
     memset(r->sense, 0, bounded * sizeof *r->sense);
     daqp_problem problem = {(int)r->left, (int)bounded, (int)r->left, r->H, r->f, r->rows,
                             r->up,        r->low,       r->sense,     0,    0,    0};
@@ -260,13 +262,13 @@ static int64_t ask(const reduced *r, int64_t bounded, const void *address, void 
     memset(&result, 0, sizeof result);
     result.x = r->answer, result.multipliers = r->multipliers;
     quadprog(&result, &problem, settings);
-    return result.flag == 1 ? result.iterations : -1;
+    return result.flag == 1 ? result.iterations : result.flag < 0 ? result.flag : NO_ANSWER;
 }
 
 /* x, y, z, z of the box, the three residuals and the number of iterations of a QP. */
-static int conclude(const wbc_qp *qp, const reduced *r, int64_t iterations) {
+static int conclude(const wbc_qp *qp, const reduced *r, const double *give, int64_t iterations) {
     lift(qp, r);
-    residuals(qp, r->gradient);
+    residuals(qp, give, r->gradient);
     qp->found[3] = (double)iterations;
     for (int i = 0; i < 3; i++)
         if (!(qp->found[i] <= qp->eps)) return UNSOLVED; /* NaN is not */
@@ -295,7 +297,7 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
         for (int64_t i = 0; i < rows; i++) r.multipliers[r.left + i] = z[i] / scale;
     } else
         iterations = ask(&r, bounded, plan->quadprog, plan->settings);
-    if (iterations < 0 || conclude(&qp, &r, iterations) != DONE) return UNSOLVED;
+    if (iterations < 0 || conclude(&qp, &r, 0, iterations) != DONE) return UNSOLVED;
     return finish(plan, q, v, &qp, &r);
 }
 
@@ -309,7 +311,7 @@ int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const d
     place(&qp, plan->scratch, plan->order, &r);
     const int64_t bounded = reduce(&qp, &r, plan->outside ? usual_columns(plan, &qp) : 0);
     if (bounded == 0) return UNSOLVED;
-    if (is_kept(&r, bounded) && conclude(&qp, &r, 0) == DONE) return finish(plan, q, v, &qp, &r);
+    if (is_kept(&r, bounded) && conclude(&qp, &r, 0, 0) == DONE) return finish(plan, q, v, &qp, &r);
     qp.found[0] = (double)(bounded - r.left);
     return plan->outside ? REDUCED : wbc_answer(plan, q, v, 0, 0, 1.0, 0);
 }
@@ -330,6 +332,23 @@ int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *
     reduced r;
     place(qp, scratch, order, &r);
     const int64_t bounded = reduce(qp, &r, 0);
-    const int64_t iterations = bounded == 0 ? -1 : ask(&r, bounded, quadprog, settings);
-    return iterations < 0 ? UNSOLVED : conclude(qp, &r, iterations);
+    const int64_t iterations = bounded == 0 ? NO_ANSWER : ask(&r, bounded, quadprog, settings);
+    qp->found[3] = (double)iterations;
+    return iterations < 0 ? UNSOLVED : conclude(qp, &r, 0, iterations);
+}
+
+int wbc_solve_giving(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
+                     int64_t *order) {
+    if (!is_qp(qp)) return NOT_FINITE;
+    reduced r;
+    place(qp, scratch, order, &r);
+    const int64_t bounded = reduce(qp, &r, 0);
+    if (bounded == 0) return UNSOLVED;
+    double *every = r.end; /* of bounds, which do not give way, and rows */
+    memset(every, 0, bounded * sizeof *every);
+    memcpy(every + r.left, give, qp->m * sizeof *give);
+    const int64_t iterations =
+        active_set_solve(r.left, bounded, r.H, r.f, r.rows, r.low, r.up, every, most,
+                         every + bounded, order + 2 * qp->n + qp->m, r.answer, r.multipliers);
+    return iterations < 0 ? UNSOLVED : conclude(qp, &r, give, iterations);
 }

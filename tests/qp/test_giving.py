@@ -1,0 +1,113 @@
+"""QPs with rows that give way, without slacks as unknowns: against DAQP and ProxQP with slacks."""
+
+import numpy as np
+import pytest
+
+from wbc.controllers.slack import GivingQP
+from wbc.native import core
+from wbc.qp.daqp import Daqp
+from wbc.qp.giving import solve_giving
+from wbc.qp.kkt import kkt_residuals
+from wbc.qp.problem import QP
+from wbc.qp.proxqp import ProxQP
+from wbc.qp.solution import Status
+
+pytestmark = pytest.mark.skipif(core() is None, reason="there is no native core")
+
+
+def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -> GivingQP:
+    """A QP whose hard rows leave room about a point, which rows that give way do not."""
+    J = rng.normal(size=(n + 3, n)) * 10.0 ** rng.uniform(-1, 1, size=(n + 3, 1))
+    inside = rng.normal(size=n)
+    A, C = rng.normal(size=(me, n)), rng.normal(size=(mi, n))
+    gives = rng.random(mi) < soft
+    shift = np.where(gives, 2.0 * rng.normal(size=mi), 0.0)
+    values = C @ inside + shift
+    weights = np.where(gives, 10.0 ** rng.uniform(-1, 4, size=mi), np.inf)
+    one_sided = rng.random(mi) < 0.5
+    qp = QP.build(
+        J.T @ J + 1e-3 * np.eye(n),
+        -J.T @ (3.0 * rng.normal(size=n + 3)),
+        A=A,
+        b=A @ inside,
+        C=C,
+        l=np.where(one_sided, -np.inf, values - rng.random(mi)),
+        u=values + rng.random(mi),
+        lower=np.where(rng.random(n) < 0.5, inside - rng.random(n), -np.inf),
+        upper=np.where(rng.random(n) < 0.5, inside + rng.random(n), np.inf),
+    )
+    return GivingQP(qp, weights)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_answer_is_that_of_the_qp_with_slacks(seed: int) -> None:
+    """x, slacks and every multiplier, with rows that are active and rows that gave way."""
+    rng = np.random.default_rng(seed)
+    sizes = int(rng.integers(3, 30)), int(rng.integers(0, 3)), int(rng.integers(1, 60))
+    given = giving_qp(rng, *sizes, soft=rng.random())
+    full, found = given.full(), solve_giving(*given, 1e-8, 1000)
+    assert found is not None and found.status is Status.SOLVED
+    assert found.x.size == full.g.size and found.solver == "active_set"
+    told = kkt_residuals(full, found.x, found.y, found.z, found.z_box)
+    assert max(told) <= 1e-8 and np.abs(np.subtract(told, found.residuals)).max() < 1e-10
+    other = Daqp().solve(full)
+    if not other.solved:
+        other = ProxQP().solve(full)
+    assert other.solved
+    np.testing.assert_allclose(found.x, other.x, atol=1e-6)
+    np.testing.assert_allclose(found.z, other.z, rtol=1e-4, atol=1e-4)
+
+
+def test_rows_give_way_by_their_weights() -> None:
+    """Two rows that contradict each other share by their weights; a hard one does not."""
+    C, u = np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])  # x <= -1, x >= 1
+    qp = QP.build([[1e-6]], [0.0], C=C, u=u)
+    found = solve_giving(qp, np.array([1.0, 3.0]), 1e-8, 100)
+    assert found is not None
+    np.testing.assert_allclose(found.x, [0.5, 1.5, 0.5], atol=1e-5)
+    hard = solve_giving(qp, np.array([np.inf, 3.0]), 1e-8, 100)
+    assert hard is not None
+    np.testing.assert_allclose(hard.x, [-1.0, 2.0], atol=1e-5)
+
+
+def test_hard_rows_that_contradict_each_other_have_no_answer() -> None:
+    """Nothing is said of QPs without a point, nor where there are too few iterations."""
+    qp = QP.build([[1.0]], [0.0], C=[[1.0], [-1.0]], u=[-1.0, -1.0])
+    assert solve_giving(qp, np.full(2, np.inf), 1e-8, 100) is None
+    qp = QP.build(np.eye(2), [-3.0, -3.0], C=np.eye(2), u=[1.0, 1.0])
+    assert solve_giving(qp, np.full(2, np.inf), 1e-8, 1) is None
+    nan = qp._replace(g=np.array([np.nan, 0.0]))
+    assert solve_giving(nan, np.full(2, np.inf), 1e-8, 100) is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_corners_of_many_rows(seed: int) -> None:
+    """Cones meet in one point, where more facets than unknowns are active, and some depend."""
+    rng = np.random.default_rng(seed)
+    feet, mu = 4, 0.6
+    n = 3 * feet
+    facets = np.array([[1, 0, -mu], [-1, 0, -mu], [0, 1, -mu], [0, -1, -mu], [1, 1, -2 * mu]])
+    cone = np.kron(np.eye(feet), facets)
+    J = rng.normal(size=(4, n))
+    soft = rng.normal(size=(6, n))
+    C = np.concatenate((cone, soft))
+    pull = np.tile([0.0, 0.0, 1.0], feet) + 0.1 * rng.normal(size=n)  # against the cones
+    lower, u = np.full(len(C), -np.inf), np.zeros(len(C))
+    u[len(cone) :] = -1.0
+    weights = np.r_[np.full(len(cone), np.inf), 10.0 ** rng.uniform(0, 3, size=6)]
+    given = GivingQP(QP.build(J.T @ J + 1e-4 * np.eye(n), pull, C=C, l=lower, u=u), weights)
+    full, found = given.full(), solve_giving(*given, 1e-8, 1000)
+    assert found is not None
+    assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
+    other = ProxQP().solve(full)
+    assert other.solved
+    np.testing.assert_allclose(found.x, other.x, atol=1e-5)
+
+
+def test_slacks_that_hardly_count() -> None:
+    """A row that gives way by next to nothing, and depends on hard ones."""
+    C = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    qp = QP.build(np.eye(2), [0.0, 0.0], C=C, l=[1.0, 1.0, -np.inf], u=[np.inf, np.inf, 1.5])
+    found = solve_giving(qp, np.array([np.inf, np.inf, 1e7]), 1e-8, 100)
+    assert found is not None
+    np.testing.assert_allclose(found.x, [1.0, 1.0, 0.5], atol=1e-7)
