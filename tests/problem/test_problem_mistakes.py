@@ -55,6 +55,8 @@ MISTAKES = [
         9,
         "tasks.spin.gain: unknown key (choose from: active, components",
     ),
+    ("support:", "dt: 0.01\nsupport:", 3, "dt: belongs to controller; write controller: {dt: ...}"),
+    ("hoap2_like", "zzz", 1, "robot: unknown robot 'zzz'; choose from: g1, "),
     ("hoap2_like", "hoap2", 1, "robot: unknown robot 'hoap2'; did you mean 'hoap2_like'?"),
     ("hoap2_like", "missing.urdf", 1, "no such file"),
     ("posture: standing", "posture: stading", 2, "start.posture: unknown posture 'stading'; did"),

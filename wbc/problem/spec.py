@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_type_hints
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
 from pydantic import Field, GetCoreSchemaHandler, StringConstraints
 from pydantic_core import CoreSchema, core_schema
@@ -105,8 +106,21 @@ class StopSpec(Section):
     are kept; null: by anything."""
 
 
+_SECTIONS: dict[str, type[Section]] = {
+    "simulation": SimulationSpec,
+    "stop": StopSpec,
+    "controller": QpSpec,
+}
+
+
 class ProblemSpec(Section):
     """A whole-body control problem: a robot, what it should do, and what it must respect."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        key: f"{name}; write {name}: {{{key}: ...}}"
+        for name, section in _SECTIONS.items()
+        for key in section.model_fields
+    }
 
     version: Literal[1] = 1
     """Version of this format."""

@@ -220,7 +220,8 @@ def _from_robot_descriptions(name: str) -> Source:
     wanted = (f"robot_descriptions.{name}", f"robot_descriptions.{name}_description")
     module_name = next((m for m in wanted if installed and importlib.util.find_spec(m)), None)
     if module_name is None:
-        known = suggest(name, robot_names()).removeprefix(";").strip()
+        known = suggest(name, robot_names()).lstrip("; ")
+        known = known.strip("()") if known.startswith("(") else known
         others = "" if installed else ", or pip install robot_descriptions for its many"
         remedy = f"{known}; or give the path of a URDF or MJCF file{others}"
         raise UnknownNameError("robot", name, robot_names(), remedy)
