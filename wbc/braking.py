@@ -20,9 +20,13 @@ def stopping_speed(distance: Array, deceleration: Array | float, dt: float) -> A
     deceleration:
         > 0, in the same unit per s^2.
     """
-    twice = distance + distance
-    slowing = twice / deceleration
-    slowing += dt * dt
+    return braked_speed(distance, 0.5 / deceleration, dt)
+
+
+def braked_speed(distance: Array, slowness: Array | float, dt: float) -> Array:
+    """Return the same by ``slowness``, 1 / (2 deceleration), for who has it already."""
+    slowing = distance * slowness
+    slowing += 0.25 * dt * dt
     np.sqrt(slowing, out=slowing)
-    slowing += dt
-    return np.divide(twice, slowing, out=slowing)
+    slowing += 0.5 * dt
+    return np.divide(distance, slowing, out=slowing)

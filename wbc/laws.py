@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +18,16 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.spatial import STANDARD_GRAVITY
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_number, read_only
 
 # Entries of v, each once.
 Columns = slice | NDArray[np.int64]
+
+
+@cache
+def at_rest(shape: tuple[int, ...]) -> Array:
+    """Return the rate of what rests: always the same zeros, which laws know and do not add."""
+    return read_only(np.zeros(shape))
 
 
 class Residual(NamedTuple):
@@ -146,28 +153,20 @@ class VelocityLaw:
 
     def rows(self, residual: Residual, weight: Array, dt: float) -> Rows:
         """Return the rows on the velocity: matrix and target as in :class:`Rows`."""
+        error, jacobian, bias, curvature, bound, columns = residual
         gain = self.gain if self.gain_per_second is None else self.fraction(dt)
         rate = gain / dt
-        target = -rate * residual.error
-        target -= residual.bias
+        target = -rate * error
+        if bias is not at_rest(bias.shape):
+            target -= bias
         damping: float | Array = 0.0
         if self.curvature_damping:
-            bound = residual.curvature_bound
             damping = 0.5 * gain * (bound() if callable(bound) else bound)
         if self.lm_damping > 0.0:
-            weighted = weight * residual.error
+            weighted = weight * error
             damping = damping + self.lm_damping * math.sqrt(float(weighted @ weighted))
-        return Rows(
-            residual.jacobian,
-            target,
-            weight,
-            damping,
-            residual.curvature,
-            self.singular_threshold,
-            rate,
-            residual.bias,
-            residual.columns,
-        )
+        threshold = self.singular_threshold
+        return Rows(jacobian, target, weight, damping, curvature, threshold, rate, bias, columns)
 
 
 @dataclass(frozen=True, slots=True)

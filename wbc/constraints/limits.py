@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.braking import stopping_speed
+from wbc.braking import braked_speed
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
@@ -213,7 +213,7 @@ class Limits(Fixed):
         if sides.dt != dt or sides.given[0] is not speed or sides.given[1] is not acceleration:
             sides = self._sides = _BothSides.of(speed, acceleration, dt)
         near = np.minimum(reach, FAR) if self._has_free_joints else reach
-        most = stopping_speed(near, sides.acceleration, dt)
+        most = braked_speed(near, sides.slowness, dt)
         if self._has_free_joints:
             most[reach > FAR] = np.inf
         np.minimum(most, sides.speed, out=most)
@@ -239,14 +239,15 @@ class _BothSides(NamedTuple):
     given: tuple[Array, Array]
     dt: float
     speed: Array
-    acceleration: Array
+    slowness: Array  # 1 / (2 acceleration)
     change: Array  # in one tick
     zero: Array
 
     @classmethod
     def of(cls, speed: Array, acceleration: Array, dt: float) -> _BothSides:
-        pairs = np.stack((speed, speed)), np.stack((acceleration, acceleration))
-        return cls((speed, acceleration), dt, *pairs, pairs[1] * dt, np.zeros((2, speed.size)))
+        fastest, most = np.stack((speed, speed)), np.stack((acceleration, acceleration))
+        zero = np.zeros((2, speed.size))
+        return cls((speed, acceleration), dt, fastest, 0.5 / most, most * dt, zero)
 
 
 def _position_bounds(robot: Robot, position: bool, margin: float) -> tuple[Array, Array]:

@@ -99,11 +99,13 @@ class Outcome(NamedTuple):
         solution, nv = self.solution, self.nv
         if solution.status is not Status.SOLVED:
             return self
-        lower, upper, v = self.first.lower[:nv], self.first.upper[:nv], solution.x[:nv]
+        lower, upper, v = self.first.lower, self.first.upper, solution.x
+        if v.size > nv or lower.size > nv:  # in no plain tick
+            lower, upper, v = lower[:nv], upper[:nv], v[:nv]
         excess = np.maximum(lower - v, v - upper)
         worst = int(excess.argmax())
         if excess.item(worst) <= TOLERANCE:  # NaN is not
-            if np.abs(v).max() <= LARGEST:
+            if np.vdot(v, v) <= LARGEST * LARGEST or np.abs(v).max() <= LARGEST:
                 return self
             worst, where = int(np.abs(v).argmax()), f"beyond {LARGEST:g}, which no state may have"
         else:

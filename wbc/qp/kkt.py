@@ -89,11 +89,14 @@ class Stacked:
         distance, pull, gradient = self._distance, self._pull, self._gradient
         self._factors.dot(self._matrices, out=gradient)  # P is symmetric
         gradient += self.g
-        gradient += self._box_multipliers
         self.rows.dot(self.x, out=self._row_values)
         np.subtract(self._values, self.lower, out=self._below)
         np.subtract(self.upper, self._values, out=self._above)
         outside = -distance.item(distance.argmin())  # NaN comes first, in half of min()'s time
+        if np.vdot(self._signed, self._signed) == 0.0:  # no bound is active, as in most ticks
+            np.abs(gradient, out=gradient)
+            return KktResiduals(max(outside, 0.0), gradient.item(gradient.argmax()), 0.0)
+        gradient += self._box_multipliers
         self._up[:] = self._signed
         np.negative(self._signed, out=self._down)
         np.maximum(pull, self._zero, out=pull)  # of a pair one: what the multiplier points at

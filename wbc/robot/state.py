@@ -130,9 +130,7 @@ class KinematicState:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
             return self.native_state.part("com_jacobian", 3, -1)
-        J: Array = (self._workspace().centroidal_map / self.robot.mass)[:3]
-        J.setflags(write=False)
-        return J
+        return read_only((self._workspace().centroidal_map / self.robot.mass)[:3])
 
     @lazy
     def com_velocity(self) -> Array:
@@ -284,7 +282,7 @@ class KinematicState:
         position, rotation = origin.copy(), axes.copy()
         self._jacobians[frame] = jacobian = pin.getFrameJacobian(model, data, index, _ALIGNED)
         for array in (position, rotation, jacobian):
-            array.setflags(write=False)
+            array.setflags(False)  # type: ignore[call-arg]  # as read_only does
         self._placements[frame] = found = position, rotation
         return found
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.laws import Residual
+from wbc.laws import Residual, at_rest
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.rotations import check_rotation, log_jacobian, log_jacobian_rate, log_rotation
@@ -15,7 +15,7 @@ from wbc.spatial import skew
 from wbc.tasks.keywords import Gains
 from wbc.tasks.placement import PlacementTask
 from wbc.tasks.point import AXES
-from wbc.tasks.task import Aim, Task, at_rest
+from wbc.tasks.task import Aim, Task
 from wbc.validate import Array
 
 if TYPE_CHECKING:  # CasADi is loaded by who asks for expressions

@@ -50,8 +50,9 @@ class PointTask(Task):
         place = self._target(target, (3,))
         if self._set_rates((3,), rate, acceleration):
             rows = self._selected
-            bias, drift = -self.target_rate[rows], -self.target_acceleration[rows]
-            self._assign(_bias=read_only(bias), _drift=read_only(drift))
+            bias = self._negative(self.target_rate, rows)
+            drift = self._negative(self.target_acceleration, rows)
+            self._assign(_bias=bias, _drift=drift)
         self._assign(_goal=place)
 
     def residual(self, snapshot: Snapshot) -> Residual:

@@ -79,8 +79,9 @@ class PostureTask(Task):
         """
         goal = read_only(self.robot.check_configuration(target))
         if self._set_rates((self.robot.nv,), rate, acceleration):
-            bias, drift = self.target_rate[self._columns], self.target_acceleration[self._columns]
-            self._assign(_bias=read_only(-bias), _drift=read_only(-drift))
+            bias = self._negative(self.target_rate, self._columns)
+            drift = self._negative(self.target_acceleration, self._columns)
+            self._assign(_bias=bias, _drift=drift)
         positions = self.robot.limits.joint_positions(goal)
         self._assign(_goal=goal, _positions=positions, _wanted=positions[self._joints])
 

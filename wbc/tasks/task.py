@@ -19,14 +19,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
-from wbc.laws import AccelerationLaw, Residual, VelocityLaw
+from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, at_rest
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
@@ -48,12 +47,6 @@ class Aim(NamedTuple):
 
     point: Array
     wanted: Array
-
-
-@cache
-def at_rest(shape: tuple[int, ...]) -> Array:
-    """Return the rate of what rests: always the same zeros."""
-    return read_only(np.zeros(shape))
 
 
 class Task(metaclass=Sealed):
@@ -338,6 +331,11 @@ class Task(metaclass=Sealed):
         self._assign(target_rate=speed, target_acceleration=push)
         return True
 
+    def _negative(self, motion: Array, rows: Columns) -> Array:
+        """Return minus those entries of a target's rate or acceleration; zeros known as rest."""
+        resting = at_rest((len(self.rows),))
+        return resting if motion is at_rest(motion.shape) else read_only(-motion[rows])
+
     def _gradient(self, error: Array) -> Array:
         """Return weight^2 * error (k,): the gradient of the task's cost by its error."""
         gradient = self.weight * error
@@ -345,4 +343,4 @@ class Task(metaclass=Sealed):
         return gradient
 
     def _zeros(self) -> Array:
-        return read_only(np.zeros(len(self.rows)))
+        return at_rest((len(self.rows),))
