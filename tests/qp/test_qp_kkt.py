@@ -87,10 +87,13 @@ def test_nan_is_never_hidden(solvable, part):
 
 @pytest.mark.parametrize(("me", "mi"), [(0, 0), (2, 0), (0, 4), (3, 5)])
 @pytest.mark.parametrize("seed", range(5))
-def test_against_the_loop(solvable, seed, me, mi):
+@pytest.mark.parametrize("pull", [1.0, 0.0])
+def test_against_the_loop(solvable, seed, me, mi, pull):
+    """``pull`` 0: no bound or row is said to be active."""
     rng = np.random.default_rng(seed)
     qp = solvable(rng, me=me, mi=mi)
     point = [rng.normal(size=size) for size in (8, me, mi, 8)]
+    point[2:] = [pull * part for part in point[2:]]
     r = kkt_residuals(qp, *point)
     # Sums of tens of terms up to 1e4: another order of summation moves them by 1e-12.
     np.testing.assert_allclose(
