@@ -93,6 +93,12 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
     return f"{hint} (choose from: {shown}{more})"
 
 
+def shown(value: object, most: int = 60) -> str:
+    """Return how a value is written in Python, on one line and shortened, for a message."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def listed(names: Sequence[str], most: int = 5) -> str:
     """Return the first names, and how many more there are, for a message."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

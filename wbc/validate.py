@@ -10,7 +10,7 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 
 Array = NDArray[np.floating[Any]]
 # Numbers beyond this are refused: no controller means them, and products of a few would overflow.
@@ -64,7 +64,7 @@ def real_array(what: str, value: Any) -> Array:
             raise TypeError("no real numbers")
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInputError(f"{what}: expected numbers, got {value!r}") from error
+        raise InvalidInputError(f"{what}: expected numbers, got {shown(value)}") from error
 
 
 def finite_vector(what: str, value: ArrayLike, size: int) -> Array:

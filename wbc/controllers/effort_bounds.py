@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.constraints.limits import TORQUE_SHARE, Limits
-from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NV
+from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
@@ -54,10 +54,7 @@ def stance_decelerations(limits: Limits | None, torques: Array, held: Sequence[T
 
 def effort_bounds(robot: Robot, factor: float | None) -> Array:
     """Return the largest torques (nv - 6,), infinite where there is no bound."""
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(
-            f"controller: expected a robot as Robot.load() returns it, got {robot!r}"
-        )
+    check_robot("controller", robot)
     if factor is None:
         return read_only(np.full(robot.nv - 6, np.inf))
     without = robot.limits.without_effort

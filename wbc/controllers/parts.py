@@ -10,9 +10,10 @@ from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.slack import NO_SLACK, Slacks
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.laws import AccelerationLaw, Residual, VelocityLaw
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 
@@ -111,10 +112,7 @@ def check_parts(
     UnknownNameError
         ``slack`` of what is not there.
     """
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(
-            f"controller: expected a robot as Robot.load() returns it, got {robot!r}"
-        )
+    check_robot("controller", robot)
     for kind, given, wanted in (
         ("tasks", tasks, Task),
         ("contacts", contacts, Task),
@@ -167,7 +165,7 @@ def check_snapshot(robot: Robot, snapshot: object) -> None:
         raise InvalidInputError(
             f"controller: expected a snapshot of {robot.name}, made by the robot object "
             "that the controller was made with (a copy or a pickle of a controller has its own: "
-            f"controller.robot.snapshot(q, v)); got {snapshot!r}"
+            f"controller.robot.snapshot(q, v)); got {shown(snapshot)}"
         )
 
 

@@ -14,6 +14,7 @@ from wbc.qp.daqp import Daqp
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Status
 from wbc.robot import Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
@@ -124,8 +125,7 @@ def stance_torques(
     InvalidInputError
         No snapshot, no contacts, or contacts of which it is not known where forces act.
     """
-    if not isinstance(snapshot, Snapshot):
-        raise InvalidInputError(f"stance: expected a snapshot of a robot, got {snapshot!r}")
+    check_snapshot("stance", snapshot)
     robot = snapshot.robot
     given = list(contacts) if isinstance(contacts, Iterable) else [None]
     if any(not isinstance(one, Task) or one.robot is not robot for one in given):

@@ -106,11 +106,8 @@ class StopSpec(Section):
     are kept; null: by anything."""
 
 
-_SECTIONS: dict[str, type[Section]] = {
-    "simulation": SimulationSpec,
-    "stop": StopSpec,
-    "controller": QpSpec,
-}
+_SECTIONS: dict[str, type[Section]]
+_SECTIONS = {"simulation": SimulationSpec, "stop": StopSpec, "controller": QpSpec}
 
 
 class ProblemSpec(Section):

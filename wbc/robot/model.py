@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
@@ -260,7 +260,7 @@ def check_robot(what: str, robot: object) -> None:
     """
     if not isinstance(robot, Robot):
         raise InvalidInputError(
-            f"{what}: expected a robot as Robot.load() returns it, got {robot!r}"
+            f"{what}: expected a robot as Robot.load() returns it, got {shown(robot)}"
         )
 
 
@@ -275,7 +275,7 @@ def check_snapshot(what: str, snapshot: object) -> None:
     if not isinstance(snapshot, Snapshot):
         raise InvalidInputError(
             f"{what}: expected a snapshot of a robot, as robot.snapshot(q) makes it, got"
-            f" {snapshot!r}"
+            f" {shown(snapshot)}"
         )
 
 
