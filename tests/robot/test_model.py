@@ -65,7 +65,7 @@ def test_unknown_names_suggest_the_nearest(hoap: Robot) -> None:
 
 def test_every_frame_name_is_a_frame(robot: Robot) -> None:
     for name in robot.frame_names:
-        assert robot.model.frames[robot.frame_id(name)].name == name
+        assert robot.frame(name).name == name
     assert {"base", *(foot.frame for foot in robot.feet.values())} <= set(robot.frame_names)
 
 

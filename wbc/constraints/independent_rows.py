@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from scipy.linalg import qr
@@ -59,7 +58,7 @@ def _agree(a: Contact, b: Contact) -> bool:
     """Whether one link can meet both anchors, up to drift."""
     if len(a.rows) < len(b.rows):
         a, b = b, a
-    here, there = _frame(a).placement, _frame(b).placement
+    here, there = (one.robot.frame(one.frame).placement for one in (a, b))
     arm, separation = there.translation - here.translation, b.position - a.position
     if isinstance(a, PointContact):
         return abs(float(np.linalg.norm(arm) - np.linalg.norm(separation))) <= DRIFT
@@ -70,18 +69,12 @@ def _agree(a: Contact, b: Contact) -> bool:
     return isinstance(b, PointContact) or float(np.linalg.norm(log_rotation(turn))) <= TURN
 
 
-def _frame(contact: Contact) -> Any:
-    """Return Pinocchio's frame that is held."""
-    robot = contact.robot
-    return robot.model.frames[robot.frame_id(contact.frame)]
-
-
 def _links(contacts: Sequence[Task]) -> list[list[int]]:
     """Return the numbers of the contacts on each link that moves on its own."""
     found: dict[int, list[int]] = {}
     for k, contact in enumerate(contacts):
         if isinstance(contact, Contact):
-            found.setdefault(int(_frame(contact).parentJoint), []).append(k)
+            found.setdefault(int(contact.robot.frame(contact.frame).parentJoint), []).append(k)
     return list(found.values())
 
 

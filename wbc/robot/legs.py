@@ -138,7 +138,7 @@ def leg_joints(robot: Robot, side: str) -> list[int]:
 def _chain(robot: Robot, side: str) -> list[int]:
     """Return the joints from the base to a foot, without the base's."""
     model, joints = robot.model, list[int]()
-    joint = int(model.frames[robot.frame_id(robot.feet[side].frame)].parentJoint)
+    joint = int(robot.frame(robot.feet[side].frame).parentJoint)
     while joint > 1:
         joints.insert(0, joint)
         joint = int(model.parents[joint])

@@ -100,7 +100,7 @@ class LocalRobot:
             No such frame.
         """
         if name not in self._frames:
-            frame = self.robot.model.frames[self.robot.frame_id(name)]
+            frame = self.robot.frame(name)
             inner = Placement.constant(frame.placement.rotation, frame.placement.translation)
             self._frames[name] = self._joints[frame.parentJoint] @ inner
         return self._frames[name]

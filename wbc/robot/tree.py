@@ -175,6 +175,16 @@ class KinematicTree:
         """
         return _looked_up("frame", name, self.frame_indices)
 
+    def frame(self, name: str) -> pin.Frame:
+        """Return Pinocchio's frame: the joint that carries it, and its placement there.
+
+        Raises
+        ------
+        UnknownNameError
+            No such frame.
+        """
+        return self.model.frames[self.frame_id(name)]
+
     def foot(self, name: str) -> Foot:
         """Return a foot.
 

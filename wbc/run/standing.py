@@ -121,7 +121,7 @@ def held_joints(robot: Robot, contacts: Iterable[Contact]) -> set[int]:
 
 def carrier(robot: Robot, frame: str) -> int:
     """Return the joint that carries a frame: frames of one joint move as one body."""
-    return int(robot.model.frames[robot.frame_id(frame)].parentJoint)
+    return int(robot.frame(frame).parentJoint)
 
 
 def off_the_ground(

@@ -93,7 +93,7 @@ def build(
 def _soles(robot: Robot, ids: Sequence[int]) -> tuple[Sole, ...]:
     soles = []
     for foot in robot.feet.values():
-        frame = robot.model.frames[robot.frame_id(foot.frame)]
+        frame = robot.frame(foot.frame)
         body = ids[int(frame.parentJoint)]
         soles.append(Sole(foot.name, foot.frame, body, np.array(frame.placement.translation)))
     return tuple(soles)

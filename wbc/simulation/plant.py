@@ -326,7 +326,7 @@ class Plant:
 
     def body_rotation(self, frame: str) -> Array:
         """Return the rotation (3, 3) of a frame to the world, of the same instant."""
-        found = self.robot.model.frames[self.robot.frame_id(frame)]
+        found = self.robot.frame(frame)
         body = self._built.bodies[int(found.parentJoint)]
         return self.data.xmat[body].reshape(3, 3) @ np.array(found.placement.rotation)
 

@@ -114,7 +114,7 @@ def apply_pushes(
     total = np.zeros(3)
     for push in pushes:
         force = push.mean_force(float(data.time), dt)
-        frame = robot.model.frames[robot.frame_id(push.body)]
+        frame = robot.frame(push.body)
         body = bodies[int(frame.parentJoint)]
         local = np.array(frame.placement.rotation) @ push.point + frame.placement.translation
         arm = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local - data.xipos[body]

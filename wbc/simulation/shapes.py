@@ -64,7 +64,7 @@ def add_shapes(
     if options.self_collision:
         selection = select_pairs(robot, raw)
         every, pairs = selection.bodies, selection.pairs
-    feet = {_joint_of(robot, foot.frame) for foot in robot.feet.values()}
+    feet = {int(robot.frame(foot.frame).parentJoint) for foot in robot.feet.values()}
     paired = {k for pair in pairs for k in pair}
     for k, body in enumerate(every):
         # A foot's shapes end where its sole begins, give or take a digit; finer shapes, which come
@@ -85,14 +85,10 @@ def _shape_name(index: int) -> str:
     return f"shape {index}"
 
 
-def _joint_of(robot: Robot, frame: str) -> int:
-    return int(robot.model.frames[robot.frame_id(frame)].parentJoint)
-
-
 def _add_sole(mujoco: Any, bodies: Sequence[Any], robot: Robot, foot: Foot, steps: bool) -> Labels:
     """Add the balls and rods of a sole."""
-    place = robot.model.frames[robot.frame_id(foot.frame)].placement
-    parent, names = bodies[_joint_of(robot, foot.frame)], list[str]()
+    sole = robot.frame(foot.frame)
+    place, parent, names = sole.placement, bodies[int(sole.parentJoint)], list[str]()
     corners = np.column_stack([foot.polygon, np.full(len(foot.polygon), SOLE_RADIUS)])
     corners = corners @ np.array(place.rotation).T + place.translation
     for k, corner in enumerate(corners):

@@ -116,7 +116,7 @@ def _soles(run: Run) -> list[dict[str, Any]]:
     """Return the corners of the soles in the frames of the joints that carry them."""
     robot, soles = run.robot, []
     for foot in robot.feet.values():
-        frame = robot.model.frames[robot.frame_id(foot.frame)]
+        frame = robot.frame(foot.frame)
         corners = np.column_stack((foot.polygon, np.zeros(len(foot.polygon))))
         placed = corners @ np.array(frame.placement.rotation).T + frame.placement.translation
         soles.append({"joint": int(frame.parentJoint), "corners": placed.tolist()})
