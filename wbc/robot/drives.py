@@ -27,7 +27,7 @@ def set_drives(
     friction: JointValues | None = None,
     effort: JointValues | None = None,
 ) -> None:
-    """Write what is given into ``model``, over what the file says of the joints named.
+    """Write given values into ``model``; they override the file's for the joints named.
 
     Raises
     ------

@@ -128,7 +128,7 @@ class NativeState(NamedTuple):
         return (pose[:3], pose[3:].reshape(3, 3)), jacobian
 
     def motion(self, v: Array) -> NativeMotion:
-        """Return what is known at the state's velocity (nv,) besides."""
+        """Return what depends on the state's velocity (nv,), too."""
         tree = self.tree
         out, scratch = np.empty(tree.motion_size), np.empty(9 * tree.joints + 6 * tree.nv)
         addresses = map(address, (self.array, v, out, scratch))

@@ -1,4 +1,4 @@
-"""A robot at one measured state, in motion: its dynamics, and what accelerates by itself.
+"""A robot at one measured state, in motion: its dynamics and its drifts.
 
 Drifts are second derivatives at zero acceleration of v, which velocities make. From the native core
 where it is used, else from Pinocchio.

@@ -70,7 +70,7 @@ def _foot_specs(
     feet: Mapping[str, FootSpec | Mapping[str, Any]] | None,
     base: str | None,
 ) -> Mapping[str, FootSpec] | None:
-    """Return what is said of the feet; None: they are to be guessed."""
+    """Return the feet as given, or None: they are to be guessed."""
     if feet is not None:
         return {name: FootSpec.of(name, spec) for name, spec in by_name("feet", feet).items()}
     return known.feet if known else {} if base == "fixed" else None

@@ -157,7 +157,7 @@ class CarriedColumns:
 def side_by_side(fields: Sequence[Any]) -> Array | None:
     """Return one view (n, ...) on n arrays that lie at a constant distance in memory, or None.
 
-    The view does not keep alive what it looks at.
+    The view does not keep these arrays alive.
     """
     first = fields[0]
     steps = np.unique(np.diff([field.ctypes.data for field in fields]))

@@ -44,7 +44,7 @@ class Callbacks:
     ) -> bool:
         """Return whether the run ends with this tick: it is over, or was asked to end.
 
-        Every tenth tick and the last are told of, by what ``info`` returns.
+        Every tenth tick and the last are reported, with what ``info`` returns.
         """
         if not over and self.cancelled is not None and self.cancelled():
             self.interrupted, over = time, True
@@ -56,6 +56,6 @@ class Callbacks:
 def progress_info(
     now: LoopTick, errors: Mapping[str, Array], failed: int, **more: Any
 ) -> dict[str, Any]:
-    """Return what is told of a tick: time [s], largest speed, error norms by task, failed ticks."""
+    """Return the progress at a tick: time [s], largest speed, error norms, failed ticks."""
     norms = {name: float(np.linalg.norm(error)) for name, error in errors.items()}
     return {"time": now.time, "speed": now.speed, "errors": norms, "failed": failed, **more}

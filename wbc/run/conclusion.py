@@ -133,7 +133,7 @@ def _worst_balance(states: list[Measured], history: History) -> Worst | None:
 
 
 def _worst_clearance(states: Sequence[Measured]) -> dict[str, Worst]:
-    """Return what was left of each margin at worst."""
+    """Return the least clearance of each margin."""
     worst = dict[str, Worst]()
     for tick, state in enumerate(states):
         for name, left in state.clearance.items():
@@ -154,7 +154,7 @@ def _held_back(history: History) -> dict[str, HeldBack]:
 def _not_kept(
     stop: Stop, states: Sequence[Measured], standings: Sequence[Standing], balance: Worst | None
 ) -> Iterator[str]:
-    """Yield in words what was to be kept all the time and was not."""
+    """Yield in words every condition that was not kept all the time."""
     if stop.balance is not None and balance is not None and balance.value < stop.balance:
         side = "outside" if balance.value < 0.0 else "inside"
         asked = f", less than {1e3 * stop.balance:.3g} mm" if balance.value >= 0.0 else ""

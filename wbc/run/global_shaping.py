@@ -125,9 +125,9 @@ def shape_globally(
 
 
 class _WayThere:
-    """Records the motion to the best postures, an attempt each, and tells of it.
+    """Records and reports the motion to the best postures, an attempt each.
 
-    On the way other tasks lead; what is recorded and told is how far the problem's own are.
+    Other tasks lead the robot on the way; recorded are the errors of the problem's own.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ def _with_search(
     motion: Motion,
     effort: SearchEffort,
 ) -> Result:
-    """Return the result of a motion with what is known of the search that it followed.
+    """Return the result of a motion together with the search that it followed.
 
     It counts as good only if the motion arrived.
     """

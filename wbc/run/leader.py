@@ -1,4 +1,4 @@
-"""Who leads a simulation: which controller is in charge of each tick, and what it holds."""
+"""Leaders of a simulation: which controller is in charge of each tick, and what it holds."""
 
 from __future__ import annotations
 

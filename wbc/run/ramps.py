@@ -141,7 +141,7 @@ class MovingTarget:
     begins: float = 0.0
 
     def move_to(self, t: float) -> None:
-        """Set what is moved to its value at time ``t`` [s]."""
+        """Set the target to its value at time ``t`` [s]."""
         self.set_target(*self.course.at(t - self.begins))
 
 

@@ -42,7 +42,7 @@ class Standing:
         limits: Limits | None = None,
         is_hard: Callable[[str], bool] = lambda _: True,
     ) -> Standing:
-        """Return what it is to stand on ``contacts`` and to keep constraints and limits.
+        """Return the conditions of standing on ``contacts`` and of keeping constraints and limits.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Standing:
         return float(polygon_margin(support_polygon(snapshot, self.feet), snapshot.com[:2]))
 
     def clearance(self, snapshot: Snapshot) -> dict[str, tuple[float, str]]:
-        """Return what is left of each margin [m], negative inside, and where, by its name."""
+        """Return the clearance of each margin [m], negative inside, and where, by its name."""
         found = dict[str, tuple[float, str]]()
         for margin in self.margins:
             distances = margin.distances(snapshot)

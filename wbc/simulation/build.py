@@ -248,7 +248,7 @@ def _set_inertias(model: Any, inertias: Sequence[PrincipalInertia], ids: Sequenc
 
 
 def _add_gears(mujoco: Any, spec: Any, robot: Robot, physics_dt: float) -> None:
-    """Hold mimic joints to what they follow, by constraints that are stiff but not rigid."""
+    """Tie mimic joints to their drivers, by constraints that are stiff but not rigid."""
     for joint, coupling in robot.couplings.items():
         gear = spec.add_equality(name=f"gear of {joint}", type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
         gear.name2, gear.objtype = coupling.driver, mujoco.mjtObj.mjOBJ_JOINT

@@ -78,7 +78,7 @@ class FallWatch:
         self.tilt = 0.0
 
     def verdict(self) -> Verdict:
-        """Return what is true now."""
+        """Return the present verdict."""
         limits, plant = self.limits, self._plant
         upright = float(np.clip(plant.body_rotation(limits.trunk)[2] @ self._up, -1.0, 1.0))
         tilt = float(np.arccos(upright))

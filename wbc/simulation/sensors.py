@@ -87,7 +87,7 @@ class Measurements:
         self._noisy = bool(any(getattr(s, name) for name in NOISES))
 
     def measure(self, q: Array, v: Array) -> tuple[Array, Array] | None:
-        """Return what is measured of a state, or None for a missing frame.
+        """Return the measurement of a state, or None for a missing frame.
 
         Every call draws as many random numbers as any other.
         """

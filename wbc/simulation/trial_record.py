@@ -73,7 +73,7 @@ class TrialRecord:
         return kept
 
     def info(self) -> dict[str, Any]:
-        """Return what is told of the trial while it goes on."""
+        """Return the progress of the trial."""
         return {"time": self._plant.time, "errors": {}, "failed": self.relaxed}
 
     def _truth(self, now: SimulationTick) -> Snapshot:

@@ -86,7 +86,7 @@ class Covers:
         return bounds
 
     def capsules(self, placed: Array, chosen: Index | None) -> Array:
-        """Return what is nearest between the capsules of the chosen pairs, or of all (None).
+        """Return distances, normals and nearest points of the capsules of some pairs (None: all).
 
         (7, k): see :func:`wbc.robot.collision.distances.parts`.
         """

@@ -30,7 +30,7 @@ Index = NDArray[np.int64]
 
 
 def nearest_points(A: Array, B: Array, length_a: Array, length_b: Array) -> Array:
-    """Return what is nearest between segments A and B, (7, k): see :func:`parts`.
+    """Return distance, normal and nearest point of segments A and B, (7, k): see :func:`parts`.
 
     Where axes touch, the normal is the common perpendicular of the two axes on the side of A's
     middle; for parallel axes, the direction between the middles or any perpendicular.
@@ -104,7 +104,7 @@ def _fallback(a: Array, b: Array, between: Array) -> Array:
 
 
 def _perpendicular(wanted: Array, axis: Array) -> Array:
-    """Return what is left of ``wanted`` across ``axis``; any perpendicular if nothing is."""
+    """Return the part of ``wanted`` perpendicular to ``axis``; any perpendicular if it is zero."""
     squared = float(axis @ axis)
     for direction in (wanted, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])):
         left = direction - (float(direction @ axis) / squared * axis if squared > 0.0 else 0.0)
@@ -183,7 +183,7 @@ class ShapePairs:
             self._shapes.geometryObjects[k].placement = pin.SE3(*pose) * self._places[k]
 
     def measure(self, snapshot: Snapshot, chosen: Index) -> Array:
-        """Return what is nearest of some pairs, (7, k): see :func:`parts`. Negative: inside.
+        """Return distance, normal and nearest point of some pairs, (7, k): see :func:`parts`.
 
         In Pinocchio's loop, which skips pairs that are switched off: from tick to tick few change,
         and calls from Python would take 0.3 us for each pair.

@@ -323,14 +323,14 @@ def _above(found: PairDistances, kept: Array | None) -> Array:
 
 
 def _fewest(found: PairDistances, count: int, kept: Array | None) -> PairDistances:
-    """Return the ``count`` of least distance, or least above what they keep, in order."""
+    """Return the ``count`` of least distance, or of least distance above ``kept``, in order."""
     if len(found.pairs) == count:
         return found
     return found.take(np.sort(np.argpartition(_above(found, kept), count)[:count]))
 
 
 def _least(pairs: Index, found: Array, count: int) -> tuple[Index, Array]:
-    """Return the ``count`` nearest of pairs and of what was found of them, in order."""
+    """Return the ``count`` nearest pairs and their columns of ``found``, in order."""
     best = found[0].argpartition(count)[:count]
     best = best[pairs.take(best).argsort()]
     return pairs.take(best), found.take(best, axis=1)

@@ -35,7 +35,7 @@ class _Pairs(ctypes.Structure):
 
 
 class NativePairs:
-    """Pairs of bodies as the core reads them; bodies that are moved are read where they are.
+    """Pairs of bodies as the core reads them, at the present places of those that are moved.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class NativePairs:
         return None if said else (chosen, found)
 
     def measure(self, state: NativeState, pairs: Index) -> Array | None:
-        """Return what is nearest (7, k) of some pairs; None: see :meth:`nearest`."""
+        """Return distance, normal and point (7, k) of some pairs; None: see :meth:`nearest`."""
         scratch, found = np.empty(9 * self.counts[0]), np.empty((7, len(pairs)))
         struct = self.struct(state.tree)
         arrays = state.array, np.ascontiguousarray(pairs), scratch, found
@@ -140,7 +140,7 @@ class NativePairs:
         return out
 
     def struct(self, tree: NativeTree) -> ctypes.Structure:
-        """Return what the core is told; who keeps it keeps these pairs."""
+        """Return the core's structure; who holds it must keep these pairs alive."""
         return _Pairs(tree.nv, tree.joints, *self.counts, *self._addresses)
 
 

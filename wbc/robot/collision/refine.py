@@ -1,9 +1,9 @@
 """Finer shapes for bodies that stand nearer to each other than their simple shapes can tell.
 
-The raw shapes, meshes as they are, say how far two bodies are apart when the robot stands. Where
-the simple shapes leave less than the margin, the pair gets hulls; where these leave too little, the
-meshes are cut in halves where they are nearest, again and again, and the hulls of the parts, which
-hold every triangle, follow what is not convex.
+The raw shapes (the meshes) say how far two bodies are apart when the robot stands. Where the simple
+shapes leave less than the margin, the pair gets hulls; where these leave too little, the meshes are
+cut in halves where they are nearest, again and again, and the hulls of the parts, which hold every
+triangle, follow what is not convex.
 """
 
 from __future__ import annotations

@@ -207,7 +207,7 @@ def _usable(model: pin.Model, *joints: str) -> bool:
 
 
 def _unusable(description: Description, locked: Collection[str]) -> list[str]:
-    """Return the joints that are to be locked for all others to follow what they are tied to."""
+    """Return the joints to lock so that every other mimic joint can follow its driver."""
     found = list[str]()
     for joint in sorted({*description.coupled} - {*locked}):
         name, seen = joint, [joint]

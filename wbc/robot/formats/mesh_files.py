@@ -68,7 +68,7 @@ def resolve_meshes(
 
 
 def missing_notes(missing: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """Return a note for each kind of which something was left out."""
+    """Return a note for each kind of mesh (visual, collision) of which some are missing."""
     return tuple(
         f"{len(names)} {tag} meshes not found and left out: {listed(names, 3)}"
         + ("; package_dirs=[...]: folders of packages" if "://" in "".join(names) else "")

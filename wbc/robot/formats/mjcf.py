@@ -142,7 +142,7 @@ def _file_of(text: str, path: Path, failure: str) -> Iterator[str]:
 
 
 def _check_numbers(root: ET.Element, path: Path) -> None:
-    """Refuse attributes with too few numbers, for which Pinocchio takes what is in its memory."""
+    """Refuse attributes with too few numbers: Pinocchio would read uninitialised memory."""
     for body in root.findall("worldbody//body"):
         for element in (body, *(child for child in body if child.tag in NUMBERED)):
             where = f"{path}: body {body.get('name', '?')!r}"

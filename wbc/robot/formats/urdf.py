@@ -199,7 +199,7 @@ def _carried_masses(root: ET.Element, joints: list[ET.Element]) -> dict[str, flo
 
 
 def _check_floating(joints: list[ET.Element], base: ET.Element, path: Path) -> None:
-    """Allow a ``floating`` joint only where it says what is so anyway: from an empty root link."""
+    """Allow a ``floating`` joint only where it is redundant: from an empty root link."""
     on_base = [joint for joint in joints if _parent(joint) == base.get("name")]
     for joint in joints:
         if joint.get("type") != "floating":
