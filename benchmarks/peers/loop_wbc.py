@@ -30,11 +30,13 @@ class Loop:
         if inertia:
             self.inertia = wbc.InertiaTask(robot, start.inertia, per_mass=True, gain=0.2)
             tasks.insert(0, self.inertia)
+        limits = wbc.Limits(robot)
+        limits.speed = np.array([job.velocities[name] for name in robot.joint_names])
         self.controller = wbc.KinematicController(
             robot,
             tasks,
             contacts=wbc.support(start, "double"),
-            limits=wbc.Limits(robot, acceleration=None),
+            limits=limits,
             constraints=self.constraints(),
             dt=job.dt,
             solver=solver,

@@ -5,9 +5,10 @@ turn, so that the machine's drift hits all alike. The time is thread CPU time of
 the loop: targets are set, the command is computed and integrated. The job: a G1 on both feet, held
 exactly, follows its CoM and the orientation of its trunk, with a posture task, position and
 velocity limits, dt 5 ms; and the same with 25 pairs of spheres kept 10 mm apart, a row for each in
-every tick. Equal work is checked: CoM error, drift of the feet, velocities within
-their limits, the nearest spheres. At the torque level the same with friction cones and torque
-bounds, dt 2 ms; the acceleration is integrated as it was computed.
+every tick; and with joints so slow that a dozen are at their limits, where in all other loops no
+bound is active. Equal work is checked: CoM error, drift of the feet, velocities within their limits
+(mink exceeds active ones by 0.2 %), the nearest spheres. At the torque level the same with friction
+cones and torque bounds, dt 2 ms; the acceleration is integrated as it was computed.
 
     bash benchmarks/peers/environments.sh
     python benchmarks/peers/run.py [--ticks 2000] [--output benchmarks/RESULTS.md]
@@ -32,7 +33,10 @@ from wbc.robot import Robot
 
 HERE = Path(__file__).resolve().parent
 BUILD = HERE.parents[1] / "build" / "peers"
-DT = {"velocity": 0.005, "velocity, 25 pairs": 0.005, "torque": 0.002}
+DT = {
+    "velocity": 0.005, "velocity, 25 pairs": 0.005, "velocity, slow joints": 0.005, "torque": 0.002,
+}  # fmt: skip
+SLOW = 0.1  # of slow joints [rad/s]
 WARM_UP, BLOCK = 200, 50
 ROBOT = "g1"
 FEET, TRUNK = ("left_ankle_roll_link", "right_ankle_roll_link"), "torso_link"
@@ -60,6 +64,11 @@ LOOPS = {
         ("Pink proxqp", "pink", "pink", ("proxqp",)),
         ("mink daqp", "mink", "mink", ("daqp",)),
         ("mink proxqp", "mink", "mink", ("proxqp",)),
+        ("PlaCo (C++)", "placo", "placo", ()),
+    ),
+    "velocity, slow joints": (
+        ("wbc daqp", "wbc", "wbc", ("daqp",)),
+        ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
         ("PlaCo (C++)", "placo", "placo", ()),
     ),
     "torque": (
@@ -124,12 +133,15 @@ def sphere_pairs() -> list[tuple[str, str]]:
     return [(arm, link) for arm in arms for link in BODY] + [(arms[2], arms[5])]
 
 
-def write_job(folder: Path, dt: float, pairs: Sequence[tuple[str, str]] = ()) -> Path:
+def write_job(
+    folder: Path, dt: float, pairs: Sequence[tuple[str, str]] = (), slow: bool = False
+) -> Path:
     """Write the robot without its meshes, as URDF and for MuJoCo, and where it starts.
 
-    ``pairs`` are links to be kept apart, which get spheres.
+    ``pairs`` are links to be kept apart, which get spheres; ``slow``: joints may not be fast.
     """
     robot = Robot.load(ROBOT)
+    speeds = np.full(robot.nv - 6, SLOW) if slow else robot.limits.velocity
     folder.mkdir(parents=True, exist_ok=True)
     root = ET.parse(robot.path).getroot()
     for link in root.iter("link"):
@@ -141,6 +153,8 @@ def write_job(folder: Path, dt: float, pairs: Sequence[tuple[str, str]] = ()) ->
         if any(link.get("name") in pair for pair in pairs):
             sphere = ET.SubElement(link, "collision", name=f"{link.get('name')}_ball")
             ET.SubElement(ET.SubElement(sphere, "geometry"), "sphere", radius=f"{RADIUS}")
+    for limit in root.iter("limit") if slow else ():
+        limit.set("velocity", str(SLOW))
     urdf, mjcf = folder / "g1.urdf", folder / "g1_mujoco.urdf"
     ET.ElementTree(root).write(urdf)
     children = {joint.find("child").get("link") for joint in root.iter("joint")}
@@ -160,7 +174,7 @@ def write_job(folder: Path, dt: float, pairs: Sequence[tuple[str, str]] = ()) ->
         "dt": dt, "feet": FEET, "trunk": TRUNK,
         "pairs": [*pairs], "radius": RADIUS, "margin": MARGIN,
         "base": q[:7].tolist(), "joints": dict(zip(names, positions.tolist(), strict=True)),
-        "velocities": dict(zip(names, robot.limits.velocity.tolist(), strict=True)),
+        "velocities": dict(zip(names, speeds.tolist(), strict=True)),
         "corners": [corners(robot, q, foot) for foot in FEET],
         "efforts": dict(zip(names, robot.limits.effort.tolist(), strict=True)),
     }  # fmt: skip
@@ -208,7 +222,8 @@ def rows(loops: list[Loop]) -> list[str]:
 def race(level: str, ticks: int, only: list[str] | None) -> tuple[list[str], dict[str, str]]:
     """Run the loops of a level in turns; return their table and versions."""
     pairs = sphere_pairs() if "pairs" in level else ()
-    job = write_job(BUILD / level.replace(", ", "_").replace(" ", "_"), DT[level], pairs)
+    folder = BUILD / level.replace(", ", "_").replace(" ", "_")
+    job = write_job(folder, DT[level], pairs, slow="slow" in level)
     chosen = [one for one in LOOPS[level] if not only or one[1] in only]
     missing = {one[1] for one in chosen if one[1] != "wbc" and not (BUILD / one[1]).is_dir()}
     loops = [Loop.start(*one, job) for one in chosen if one[1] not in missing]

@@ -18,7 +18,7 @@ from wbc.constraints import (
     SelfCollision,
     support,
 )
-from wbc.controllers import KinematicController
+from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.tick import Tick
@@ -320,9 +320,29 @@ def test_what_the_core_does_not_know_is_left_to_python(native, rng) -> None:
     assert controller._native.problem(here) is None
     com.singular_threshold = 0.0
     assert controller._native.problem(here) is not None
-    limits.acceleration = limits.acceleration * 2.0
+    limits.braking = "bounded"
     assert not controller._native.serves(controller.limits, controller.dt)
     assert controller.step(here).ok
+
+
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
+def test_limits_assigned_later_are_the_cores_too(level, native) -> None:
+    """Whoever slows a robot down shall not get ticks that take four times as long."""
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"), 1e-3 * np.ones(robot.nv))
+    limits = Limits(robot)
+    there = robot.integrate(here.q, 0.2 * np.ones(robot.nv), 1.0)
+    posture = PostureTask(robot, robot.limits.clamped(there), gain=0.5)
+    contacts = support(here, "double")
+    controller = level(robot, [posture], contacts=contacts, limits=limits, solver="daqp")
+    before = controller.step(here)
+    for name, factor in (("acceleration", 0.1), ("speed", 1e-3), ("speed", 2.0)):
+        setattr(limits, name, factor * getattr(limits, name))
+        assert controller._native.serves(controller.limits, controller.dt)
+        assert_same_qp(controller, here)
+        tick = controller.step(here)
+        assert not np.array_equal(tick.qp.upper, before.qp.upper)
+        before = tick
 
 
 def test_states_that_are_handed_back(native, rng) -> None:

@@ -136,8 +136,8 @@ class NativeMemory:
         starts = np.array(robot.limits.starts, dtype=np.int64)
         starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
         damping = np.array(plan.decision.damping, dtype=float)
-        slow = None if rows is None else rows.deceleration
-        limit = _limit_array(limits, slow, robot.nv - 6)
+        self._slow = None if rows is None else rows.deceleration
+        limit = _limit_array(limits, self._slow, robot.nv - 6)
         indices = np.array(index or [0], dtype=np.int64)
         self._size(plan, sum(block.rows for block in blocks if block.held))
         costs = sum(block.rows for block in blocks if not block.held)
@@ -206,6 +206,11 @@ class NativeMemory:
         self._asked = asked = q.tobytes(), v.tobytes()
         self.said = said = self._call(self._plan_address, known, *asked, moving)
         return said, out
+
+    def write_limits(self, limits: Limits) -> None:
+        """Take over speeds and accelerations that were assigned."""
+        limit = self.arrays["limit"]
+        limit[:] = _limit_array(limits, self._slow, limits.speed.size)
 
     def reduced(self) -> QP:
         """Return what the core left to be solved, a QP without equalities: views on its memory."""

@@ -67,7 +67,7 @@ class NativePlan:
         tasks = [part.task for part in parts if not part.held]
         self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
         self._plan, self._parts, self._dt, self._lock = plan, parts, dt, threading.Lock()
-        self._limits = _read(limits)
+        self._limits, self._rates = limits, _rates(limits)
         self._workspace = False, *plan.workspace  # as LevelSolver's
         self._solver = solver = backend if solves(backend) else None
         self.margin = margin
@@ -124,19 +124,11 @@ class NativePlan:
 
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
-        known, speed, acceleration, braking = self._limits
         return (
             dt == self._dt
+            and limits is self._limits
+            and (limits is None or limits.braking == "free")
             and (self.margin is None or self.margin.serves())
-            and limits is known
-            and (
-                limits is None
-                or (
-                    limits.speed is speed
-                    and limits.acceleration is acceleration
-                    and limits.braking is braking
-                )
-            )
         )
 
     def problem(
@@ -172,7 +164,12 @@ class NativePlan:
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
-        forces = self.memory.forces
+        forces, limits = self.memory.forces, self._limits
+        if limits is not None:
+            speed, acceleration = self._rates
+            if limits.speed is not speed or limits.acceleration is not acceleration:
+                self.memory.write_limits(limits)
+                self._rates = _rates(limits)
         for part in self._parts:
             task = part.task
             if task._changes != part.changes or task._assigned != part.assigned:
@@ -194,8 +191,6 @@ def solves(backend: Backend | None) -> TypeGuard[Daqp | ProxQP]:
     return known and bool(direct_daqp().address)
 
 
-def _read(limits: Limits | None) -> tuple[Limits | None, Array | None, Array | None, str | None]:
-    """Return what the core was told of the limits, to be compared by identity."""
-    if limits is None:
-        return (None, None, None, None)
-    return limits, limits.speed, limits.acceleration, limits.braking
+def _rates(limits: Limits | None) -> tuple[Array | None, Array | None]:
+    """Return what the core was told of the limits that may be assigned, compared by identity."""
+    return (None, None) if limits is None else (limits.speed, limits.acceleration)
