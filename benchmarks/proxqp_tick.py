@@ -7,7 +7,9 @@ recorded, and solved once more in the same order: by ProxQP alone, its update an
 with the settings of this package and with its own, with and without the contacts' rows; and by
 DAQP. Thread CPU time, medians and fifth percentiles in us.
 
-    python benchmarks/proxqp_tick.py [--ticks 1000] [--plain]
+ProxQP is only asked where a bound is active: with --speed no joint may be faster than that [rad/s].
+
+    python benchmarks/proxqp_tick.py [--ticks 1000] [--plain] [--speed 0.1]
 """
 
 import os
@@ -20,7 +22,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from inspect import getattr_static
 from time import thread_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -117,7 +119,15 @@ class Clocks:
         self._told, self._caller = np.median(found, axis=0).tolist()
 
 
-def watched(ticks: int, inertia: bool, times: Times) -> None:
+class Job(NamedTuple):
+    """Of a loop: its rounds, whether the inertia is a task, and how fast joints may be [rad/s]."""
+
+    ticks: int
+    inertia: bool
+    speed: float | None  # None: as fast as they are
+
+
+def watched(job: Job, times: Times) -> None:
     """Run the loop with clocks around its functions."""
     clocks = Clocks()
     before = [(label, owner, name, getattr_static(owner, name)) for label, owner, name in WATCHED]
@@ -130,7 +140,7 @@ def watched(ticks: int, inertia: bool, times: Times) -> None:
             setattr(owner, name, clocks.around(label, plain))
     parts: list[dict[str, float]] = []
     try:
-        rounds(ticks, inertia, defaultdict(list), lambda: parts.append(clocks.take()))
+        rounds(job, defaultdict(list), lambda: parts.append(clocks.take()))
     finally:
         for _, owner, name, plain in before:
             setattr(owner, name, plain)
@@ -138,9 +148,7 @@ def watched(ticks: int, inertia: bool, times: Times) -> None:
         times[f"  {label}"] = [part.get(label, 0.0) for part in parts[WARM_UP:]]
 
 
-def rounds(
-    ticks: int, inertia: bool, times: Times, after: Callable[[], None] = lambda: None
-) -> list[QP]:
+def rounds(job: Job, times: Times, after: Callable[[], None] = lambda: None) -> list[QP]:
     """Run the loop, note how long its rounds take, and return its QPs.
 
     ``after`` is called after each round.
@@ -154,18 +162,21 @@ def rounds(
         wbc.OrientationTask(robot, "torso_link", trunk, weight=1.0, gain=1.0),
         wbc.PostureTask(robot, q, weight=0.1, gain=1.0),
     ]
-    if inertia:
+    if job.inertia:
         tasks.append(wbc.InertiaTask(robot, start.inertia, per_mass=True, gain=0.2))
+    limits = wbc.Limits(robot)
+    if job.speed is not None:
+        limits.speed = job.speed
     controller = wbc.KinematicController(
         robot,
         tasks,
         contacts=wbc.support(start, "double"),
-        limits=wbc.Limits(robot),
+        limits=limits,
         dt=DT,
         solver="proxqp",
     )
     qps = []
-    for k in range(WARM_UP + ticks):
+    for k in range(WARM_UP + job.ticks):
         t = k * DT
         wave = np.array([0.01, 0.02, -0.01]) * np.sin(2 * np.pi * np.array([0.5, 0.25, 0.4]) * t)
         turned = trunk @ exp_rotation(np.array([0.0, 0.1, 0.2]) * np.sin(t))
@@ -173,7 +184,7 @@ def rounds(
         begin = thread_time()
         tasks[0].set_target(com + wave)
         tasks[1].set_target(turned)
-        if inertia:
+        if job.inertia:
             tasks[3].set_target(shape)
         tick = controller.step(robot.snapshot(q, v))
         v = tick.velocity
@@ -225,10 +236,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ticks", type=int, default=1000)
     parser.add_argument("--plain", action="store_true", help="without the inertia task")
+    parser.add_argument("--speed", type=float, help="of joints [rad/s]; else as fast as they are")
     options = parser.parse_args()
     times: Times = defaultdict(list)
-    qps = rounds(options.ticks, not options.plain, times)
-    watched(options.ticks, not options.plain, times)
+    job = Job(options.ticks, not options.plain, options.speed)
+    qps = rounds(job, times)
+    watched(job, times)
     reduced = [eliminate(qp).reduced for qp in qps]
     qps = [qp for qp, less in zip(qps, reduced, strict=True) if less.g.size == reduced[0].g.size]
     parts(qps, times)
