@@ -74,7 +74,8 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
     ]  # fmt: skip
     lower, upper = np.full(nv, -np.inf), np.full(nv, np.inf)
     lower[6:10], upper[8:12] = -0.5, 0.4
-    qp = relaxed_qp(plan, tasks, held, (lower, upper), margins, physics).full()
+    relaxed = relaxed_qp(plan, tasks, held, (lower, upper), margins, physics)
+    qp = relaxed.full()
     # Hard: what physics and the bolt say, and the cone; forces keep their bounds, v+ has none.
     np.testing.assert_array_equal(qp.A[:6, :n], equalities.matrix)
     np.testing.assert_array_equal(qp.A[6:, :nv], held[0].matrix)
@@ -114,12 +115,12 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
         assert cost(point) - least_cost(qp, point) == pytest.approx(constant, rel=1e-9)
     # What is missed is told by name, in its own units, unless it is what solvers leave.
     full = np.concatenate((points[0], np.zeros(qp.g.size - n)))
-    told = given_way(plan, held, qp, full)
+    told = given_way(plan, held, relaxed, full)
     values = np.concatenate([row.matrix @ points[0][:nv] - row.target for row in held])
     expected = {name: v for name, v in zip(plan.held.labels, values, strict=True) if abs(v) > 1e-5}
     assert told == pytest.approx(expected)
     full[n + 1], full[n + 2] = 2e-5, 0.5e-5
-    told = given_way(plan, held, qp, full)
+    told = given_way(plan, held, relaxed, full)
     assert told["m b"] == 2e-5 and "m c" not in told
 
 

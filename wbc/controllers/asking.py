@@ -14,7 +14,7 @@ from wbc.controllers.work import ATTEMPT, Work, likely_work, work_of
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.giving import solve_giving
-from wbc.qp.kkt import is_acceptable
+from wbc.qp.kkt import is_acceptable, is_accurate
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import NEARLY, ProxQP
 from wbc.qp.solution import Solution
@@ -61,19 +61,27 @@ class Solvers:
         work.spent += work_of(solution)
         return solution
 
-    def solve_giving(self, giving: GivingQP, work: Work) -> tuple[QP, Solution]:
-        """Return a QP with its slacks as unknowns and its checked solution, asked for once.
+    def solve_giving(self, giving: GivingQP, work: Work) -> Solution:
+        """Return the checked solution of a QP with its slacks as unknowns, asked for once.
 
-        In place of DAQP, and of ProxQP, which asks DAQP once, the core answers without the slacks.
+        In place of DAQP, and of ProxQP, which asks DAQP once, the core answers without the slacks;
+        where it does not, DAQP, once more with a finer zero: nobody is asked after that.
         """
-        full, backend = giving.full(), self._backend
-        if giving.weights is not None and isinstance(backend, Daqp | ProxQP):
-            eps = backend.eps
+        backend = self._backend
+        ours = backend if isinstance(backend, Daqp | ProxQP) else None
+        if ours is not None and giving.weights is not None:
+            eps = ours.eps
             found = solve_giving(giving.qp, giving.weights, NEARLY * eps, ITERATIONS)
-            if found is not None and is_acceptable(full, found, eps):
+            if found is not None and (
+                is_accurate(found.residuals, eps) or is_acceptable(giving.full(), found, eps)
+            ):
                 work.spent += work_of(found)
-                return full, found
-        return full, self.solve(full, work, None, quick=True)
+                return found
+        full = giving.full()
+        solution = self.solve(full, work, None, quick=True)
+        if ours is not None and not solution.solved:
+            solution = Daqp(ours.eps, ITERATIONS).solve_finely(full) or solution
+        return solution
 
     def _solve_patiently(
         self, other: Daqp, qp: QP, work: Work, quick: bool, below: float

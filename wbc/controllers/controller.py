@@ -28,7 +28,7 @@ from wbc.controllers.levels import FORMULATIONS, Box, LevelProblem, LevelSolver,
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
-from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
+from wbc.controllers.slack import NO_SLACK, FullLater, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
 from wbc.controllers.work import USUAL, Work, units_of
 from wbc.errors import ControllerFailure
@@ -355,6 +355,9 @@ class Controller(Fixed, ABC):
             singular=singular | outcome.singular,
             left_out=work.left_out,
         )
+        if outcome.giving is not None:
+            del tick.__dict__["qp"]
+            tick.__dict__["_evidence"] = FullLater(outcome.giving)
         return tick
 
     @abstractmethod

@@ -26,6 +26,7 @@ from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
+from wbc.controllers.slack import GivingQP
 from wbc.controllers.work import Work, likely_work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
@@ -64,6 +65,8 @@ class Outcome(NamedTuple):
         Of each task with a singular threshold on the levels below the first.
     given_way:
         What a relaxed QP misses, by name; None where nothing was relaxed.
+    giving:
+        The relaxed QP, of which ``qp`` lacks the slacks; None: nothing was relaxed.
     """
 
     qp: QP
@@ -73,6 +76,7 @@ class Outcome(NamedTuple):
     solve_time: float
     singular: dict[str, Singularity]
     given_way: dict[str, float] | None = None
+    giving: GivingQP | None = None
 
     @property
     def solved(self) -> bool:
@@ -233,17 +237,13 @@ class LevelSolver:
         return rows, {self._names[members[k]]: one for k, one in found.items()}
 
     def solve_relaxed(self, problem: LevelProblem, margins: Sequence[Bounds]) -> Outcome:
-        """Return the optimum with all but physics giving way, in one QP for all levels.
-
-        See :mod:`wbc.controllers.relaxation`.
-        """
+        """Return the optimum with all but physics giving way: :mod:`wbc.controllers.relaxation`."""
         rows, contacts, physics = problem.rows, problem.contacts, problem.physics
         relaxed = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
-        qp, solution = self._solvers.solve_giving(relaxed, problem.work)
-        missed = given_way(self.plan, contacts, qp, solution.x) if solution.solved else None
-        return Outcome(
-            qp, solution, qp, self.plan.decision.nv, solution.solve_time, {}, given_way=missed
-        )
+        solution = self._solvers.solve_giving(relaxed, problem.work)
+        missed = given_way(self.plan, contacts, relaxed, solution.x) if solution.solved else None
+        qp, spent = relaxed.qp, solution.solve_time
+        return Outcome(qp, solution, qp, self.plan.decision.nv, spent, {}, missed, relaxed)
 
     def _descend(
         self, problem: LevelProblem, held: list[Rows], bounds: Bounds | None, first: Outcome

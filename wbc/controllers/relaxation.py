@@ -23,9 +23,9 @@ import numpy as np
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds, stack, take
 from wbc.controllers.plan import IDLE, Physics, Plan, assemble
-from wbc.controllers.slack import GivingQP, slacks_of
+from wbc.controllers.slack import GivingQP
 from wbc.laws import Rows
-from wbc.qp.problem import QP, Labels
+from wbc.qp.problem import Labels
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
@@ -89,9 +89,11 @@ def relaxed_qp(
     return GivingQP(qp, weights)
 
 
-def given_way(plan: Plan, contacts: Sequence[Rows], qp: QP, x: Array) -> dict[str, float]:
+def given_way(
+    plan: Plan, contacts: Sequence[Rows], relaxed: GivingQP, x: Array
+) -> dict[str, float]:
     """Return what a relaxed QP's solution misses, by the name of contact row, limit or margin."""
-    missed = dict(_contacts_missed(plan, contacts, x)) | slacks_of(qp, x)
+    missed = dict(_contacts_missed(plan, contacts, x)) | relaxed.given(x)
     return {name: by for name, by in missed.items() if abs(by) > NEGLIGIBLE}
 
 

@@ -100,6 +100,27 @@ class GivingQP(NamedTuple):
         """Return the QP with its slacks as unknowns."""
         return self.qp if self.weights is None else with_slack(self.qp, self.weights)
 
+    def given(self, x: Array) -> dict[str, float]:
+        """Return by how much each row has given way, by its name; ``x`` with slacks at its end."""
+        if self.weights is None:
+            return {}
+        slack, names = x[self.qp.g.size :], self.qp.labels.inequality
+        rows = np.flatnonzero(np.isfinite(self.weights))
+        missed = np.flatnonzero(np.abs(slack) > NEGLIGIBLE)
+        return {names[rows[k]]: float(slack[k]) for k in missed.tolist()}
+
+
+class FullLater:
+    """The QP with its slacks as unknowns, as the evidence of a tick, which few ask for."""
+
+    def __init__(self, giving: GivingQP) -> None:
+        self._giving = giving
+
+    @property
+    def qp(self) -> QP:
+        """The QP."""
+        return self._giving.full()
+
 
 def with_slack(qp: QP, weights: Array) -> QP:
     """Return the QP with a slack variable for each inequality row that may give way.

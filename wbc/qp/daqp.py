@@ -97,6 +97,11 @@ class Daqp:
             settled = check.accept(qp, raw) or check.accept(qp, self.finer(qp), 2)
         return settled or check.judge(qp, raw)
 
+    def solve_finely(self, qp: QP) -> Solution | None:
+        """Return the checked solution by a finer zero, or None."""
+        check = SolveCheck(self.name, self.eps, perf_counter())
+        return check.accept(qp, self.finer(qp))
+
     def answer(self, qp: QP) -> RawSolution:
         """Return DAQP's answer, unchecked."""
         return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations).solve())

@@ -40,8 +40,8 @@ def solve_giving(qp: QP, weights: Array, eps: float, max_iterations: int) -> Sol
     n, k, m = known.sizes
     left, most = n - k, n + m
     size, integers = scratch_sizes(n, k, m)
-    size += 2 * left + 9 * most + left * left + most * left + most * most // 2
-    memory, order = np.empty(size), np.empty(integers + 2 * most, dtype=np.int64)
+    size += 2 * left + 10 * most + left * left + most * left + most * most // 2
+    memory, order = np.empty(size), np.empty(integers + 3 * most, dtype=np.int64)
     give = np.ascontiguousarray(1.0 / weights)
     places = address(give), max_iterations, address(memory), address(order)
     if native.wbc_solve_giving(ctypes.addressof(known.struct), *places) != 0:

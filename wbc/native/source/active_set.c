@@ -33,6 +33,9 @@ typedef struct {
     double *low, *up, *give, *length;  /* (m) */
     double *z, *wanted;                /* (m), of the active ones */
     double *diagonal, *w, *L;          /* (m), (m), rows of L one behind the other */
+    double *forward; /* (m) L^-1 of what is wanted of the active rows, the first known of them */
+    int64_t known;
+    int64_t candidates, *candidate; /* (m) */
     int64_t *active, *side; /* (m); side of a row: 0 is not active, 1 up, -1 low, 2 both, or DOUBTED */
 } active_set;
 
@@ -66,6 +69,7 @@ WIDE static int drop(active_set *a, int64_t p) {
     const int64_t last = --a->size;
     double by = a->diagonal[p], *restrict w = a->w;
     a->side[a->active[p]] = 0;
+    if (p < a->known) a->known = p;
     for (int64_t r = p; r < last; r++) { /* rows move up, without the entry of column p */
         const double *from = row_of(a, r + 1);
         double *to = row_of(a, r);
@@ -103,21 +107,22 @@ WIDE static void back(active_set *a) {
     }
 }
 
-/* wanted = S^-1 wanted, S = M_W M_W' + give_W */
-WIDE static void solve(active_set *a) {
-    double *restrict x = a->wanted;
-    for (int64_t j = 0; j < a->size; j++) x[j] -= dot(j, row_of(a, j), x);
-    for (int64_t j = 0; j < a->size; j++) x[j] /= a->diagonal[j];
+/* wanted = S^-1 wanted, S = M_W M_W' + give_W, from what L^-1 wanted is of the rows before begin. */
+WIDE static void solve(active_set *a, double *restrict forward, int64_t begin) {
+    for (int64_t j = begin; j < a->size; j++)
+        forward[j] = a->wanted[j] - dot(j, row_of(a, j), forward);
+    for (int64_t j = 0; j < a->size; j++) a->wanted[j] = forward[j] / a->diagonal[j];
     back(a);
 }
 
 /* The multipliers at which all active rows are met. */
 static void want(active_set *a) {
-    for (int64_t j = 0; j < a->size; j++) {
+    for (int64_t j = a->known; j < a->size; j++) {
         const int64_t row = a->active[j];
         a->wanted[j] = -(a->side[row] < 0 ? a->low : a->up)[row];
     }
-    solve(a);
+    solve(a, a->forward, a->known);
+    a->known = a->size;
 }
 
 /* Take from the multipliers what rounding leaves active rows missed by. */
@@ -127,7 +132,7 @@ WIDE static void refine(active_set *a) {
         a->wanted[j] = dot(a->n, a->M + row * a->n, a->y) - a->give[row] * a->z[j] -
                        (a->side[row] < 0 ? a->low : a->up)[row];
     }
-    solve(a);
+    solve(a, a->w, 0);
     for (int64_t j = 0; j < a->size; j++) a->z[j] += a->wanted[j];
 }
 
@@ -150,22 +155,30 @@ static int64_t go(active_set *a, int endless) {
     return first;
 }
 
-/* y, and the row that is missed by most; -1: all are met. */
+/* y, and a row that is missed; -1: all are met. It is missed by most, of those that were missed when
+ * all were looked at last: many are never missed. */
 WIDE static int64_t missed(active_set *a, int64_t *side) {
-    double worst = MET;
+    double met = MET;
     int64_t found = -1;
     memset(a->y, 0, a->n * sizeof *a->y);
     for (int64_t j = 0; j < a->size; j++) {
-        if (ROUNDED * fabs(a->z[j]) > worst) worst = ROUNDED * fabs(a->z[j]);
+        if (ROUNDED * fabs(a->z[j]) > met) met = ROUNDED * fabs(a->z[j]);
         const double factor = -a->z[j], *row = a->M + a->active[j] * a->n;
         for (int64_t c = 0; c < a->n; c++) a->y[c] += factor * row[c];
     }
-    for (int64_t i = 0; i < a->m; i++) {
-        if (a->side[i]) continue;
-        const double value = dot(a->n, a->M + i * a->n, a->y);
-        const double above = value - a->up[i], below = a->low[i] - value;
-        if (above > worst) worst = above, found = i, *side = 1;
-        if (below > worst) worst = below, found = i, *side = -1;
+    double worst = met;
+    for (int all = a->candidates == 0; found < 0 && all < 2; all++) {
+        const int64_t count = all ? a->m : a->candidates;
+        if (all) a->candidates = 0;
+        for (int64_t c = 0; c < count; c++) {
+            const int64_t i = all ? c : a->candidate[c];
+            if (a->side[i]) continue;
+            const double value = dot(a->n, a->M + i * a->n, a->y);
+            const double above = value - a->up[i], below = a->low[i] - value;
+            if (all && (above > met || below > met)) a->candidate[a->candidates++] = i;
+            if (above > worst) worst = above, found = i, *side = 1;
+            if (below > worst) worst = below, found = i, *side = -1;
+        }
     }
     if (found >= 0 && a->up[found] == a->low[found]) *side = 2;
     return found;
@@ -214,10 +227,11 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
                          const double *rows, const double *low, const double *up,
                          const double *give, int64_t most, double *scratch, int64_t *order,
                          double *x, double *z) {
-    active_set a = {.n = n, .m = m, .active = order, .side = order + m};
+    active_set a = {.n = n, .m = m, .active = order, .side = order + m,
+                    .candidate = order + 2 * m};
     double **parts[] = {&a.v, &a.y, &a.low, &a.up, &a.give, &a.length, &a.z, &a.wanted,
-                        &a.diagonal, &a.w};
-    for (int i = 0; i < 10; i++) *parts[i] = scratch, scratch += i < 2 ? n : m;
+                        &a.diagonal, &a.w, &a.forward};
+    for (int i = 0; i < 11; i++) *parts[i] = scratch, scratch += i < 2 ? n : m;
     a.U = scratch, a.M = a.U + n * n, a.L = a.M + m * n;
     memset(a.side, 0, m * sizeof *a.side);
     memcpy(a.give, give, m * sizeof *give);
@@ -240,6 +254,7 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
         }
         if (depends) { /* no point meets it, or it is missed by rounding, at a corner of many rows */
             a.side[a.active[--a.size]] = DOUBTED;
+            if (a.size < a.known) a.known = a.size;
             doubted = 1, depends = 0;
         }
         int64_t side = 0;

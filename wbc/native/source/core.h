@@ -213,7 +213,7 @@ int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *
                  void *settings);
 /* The same, at the cost of 1/2 s^2 / give (m) with rows l <= C x - s <= u, s = 0 where give is 0; by
  * source/active_set.c in at most most iterations. With p = n + m rows and bounds at most, scratch
- * holds 2 left + 9 p + left^2 + p left + p^2 / 2 numbers more, order 2 p. */
+ * holds 2 left + 10 p + left^2 + p left + p^2 / 2 numbers more, order 3 p. */
 int wbc_solve_giving(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
                      int64_t *order);
 
