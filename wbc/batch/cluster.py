@@ -112,7 +112,7 @@ class Cluster:
         return Answer(key, value, error, "" if value is None else value["worker"])
 
     def _look(self) -> None:
-        """Look who is there and at which runs, and tell of who is gone."""
+        """Update which workers are there, at which runs, and report those that are gone."""
         self._looked = time.monotonic()
         try:
             info = self._client.scheduler_info(n_workers=-1)["workers"]

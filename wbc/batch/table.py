@@ -1,4 +1,4 @@
-"""Rows in a Parquet file, with what they were made of."""
+"""Rows in a Parquet file, with the campaign and versions that made them."""
 
 from __future__ import annotations
 

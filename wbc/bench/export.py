@@ -114,7 +114,7 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
 
 
 def problem_of(qp: QP) -> dict[str, Any]:
-    """Return a QP in the form of qpsolvers, matrices row by row; what is not there is None."""
+    """Return a QP in the form of qpsolvers, matrices row by row; None for parts that it lacks."""
     rows = OneSided.of(qp, keep_box=True)
     parts = {
         "P": qp.P, "q": qp.g, "G": rows.G, "h": rows.h, "A": qp.A, "b": qp.b,

@@ -236,7 +236,7 @@ def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
 
 
 def _verdict(series: RmpSeries, filtered: bool) -> Any:
-    """Return what is to be said of the CoP, flight and axes, in a line; after a low-pass or not."""
+    """Return a line about CoP, flight and axes, after a low-pass or not."""
     import numpy as np
     from rich.text import Text
 

@@ -138,7 +138,7 @@ def _is_done(output: Path, made_of: dict[str, Any]) -> bool:
 def _run(
     campaign: Campaign, journal: Journal, workers: int, cluster: str | None, quiet: bool
 ) -> tuple[list[dict[str, Any]], Interrupts]:
-    """Run what is not done, until the end or a signal."""
+    """Do the runs that are left, until the end or a signal."""
     from wbc.batch import run_batch
     from wbc.cli.interrupts import noted_interrupts
     from wbc.cli.progress import shown_progress
@@ -163,7 +163,7 @@ def _run(
 
 
 def _told(campaign: Campaign) -> str:
-    """Return in a line what a campaign is made of."""
+    """Return a line that describes a campaign."""
     spec = campaign.spec
     seeds = spec.seeds if isinstance(spec.seeds, int) else len(spec.seeds or ())
     counts = {"problem": len(campaign.texts), "case": len(spec.cases or ())}

@@ -37,7 +37,7 @@ def complain(text: str) -> None:
 
 
 def print_note(text: str) -> None:
-    """Print what is worth knowing to stderr."""
+    """Print a note to stderr."""
     head = typer.style("note:", fg="yellow", bold=True)
     typer.echo(f"{head} {text}", err=True)
 

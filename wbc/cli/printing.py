@@ -97,7 +97,7 @@ def _inertia(result: Result) -> Table:
 
 
 def _constraints(result: Result) -> Table:
-    """Return what was left of each constraint at worst, where and when."""
+    """Return the least clearance of each constraint, where and when."""
     table = heads("constraint", "least left [mm]", "at", "time [s]")
     for name, worst in result.clearance.items():
         told = f"{name} (may give way)" if name in result.yielding else name
@@ -212,7 +212,7 @@ def _above(part: float) -> str:
 
 
 def facts() -> Table:
-    """Return an empty table of names and what there is to say of them, below an empty line."""
+    """Return an empty table of names and facts, below an empty line."""
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")

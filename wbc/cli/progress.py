@@ -64,7 +64,7 @@ def _lines(console: Console) -> ProgressCall:
 
 
 def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
-    """Return what is done, in which units, and how it stands."""
+    """Return the activity, its unit of progress, and a remark."""
     if info is None:
         return "analysing", "frame", ""
     if "drawing" in info:

@@ -17,7 +17,7 @@ from wbc.simulation.push_map import compared
 
 
 def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterable[Path]) -> None:
-    """Print what is survived by direction, beside theory, and what to know about it."""
+    """Print the impulses survived by direction, beside theory, with notes."""
     console = Console(highlight=False)
     first = maps[0]
     many = len(maps) > 1
@@ -102,7 +102,7 @@ def _short(reason: str) -> str:
 
 
 def _rows(one: PushMap, who: str) -> Iterator[tuple[str, str]]:
-    """Yield what there is to know of a map."""
+    """Yield the notes on a map."""
     odd = [
         f"{np.degrees(one.grid.angles[k]):.4g} deg at {', '.join(f'{r:.4g}' for r in ratios)}"
         for k in range(one.grid.directions)

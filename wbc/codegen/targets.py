@@ -1,4 +1,4 @@
-"""The rows of a controller as the core numbers them, and the targets of tasks as C is told."""
+"""The rows of a controller as the core numbers them, and the targets of tasks in C."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _parts(tasks: Sequence[Task], prefix: str) -> list[Part]:
 
 
 def _spellings(words: str) -> Iterator[str]:
-    """Yield names that C takes, for as long as they are taken."""
+    """Yield valid C names: of the words alone, then with a number."""
     name = re.sub(r"\W", "_", words, flags=re.ASCII).upper()
     yield name
     number = 2

@@ -208,7 +208,7 @@ class Limits(Fixed):
         return self._signed_bounds - _SIGNS * snapshot.joint_positions
 
     def _box(self, snapshot: Snapshot, reach: Array, dt: float, bounded: bool) -> Box:
-        """Return the bounds on v by speed, acceleration, and what is left to the limits, >= 0."""
+        """Return the bounds on v by speed, acceleration and the distance to the limits, >= 0."""
         speed, acceleration, sides = self.speed, self.acceleration, self._sides
         if sides.dt != dt or sides.given[0] is not speed or sides.given[1] is not acceleration:
             sides = self._sides = _BothSides.of(speed, acceleration, dt)

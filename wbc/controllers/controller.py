@@ -265,7 +265,7 @@ class Controller(Fixed, ABC):
         return ()
 
     def _physics(self, snapshot: Snapshot) -> Physics:
-        """Return what ties the unknowns behind v+ to it."""
+        """Return the equations that tie the unknowns behind v+ to it."""
         return NO_PHYSICS
 
     def _limits_at(self, snapshot: Snapshot) -> tuple[Box, Rows | None]:
@@ -287,7 +287,7 @@ class Controller(Fixed, ABC):
         return solve_with_look_ahead(solve, margins, problem.contacts)
 
     def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
-        """Return what is best where not everything can be kept: here, what was tried."""
+        """Return the best attempt where not everything can be kept: here, the one given."""
         return attempt
 
     # ------------------------------------------------------------------ parts of the tick
@@ -364,4 +364,4 @@ class Controller(Fixed, ABC):
     def _fallback(
         self, snapshot: Snapshot, outcome: Outcome, work: Work
     ) -> tuple[Array, dict[str, float]]:
-        """Return the command of the declared policy, within the limits' box, and what it misses."""
+        """Return the command of the declared policy, within the limits, and the slack it needs."""

@@ -216,7 +216,7 @@ def _rate_reduction(stack: Sequence[Rows], gram: Array, free: NullSpace) -> Arra
 
 
 def _singularity(gram: Array, threshold: float, rate_reduction: Array | None) -> Singularity:
-    """Return what the task with ``gram`` (k, k) can do by itself."""
+    """Return rank and conditioning of the one task with ``gram`` (k, k)."""
     squares, _, _ = lapack.dsyev(gram, compute_v=0)
     values = [math.sqrt(max(square, 0.0)) for square in squares.tolist()]
     condition = values[-1] / values[0] if values[0] > 0.0 else math.inf

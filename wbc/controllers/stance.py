@@ -1,4 +1,4 @@
-"""Whether a robot can stand still: the torques that it takes, and what there is."""
+"""Whether a robot can stand still: the torques needed, and those available."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def fill_gaps(
     dropouts = list[Dropout]()
 
     def note(kind: str, rows: tuple[int, int], columns: tuple[str, ...], filled: bool) -> None:
-        """Note what is between two good rows; raise an error if it is too much to be filled."""
+        """Note the gap between two good rows; raise an error if it is too long to be filled."""
         before, after = rows
         column = next((where[name] for name in columns if name in where), None)
         if before < 0 or after >= len(time):

@@ -175,7 +175,7 @@ def on_grid(time: Array, values: Array, grid: Array) -> Array:
 
 
 def low_passed(values: Array, rate: float, cutoff: float | None) -> Array:
-    """Return values (n, k) without what is faster than ``cutoff`` [Hz], and without delay.
+    """Return values (n, k) after a low-pass at ``cutoff`` [Hz], without delay.
 
     Butterworth of order 4, run forward and backward: no phase. Its own cutoff is set higher, so
     that both runs together let 1/sqrt(2) of the amplitude at ``cutoff`` pass. Within about a period

@@ -109,7 +109,7 @@ def _start(spec: ProblemSpec, folder: Path, mistakes: Mistakes) -> Snapshot:
 
 
 def _check_parts(spec: ProblemSpec, parts: Parts, start: Snapshot, mistakes: Mistakes) -> None:
-    """Find the mistakes that only the parts together show: make what they are for, once."""
+    """Find mistakes that only show when parts meet, by making the controller once."""
     if spec.controller.level == TORQUE:
         feet, duration = held_feet(parts.contacts), spec.whole_stop.duration
         spec.simulation.check(start, feet, spec.controller.dt, duration, mistakes)

@@ -87,7 +87,7 @@ class Surroundings:
         return {name: weight for name, weight in self.slack.items() if name in names}
 
     def move_to(self, time: float) -> None:
-        """Put what moves by itself where it is at ``time`` [s]."""
+        """Move obstacles and the like to their places at ``time`` [s]."""
         for built in self.constraints.values():
             if built.move_to is not None:
                 built.move_to(time)

@@ -22,7 +22,7 @@ from wbc.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What a problem is made of, at its start."""
+    """The parts of a problem, at its start."""
 
     robot: Robot
     start: Array  # configuration (nq,)

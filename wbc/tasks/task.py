@@ -309,7 +309,7 @@ class Task(metaclass=Sealed):
         return read_only(plain)
 
     def _assign(self, **values: Any) -> None:
-        """Set what a target is made of; past the check of names, which these are known to pass."""
+        """Set attributes of a target, without the check of names."""
         own = self.__dict__
         own.update(values)
         own["_assigned"] = self._assigned + 1

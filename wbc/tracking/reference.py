@@ -133,13 +133,13 @@ class PlanReference:
 
 
 def _row(**given: ArrayLike) -> Array:
-    """Return what is given side by side with zeros for the rest (42,)."""
+    """Return the given values side by side, zeros for all others (42,)."""
     rows = [np.asarray(given.get(name, np.zeros(k)), float) for name, k in _SIZES.items()]
     return np.concatenate(rows)
 
 
 def _table(motion: Trajectory, mass: float) -> Array:
-    """Return what is sampled, side by side (n, 42)."""
+    """Return all sampled quantities side by side (n, 42)."""
     inertia, rate, acceleration = inertia_motion(motion, mass)
     columns = {
         "com": motion.com,

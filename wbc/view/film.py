@@ -142,7 +142,7 @@ def write_film(
     speed: float,
     progress: Progress | None,
 ) -> Path:
-    """Write what is drawn row by row, of times (n,) [s]; see :func:`film_run`."""
+    """Write one picture per row, of times (n,) [s]; see :func:`film_run`."""
     path = Path(path)
     ending = film_format(path)
     fps = int(finite_number("film, fps", fps, least=1.0))
@@ -171,7 +171,7 @@ def write_film(
 
 @contextmanager
 def _writing(drawn: Drawn, path: Path, fps: int) -> Iterator[Callable[[], None]]:
-    """Give what is to be called after each picture; the file is there at the end."""
+    """Give a function to be called after each picture; the file is there at the end."""
     if path.suffix == ".mp4":
         writer = FFMpegWriter(fps=fps, codec="libx264", extra_args=BITEXACT)
         with writer.saving(drawn.figure, str(path), DOTS):
@@ -213,7 +213,7 @@ def sheet(size: tuple[int, int]) -> Figure:
 
 
 def picture_of(canvas: FigureCanvasAgg) -> Image.Image:
-    """Return what is drawn on a canvas."""
+    """Return the picture on a canvas."""
     canvas.draw()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 

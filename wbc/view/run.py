@@ -121,7 +121,7 @@ LONGEST = 34  # characters of a row's label
 
 
 def plot_clearance(axes: Axes, time: Array, clearance: Mapping[str, Array]) -> None:
-    """Draw what is left of each constraint; below zero it is violated."""
+    """Draw the clearance of each constraint; below zero it is violated."""
     style.plain(axes, "Left of the constraints", "time [s]", "distance [mm]")
     looks = cycle(style.SERIES)
     series = [

@@ -270,6 +270,6 @@ def _make_room(axes: Axes, run: Mapping[str, Array], curves: Sequence[Series]) -
 
 
 def _hold(axes: Axes, run: Mapping[str, Array], low: float, high: float) -> None:
-    """Let the axis of what is drawn next hold two values."""
+    """Make the next plot's axis include two values."""
     start = float(run["time"][0])
     axes.update_datalim([(start, low), (start, high)])

@@ -30,7 +30,7 @@ class Tolerances:
     excused: Mapping[str, float] = field(default_factory=dict)  # beyond that, by frame, joint, pair
 
     def excusing(self, broken: Mapping[str, float]) -> Tolerances:
-        """Return tolerances with what is broken already, one by one: see :func:`violations`.
+        """Return tolerances widened by present violations, one by one: see :func:`violations`.
 
         A hand that is in a wall at the start is no leave for a foot to go through the floor.
         """

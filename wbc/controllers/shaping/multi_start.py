@@ -52,7 +52,7 @@ class StoppingRule:
         self._settled_at: int | None = None
 
     def add(self, number: int, result: Candidate | Rejected) -> None:
-        """Take what came of a start."""
+        """Take the result of a start."""
         self.found[number] = result
         if isinstance(result, Candidate):
             self.least = result.cost if self.least is None else min(self.least, result.cost)
@@ -98,7 +98,7 @@ class StoppingRule:
 
 
 class MultiStart:
-    """Makes starts, and takes what was found from them."""
+    """Makes starts, and collects the results of the searches from them."""
 
     def __init__(
         self,

@@ -131,7 +131,7 @@ class WorkerPool:
 
 
 def search_all(multi_start: MultiStart, pool: WorkerPool) -> Searches:
-    """Search from every start, here and by a pool; Ctrl-C ends it with what there is.
+    """Search from every start, here and by a pool; Ctrl-C ends it with the results so far.
 
     The first start is always searched from, others until the pool's time is over.
     """

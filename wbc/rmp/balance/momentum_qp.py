@@ -186,7 +186,7 @@ def _require_rest(bounds: Bounds, com: Array, radii: Array) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Tick:
-    """The QP of one state, and what else is told of it."""
+    """The QP of one state, with its diagnostics."""
 
     qp: QP
     fallback: Array  # unknowns (13,), not scaled, for the case that the QP fails

@@ -1,4 +1,4 @@
-"""The page: receives frames, draws the one that is looked at, and hands on what the user wants.
+"""The page: receives frames, draws the selected one, and passes on what the user asks for.
 
 One thread draws. What the user does is answered by viser's threads, which only take note of it or
 send it on.
@@ -173,7 +173,7 @@ class Page:
             self._recording.add(message, self._cast)
 
     def draw(self) -> None:
-        """Draw the frame that is looked at, if it is not yet drawn."""
+        """Draw the selected frame, if it is not yet drawn."""
         now, latest = time.monotonic(), self._recording.latest
         if latest is None:
             return

@@ -20,7 +20,7 @@ _BAD, _WARN = "#c92a2a", "#b35900"
 
 
 class Panel:
-    """What the page says of the frame that is shown."""
+    """The page's words and numbers about the frame that is shown."""
 
     def __init__(self, gui: GuiApi, note: str) -> None:
         self._html = gui.add_html("")

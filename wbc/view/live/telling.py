@@ -1,4 +1,4 @@
-"""Reads off a controller and its tick what the page is told; the sender's work, not the loop's."""
+"""Collects from a controller and its tick what the page shows, in the sender's thread."""
 
 from __future__ import annotations
 

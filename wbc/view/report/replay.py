@@ -1,4 +1,4 @@
-"""What the replay in a report is made of: shapes once, and what moves, frame by frame."""
+"""The data of a report's replay: shapes once, and moving parts frame by frame."""
 
 from __future__ import annotations
 

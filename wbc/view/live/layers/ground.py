@@ -83,7 +83,7 @@ class ComLayer(Layer):
         self._plumb = self.lines("plumb", GREY, thickness=0.002)
 
     def show(self, shown: Shown) -> None:
-        """Put the CoM and what is below it."""
+        """Move the CoM and its marks on the ground."""
         com = shown.snapshot.com
         below = np.array([com[0], com[1], LIFT])
         self._ball.position = com

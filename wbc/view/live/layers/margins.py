@@ -83,7 +83,7 @@ class MarginsLayer(Layer):
         self._lines = self.lines("lines", GREEN, thickness=0.008, visible=False)
 
     def cast(self, cast: Cast) -> None:
-        """Take note of what is kept apart."""
+        """Take over the pairs that are kept apart."""
         self._watched = [Watched(self._robot, info) for info in cast.pairs]
         self.nearest = []
 
