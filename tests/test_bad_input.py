@@ -17,6 +17,8 @@ from wbc import (
     Robot,
     SelfCollision,
     WbcError,
+    analyse,
+    reduce,
     support,
 )
 from wbc.constraints import Constraint, Obstacles
@@ -70,6 +72,14 @@ def two_hands(robot: Robot, **keywords: Any) -> RelativePoseTask:
 
 CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
     "a walker's posture for its gait": (lambda r: Walker(r, r.posture()), "gait: expected {name"),
+    "weights of joints": (lambda r: PostureTask(r, r.posture(), weight=np.ones(25)), "weighs them"),
+    "weights by name": (lambda r: PostureTask(r, r.posture(), weight={"a": 1}), "weighs them"),
+    "contacts at once": (
+        lambda r: Contact.hold(r.snapshot(r.posture()), ["left_sole"]),
+        "unknown f",
+    ),
+    "a robot to reduce": (reduce, "reduce: expected a snapshot"),
+    "a file to analyse": (lambda r: analyse("motion.csv"), "analyse: expected a motion"),
     "a posture by joints": (lambda r: r.posture({"head_yaw": 0.1}), "unknown posture {'head_yaw"),
     "one link": (lambda r: SelfCollision(r, include=["a"]), "include: expected a list of two"),
     "a number": (lambda r: SelfCollision(r, include=3), "include: expected a list of two"),

@@ -26,6 +26,7 @@ from wbc.rmp.ground import (
     total_wrench,
 )
 from wbc.robot import Snapshot
+from wbc.robot.model import check_snapshot
 from wbc.spatial import vech_inverse
 from wbc.validate import Array, finite_number, finite_vector
 
@@ -139,6 +140,7 @@ def reduce(
     UnknownNameError
         A foot that the robot does not have.
     """
+    check_snapshot("reduce", snapshot)
     height = finite_number("ground_height", ground_height)
     gap = finite_number("gap", gap, above=0.0)
     momentum_rate = _momentum_rate(snapshot, acceleration, wrenches)

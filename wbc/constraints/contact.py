@@ -124,6 +124,7 @@ class Contact(Task):
     ) -> Self:
         """Return a contact that holds ``frame`` where it is in ``snapshot``."""
         check_snapshot(f"{cls.__name__}.hold", snapshot)
+        snapshot.robot.frame_id(frame)
         position, rotation = snapshot.position(frame), snapshot.rotation(frame)
         return cls(
             snapshot.robot, frame, position, rotation, friction=friction, corners=corners, **law

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from wbc.errors import InvalidInputError
 from wbc.motion.forces import ground_wrench
 from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
 from wbc.motion.planted import AUTO
@@ -66,6 +67,10 @@ def analyse(
     UnknownNameError
         A foot that the robot does not have.
     """
+    if not isinstance(motion, Motion):
+        raise InvalidInputError(
+            f"analyse: expected a motion, as read_motion(path, robot) returns it, got {motion!r}"
+        )
     height = finite_number("ground_height", ground_height)
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot

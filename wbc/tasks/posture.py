@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
@@ -53,6 +53,11 @@ class PostureTask(Task):
         if chosen.size == 0:
             raise InvalidInputError(f"task {name!r}: every joint has weight 0; leave the task out")
         names = [robot.joint_names[k] for k in chosen]
+        if np.ndim(weight) or isinstance(weight, Mapping):
+            raise InvalidInputError(
+                f"task {name!r}, weight: expected one number for all joints, got {shown(weight)};"
+                ' joints={"*knee*": 10} weighs them apart'
+            )
         weights = finite_number(f"task {name!r}, weight", weight, least=0.0) * factors[chosen]
         super().__init__(robot, name, names, weight=weights, priority=priority, **law)
         self._bias: Array
