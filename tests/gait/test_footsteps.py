@@ -12,7 +12,7 @@ from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import SIGN, Footsteps, first_swing, other
 from wbc.gait.phases import DoubleSupport, Measured, SingleSupport, Standing
 from wbc.gait.reference import StepPlanner
-from wbc.gait.swing import Motion, SwingFoot, turned
+from wbc.gait.swing import SwingFoot, turned
 from wbc.robot import Robot
 from wbc.validate import Array
 
@@ -31,7 +31,7 @@ def planner_of(legs: Legs, gait: GaitSettings) -> StepPlanner:
 
 
 def on_one_foot(support: str, elapsed: float, left: float, goal: Array = ORIGIN) -> SingleSupport:
-    swing = SwingFoot(Motion.rest(np.zeros(3)), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.1)
+    swing = SwingFoot.begun(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.1)
     stands = Foothold.whole(np.eye(3), np.array((0.08, 0.03)))
     return SingleSupport(support, swing, elapsed, left, goal, np.zeros(2), stands)
 

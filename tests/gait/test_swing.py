@@ -1,9 +1,11 @@
 """The foot in the air: rates are derivatives, changed goals are met, landings are soft."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
-from wbc.gait.swing import Lift, Motion, SwingFoot, towards, turned, upright_on, yaw_of
+from wbc.gait.swing import FootPose, Lift, Motion, SwingFoot, towards, turned, upright_on, yaw_of
 
 DT = 0.002
 
@@ -62,22 +64,52 @@ def test_a_foot_rises_as_fast_as_it_goes_ahead() -> None:
 
 
 def test_a_foot_that_finds_no_ground_goes_on_down() -> None:
-    foot = SwingFoot(Motion.rest(np.zeros(3)), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.2)
-    left = 0.4
-    while left > -0.1:
-        foot = foot.advanced(np.array((0.2, 0.0, 0.1)), left, DT)
-        left -= DT
-    pose = foot.pose(0.0, left)
-    assert pose.position[2] == pytest.approx(-0.2 * foot.late) and foot.late > 0.09
-    assert pose.rate[2] == -0.2
-    assert yaw_of(pose.rotation) == pytest.approx(0.1)
+    poses, foot = flown([0.4 - k * DT for k in range(250)])
+    assert poses[-1].position[2] == pytest.approx(-0.2 * foot.late, abs=1e-3) and foot.late > 0.09
+    assert poses[-1].rate[2] == pytest.approx(-0.2, abs=1e-3)
+    assert yaw_of(poses[-1].rotation) == pytest.approx(0.1)
+
+
+def flown(lefts: Iterable[float]) -> tuple[list[FootPose], SwingFoot]:
+    """A foot with a usual time of 0.4 s, by the time left in each tick."""
+    foot = SwingFoot.begun(np.zeros(3), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
+    poses = []
+    for left in lefts:
+        foot = foot.advanced(np.array((0.2, 0.0, 0.1)), 0.0, left, DT)
+        poses.append(foot.pose())
+    return poses, foot
+
+
+def test_a_foot_whose_plan_stays_is_on_its_lift() -> None:
+    poses, _ = flown(0.4 - k * DT for k in range(200))
+    lift = [Lift(0.0, 0.0, 0.05).at(k / 200, 2.5) for k in range(1, 201)]
+    heights = [(one.position[2], one.rate[2], one.acceleration[2]) for one in poses]
+    np.testing.assert_allclose(heights, lift, atol=1e-9)
+
+
+@pytest.mark.parametrize("at", [20, 60, 100, 150])
+def test_a_foot_told_to_hurry_or_late_does_not_jump(at: int) -> None:
+    """0.5 m/s from one tick to the next were 25 m/s^2 for what follows the foot at 60 1/s."""
+    first = [0.4 - k * DT for k in range(at)]
+    soon = 0.4 * first[-1]
+    poses, foot = flown([*first, *(soon - k * DT for k in range(round(soon / DT) + 30))])
+    assert foot.late > 0.05
+    z, rates = (np.array([getattr(one, name)[2] for one in poses]) for name in ("position", "rate"))
+    np.testing.assert_allclose(np.diff(z), 0.5 * DT * (rates[1:] + rates[:-1]), atol=1e-4)
+    assert np.abs(np.diff(rates)).max() < 0.1
+
+
+def test_a_foot_that_hurries_is_accelerated_upwards_as_in_a_usual_step() -> None:
+    usual, hurried = (
+        [one.acceleration[2] for one in flown(np.arange(T, 0.0, -DT))[0]] for T in (0.4, 0.18)
+    )
+    assert max(np.abs(hurried)) < 1.02 * max(np.abs(usual))
 
 
 def test_the_shorter_way_round() -> None:
-    foot = SwingFoot(
-        Motion.rest(np.array((0.0, 0.0, 3.1))), 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.2
-    )
-    foot = foot.advanced(np.array((0.0, 0.0, -3.1)), 0.03, 0.03)
+    start = np.array((0.0, 0.0, 3.1))
+    foot = SwingFoot.begun(start, 0.0, np.array((0.0, 0.0, 1.0)), 0.05, 0.4, 0.2)
+    foot = foot.advanced(np.array((0.0, 0.0, -3.1)), 0.0, 0.03, 0.03)
     assert foot.level.value[2] == pytest.approx(2 * np.pi - 3.1)
 
 

@@ -12,7 +12,7 @@ from wbc.gait.foothold import Foothold
 from wbc.gait.footsteps import other
 from wbc.gait.given import Footstep
 from wbc.gait.settings import GaitSettings
-from wbc.gait.swing import Motion, SwingFoot, yaw_of
+from wbc.gait.swing import SwingFoot, yaw_of
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -118,7 +118,7 @@ class SingleSupport:
         """
         pose, height = now.pose(foot), float(now.places[foot][2])
         descent = DESCENT * gait.height * gait.omega
-        swing = SwingFoot(Motion.rest(pose), height, normal, gait.clearance, descent)
+        swing = SwingFoot.begun(pose, height, normal, gait.clearance, gait.single, descent)
         single = given[0].single(gait) if given else gait.single
         stands = Foothold.whole(now.rotations[other(foot)], half)
         return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), stands, given)

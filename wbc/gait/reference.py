@@ -161,11 +161,11 @@ class StepPlanner:
     ) -> tuple[SingleSupport, FootPose]:
         """Return the phase with the foot in the air led on by ``dt``, and where that should be."""
         goal = landing_pose(phase, heading, velocity)
-        swing = phase.swing.advanced(goal, phase.left, dt)
         x, y, z = phase.swing.normal.tolist()
         dx, dy = (phase.goal - now.places[phase.support][:2]).tolist()
         ground = float(now.places[phase.support][2]) - (x * dx + y * dy) / z
-        return replace(phase, swing=swing), swing.pose(ground, max(phase.left, 0.0))
+        swing = phase.swing.advanced(goal, ground, phase.left, dt)
+        return replace(phase, swing=swing), swing.pose()
 
     def double_time(self, phase: SingleSupport) -> float:
         """Return how long the double support lasts that ends a phase now [s].

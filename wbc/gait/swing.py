@@ -42,6 +42,14 @@ class Motion(NamedTuple):
         """Return no motion at all."""
         return cls(value, np.zeros_like(value), np.zeros_like(value))
 
+    def plus(self, other: Motion) -> Motion:
+        """Return the sum of both."""
+        return Motion(*(mine + its for mine, its in zip(self, other, strict=True)))
+
+    def less(self, other: Motion) -> Motion:
+        """Return what it is beyond the other."""
+        return Motion(*(mine - its for mine, its in zip(self, other, strict=True)))
+
     def sprung(self, goal: float, rate: float, dt: float) -> Self:
         """Return it ``dt`` later on a critically damped spring to ``goal`` of ``rate`` [1/s]."""
         acceleration = rate**2 * (goal - self.value) - 2.0 * rate * self.rate
@@ -111,52 +119,87 @@ class FootPose(NamedTuple):
 class SwingFoot:
     """A foot in the air.
 
+    It is lifted by the part of its way that is done (:class:`Lift`); a hurried one less, by the
+    square of its time, so that it is accelerated upwards no more than in a usual step: that throws
+    the CoM up, and the foot lands late. Where the plan changes, the height does not jump: what it
+    is off its new curve is taken back on a curve of least jerk until the landing.
+
     Attributes
     ----------
     level:
         x, y [m] and yaw [rad] as they should be.
+    height:
+        (1,) likewise [m].
     lifted_from:
         Height at which it left the ground [m].
     normal:
         (3,) of the ground, where the other foot stands.
     clearance:
-        How high it is lifted [m].
+        How high it is lifted in the ``usual`` time [m].
+    usual:
+        Time in the air [s].
+    descent:
+        Speed at which it goes on downwards when it is late [m/s].
     done:
         Part of the way that is done, in [0, 1].
     late:
         How long it should have been on the ground [s].
-    descent:
-        Speed at which it then goes on downwards [m/s].
     """
 
     level: Motion
+    height: Motion
     lifted_from: float
     normal: Array
     clearance: float
+    usual: float
     descent: float
     done: float = 0.0
     late: float = 0.0
 
-    def advanced(self, goal: Array, left: float, dt: float) -> SwingFoot:
-        """Return it ``dt`` later on its way to ``goal`` (x, y, yaw); it lands after ``left``."""
+    @classmethod
+    def begun(
+        cls,
+        pose: Array,
+        height: float,
+        normal: Array,
+        clearance: float,
+        usual: float,
+        descent: float,
+    ) -> Self:
+        """Return one that leaves the ground, from ``pose`` (x, y, yaw)."""
+        still = Motion.rest(np.array((height,)))
+        return cls(Motion.rest(pose), still, height, normal, clearance, usual, descent)
+
+    def advanced(self, goal: Array, ground: float, left: float, dt: float) -> SwingFoot:
+        """Return it ``dt`` later on its way to ``goal`` (x, y, yaw); it lands after ``left``.
+
+        ``ground`` is the height below the goal [m].
+        """
         now = self.level
         x, y, yaw = goal.tolist()
         yaw = float(now.value[2]) + math.remainder(yaw - float(now.value[2]), math.tau)
         level = towards(now, np.array((x, y, yaw)), left, dt)
+        rate = (1.0 - self.done) / max(left, dt)
         if left <= 0.0:
-            return replace(self, level=level, done=1.0, late=self.late + dt)
-        done = min(1.0, self.done + (1.0 - self.done) * dt / left)
-        return replace(self, level=level, done=done)
-
-    def pose(self, ground: float, left: float) -> FootPose:
-        """Return where it should be, if the ground below its goal is at height ``ground`` [m]."""
-        level = self.level
-        if self.late > 0.0:
-            z, rate, acceleration = ground - self.descent * self.late, -self.descent, 0.0
+            then = replace(self, level=level, done=1.0, late=self.late + dt)
         else:
-            progress = (1.0 - self.done) / max(left, LEAST_LEFT)
-            lift = Lift(self.lifted_from, ground, self.clearance)
-            z, rate, acceleration = lift.at(self.done, progress)
+            then = replace(self, level=level, done=min(1.0, self.done + rate * dt))
+        curve, later = self._curve(ground, rate), then._curve(ground, rate)
+        off = towards(self.height.less(curve), np.zeros(1), left, dt)
+        return replace(then, height=off.plus(later))
+
+    def _curve(self, ground: float, rate: float) -> Motion:
+        """Return the height (1,) of one that does its way at ``rate`` [1/s]; 0 if it is late."""
+        if rate == 0.0:
+            below = ground - self.descent * self.late
+            return Motion(np.array((below,)), np.array((-self.descent,)), np.zeros(1))
+        clearance = self.clearance * min(1.0, 1.0 / (rate * self.usual)) ** 2
+        lift = Lift(self.lifted_from, ground, clearance).at(self.done, rate)
+        return Motion(*(np.array((one,)) for one in lift))
+
+    def pose(self) -> FootPose:
+        """Return where it should be."""
+        level, (z, rate, acceleration) = self.level, (float(one[0]) for one in self.height)
         return FootPose(
             np.array((*level.value[:2], z)),
             upright_on(self.normal) @ turned(float(level.value[2])),

@@ -35,6 +35,11 @@ class WalkingWeights:
     The pressure comes before the foot in the air: at a fifth of the weight, a G1's foot that is
     hurried at 60 m/s^2 had 0.4 m/s^2 more of them, and the pressure was 5 cm off for it.
 
+    How high that foot is comes before where it is: one that is 8 mm too high when it should land
+    lands 60 ms late, in which the capture point's error grows by a quarter. At the weight of its
+    place, a leg swung by its hip drew a G1's foot down by 25 m/s^2 when it hurried ahead at 70, and
+    held it up as it slowed.
+
     The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
     more than the length of a sole. About the vertical only friction holds a foot, so that is
     regulated, firmly, to what the whole body has when it turns as commanded: at a sixth of the
@@ -43,9 +48,9 @@ class WalkingWeights:
 
     Attributes
     ----------
-    com, height, swing:
+    com, height, swing, lift:
         Of the CoM's horizontal motion (by the centre of pressure), of its height, of the foot in
-        the air [1/(m/s)].
+        the air, and of how high that is [1/(m/s)].
     trunk, posture:
         [1/(rad/s)].
     spin, yaw:
@@ -58,6 +63,7 @@ class WalkingWeights:
     com: float = 150.0
     height: float = 30.0
     swing: float = 10.0
+    lift: float = 30.0
     trunk: float = 6.0
     posture: float = 0.3
     spin: float = 0.4
@@ -101,7 +107,7 @@ class WholeBody:
         robot, w = start.robot, weights
         self._friction = friction
         self._frames = {foot: sole.frame for foot, sole in robot.feet.items()}
-        self._swing_weight = w.swing
+        self._swing_weight = np.array((w.swing, w.swing, w.lift, w.swing, w.swing, w.swing))
         trunks = dict.fromkeys((BASE, heaviest_link(robot)))
         self._upright = {one: turned(-heading) @ start.rotation(one) for one in trunks}
         inertia = robot.mass * height**2
