@@ -42,6 +42,7 @@ from wbc.gait.phases import (
     feet_after,
     next_foot,
 )
+from wbc.gait.push import PushObserver
 from wbc.gait.reference import Reference, StepPlanner, half_sizes
 from wbc.gait.settings import GaitSettings
 from wbc.gait.swing import Motion, unit
@@ -61,7 +62,6 @@ FOLLOW = 3.0
 # How much the sole that bears counts for the slope of the ground: it may be on an edge.
 LEVELLING = 0.2
 FRICTION = FrictionCone()
-UNADAPTED = "the QP of a footstep was not solved; the usual one is made instead"
 
 
 class Walker:
@@ -106,8 +106,8 @@ class Walker:
     landings:
         How far feet landed from those that were.
     unadapted:
-        In how many ticks the QP that adapts the footstep was not solved, and the foot led to where
-        it would land without a disturbance; a warning says so at the first.
+        In how many ticks the QP that adapts the footstep was not solved and the usual one is made;
+        a warning says so at the first.
     notes:
         What its legs lack for walking, in words; warnings say so too.
 
@@ -168,6 +168,7 @@ class Walker:
         self.coming: tuple[Footstep, ...] = ()
         self.landings: tuple[Landing, ...] = ()
         self.unadapted = 0
+        self._push = PushObserver(self.gait.omega, self.gait.height)
 
     def __repr__(self) -> str:
         vx, vy, yaw = self.velocity
@@ -248,12 +249,12 @@ class Walker:
             land when they should.
         """
         gait, planner, dt = self.gait, self._planner, self.dt
-        now = self._measured(snapshot)
+        now, felt = self._measured(snapshot), self._felt(forces)
+        self._push, now = self._push.seen(snapshot, now, felt, dt)
         wanted = planner.velocity_on_steps(self.phase, now, self.heading) or self.wanted
         self.velocity = self.velocity.towards(wanted, gait.acceleration * dt, TURN_UP * dt)
         if not isinstance(self.phase, Standing):
             self.heading += self.velocity.yaw_rate * dt
-        felt = self._felt(forces)
         phase = self._next_phase(snapshot, now, felt)
         if isinstance(phase, SingleSupport):
             phase = planner.adapted(phase, now, self.heading, self.velocity)
@@ -285,11 +286,10 @@ class Walker:
         self._whole_body.lead(snapshot, pressure, height, self.heading, turn)
 
     def _count(self, phase: SingleSupport) -> None:
-        if phase.adapted:
-            return
-        if not self.unadapted:
-            logging.getLogger(__name__).warning("walker: %s", UNADAPTED)
-        self.unadapted += 1
+        if not (phase.adapted or self.unadapted):
+            told = "walker: the QP of a footstep was not solved; the usual one is made instead"
+            logging.getLogger(__name__).warning(told)
+        self.unadapted += not phase.adapted
 
     def _measured(self, snapshot: Snapshot) -> Measured:
         return Measured.of(snapshot, self._frames, self.gait.omega, self.gait.height)
@@ -343,7 +343,7 @@ class Walker:
         self._whole_body.hold(snapshot, self._frames, self.gait.ramp)
         if phase.given:
             self.landings = (*self.landings, Landing.of(phase.given[0], now.pose(foot)))
-        halts = self.wanted.at_rest and not self.coming
-        halts = halts and self._planner.at_its_end(phase, now, self.heading, self.velocity)
+        rests = self.wanted.at_rest and not self.coming
+        halts = rests and self._planner.at_its_end(phase, now, self.heading, self.velocity)
         time = SHIFT / self.gait.omega if halts else self._planner.double_time(phase)
         return DoubleSupport(foot, start, time, time, halts=halts)

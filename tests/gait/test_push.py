@@ -1,0 +1,68 @@
+"""A push is seen in the motion that soles do not explain; walking and wrong masses are none."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wbc.gait import Walker
+from wbc.gait.phases import Measured
+from wbc.gait.push import PushObserver
+from wbc.gait.whole_body import heaviest_link
+from wbc.robot import Robot
+from wbc.simulation import ModelMismatch, Plant, Sensors
+from wbc.validate import Array
+
+Load = Callable[[str], Robot]
+START, LASTING, FORCE = 0.3, 0.1, np.array((3.0, 5.0, 0.0))  # s, s, N
+
+
+def observed(robot: Robot) -> tuple[Array, Array, PushObserver]:
+    """Times, what is observed (n, 2), by which observer, of a walk with wrong masses and noise."""
+    plant = Plant(
+        robot,
+        dt=0.002,
+        sensors=Sensors(position_noise=1e-3, velocity_noise=0.05, delay=0.002, seed=3),
+        mismatch=ModelMismatch(mass=1.1),
+    )
+    walker = Walker(robot, dt=0.002)
+    gait, frames = walker.gait, {foot: sole.frame for foot, sole in robot.feet.items()}
+    observer, found, times = PushObserver(gait.omega, gait.height), [], []
+    walker.command(0.1)
+    plant.push(heaviest_link(robot), FORCE, start=START, duration=LASTING)
+    while plant.time < START + LASTING + 0.16:
+        snapshot, forces = plant.snapshot(), plant.contact_forces
+        now = Measured.of(snapshot, frames, gait.omega, gait.height)
+        felt = {foot: forces[frame] for foot, frame in frames.items()}
+        observer, ahead = observer.seen(snapshot, now, felt, 0.002)
+        np.testing.assert_array_equal(ahead.dcm, observer.ahead(now).dcm)
+        found.append(observer.push)
+        times.append(plant.time)
+        plant.step(walker.step(snapshot, forces).torque)
+    return np.array(times), np.array(found), observer
+
+
+def test_a_push_is_seen_and_a_walk_is_none(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    times, found, observer = observed(robot)
+    at = (times > START + 0.06) & (times < START + LASTING)
+    seen, pushed = found[at].mean(axis=0), FORCE[:2] / (1.1 * robot.mass)
+    # at the trunk, above the CoM: the angular momentum adds to what is carried
+    assert (seen > 0.8 * pushed).all() and (seen < 1.8 * pushed).all()
+    quiet = (times > 0.1) & ((times < START) | (times > START + LASTING + 0.12))
+    assert np.linalg.norm(found[quiet], axis=1).max() < 0.35 * np.linalg.norm(pushed)
+    start = robot.snapshot(robot.posture("standing"))
+    frames = {foot: sole.frame for foot, sole in robot.feet.items()}
+    now = Measured.of(start, frames, observer.omega, observer.height)
+    blind, same = observer.seen(start, now, {}, 0.002)  # not felt any more
+    assert blind.expected is None and not blind.push.any() and same is now
+
+
+def test_the_capture_point_is_where_the_push_takes_it() -> None:
+    """After a quarter of the time constant, by a simulation of the pendulum itself."""
+    omega, a = 4.0, np.array((1.0, -2.0))
+    now = Measured(np.array((0.02, 0.01)), {}, {})
+    ahead = PushObserver(omega, 0.6, np.zeros(2), a).ahead(now)
+    xi, steps = now.dcm, 1000
+    for _ in range(steps):  # the pressure is at the DCM, so that only the push moves it
+        xi = xi + 0.25 / omega / steps * a / omega
+    np.testing.assert_allclose(ahead.dcm, xi, rtol=1e-12)
