@@ -260,7 +260,7 @@ class Walker:
             phase = planner.adapted(phase, now, self.heading, self.velocity)
             self._count(phase)
             phase, pose = planner.swung(phase, now, self.heading, self.velocity, dt)
-            self._whole_body.swing(other(phase.support), pose)
+            self._whole_body.swing(other(phase.support), pose, exact=bool(phase.given))
             if felt:
                 phase = phase.felt(now, felt[phase.support], self.robot.weight)
             reference = planner.single(phase, now)
