@@ -5,15 +5,18 @@ import pytest
 
 from tests.controllers.test_look_ahead import DT, Slow, outcome
 from wbc.constraints import Limits, SelfCollision, support
+from wbc.constraints.contact import Contact
 from wbc.controllers import KinematicController
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.slack import Slacks
-from wbc.controllers.work import Work, work_of
+from wbc.controllers.work import work_of
 from wbc.errors import InvalidInputError
 from wbc.qp import QP, ProxQP, Status
 from wbc.qp.backend import installed_solvers
 from wbc.qp.daqp import Daqp
+from wbc.qp.daqp_direct import iteration_limit
 from wbc.qp.qpsolvers_backend import QpsolversBackend
+from wbc.qp.work import ACTIVE_SET, COLD, Work
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
 
@@ -128,7 +131,7 @@ def test_what_bounds_show_to_be_safe_needs_no_look(here) -> None:
 
 
 def test_a_level_that_one_attempt_does_not_solve_is_left_out(here, monkeypatch) -> None:
-    """From half of the budget on; before, a tick without all its levels has failed."""
+    """From most of the budget on; before, a tick without all its levels has failed."""
     honest = ProxQP.solve
 
     def stubborn(self, qp, workspace="default", quick=False):
@@ -144,8 +147,69 @@ def test_a_level_that_one_attempt_does_not_solve_is_left_out(here, monkeypatch) 
     assert work.left_out == ()
 
 
+def test_a_level_with_too_little_left_is_left_out(here, monkeypatch) -> None:
+    """Even where most of the budget is not spent: what is kept for looks is nobody's to take."""
+    honest = ProxQP.solve
+
+    def stubborn(self, qp, workspace="default", quick=False):
+        found = honest(self, qp, workspace, quick)
+        return found if workspace else found._replace(status=Status.FAILED)
+
+    monkeypatch.setattr(ProxQP, "solve", stubborn)
+    monkeypatch.setattr("wbc.controllers.levels.otherwise", lambda qp: 1e9)
+    tick = controller(here, levels=2).step(here)
+    assert tick.ok and [text.split(":")[0] for text in tick.left_out] == ["level 1"]
+
+
+@pytest.mark.parametrize(("budget", "times"), [(None, 2), ("usual", 1)])
+def test_a_plain_tick_without_a_solution_is_not_solved_twice(here, solved, budget, times) -> None:
+    """Where work is counted: the QP that Python would set up is that of the core, to rounding."""
+    where, turn = here.position("left_foot"), here.rotation("left_foot")
+    elsewhere = Contact(here.robot, "left_foot", where + [0.1, 0.0, 0.0], turn)
+    tasks = [ComTask(here.robot, here.com)]
+    limits, held = Limits(here.robot), [Contact.hold(here, "left_sole"), elsewhere]
+    asked = KinematicController(
+        here.robot, tasks, contacts=held, limits=limits, dt=DT, budget=budget
+    )
+    if asked.native is None:
+        pytest.skip("no core here")
+    tick = asked.step(here)
+    assert tick.status is Status.INFEASIBLE and tick.solution.conflict is not None
+    assert not tick.velocity.any() and len(solved) == times
+
+
+def test_what_the_core_took_is_counted(here) -> None:
+    """Ticks that it hands over go on with what it left of the budget."""
+    one = KinematicController(here.robot, stack_of(here, 1), contacts=(), dt=DT, solver="daqp")
+    if one.native is None:
+        pytest.skip("no core here")
+    assert one.native.spent < 1000.0
+    assert one.step(here).ok
+    memory = one.native.memory
+    before, n = one.native.spent, here.robot.nv
+    assert before == ACTIVE_SET.call + ACTIVE_SET.step(n) * memory.iterations
+    memory.out[memory._residuals] = 101.0, 0.0, 0.0, -4.0  # as many, and no answer
+    assert one.native.spent == ACTIVE_SET.call + ACTIVE_SET.step(n) * 101
+    memory._proximal = 10
+    assert one.native.spent > before + 10 * COLD.step(n)
+
+
+def test_the_core_takes_no_more_than_half_of_a_budget(here) -> None:
+    limits = []
+    for budget in (None, 400.0, 1e6):
+        one = KinematicController(
+            here.robot, stack_of(here, 1), contacts=(), dt=DT, solver="daqp", budget=budget
+        )
+        if one.native is None:
+            pytest.skip("no core here")
+        limits.append(int(iteration_limit(one.native.memory._settings)[0]))
+    assert limits[0] == limits[2] == Daqp().max_iterations
+    n = here.robot.nv
+    assert 1 < limits[1] <= 200.0 / ACTIVE_SET.step(n)
+
+
 def test_cuts_that_one_attempt_does_not_solve_are_left_out(here, monkeypatch) -> None:
-    """From half of the budget on a part of the answer without them is commanded, looked at."""
+    """From most of the budget on a part of the answer without them is commanded, looked at."""
     honest, asked = ProxQP.solve, []
 
     def stubborn(self, qp, workspace="default", quick=False):

@@ -77,7 +77,7 @@ def test_attempts_in_bounded_time(answers, told, solvable, monkeypatch) -> None:
     found = backend.solve(qp, quick=True)
     assert (found.attempts, found.solver) == told
     assert found.solved == ("right" in (warm, active)) and found.conflict is None
-    monkeypatch.setattr("wbc.qp.proxqp.native_daqp", lambda *_: None)
+    monkeypatch.setattr(Daqp, "solve_natively", lambda *_: None)
     once = backend.solve(qp, workspace=None, quick=True)
     assert (once.attempts, once.solver, once.solved) == (1, "daqp", active == "right")
 

@@ -113,7 +113,7 @@ def _no_active_set(monkeypatch):
     for name in ("answer", "finer"):
         monkeypatch.setattr(
             f"wbc.qp.daqp.Daqp.{name}",
-            lambda _, qp: RawSolution.none(qp, Status.FAILED, "nothing"),
+            lambda _, qp, *__: RawSolution.none(qp, Status.FAILED, "nothing"),
         )
 
 

@@ -7,10 +7,12 @@ left. ``solution.solver`` says who answered.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Hashable
+from typing import Any
 
 from wbc.controllers.slack import GivingQP
-from wbc.controllers.work import ATTEMPT, Work, likely_work, work_of
+from wbc.controllers.work import likely_work, work_of
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.giving import solve_giving
@@ -18,6 +20,7 @@ from wbc.qp.kkt import is_acceptable, is_accurate
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import NEARLY, ProxQP
 from wbc.qp.solution import Solution
+from wbc.qp.work import Work, otherwise
 
 # Of QPs with rows that give way: of 700 from wild states none took more than 372.
 ITERATIONS = 1000
@@ -34,7 +37,9 @@ class Solvers:
 
     def __init__(self, backend: Backend, quick: bool = False) -> None:
         self._backend, self._quick = backend, quick
-        patient = getattr(backend, "patient", False)  # backends of others need not say
+        # Backends of others need not say whether they take their time, nor count what they do.
+        patient = getattr(backend, "patient", False)
+        self._counts = "work" in inspect.signature(backend.solve).parameters
         self._other = Daqp() if patient else None
 
     def solve(
@@ -45,7 +50,7 @@ class Solvers:
         Parameters
         ----------
         work:
-            Of the tick; from half of its budget on, attempts are quick.
+            Of the tick; once most of its budget is spent, attempts are quick.
         workspace, quick:
             See :class:`wbc.qp.backend.Backend`.
         below:
@@ -54,12 +59,16 @@ class Solvers:
         quick = quick or self._quick or work.short
         if self._other is not None and work.is_limited:
             return self._solve_patiently(self._other, qp, work, quick, below)
+        ask: Any = self._backend.solve
+        if self._counts:
+            return ask(qp, workspace=workspace, quick=quick, work=work)
         if quick:
-            solution = self._backend.solve(qp, workspace=workspace, quick=True)
+            solution = ask(qp, workspace=workspace, quick=True)
         else:
-            solution = self._backend.solve(qp, workspace=workspace)
+            solution = ask(qp, workspace=workspace)
         work.spent += work_of(solution)
-        return solution
+        counted: Solution = solution
+        return counted
 
     def solve_giving(self, giving: GivingQP, work: Work) -> Solution:
         """Return the checked solution of a QP with its slacks as unknowns, asked for once.
@@ -80,20 +89,19 @@ class Solvers:
         full = giving.full()
         solution = self.solve(full, work, None, quick=True)
         if ours is not None and not solution.solved:
-            solution = Daqp(ours.eps, ITERATIONS).solve_finely(full) or solution
+            solution = Daqp(ours.eps, ITERATIONS).solve_finely(full, work) or solution
         return solution
 
     def _solve_patiently(
         self, other: Daqp, qp: QP, work: Work, quick: bool, below: float
     ) -> Solution:
         """Ask the backend once while there is time, and then the other."""
-        asked = not quick and work.has_room(likely_work(self._backend.name) + below)
+        likely = likely_work(self._backend.name) + otherwise(qp)
+        asked = not quick and work.has_room(likely + below)
         if asked:
             first = self._backend.solve(qp, quick=True)
             work.spent += work_of(first)
             if first.solved:
                 return first
-            work.spent += ATTEMPT
-        solution = other.solve(qp, quick=quick or work.short)
-        work.spent += work_of(solution)
+        solution = other.solve(qp, quick=quick or work.short, work=work)
         return solution._replace(attempts=2) if asked else solution

@@ -30,11 +30,12 @@ from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, FullLater, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
-from wbc.controllers.work import USUAL, Work, units_of
+from wbc.controllers.work import USUAL, units_of
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.solution import Status
+from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
@@ -189,9 +190,12 @@ class Controller(Fixed, ABC):
         parts.verify_parts(snapshot, self.dt, *given, own=own)
 
     def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
-        """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
+        """Return the command; ``tried`` is what came of its QP."""
+        return self._step_within(Work(self.budget), snapshot, tried)
+
+    def _step_within(self, work: Work, snapshot: Snapshot, tried: Attempt | None) -> Tick:
+        """Return the command: the tick, from top to bottom."""
         start = perf_counter()
-        work = Work(self.budget)
         # Goals: rows of tasks, then of contacts that may give way.
         residuals, rows, reduce = {}, [], False
         for task in self._motion:

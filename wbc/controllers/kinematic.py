@@ -14,17 +14,14 @@ from wbc.controllers.native_tick import NativeController
 from wbc.controllers.plan import NO_PHYSICS, Physics
 from wbc.controllers.slack import slacks_of
 from wbc.controllers.tick import Tick
-from wbc.controllers.work import Work
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.qp.least_infeasible import least_infeasible
+from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
-
-# Units of work of the policy "closest": of its first problem, and of the second.
-LEAST, BEST = 400.0, 600.0
 
 
 class KinematicController(NativeController):
@@ -57,10 +54,8 @@ class KinematicController(NativeController):
             most = np.full(outcome.first.g.size, np.inf)
             most[:nv] = LARGEST  # where there are no limits
             lower, upper = np.fmax(outcome.first.lower, -most), np.fmin(outcome.first.upper, most)
-            work.spent += LEAST
-            best = work.affords(BEST, "the best of the least infeasible commands")
             qp = outcome.first._replace(lower=lower, upper=upper)
-            found = least_infeasible(qp, best=best)
+            found = least_infeasible(qp, work=work)
             return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, *outcome.box), {}

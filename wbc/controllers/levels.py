@@ -27,12 +27,13 @@ from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.controllers.slack import GivingQP
-from wbc.controllers.work import Work, likely_work
+from wbc.controllers.work import likely_work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
 from wbc.qp.elimination import Elimination, eliminate
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
+from wbc.qp.work import Work, otherwise
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.validate import Array
@@ -43,7 +44,9 @@ FORMULATIONS = ("equality", "reduced")
 TOLERANCE = 1e-6
 # Units of work, for each unknown: a level's assembly, gains lowered to brake, singular rows, an
 # elimination, and all but the solver of a level below the first.
-ASSEMBLE, BRAKE, SINGULAR, ELIMINATE, BELOW = 5.0, 4.0, 8.0, 5.0, 14.0
+ASSEMBLE, BRAKE, SINGULAR, ELIMINATE, BELOW = 2.0, 2.5, 5.0, 4.5, 11.0
+# Units that the first level may take at least, for each attempt.
+FIRST = 600.0
 
 Box = tuple[Array, Array]
 
@@ -204,6 +207,7 @@ class LevelSolver:
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
         work = problem.work
+        work.least = FIRST  # without an answer of the first level there is none
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
         limits = self._limits
         if limits is not None and limits.braking != "bounded":
@@ -216,6 +220,7 @@ class LevelSolver:
             qp = relax_box(qp, limits, problem.snapshot, self._dt, gently) or qp
             solution = self._solve_first(qp, work, once=True)
             spent += solution.solve_time
+        work.least = 0.0
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
         if len(self.plan.levels) > 1:
             outcome = self._descend(problem, held, bounds, outcome)
@@ -255,7 +260,7 @@ class LevelSolver:
             if not outcome.solved:
                 break
             name = f"level {level}: {', '.join(self._names_of(level))}"
-            if not work.affords(self._below, name):
+            if not work.affords(self._below + likely_work("daqp"), name):
                 break
             work.spent += BELOW * self.plan.decision.size
             x = outcome.solution.x
@@ -271,8 +276,9 @@ class LevelSolver:
             singular = outcome.singular | found
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 return outcome._replace(singular=singular)
+            hurried = work.short or not work.has_room(otherwise(elimination.reduced))
             solution = self._solve_reduced(elimination, work, once=True)
-            if work.short and not solution.solved:  # it was asked once only
+            if (hurried or work.short) and not solution.solved:  # not all was tried
                 work.leave_out(name)
                 break
             outcome = outcome._replace(

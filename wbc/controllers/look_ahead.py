@@ -16,8 +16,8 @@ import numpy as np
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
 from wbc.controllers.levels import TOLERANCE, Outcome
 from wbc.controllers.slack import Slacks
-from wbc.controllers.work import Work
 from wbc.laws import Rows
+from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -27,7 +27,7 @@ ROUNDS = 1
 # Parts of a step that are tried; each is looked at for up to a millisecond.
 SCALES = (1.0, 0.25, 0.0625)
 # Units of work: to look where a command leads, for each row, and for each pair of bodies inside.
-LOOK, ROW, INSIDE = 150.0, 4.0, 35.0
+LOOK, ROW, INSIDE = 100.0, 3.0, 30.0
 # And to solve the first level again with cuts, for each unknown.
 AGAIN = 10.0
 CUTS = "rows of margins where the command leads"
@@ -195,7 +195,7 @@ def solve_with_cuts(
         if not work.affords(AGAIN * outcome.qp.g.size, CUTS):
             return outcome, rows, SCALES[1:]
         again = solve(stack([*rows, *found]), outcome.box)
-        if work.short and not again.solved:  # it was asked once only: a part of the first answer
+        if work.short and not again.solved:  # not all was tried: a part of the first answer
             work.leave_out(CUTS)
             return outcome, rows, SCALES[1:]
         outcome, rows = again, rows + found

@@ -16,10 +16,11 @@ from wbc.controllers.native_parts import Block, Part
 from wbc.controllers.plan import Plan
 from wbc.native import address
 from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp
-from wbc.qp.native_daqp import scratch_sizes
+from wbc.qp.daqp_direct import direct_daqp, iteration_limit
+from wbc.qp.native_daqp import iterations_of, scratch_sizes
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
+from wbc.qp.work import ACTIVE_SET, COLD
 from wbc.robot import Robot
 from wbc.robot.kernel import NativeTree, frame_places
 from wbc.robot.names import BASE
@@ -172,6 +173,8 @@ class NativeMemory:
         self._state_address = address(self.state)
         self._asked: tuple[bytes, bytes] = b"", b""  # q, v
         self._residuals = self._places[Answer._fields.index("found")]
+        self._iterations, self._proximal = self._residuals.stop - 1, 0
+        self.out = np.zeros(self.size)
         self._reduced: dict[int, QP] = {}  # by its number of rows
 
     def _point(self, solver: Daqp | ProxQP | None) -> None:
@@ -203,6 +206,7 @@ class NativeMemory:
             known = self._state_address
         self.out = out = np.empty(self.size)
         self.struct.out = address(out)
+        out[self._iterations] = self._proximal = 0
         self._asked = asked = q.tobytes(), v.tobytes()
         self.said = said = self._call(self._plan_address, known, *asked, moving)
         return said, out
@@ -234,10 +238,26 @@ class NativeMemory:
     @property
     def iterations(self) -> int:
         """Of the last answer."""
-        return int(self.out[self._residuals.stop - 1])
+        return int(self.out[self._iterations])
+
+    @property
+    def spent(self) -> float:
+        """Units of work of the solvers that were asked after the last call."""
+        n, asked = self.n - self.k, self._proximal
+        steps = iterations_of(self.out[self._residuals])
+        spent = ACTIVE_SET.call + ACTIVE_SET.step(n) * steps
+        return spent + COLD.call + COLD.step(n) * asked if asked else spent
+
+    def bound(self, units: float) -> None:
+        """Bound DAQP's iterations by ``units`` of work."""
+        steps = (units - ACTIVE_SET.call) / ACTIVE_SET.step(max(self.n - self.k, 1))
+        if self._settings is not None:
+            limit = iteration_limit(self._settings)
+            limit[0] = min(limit[0], max(int(steps), 1))
 
     def takes(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
         """Whether an answer of the reduced QP makes one of the whole: see :class:`Judge`."""
+        self._proximal = iterations
         self.said = self._answer(self._plan_address, *self._asked, x, z, scale, iterations)
         return self.said != UNSOLVED
 

@@ -162,6 +162,16 @@ class NativePlan:
                 self._layout, out, begun, called, done, answered if solved else None
             )
 
+    @property
+    def spent(self) -> float:
+        """Units of work of solvers that the last problem took."""
+        return 0.0 if self._solver is None else self.memory.spent
+
+    def bound(self, units: float) -> None:
+        """Bound the iterations of DAQP in the core by what it may take."""
+        if self._solver is not None:
+            self.memory.bound(units)
+
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
         forces, limits = self.memory.forces, self._limits

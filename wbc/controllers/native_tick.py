@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
@@ -15,11 +16,26 @@ from wbc.controllers.native_plan import NativePlan, solves
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.plan import Physics
 from wbc.controllers.tick import Tick
-from wbc.controllers.work import Work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
+from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
+
+
+class _Unsolved(NamedTuple):
+    """What a plain tick came to without a command.
+
+    Attributes
+    ----------
+    work:
+        That it took.
+    attempt:
+        Its failed attempt, if the QP is not to be solved again.
+    """
+
+    work: Work
+    attempt: Attempt | None = None
 
 
 class NativeController(Controller):
@@ -36,45 +52,49 @@ class NativeController(Controller):
     def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command; what the core does not know goes through the Python tick."""
         plan = self._native
-        if plan is not None and plan.serves(self.limits, self.dt):
-            found = self._native_step(plan, snapshot)
-            if isinstance(found, Tick):
-                return found
-            tried = found
-        return super()._step(snapshot, tried)
+        if plan is None or not plan.serves(self.limits, self.dt):
+            return self._step_within(Work(self.budget), snapshot, tried)
+        found = self._native_step(plan, snapshot)
+        if isinstance(found, Tick):
+            return found
+        return self._step_within(found.work, snapshot, found.attempt)
 
-    def _native_step(self, plan: NativePlan, snapshot: Snapshot) -> Tick | Attempt | None:
-        """Return the command of a plain tick; None: not plain, or without a solution.
+    def _native_step(
+        self, plan: NativePlan, snapshot: Snapshot, work: Work | None = None
+    ) -> Tick | _Unsolved:
+        """Return the command of a plain tick, or what came of one that is not, or has no solution.
 
-        Where a level relaxes what has no solution, its failed attempt: the same QP, to rounding,
-        need not be solved again before.
+        ``work``: of the tick so far.
         """
         start = perf_counter()
         if self.constraints and plan.margin is None and snapshot.native_state is None:
-            return None  # margins look at it too
+            return _Unsolved(Work(self.budget))  # margins look at it too
         found = self._native_problem(plan, snapshot)
-        if plan.margin is not None and (found is None or not found.solved):
-            # Where an answer leads inside, rows are added by Python.
-            second = self._second
-            return None if second is None else self._native_step(second, snapshot)
-        if found is None:
-            return None
-        if found.solved:
+        if found is not None and found.solved:
             # The core kept the box to the accuracy promised, far below what a command may exceed.
             return self._native_tick(found, snapshot, self._deviations(found, snapshot))
+        work = Work(self.budget) if work is None else work
+        work.spent += plan.spent
+        if plan.margin is not None:
+            # Where an answer leads inside, rows are added by Python.
+            second = self._second
+            return _Unsolved(work) if second is None else self._native_step(second, snapshot, work)
+        if found is None:
+            return _Unsolved(work)
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
         # Met exactly: weights are not read.
         held = [Rows(qp.A, qp.b, weight=qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
-        work = Work(self.budget)
         problem = LevelProblem(snapshot, [], held, physics, box, None, work, found.assembled)
         margins = None
         if self.constraints:
             margins = self._margins(snapshot, work)
         ready = perf_counter()
         attempt = self._attempt(problem, margins)
-        if not attempt.outcome.solved:  # the Python tick finds out why, and what is best then
-            return attempt if self._relaxes else None
+        if not attempt.outcome.solved:
+            # The same QP, to rounding, need not be solved again where the level relaxes it, or
+            # work is counted; else the Python tick finds out why, and what is best then.
+            return _Unsolved(work, attempt if self._relaxes or work.is_limited else None)
         residuals = {name: found.residual(name) for name in found.errors}
         return self._tick(snapshot, physics, residuals, attempt, {}, work, start, ready)
 
@@ -99,6 +119,8 @@ class NativeController(Controller):
             first = self._native_plan(self.backend, margin)
             if first is not None:
                 self._native, self._second = first, self._native
+        if self._native is not None and self.budget < math.inf:
+            self._native.bound(0.5 * self.budget)
 
     # ------------------------------------------------------------------ what a level says
 

@@ -36,10 +36,10 @@ from wbc.controllers.plan import Decision, Physics
 from wbc.controllers.reachable import arrival_box, reachable_rows
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque_tick import TorqueTick
-from wbc.controllers.work import Work
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.qp.solution import Status
+from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only

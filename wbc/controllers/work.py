@@ -5,7 +5,8 @@ Where a budget does not afford a step, the tick goes on with the cheapest checke
 
 * rows of margins are cut, and levels of lower priority solved, only while the budget affords them:
   the levels above have an answer within limits, contacts and margins already;
-* from half of the budget on solvers are asked for one bounded attempt, and slow ones are not asked
+* solvers get as many iterations as what is left affords (:mod:`wbc.qp.work`); once most of the
+  budget is spent they are asked for one attempt, and slow ones are not asked
   (:mod:`wbc.controllers.asking`);
 * a step that leads inside a margin is scaled down by fewer looks, or to rest.
 
@@ -34,60 +35,13 @@ _SOLVERS = {
 }
 _OTHERS = 1300.0, 0.0  # they do not say how many iterations they took
 # An attempt that was not accepted, and a search for rows in conflict.
-ATTEMPT, _CONFLICT = 700.0, 600.0
-
-
-class Work:
-    """The work of one tick.
-
-    Attributes
-    ----------
-    spent:
-        Units so far.
-    kept:
-        Units that levels below the first leave for what comes after them.
-    left_out:
-        What the budget did not afford, in words.
-    """
-
-    __slots__ = ("_budget", "kept", "left_out", "spent")
-
-    def __init__(self, budget: float = math.inf) -> None:
-        self._budget = budget
-        self.spent = self.kept = 0.0
-        self.left_out: tuple[str, ...] = ()
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether there is a budget."""
-        return self._budget < math.inf
-
-    @property
-    def short(self) -> bool:
-        """Whether half of the budget is spent."""
-        return self.spent > 0.5 * self._budget
-
-    def has_room(self, units: float) -> bool:
-        """Whether there is room for so much more, and what is kept."""
-        return self.spent + self.kept + units <= self._budget
-
-    def affords(self, units: float, what: str) -> bool:
-        """Whether there is room for so much more; if not, ``what`` is left out."""
-        if self.has_room(units):
-            return True
-        self.leave_out(what)
-        return False
-
-    def leave_out(self, what: str) -> None:
-        """Note what is left out, in words."""
-        if what not in self.left_out:
-            self.left_out += (what,)
+_ATTEMPT, _CONFLICT = 700.0, 600.0
 
 
 def work_of(solution: Solution) -> float:
     """Return what a solution took."""
     call, iteration = _SOLVERS.get(solution.solver, _OTHERS)
-    work = call + iteration * solution.iterations + ATTEMPT * (solution.attempts - 1)
+    work = call + iteration * solution.iterations + _ATTEMPT * (solution.attempts - 1)
     return work if solution.conflict is None else work + _CONFLICT
 
 

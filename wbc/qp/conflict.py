@@ -23,6 +23,7 @@ import numpy as np
 
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, ConflictRow
+from wbc.qp.work import Work, afforded_search, search
 from wbc.validate import Array
 
 # Rows below this share of the heaviest one are violated by rounding: no exact step holds them.
@@ -46,7 +47,9 @@ _EQUALITY = 5  # DAQP's code for a row that always holds
 MOST_ROWS = 80
 
 
-def find_conflict(qp: QP, tolerance: float = 1e-7, guess: Array | None = None) -> Conflict | None:
+def find_conflict(
+    qp: QP, tolerance: float = 1e-7, guess: Array | None = None, work: Work | None = None
+) -> Conflict | None:
     """Return the rows that contradict each other; None when the QP is feasible, or undecided.
 
     Takes milliseconds: for failed ticks only. All rows of the certificate are named; the conflict
@@ -59,6 +62,8 @@ def find_conflict(qp: QP, tolerance: float = 1e-7, guess: Array | None = None) -
         tolerance (1 + max |x|). Conflicts below about ten times this remain undecided.
     guess:
         (n,) a point that may be feasible: if it is, nothing is searched.
+    work:
+        Of the tick: if it does not afford a search, QPs stay undecided.
     """
     crossed = _crossed(qp)
     if crossed:
@@ -70,7 +75,10 @@ def find_conflict(qp: QP, tolerance: float = 1e-7, guess: Array | None = None) -
         inside = np.clip(guess, qp.lower, qp.upper)
         if _is_met(rows.violation(inside), inside, tolerance):
             return None
-    x = _elastic(qp, rows)
+    work = Work() if work is None else work
+    if not work.affords(search(qp), "a search for the rows in conflict"):
+        return None
+    x = _elastic(qp, rows, work)
     for point in (_polished(qp, rows, x), x):
         violation = rows.violation(point)
         if _is_met(violation, point, tolerance):
@@ -104,8 +112,10 @@ def _is_met(violation: Array, point: Array, tolerance: float) -> bool:
     return bool(np.abs(violation).max() <= tolerance * (1.0 + np.abs(point).max()))
 
 
-def least_violation(qp: QP) -> tuple[Array, Array]:
+def least_violation(qp: QP, work: Work | None = None) -> tuple[Array, Array]:
     """Return the point within the bounds that violates the rows least, and by how much.
+
+    ``work``: of the tick.
 
     Returns
     -------
@@ -118,7 +128,7 @@ def least_violation(qp: QP) -> tuple[Array, Array]:
     rows = _UnitRows.of(qp)
     if not rows.norms.size:
         return np.clip(np.zeros(qp.g.size), qp.lower, qp.upper), np.zeros(0)
-    rough = _elastic(qp, rows)
+    rough = _elastic(qp, rows, Work() if work is None else work)
     points = _polished(qp, rows, rough), rough
     x = min(points, key=lambda point: np.square(rows.violation(point)).sum())
     return x, rows.violation(x) * rows.norms
@@ -147,7 +157,7 @@ class _UnitRows:
         return values - np.clip(values, self.lower, self.upper)
 
 
-def _elastic(qp: QP, rows: _UnitRows) -> Array:
+def _elastic(qp: QP, rows: _UnitRows, work: Work) -> Array:
     """Return x (n,) of the elastic problem, by DAQP; its quality is checked later."""
     n, m, me = qp.g.size, rows.norms.size, qp.b.size
     P = np.eye(n + m)
@@ -158,8 +168,10 @@ def _elastic(qp: QP, rows: _UnitRows) -> Array:
     sense[n + m : n + m + me] = _EQUALITY
     upper = np.concatenate((qp.upper, free, rows.upper))
     lower = np.concatenate((qp.lower, -free, rows.lower))
-    asked = {"primal_tol": _EPS, "iter_limit": _MAX_ITERATIONS}
-    x, *_ = daqp.solve(P, np.zeros(n + m), relaxed, upper, lower, sense, **asked)
+    limit = afforded_search(qp, work.left, _MAX_ITERATIONS)
+    asked = {"primal_tol": _EPS, "iter_limit": limit}
+    x, _, _, info = daqp.solve(P, np.zeros(n + m), relaxed, upper, lower, sense, **asked)
+    work.spent += search(qp, info["iterations"])
     return np.clip(np.where(np.isfinite(x[:n]), x[:n], 0.0), qp.lower, qp.upper)
 
 

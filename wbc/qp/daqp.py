@@ -24,9 +24,11 @@ from wbc.qp.kkt import SolveCheck, Stacked
 from wbc.qp.native_daqp import NativeDaqp, native_daqp
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.work import ACTIVE_SET, FEWEST, Work
 from wbc.validate import Array, finite_number
 
 ENDLESS = 1e100  # multipliers beyond are none
+NOT_ASKED = "not asked: the budget of work is spent"
 # DAQP's exit flags; a dependent working set (-6) is how it sees contradictory equalities.
 _CLAIMS = {
     1: (Status.SOLVED, ""),
@@ -65,50 +67,82 @@ class Daqp:
     def _native(self) -> NativeDaqp | None:
         return native_daqp(self.eps, self.max_iterations)
 
-    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
+    def solve(
+        self,
+        qp: QP,
+        workspace: Hashable = "default",
+        quick: bool = False,
+        work: Work | None = None,
+    ) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
 
         ``quick``: if there is none, neither try a finer zero nor search for the rows in conflict.
+        ``work``: of the tick; the core's attempt gets a third of what is left, and each after it
+        half of the rest.
 
         Raises
         ------
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
-        check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
+        work = Work() if work is None else work
+        check = SolveCheck(self.name, self.eps, perf_counter(), not quick, work)
         answer = None
         if type(self).answer is Daqp.answer:  # who derives from this may answer otherwise
-            found = None if self._native is None else self._native.solve(qp, self.name, quick)
+            found = None if self._native is None else self.solve_natively(qp, work, quick)
             if found is not None:
                 return found
-            if is_sound(qp, shapes_only=True):
-                memory = daqp_memory(qp, self.eps, self.max_iterations)
+            most = self._afforded(qp, work) if is_sound(qp, shapes_only=True) else 0
+            if most:
+                memory = daqp_memory(qp, self.eps)
                 if memory.stacked.is_finite():
-                    answer = memory.solve()
+                    answer = memory.solve(most)
+                    work.spent += ACTIVE_SET.units(qp, answer.iterations)
                     found = check.certify(memory.stacked, *answer[:3])
                     if found is not None:
                         return found
         check_qp(qp)
-        if answer is None:  # theirs, or there is nothing to solve
-            return check.judge(qp, self.answer(qp))
+        if answer is None:  # theirs, or there is nothing to solve, or no time for it
+            own = type(self).answer is Daqp.answer
+            return check.judge(qp, self.answer(qp, work) if own else self.answer(qp))
         raw = _raw(qp, *answer)
         settled = None
         if not quick:
-            settled = check.accept(qp, raw) or check.accept(qp, self.finer(qp), 2)
+            settled = check.accept(qp, raw) or check.accept(qp, self.finer(qp, work), 2)
         return settled or check.judge(qp, raw)
 
-    def solve_finely(self, qp: QP) -> Solution | None:
-        """Return the checked solution by a finer zero, or None."""
+    def solve_finely(self, qp: QP, work: Work | None = None) -> Solution | None:
+        """Return the checked solution by a finer zero, or None; ``work``: of the tick."""
         check = SolveCheck(self.name, self.eps, perf_counter())
-        return check.accept(qp, self.finer(qp))
+        return check.accept(qp, self.finer(qp, work))
 
-    def answer(self, qp: QP) -> RawSolution:
-        """Return DAQP's answer, unchecked."""
-        return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations).solve())
+    def answer(self, qp: QP, work: Work | None = None) -> RawSolution:
+        """Return DAQP's answer, unchecked; ``work``: of the tick, half of what is left for this."""
+        return self._answer(qp, work, fine=False)
 
-    def finer(self, qp: QP) -> RawSolution:
+    def finer(self, qp: QP, work: Work | None = None) -> RawSolution:
         """Return the same with a finer zero: see :data:`wbc.qp.daqp_direct.FINE`."""
-        return _raw(qp, *daqp_memory(qp, self.eps, self.max_iterations, fine=True).solve())
+        return self._answer(qp, work, fine=True)
+
+    def _afforded(self, qp: QP, work: Work, part: float = 0.5) -> int:
+        """Return how many iterations an attempt may take, of so much of what is left."""
+        return ACTIVE_SET.afforded(qp, part * work.left, self.max_iterations, FEWEST)
+
+    def solve_natively(self, qp: QP, work: Work, quick: bool = False) -> Solution | None:
+        """Return what the core settles, if anything."""
+        most = self._afforded(qp, work, 1.0 / 3.0)
+        if not most or self._native is None:
+            return None
+        return self._native.solve(qp, self.name, quick, work, most)
+
+    def _answer(self, qp: QP, work: Work | None, fine: bool) -> RawSolution:
+        work = Work() if work is None else work
+        most = self._afforded(qp, work)
+        if not most:
+            return RawSolution.none(qp, Status.FAILED, NOT_ASKED)
+        answer = daqp_memory(qp, self.eps, fine).solve(most)
+        work.spent += ACTIVE_SET.units(qp, answer.iterations)
+        return _raw(qp, *answer)
 
 
 class KeptDaqp:

@@ -99,6 +99,11 @@ def direct_daqp() -> DirectDaqp:
         return DirectDaqp(0, f"DAQP's C function is not found: {error}")
 
 
+def iteration_limit(settings: ctypes.Array[ctypes.c_double]) -> NDArray[np.intc]:
+    """Return a view (1,) on the limit of iterations among settings."""
+    return _integers(settings)[_ITERATIONS : _ITERATIONS + 1]
+
+
 def _integers(settings: ctypes.Array[ctypes.c_double]) -> NDArray[np.intc]:
     """Return a view on settings, read as integers."""
     return np.ndarray(2 * _SETTINGS, dtype=np.intc, buffer=memoryview(settings))

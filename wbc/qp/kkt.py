@@ -17,6 +17,7 @@ import numpy as np
 from wbc.qp.conflict import find_conflict
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
+from wbc.qp.work import Work
 from wbc.validate import Array
 
 # Part of the cost's terms that an accepted point may cost too much by the look of its multipliers.
@@ -215,13 +216,15 @@ def _largest(vector: Array) -> float:
 class SolveCheck(NamedTuple):
     """One call of a backend: which solver, what accuracy is promised, and when it started.
 
-    ``explain``: whether rows in conflict are looked for where there is no solution.
+    ``explain``: whether rows in conflict are looked for where there is no solution; ``work``: of
+    the tick, which affords it or not.
     """
 
     solver: str
     eps: float
     started: float  # perf_counter() at the call
     explain: bool = True
+    work: Work | None = None
 
     def certify(
         self, qp: Stacked, x: Array, multipliers: Array, iterations: int
@@ -262,7 +265,9 @@ class SolveCheck(NamedTuple):
         if not self.explain:
             return None
         residuals = self._residuals(qp, raw)
-        conflict = None if residuals.primal <= self.eps else find_conflict(qp, guess=raw.x)
+        if residuals.primal <= self.eps:
+            return None
+        conflict = find_conflict(qp, guess=raw.x, work=self.work)
         if conflict is None:
             return None
         return self._solution(raw, Status.INFEASIBLE, residuals, attempts, conflict)

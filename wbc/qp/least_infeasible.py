@@ -17,12 +17,15 @@ import numpy as np
 from wbc.qp.conflict import least_violation
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
+from wbc.qp.work import ACTIVE_SET, Work
 from wbc.validate import Array
 
 # Relative to 1 + max |x|: rows are relaxed by this much more than needed, against rounding.
 _RELAXED = 1e-9
 # A row violated by less than this, scaled to unit length, counts as met.
 _MET = 1e-7
+# Changes of the active set that the second problem should be afforded.
+BEST = 50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +51,7 @@ class LeastInfeasible:
     seconds: float
 
 
-def least_infeasible(qp: QP, eps: float = 1e-8, best: bool = True) -> LeastInfeasible:
+def least_infeasible(qp: QP, eps: float = 1e-8, work: Work | None = None) -> LeastInfeasible:
     """Return the least infeasible point; for a feasible QP its solution.
 
     Takes milliseconds: for failed ticks only.
@@ -57,15 +60,17 @@ def least_infeasible(qp: QP, eps: float = 1e-8, best: bool = True) -> LeastInfea
     ----------
     eps:
         Accuracy promised by the second problem's solver.
-    best:
-        False: any such point, whatever the cost says; half of the work.
+    work:
+        Of the tick: where it affords no second problem, any point that is least infeasible.
     """
     began = perf_counter()
-    point, violation = least_violation(qp)
+    work = Work() if work is None else work
+    point, violation = least_violation(qp, work)
     optimal = False
-    if best:
+    least = ACTIVE_SET.units(qp, BEST)
+    if work.affords(least, "the best of the least infeasible commands"):
         margin = _RELAXED * (1.0 + float(np.abs(point).max(initial=0.0)))
-        solution = ProxQP(eps=eps).solve(_relaxed(qp, violation, margin), quick=True)
+        solution = ProxQP(eps=eps).solve(_relaxed(qp, violation, margin), quick=True, work=work)
         if solution.solved:
             point, optimal = solution.x, True
     x = np.clip(point, qp.lower, qp.upper)

@@ -19,6 +19,7 @@ from wbc.native import VARIABLE, Core, address, core
 from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import KktResiduals, RawSolution, Solution, Status
+from wbc.qp.work import ACTIVE_SET, Work
 from wbc.validate import Array
 
 UNSOLVED = -1  # of enum handed_over in source/core.h
@@ -95,11 +96,19 @@ class NativeDaqp:
     def __reduce__(self) -> tuple[object, ...]:  # elsewhere there may be another core, or none
         return native_daqp, (self._eps, self._max_iterations)
 
-    def solve(self, qp: QP, name: str, quick: bool = False) -> Solution | None:
+    def solve(
+        self,
+        qp: QP,
+        name: str,
+        quick: bool = False,
+        work: Work | None = None,
+        most: int | None = None,
+    ) -> Solution | None:
         """Return the solution; None if this is no QP, or no answer of small residuals was found.
 
         ``quick``: what DAQP calls infeasible has failed, with no proof of it. Of 1767 QPs of ticks
-        from wild states DAQP solved none either with the equalities left in.
+        from wild states DAQP solved none either with the equalities left in. ``work`` is that of
+        the tick, which affords ``most`` iterations.
         """
         start = perf_counter()
         known = QpMemory.of(qp, self._eps)
@@ -107,13 +116,24 @@ class NativeDaqp:
             return None
         size, integers = scratch_sizes(*known.sizes)
         memory, order = np.empty(size), np.empty(integers, dtype=np.int64)
-        work = address(memory), address(order)
-        said = self._call(ctypes.addressof(known.struct), *work, *self._last)
+        scratch, out, last = (address(memory), address(order)), known.out, self._last
+        out[-4:] = 0.0  # what is no QP takes no iterations
+        if most is not None and most < self._max_iterations:  # others may use the core's own
+            settings = direct_daqp().settings(self._eps, most)
+            last = last[0], ctypes.addressof(settings)
+        said = self._call(ctypes.addressof(known.struct), *scratch, *last)
+        if work is not None:
+            work.spent += ACTIVE_SET.units(qp, iterations_of(out[-4:]))
         if quick and said == UNSOLVED and known.out[-1] == INFEASIBLE:
             return _failed(qp, perf_counter() - start, name)
         if said != 0:
             return None
         return solution_of(known.parts(), known.out[-4:], perf_counter() - start, name)
+
+
+def iterations_of(found: Array) -> int:
+    """Return DAQP's iterations from what the core found (4,): the first number where it failed."""
+    return int(found[3] if found[3] >= 0.0 else found[0])
 
 
 def _failed(qp: QP, spent: float, name: str) -> Solution:

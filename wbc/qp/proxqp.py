@@ -9,13 +9,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from wbc.qp.daqp import Daqp
+from wbc.qp.daqp import NOT_ASKED, Daqp
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
-from wbc.qp.native_daqp import native_daqp
 from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.work import COLD, INNER, POLISH, WARM, Steps, Work, otherwise
 from wbc.validate import finite_number
 
 # How far above eps the residuals of a last resort may be.
@@ -141,7 +141,13 @@ class ProxQP:
         """Leave warm starts out: a copied workspace of ProxQP 0.8 has lost its box."""
         return {**self.__dict__, "_workspaces": {}}
 
-    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
+    def solve(
+        self,
+        qp: QP,
+        workspace: Hashable = "default",
+        quick: bool = False,
+        work: Work | None = None,
+    ) -> Solution:
         """Return the checked solution of ``qp``; 70-80 us at n = 35 on a smooth tick.
 
         Parameters
@@ -154,13 +160,17 @@ class ProxQP:
             Give up after step (2), without the finer zero, without a search for the rows in
             conflict, and before ProxQP is asked from nothing for what has no solution: for who
             knows what to do instead, in bounded time.
+        work:
+            Of the tick: iterations are bounded by what is left of it, and steps that it does not
+            afford are left out.
 
         Raises
         ------
         InvalidInputError
             See :func:`wbc.qp.problem.check_qp`.
         """
-        check = SolveCheck(self.name, self.eps, perf_counter(), explain=not quick)
+        work = Work() if work is None else work
+        check = SolveCheck(self.name, self.eps, perf_counter(), not quick, work)
         key = workspace, qp.g.size, qp.b.size, qp.u.size
         paused = self._is_paused(workspace)
         warm = key in self._workspaces and not paused
@@ -168,24 +178,24 @@ class ProxQP:
             check_qp(qp)
         once = workspace is None
         if once and quick:
-            return self._solve_once(qp, check)
+            return self._solve_once(qp, check, work)
         if quick:
-            return self._solve_quickly(qp, check, key, paused)
+            return self._solve_quickly(qp, check, key, paused, work)
         exact = None
         if paused or once:
             attempts, by = 1 if once else 2, check._replace(solver=Daqp.name)
-            exact, settled = self._ask_actively(qp, by, attempts)
+            exact, settled = self._ask_actively(qp, by, attempts, work)
             if settled is None and exact.claim is Status.INFEASIBLE:
                 settled = by.refute(qp, exact, attempts)
                 check = check._replace(explain=False)  # none was found, and none will be
             if settled is not None:
                 return settled
-        attempt = self._attempt(qp, check, key)
+        attempt = self._attempt(qp, check, key, work)
         if attempt.accepted is not None:
             return attempt.accepted
         if attempt.capped:
             self._pause(workspace)
-        return self._retry(qp, check, attempt, exact)
+        return self._retry(qp, check, attempt, exact, work)
 
     def solve_for(self, judge: Judge, qp: QP, workspace: Hashable, quick: bool) -> Answered | None:
         """Solve a QP without equalities for who judges the answer; None: there is none.
@@ -241,7 +251,9 @@ class ProxQP:
             length = PAUSE if last is None else min(2 * last.length, LONGEST_PAUSE)
             self._pauses[workspace] = _Pause(length, length)
 
-    def _solve_quickly(self, qp: QP, check: SolveCheck, key: Key, paused: bool) -> Solution:
+    def _solve_quickly(
+        self, qp: QP, check: SolveCheck, key: Key, paused: bool, work: Work
+    ) -> Solution:
         """Solve in bounded time.
 
         A QP without solution takes ProxQP 15 to 20 ms from nothing, and the active-set method half
@@ -250,86 +262,116 @@ class ProxQP:
         workspace, *_ = key
         exact = None
         if paused or key not in self._workspaces:
-            exact = self._solve_actively(qp, check, self.active_set)
+            exact = self._solve_actively(qp, check, self.active_set, work)
             if paused or not exact.solved or exact.iterations > HARD:
                 return exact
-        attempt = self._attempt(qp, check, key, COLD_ITERATIONS, QUICK_WARM_ITERATIONS)
+        attempt = self._attempt(qp, check, key, work, COLD_ITERATIONS, QUICK_WARM_ITERATIONS)
         if attempt.accepted is not None:
             return attempt.accepted
-        exact = exact or self._solve_actively(qp, check, self.active_set, 2)
+        exact = exact or self._solve_actively(qp, check, self.active_set, work, 2)
         if attempt.capped and exact.solved:  # it was ProxQP, not the QP
             self._pause(workspace)
         return exact
 
     def _attempt(
-        self, qp: QP, check: SolveCheck, key: Key, cold: float = inf, warm: int = WARM_ITERATIONS
+        self,
+        qp: QP,
+        check: SolveCheck,
+        key: Key,
+        work: Work,
+        cold: float = inf,
+        warm: int = WARM_ITERATIONS,
     ) -> _Attempt:
         """Ask ProxQP, warm if it can be; a workspace is kept while its answers are accepted.
 
         ``cold`` and ``warm`` are the caps on its iterations.
         """
         last = self._workspaces.pop(key, None)
-        cap = int(min(cold, self.max_iterations))
+        usual = int(min(cold if last is None else warm, self.max_iterations))
+        steps, cap = COLD if last is None else WARM, usual
+        if last is None or work.short:  # else there is time for all of a warm one
+            cap = _outer(steps, qp, work.left - otherwise(qp), usual)
+        if cap == 0:
+            return _Attempt(None, RawSolution.none(qp, Status.FAILED, NOT_ASKED), cold=True)
         native = last or Workspace.create(qp, self.eps, cap)
+        if last is not None and cap < usual:
+            native.cap(cap)
         raw = native.solve_cold() if last is None else native.solve_warm(qp)
+        work.spent += steps.units(qp, raw.iterations)
         accepted = check.accept(qp, raw)
         if accepted is None:
             check_qp(qp)
         elif self.warm and key[0] is not None:
             self._workspaces[key] = native
-            if last is None:
+            if last is None or cap < usual:
                 native.cap(min(warm, self.max_iterations))
         return _Attempt(accepted, raw, cold=last is None)
 
-    def _solve_once(self, qp: QP, check: SolveCheck) -> Solution:
+    def _solve_once(self, qp: QP, check: SolveCheck, work: Work) -> Solution:
         """Solve what will not come again, in the core first: it is faster, and cycles on others."""
-        native = native_daqp(self._one_off.eps, self._one_off.max_iterations)
-        found = None if native is None else native.solve(qp, Daqp.name)
-        return found or self._solve_actively(qp, check, self._one_off)
+        found = self._one_off.solve_natively(qp, work)
+        return found or self._solve_actively(qp, check, self._one_off, work)
 
     def _ask_actively(
-        self, qp: QP, by: SolveCheck, attempts: int
+        self, qp: QP, by: SolveCheck, attempts: int, work: Work
     ) -> tuple[RawSolution, Solution | None]:
         """Return what the active-set method says, and what is accepted of it."""
-        exact = self.active_set.answer(qp)
+        exact = self.active_set.answer(qp, work)
         settled = by.accept(qp, exact, attempts)
         if settled is None:
-            exact = self.active_set.finer(qp)
+            exact = self.active_set.finer(qp, work)
             settled = by.accept(qp, exact, attempts)
         return exact, settled
 
     def _solve_actively(
-        self, qp: QP, check: SolveCheck, solver: Daqp, attempts: int = 1
+        self, qp: QP, check: SolveCheck, solver: Daqp, work: Work, attempts: int = 1
     ) -> Solution:
         """Solve by the active-set method."""
-        exact, check = solver.answer(qp), check._replace(solver=solver.name)
+        exact, check = solver.answer(qp, work), check._replace(solver=solver.name)
         nearly = check._replace(eps=NEARLY * self.eps)
         return nearly.accept(qp, exact, attempts) or check.judge(qp, exact, attempts)
 
     def _retry(
-        self, qp: QP, check: SolveCheck, attempt: _Attempt, exact: RawSolution | None
+        self,
+        qp: QP,
+        check: SolveCheck,
+        attempt: _Attempt,
+        exact: RawSolution | None,
+        work: Work,
     ) -> Solution:
         """Solve by other means what was not solved, or return a status that says why not."""
         settled, by, raw = None, check._replace(solver=Daqp.name), attempt.raw
         if exact is None:
-            exact, settled = self._ask_actively(qp, by, 2)
+            exact, settled = self._ask_actively(qp, by, 2, work)
         finished = bool(np.isfinite(exact.x).all())  # one of the two is: each takes half a ms
         settled = settled or check.refute(qp, raw, 2)
         if settled is None and finished:
-            settled = self._finish(qp, by, exact, 2)
-        if settled is None and not attempt.cold:
-            raw = Workspace.create(qp, self.eps, self.max_iterations).solve_cold()
+            settled = self._finish(qp, by, exact, 2, work)
+        cap = 0 if attempt.cold else _outer(COLD, qp, work.left, self.max_iterations)
+        if settled is None and cap > 0:
+            raw = Workspace.create(qp, self.eps, cap).solve_cold()
+            work.spent += COLD.units(qp, raw.iterations)
             settled = check.accept(qp, raw, 3)
         if settled is None:
             nearly = check._replace(eps=NEARLY * self.eps)
-            settled = nearly.accept(qp, raw, 4) if finished else self._finish(qp, check, raw, 4)
+            settled = (
+                nearly.accept(qp, raw, 4) if finished else self._finish(qp, check, raw, 4, work)
+            )
         return settled or check._replace(explain=False).judge(qp, raw, 4)  # refuted it was not
 
     def _finish(
-        self, qp: QP, check: SolveCheck, raw: RawSolution, attempts: int
+        self, qp: QP, check: SolveCheck, raw: RawSolution, attempts: int, work: Work
     ) -> Solution | None:
         """Return what settles the active set of an answer, or the answer if it is nearly right."""
         if not np.isfinite(raw.x).all():
             return None
-        nearly = check._replace(eps=NEARLY * self.eps)
-        return check.accept(qp, polish(qp, raw), attempts) or nearly.accept(qp, raw, attempts)
+        settled = None
+        if work.has_room(POLISH.units(qp)):
+            work.spent += POLISH.units(qp)
+            settled = check.accept(qp, polish(qp, raw), attempts)
+        return settled or check._replace(eps=NEARLY * self.eps).accept(qp, raw, attempts)
+
+
+def _outer(steps: Steps, qp: QP, left: float, most: int) -> int:
+    """Return how many outer iterations are afforded, ``most`` at most."""
+    return steps.afforded(qp, left, INNER * most) // INNER

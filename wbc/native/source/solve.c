@@ -250,8 +250,10 @@ WIDE static int is_kept(const reduced *r, int64_t bounded) {
     return 1;
 }
 
-/* Solve what is left by DAQP; returns its iterations, or its exit flag below 0: no answer. */
-static int64_t ask(const reduced *r, int64_t bounded, const void *address, void *settings) {
+/* Solve what is left by DAQP; returns its iterations, or its exit flag below 0: no answer. The
+ * iterations are the first thing found either way. */
+static int64_t ask(const reduced *r, int64_t bounded, const void *address, void *settings,
+                   double *found) {
     daqp_quadprog *quadprog;
     memcpy(&quadprog, &address, sizeof quadprog); /* ISO C has no cast to a function */
     if (!quadprog) return NO_ANSWER;
@@ -262,6 +264,7 @@ static int64_t ask(const reduced *r, int64_t bounded, const void *address, void 
     memset(&result, 0, sizeof result);
     result.x = r->answer, result.multipliers = r->multipliers;
     quadprog(&result, &problem, settings);
+    *found = result.iterations;
     return result.flag == 1 ? result.iterations : result.flag < 0 ? result.flag : NO_ANSWER;
 }
 
@@ -296,7 +299,8 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
         for (int64_t i = 0; i < r.left; i++) r.multipliers[i] = z[rows + i] / scale;
         for (int64_t i = 0; i < rows; i++) r.multipliers[r.left + i] = z[i] / scale;
     } else
-        iterations = ask(&r, bounded, plan->quadprog, plan->settings);
+        iterations = ask(&r, bounded, plan->quadprog, plan->settings, qp.found);
+    qp.found[3] = (double)iterations;
     if (iterations < 0 || conclude(&qp, &r, 0, iterations) != DONE) return UNSOLVED;
     return finish(plan, q, v, &qp, &r);
 }
@@ -332,7 +336,7 @@ int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *
     reduced r;
     place(qp, scratch, order, &r);
     const int64_t bounded = reduce(qp, &r, 0);
-    const int64_t iterations = bounded == 0 ? NO_ANSWER : ask(&r, bounded, quadprog, settings);
+    const int64_t iterations = bounded == 0 ? NO_ANSWER : ask(&r, bounded, quadprog, settings, qp->found);
     qp->found[3] = (double)iterations;
     return iterations < 0 ? UNSOLVED : conclude(qp, &r, 0, iterations);
 }
