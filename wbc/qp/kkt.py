@@ -173,12 +173,6 @@ def acceptable(
     )
 
 
-def is_acceptable(qp: QP, solution: Solution, eps: float) -> bool:
-    """Whether a solution that knows its residuals is :func:`acceptable`."""
-    s = solution
-    return acceptable(s.residuals, eps, qp, s.x, s.y, s.z, s.z_box)
-
-
 def doubtful_cost(qp: QP, x: Array, y: Array, z: Array, z_box: Array) -> float:
     """Return the duality gap, multipliers times distances to bounds, and the gradient left over x.
 
