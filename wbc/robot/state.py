@@ -130,7 +130,9 @@ class KinematicState:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
         if self.native_state is not None:
             return self.native_state.part("com_jacobian", 3, -1)
-        return read_only((self._workspace().centroidal_map / self.robot.mass)[:3])
+        J: Array = (self._workspace().centroidal_map / self.robot.mass)[:3]
+        J.setflags(write=False)
+        return J
 
     @lazy
     def com_velocity(self) -> Array:
