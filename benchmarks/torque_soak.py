@@ -101,7 +101,10 @@ class Record:
         self.faults += first.faults
         self.policies += first.policies
         self.examples = (self.examples + first.examples)[:5]
-        for ticks in zip(*(run.timed for run in runs), strict=True):
+        if len({len(run.timed) for run in runs}) > 1:
+            ends = (" ".join(run.examples) or "to its end" for run in runs)
+            self.wrong("runs differ in where they end: " + "; ".join(ends))
+        for ticks in zip(*(run.timed for run in runs), strict=False):
             if len({tick.what for tick in ticks}) > 1:
                 self.wrong("runs differ: " + "; ".join(tick.what for tick in ticks))
             self.timed.append(min(ticks))

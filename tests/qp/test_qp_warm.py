@@ -8,12 +8,12 @@ import pytest
 
 from wbc.controllers.asking import Solvers
 from wbc.controllers.slack import GivingQP
-from wbc.controllers.work import Work
 from wbc.qp import QP, ProxQP, Status, make_backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.native import Workspace
 from wbc.qp.native_daqp import native_daqp
 from wbc.qp.solution import RawSolution
+from wbc.qp.work import Work
 
 
 @pytest.mark.parametrize(("mi", "speed"), [(0, 1.0), (25, 1.0), (0, 100.0), (25, 100.0)])

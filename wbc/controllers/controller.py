@@ -24,7 +24,8 @@ from wbc.constraints.rows import Constraint
 from wbc.controllers import parts
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.joint_weights import JointWeights, weights_of
-from wbc.controllers.levels import FORMULATIONS, Box, LevelProblem, LevelSolver, Outcome
+from wbc.controllers.level_problem import Box, LevelProblem
+from wbc.controllers.levels import FORMULATIONS, LevelSolver, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity

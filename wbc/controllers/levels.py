@@ -23,18 +23,20 @@ from wbc.constraints.rows import Bounds, stack
 from wbc.controllers.active_set import ActiveSet, achieved_rows
 from wbc.controllers.asking import Solvers
 from wbc.controllers.braking import relax_box, scale_gains_to_brake
-from wbc.controllers.plan import Assembled, Physics, Plan, assemble, outweighing
+from wbc.controllers.level_problem import Box, LevelProblem
+from wbc.controllers.plan import Plan, assemble, outweighing
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.controllers.slack import GivingQP
 from wbc.controllers.work import likely_work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
+from wbc.qp.daqp import Daqp
 from wbc.qp.elimination import Elimination, eliminate
+from wbc.qp.native_daqp import refused
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
 from wbc.qp.work import Work, otherwise
-from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.validate import Array
 
@@ -47,8 +49,6 @@ TOLERANCE = 1e-6
 ASSEMBLE, BRAKE, SINGULAR, ELIMINATE, BELOW = 2.0, 2.5, 5.0, 4.5, 11.0
 # Units that the first level may take at least, for each attempt.
 FIRST = 600.0
-
-Box = tuple[Array, Array]
 
 
 class Outcome(NamedTuple):
@@ -124,35 +124,6 @@ class Outcome(NamedTuple):
         return self._replace(solution=solution)
 
 
-class LevelProblem(NamedTuple):
-    """Everything that the levels of one tick have in common.
-
-    Attributes
-    ----------
-    rows:
-        One for each task, for each soft contact, then for each task about forces.
-    contacts:
-        Rows of the contacts that are met exactly.
-    box:
-        Bounds (nv,), (nv,) on the velocity.
-    recovery:
-        Rows that move joints back into range, or None.
-    work:
-        Of the tick; what its budget does not afford is left out.
-    assembled:
-        The QP of the only level in ``box``, where the native core made it: no rows then.
-    """
-
-    snapshot: Snapshot
-    rows: list[Rows]
-    contacts: list[Rows]
-    physics: Physics
-    box: Box
-    recovery: Rows | None
-    work: Work
-    assembled: Assembled | None = None
-
-
 class LevelSolver:
     """Solves the QPs of all levels of a plan.
 
@@ -209,6 +180,8 @@ class LevelSolver:
         work = problem.work
         work.least = FIRST  # without an answer of the first level there is none
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
+        if problem.refused:
+            return Outcome(qp, refused(qp, 0.0, Daqp.name), qp, self.plan.decision.nv, 0.0, {})
         limits = self._limits
         if limits is not None and limits.braking != "bounded":
             limits = None  # a box that always has room needs no second look

@@ -190,7 +190,9 @@ class NativeMemory:
         self._settings = None
         if solver is not None:
             daqp = solver if isinstance(solver, Daqp) else solver.active_set
-            self._settings = direct_daqp().settings(daqp.eps, daqp.max_iterations)
+            # Where what has no solution is relaxed, in bounded time.
+            most = daqp.max_iterations if self.forces is None else daqp.quick_iterations
+            self._settings = direct_daqp().settings(daqp.eps, most)
             struct.eps, struct.outside = daqp.eps, daqp is not solver
             struct.quadprog = direct_daqp().address
             struct.settings = ctypes.addressof(self._settings)

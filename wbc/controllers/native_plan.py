@@ -158,9 +158,9 @@ class NativePlan:
             if said > 0:
                 return None
             solved = said == 0 and self._solver is not None
-            return NativeProblem(
-                self._layout, out, begun, called, done, answered if solved else None
-            )
+            answered_by = answered if solved else None
+            asked = self._solver is not None
+            return NativeProblem(self._layout, out, begun, called, done, answered_by, asked)
 
     @property
     def spent(self) -> float:

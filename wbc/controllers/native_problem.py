@@ -17,7 +17,7 @@ from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
 from wbc.qp.daqp import Daqp
-from wbc.qp.native_daqp import solution_of
+from wbc.qp.native_daqp import INFEASIBLE, solution_of
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import Answered
 from wbc.qp.solution import Solution
@@ -58,6 +58,8 @@ class NativeProblem:
 
     answered:
         Who solved it, if the core found the residuals small enough to need no second look.
+    asked:
+        Whether somebody was asked to solve it.
     """
 
     def __init__(
@@ -68,17 +70,23 @@ class NativeProblem:
         called: float,
         done: float,
         answered: Answered | None,
+        asked: bool,
     ) -> None:
         self._layout, self._out = layout, out
         self._clock = begun, called, done
         forces = layout.memory.forces
         self._forced = None if forces is None else forces.labels  # these of this tick
-        self._answered = answered
+        self._answered, self._asked = answered, asked
 
     @property
     def solved(self) -> bool:
         """Whether it has a solution."""
         return self._answered is not None
+
+    @property
+    def refused(self) -> bool:
+        """Whether DAQP called it infeasible."""
+        return self._asked and not self.solved and self._answer.found.item(3) == INFEASIBLE
 
     @cached_property
     def _answer(self) -> Answer:

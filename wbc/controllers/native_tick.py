@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
-from wbc.controllers.levels import LevelProblem
+from wbc.controllers.level_problem import LevelProblem
 from wbc.controllers.look_ahead import Attempt
 from wbc.controllers.native_margin import only_self_collision
 from wbc.controllers.native_plan import NativePlan, solves
@@ -60,11 +60,15 @@ class NativeController(Controller):
         return self._step_within(found.work, snapshot, found.attempt)
 
     def _native_step(
-        self, plan: NativePlan, snapshot: Snapshot, work: Work | None = None
+        self,
+        plan: NativePlan,
+        snapshot: Snapshot,
+        work: Work | None = None,
+        refused: bool = False,
     ) -> Tick | _Unsolved:
         """Return the command of a plain tick, or what came of one that is not, or has no solution.
 
-        ``work``: of the tick so far.
+        ``work``: of the tick so far. ``refused``: DAQP called its QP infeasible, without margins.
         """
         start = perf_counter()
         if self.constraints and plan.margin is None and snapshot.native_state is None:
@@ -77,15 +81,20 @@ class NativeController(Controller):
         work.spent += plan.spent
         if plan.margin is not None:
             # Where an answer leads inside, rows are added by Python.
-            second = self._second
-            return _Unsolved(work) if second is None else self._native_step(second, snapshot, work)
+            second, refused = self._second, found is not None and found.refused
+            if second is None:
+                return _Unsolved(work)
+            return self._native_step(second, snapshot, work, refused)
         if found is None:
             return _Unsolved(work)
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
         # Met exactly: weights are not read.
         held = [Rows(qp.A, qp.b, weight=qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
-        problem = LevelProblem(snapshot, [], held, physics, box, None, work, found.assembled)
+        refused = self._relaxes and (refused or found.refused)
+        problem = LevelProblem(
+            snapshot, [], held, physics, box, None, work, found.assembled, refused
+        )
         margins = None
         if self.constraints:
             margins = self._margins(snapshot, work)

@@ -25,7 +25,8 @@ from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.effort_bounds import effort_bounds, limits_within, stance_decelerations
 from wbc.controllers.force_ramps import ForceRamps
 from wbc.controllers.joint_weights import JointWeights
-from wbc.controllers.levels import Box, LevelProblem, Outcome
+from wbc.controllers.level_problem import Box, LevelProblem
+from wbc.controllers.levels import Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_cuts
 from wbc.controllers.native_forces import TorqueRows
 from wbc.controllers.native_plan import NativePlan

@@ -29,6 +29,9 @@ from wbc.validate import Array, finite_number
 
 ENDLESS = 1e100  # multipliers beyond are none
 NOT_ASKED = "not asked: the budget of work is spent"
+# Cap on iterations of who is in a hurry: of 3128 QPs solved in ticks from wild states none took
+# more than 393, and those on which DAQP cycles took all 1000, three times.
+QUICK_ITERATIONS = 500
 # DAQP's exit flags; a dependent working set (-6) is how it sees contradictory equalities.
 _CLAIMS = {
     1: (Status.SOLVED, ""),
@@ -76,7 +79,8 @@ class Daqp:
     ) -> Solution:
         """Return the checked solution of ``qp``; ``workspace`` is ignored.
 
-        ``quick``: if there is none, neither try a finer zero nor search for the rows in conflict.
+        ``quick``: in fewer iterations; if there is none, neither try a finer zero nor search for
+        the rows in conflict.
         ``work``: of the tick; the core's attempt gets a third of what is left, and each after it
         half of the rest.
 
@@ -92,7 +96,7 @@ class Daqp:
             found = None if self._native is None else self.solve_natively(qp, work, quick)
             if found is not None:
                 return found
-            most = self._afforded(qp, work) if is_sound(qp, shapes_only=True) else 0
+            most = self._afforded(qp, work, quick=quick) if is_sound(qp, shapes_only=True) else 0
             if most:
                 memory = daqp_memory(qp, self.eps)
                 if memory.stacked.is_finite():
@@ -124,13 +128,19 @@ class Daqp:
         """Return the same with a finer zero: see :data:`wbc.qp.daqp_direct.FINE`."""
         return self._answer(qp, work, fine=True)
 
-    def _afforded(self, qp: QP, work: Work, part: float = 0.5) -> int:
+    @property
+    def quick_iterations(self) -> int:
+        """Cap on the iterations of a quick attempt."""
+        return min(self.max_iterations, QUICK_ITERATIONS)
+
+    def _afforded(self, qp: QP, work: Work, part: float = 0.5, quick: bool = False) -> int:
         """Return how many iterations an attempt may take, of so much of what is left."""
-        return ACTIVE_SET.afforded(qp, part * work.left, self.max_iterations, FEWEST)
+        most = self.quick_iterations if quick else self.max_iterations
+        return ACTIVE_SET.afforded(qp, part * work.left, most, FEWEST)
 
     def solve_natively(self, qp: QP, work: Work, quick: bool = False) -> Solution | None:
         """Return what the core settles, if anything."""
-        most = self._afforded(qp, work, 1.0 / 3.0)
+        most = self._afforded(qp, work, 1.0 / 3.0, quick)
         if not most or self._native is None:
             return None
         return self._native.solve(qp, self.name, quick, work, most)

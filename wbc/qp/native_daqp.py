@@ -125,7 +125,7 @@ class NativeDaqp:
         if work is not None:
             work.spent += ACTIVE_SET.units(qp, iterations_of(out[-4:]))
         if quick and said == UNSOLVED and known.out[-1] == INFEASIBLE:
-            return _failed(qp, perf_counter() - start, name)
+            return refused(qp, perf_counter() - start, name)
         if said != 0:
             return None
         return solution_of(known.parts(), known.out[-4:], perf_counter() - start, name)
@@ -136,7 +136,8 @@ def iterations_of(found: Array) -> int:
     return int(found[3] if found[3] >= 0.0 else found[0])
 
 
-def _failed(qp: QP, spent: float, name: str) -> Solution:
+def refused(qp: QP, spent: float, name: str) -> Solution:
+    """Return what is said in a hurry of a QP that DAQP called infeasible."""
     raw = RawSolution.none(qp, Status.FAILED, "claimed 'infeasible', for which nothing was sought")
     none = KktResiduals(np.inf, np.inf, np.inf)
     return Solution(*raw[:4], raw.claim, none, 0, spent, name, message=raw.message)

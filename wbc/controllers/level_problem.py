@@ -1,0 +1,45 @@
+"""What the levels of one tick have in common."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from wbc.controllers.plan import Assembled, Physics
+from wbc.laws import Rows
+from wbc.qp.work import Work
+from wbc.robot import Snapshot
+from wbc.validate import Array
+
+Box = tuple[Array, Array]
+
+
+class LevelProblem(NamedTuple):
+    """Everything that the levels of one tick have in common.
+
+    Attributes
+    ----------
+    rows:
+        One for each task, for each soft contact, then for each task about forces.
+    contacts:
+        Rows of the contacts that are met exactly.
+    box:
+        Bounds (nv,), (nv,) on the velocity.
+    recovery:
+        Rows that move joints back into range, or None.
+    work:
+        Of the tick; what its budget does not afford is left out.
+    assembled:
+        The QP of the only level in ``box``, where the native core made it: no rows then.
+    refused:
+        Whether DAQP called that infeasible, margins included.
+    """
+
+    snapshot: Snapshot
+    rows: list[Rows]
+    contacts: list[Rows]
+    physics: Physics
+    box: Box
+    recovery: Rows | None
+    work: Work
+    assembled: Assembled | None = None
+    refused: bool = False
