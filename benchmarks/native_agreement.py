@@ -48,7 +48,7 @@ from native_agreement_ticks import EPISODE, compare, compare_ticks
 
 import wbc
 from wbc.native import VARIABLE
-from wbc.qp import proxqp
+from wbc.qp import pause
 from wbc.robot.collision import Capsule, CollisionModel
 
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
@@ -121,7 +121,7 @@ def main() -> None:
     parser.add_argument("--state", type=Path, help="kept here, to go on after an end")
     options = parser.parse_args()
     os.environ[VARIABLE] = "require"
-    proxqp.PAUSE = 0  # asked in every tick, stalled or not
+    pause.FIRST = 0  # asked in every tick, stalled or not
     kept = Kept(options.state)
     print(
         "| robot | of | compared | handed over | refuted | QP | command, hulls | pair holds", end=""

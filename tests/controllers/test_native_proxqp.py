@@ -13,7 +13,7 @@ from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
 from wbc.controllers.native_plan import solves
 from wbc.native import status
-from wbc.qp import proxqp
+from wbc.qp import pause
 from wbc.qp.backend import backend_of
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.native import Workspace
@@ -62,7 +62,7 @@ def test_answers_are_those_of_daqp_and_of_the_python_tick(
     name: str, level, native, monkeypatch
 ) -> None:
     """In closed loop, warm, bounds active."""
-    monkeypatch.setattr(proxqp, "PAUSE", 0)
+    monkeypatch.setattr(pause, "FIRST", 0)
     robot = native(name)
     here = robot.snapshot(robot.posture("standing"))
     ours, daqp = (controller_of(robot, here, level, solver=one) for one in ("proxqp", "daqp"))
@@ -113,7 +113,7 @@ def wrong(honest: Callable[..., object]) -> Callable[..., object]:
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_wrong_answer_is_rejected_and_daqp_answers(level, margin, native, monkeypatch) -> None:
     """Warm, and from nothing behind DAQP's own answer, the look where it leads in between."""
-    monkeypatch.setattr(proxqp, "PAUSE", 0)
+    monkeypatch.setattr(pause, "FIRST", 0)
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))
     kept = [SelfCollision(robot, pairs=20)] if margin else []
@@ -166,7 +166,7 @@ def test_what_stalls_is_left_in_peace(native, monkeypatch) -> None:
     honest = Workspace.solve_cold
     count: Callable[[Workspace], RawSolution] = lambda self: asked.append(1) or honest(self)  # noqa: E731
     monkeypatch.setattr(Workspace, "solve_cold", count)
-    for _ in range(proxqp.PAUSE):
+    for _ in range(pause.FIRST):
         assert controller.step(here).solution[8:] == ("daqp", None, 1, "")
     assert not asked
     assert controller.step(here).solution.solver == "proxqp"

@@ -205,8 +205,8 @@ def test_in_bounded_time_what_stalls_is_left_to_the_active_set_method(ticks, mon
 
 @pytest.mark.parametrize("quick", [True, False])
 def test_what_stalled_is_tried_again_after_pauses_twice_as_long(ticks, monkeypatch, quick):
-    monkeypatch.setattr("wbc.qp.proxqp.PAUSE", 3)
-    monkeypatch.setattr("wbc.qp.proxqp.LONGEST_PAUSE", 6)
+    monkeypatch.setattr("wbc.qp.pause.FIRST", 3)
+    monkeypatch.setattr("wbc.qp.pause.LONGEST", 6)
     solves, backend = _counted(monkeypatch), ProxQP(max_iterations=1)
     first = next(iter(ticks(seed=4, count=1, mi=25)))
     asked = []

@@ -28,7 +28,8 @@ from wbc.controllers.plan import Plan
 from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
-from wbc.qp.proxqp import Answered, ProxQP
+from wbc.qp.judge import Answered
+from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree
 from wbc.tasks.task import Task

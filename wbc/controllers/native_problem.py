@@ -17,9 +17,9 @@ from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
 from wbc.qp.daqp import Daqp
+from wbc.qp.judge import Answered
 from wbc.qp.native_daqp import INFEASIBLE, solution_of
 from wbc.qp.problem import QP, Labels
-from wbc.qp.proxqp import Answered
 from wbc.qp.solution import Solution
 from wbc.validate import Array, read_only
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Hashable
 from math import inf
 from time import perf_counter
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.qp.daqp import NOT_ASKED, Daqp
+from wbc.qp.judge import Answered, Judge
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
+from wbc.qp.pause import Pauses
 from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
@@ -39,42 +41,8 @@ HARD = 120
 # rho where the equalities are eliminated: one step is enough where no bound is active, 5 us less
 # than with Workspace's own; of 3000 QPs with active ones 47 were not solved, 43 with that.
 REDUCED_RHO = 1e-8
-# For how many QPs of a name that stalled ProxQP is left in peace before it is asked once more, at
-# first and at most: twice as many after every stall. At 500 Hz 0.2 s, and a minute.
-PAUSE, LONGEST_PAUSE = 100, 25_600
 
 Key = tuple[Hashable, int, int, int]  # of a warm start: name and sizes
-
-
-class _Pause(NamedTuple):
-    """For how many QPs more, and of how many, the active-set method is asked first."""
-
-    left: int
-    length: int
-
-
-class Judge(Protocol):
-    """Who gave a QP away, and takes its answers back: the native core."""
-
-    @property
-    def iterations(self) -> int:
-        """Of the last answer."""
-        ...
-
-    def takes(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
-        """Whether x (n,), and z (mi + n,) of rows, then of bounds, times ``scale``, will do."""
-        ...
-
-    def solves(self) -> bool:
-        """Whether it finds an answer itself, by the active-set method."""
-        ...
-
-
-class Answered(NamedTuple):
-    """Who answered, and how many were asked."""
-
-    solver: str
-    attempts: int
 
 
 class _Attempt(NamedTuple):
@@ -135,7 +103,7 @@ class ProxQP:
         self.active_set = Daqp(self.eps, ACTIVE_SET_ITERATIONS)
         self._one_off = Daqp(self.eps, ONE_OFF_ITERATIONS)
         self._workspaces: dict[Hashable, Workspace] = {}
-        self._pauses: dict[Hashable, _Pause] = {}
+        self._pauses = Pauses()
 
     def __getstate__(self) -> dict[str, object]:
         """Leave warm starts out: a copied workspace of ProxQP 0.8 has lost its box."""
@@ -172,7 +140,7 @@ class ProxQP:
         work = Work() if work is None else work
         check = SolveCheck(self.name, self.eps, perf_counter(), not quick, work)
         key = workspace, qp.g.size, qp.b.size, qp.u.size
-        paused = self._is_paused(workspace)
+        paused = bool(self._pauses) and self._pauses.goes_on(workspace)
         warm = key in self._workspaces and not paused
         if not (warm and is_sound(qp)):  # else the bounds are judged with the answer
             check_qp(qp)
@@ -210,7 +178,7 @@ class ProxQP:
             else (WARM_ITERATIONS, self.max_iterations)
         )
         key = workspace, qp.g.size, 0, qp.u.size
-        paused = self._is_paused(workspace)
+        paused = bool(self._pauses) and self._pauses.goes_on(workspace)
         last = None if paused else self._workspaces.pop(key, None)
         if last is None:
             if not judge.solves():
@@ -236,20 +204,10 @@ class ProxQP:
             self._pause(workspace)
         return Answered(Daqp.name, attempts + 1)
 
-    def _is_paused(self, workspace: Hashable) -> bool:
-        """Whether ProxQP is left in peace now; counts."""
-        pause = self._pauses.get(workspace)
-        if pause is None or pause.left == 0:
-            return False
-        self._pauses[workspace] = pause._replace(left=pause.left - 1)
-        return True
-
     def _pause(self, workspace: Hashable) -> None:
-        """Leave ProxQP in peace for a while, twice as long as the last time."""
+        """Leave ProxQP in peace with QPs of that name for a while."""
         if self.warm and workspace is not None:
-            last = self._pauses.get(workspace)
-            length = PAUSE if last is None else min(2 * last.length, LONGEST_PAUSE)
-            self._pauses[workspace] = _Pause(length, length)
+            self._pauses.begin(workspace)
 
     def _solve_quickly(
         self, qp: QP, check: SolveCheck, key: Key, paused: bool, work: Work
