@@ -44,6 +44,14 @@ _CLAIMS = {
 }
 
 
+def checked_settings(solver: str, eps: float, max_iterations: int) -> tuple[float, int]:
+    """Return the accuracy that a solver promises, and its cap on iterations, both in range."""
+    return (
+        finite_number(f"eps of {solver}", eps, least=1e-12),
+        int(finite_number(f"max_iterations of {solver}", max_iterations, least=1)),
+    )
+
+
 class Daqp:
     """DAQP, its answers checked; nothing is kept between calls.
 
@@ -63,8 +71,7 @@ class Daqp:
     name = "daqp"
 
     def __init__(self, eps: float = 1e-8, max_iterations: int = 1000) -> None:
-        self.eps = finite_number("eps of DAQP", eps, least=1e-12)
-        self.max_iterations = int(finite_number("max_iterations of DAQP", max_iterations, least=1))
+        self.eps, self.max_iterations = checked_settings("DAQP", eps, max_iterations)
 
     @cached_property
     def _native(self) -> NativeDaqp | None:
@@ -91,9 +98,9 @@ class Daqp:
         """
         work = Work() if work is None else work
         check = SolveCheck(self.name, self.eps, perf_counter(), not quick, work)
-        answer = None
-        if type(self).answer is Daqp.answer:  # who derives from this may answer otherwise
-            found = None if self._native is None else self.solve_natively(qp, work, quick)
+        answer, ours = None, type(self).answer is Daqp.answer
+        if ours:  # who derives from this may answer otherwise
+            found = self.solve_natively(qp, work, quick)
             if found is not None:
                 return found
             most = self._afforded(qp, work, quick=quick) if is_sound(qp, shapes_only=True) else 0
@@ -107,13 +114,20 @@ class Daqp:
                         return found
         check_qp(qp)
         if answer is None:  # theirs, or there is nothing to solve, or no time for it
-            own = type(self).answer is Daqp.answer
-            return check.judge(qp, self.answer(qp, work) if own else self.answer(qp))
+            return check.judge(qp, self.answer(qp, work) if ours else self.answer(qp))
         raw = _raw(qp, *answer)
         settled = None
         if not quick:
             settled = check.accept(qp, raw) or check.accept(qp, self.finer(qp, work), 2)
         return settled or check.judge(qp, raw)
+
+    def solve_natively(self, qp: QP, work: Work, quick: bool = False) -> Solution | None:
+        """Return what the core settles, if anything."""
+        native = self._native
+        if native is None:
+            return None
+        most = self._afforded(qp, work, 1.0 / 3.0, quick)
+        return native.solve(qp, self.name, quick, work, most) if most else None
 
     def solve_finely(self, qp: QP, work: Work | None = None) -> Solution | None:
         """Return the checked solution by a finer zero, or None; ``work``: of the tick."""
@@ -137,13 +151,6 @@ class Daqp:
         """Return how many iterations an attempt may take, of so much of what is left."""
         most = self.quick_iterations if quick else self.max_iterations
         return ACTIVE_SET.afforded(qp, part * work.left, most, FEWEST)
-
-    def solve_natively(self, qp: QP, work: Work, quick: bool = False) -> Solution | None:
-        """Return what the core settles, if anything."""
-        most = self._afforded(qp, work, 1.0 / 3.0, quick)
-        if not most or self._native is None:
-            return None
-        return self._native.solve(qp, self.name, quick, work, most)
 
     def _answer(self, qp: QP, work: Work | None, fine: bool) -> RawSolution:
         work = Work() if work is None else work

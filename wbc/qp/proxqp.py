@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.qp.daqp import NOT_ASKED, Daqp
+from wbc.qp.daqp import NOT_ASKED, Daqp, checked_settings
 from wbc.qp.judge import Answered, Judge
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.native import Workspace
@@ -18,7 +18,6 @@ from wbc.qp.polish import polish
 from wbc.qp.problem import QP, check_qp, is_sound
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.qp.work import COLD, INNER, POLISH, WARM, Steps, Work, otherwise
-from wbc.validate import finite_number
 
 # How far above eps the residuals of a last resort may be.
 NEARLY = 100.0
@@ -95,10 +94,7 @@ class ProxQP:
 
     def __init__(self, eps: float = 1e-8, max_iterations: int = 20, warm: bool = True) -> None:
         self.name = "proxqp" if warm else "proxqp_cold"
-        self.eps = finite_number("eps of ProxQP", eps, least=1e-12)
-        self.max_iterations = int(
-            finite_number("max_iterations of ProxQP", max_iterations, least=1)
-        )
+        self.eps, self.max_iterations = checked_settings("ProxQP", eps, max_iterations)
         self.warm = warm
         self.active_set = Daqp(self.eps, ACTIVE_SET_ITERATIONS)
         self._one_off = Daqp(self.eps, ONE_OFF_ITERATIONS)
