@@ -3,8 +3,9 @@
 import pytest
 from typer.testing import CliRunner
 
+from tests.needs import needs_core
 from wbc.cli import app
-from wbc.native import VARIABLE, library, status
+from wbc.native import VARIABLE, library
 
 
 @pytest.fixture(autouse=True)
@@ -19,7 +20,7 @@ def said(code: int = 0) -> str:
     return answer.output
 
 
-@pytest.mark.skipif(status().core is None, reason=status().reason)
+@needs_core
 def test_the_core_runs(monkeypatch) -> None:
     monkeypatch.setenv(VARIABLE, "auto")
     text = said()

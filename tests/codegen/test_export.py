@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.needs import needs_core
 from wbc.cli import app
 from wbc.codegen import CodegenError, export_problem
 from wbc.codegen.targets import targets_of, task_parts
-from wbc.native import VARIABLE, status
+from wbc.native import VARIABLE
 from wbc.native.build import COMPILERS
 from wbc.problem import load_problem
 
-pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+pytestmark = needs_core
 compiles = pytest.mark.skipif(
     not any(shutil.which(name) for name in COMPILERS), reason="no C compiler here"
 )

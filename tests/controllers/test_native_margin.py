@@ -7,21 +7,16 @@ import numpy as np
 import pytest
 
 from tests.controllers.native_ticks import assert_same_entries
+from tests.needs import needs_core, needs_direct_daqp
 from wbc.constraints import BrakingParameters, Limits, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
-from wbc.controllers.native_plan import solves
-from wbc.native import status
-from wbc.qp.backend import backend_of
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import CollisionModel
 from wbc.robot.collision.shapes import Body, Capsule
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
-pytestmark = [
-    pytest.mark.skipif(status().core is None, reason=status().reason),
-    pytest.mark.skipif(not solves(backend_of("daqp")), reason="the core cannot call this DAQP"),
-]
+pytestmark = [needs_core, needs_direct_daqp]
 HANDS = ("left_hand", "right_hand")
 LEVELS = (KinematicController, TorqueController)
 SOLVERS = ("daqp", "proxqp")

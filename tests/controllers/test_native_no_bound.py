@@ -3,22 +3,17 @@
 import numpy as np
 import pytest
 
+from tests.needs import needs_core, needs_direct_daqp
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
-from wbc.controllers.native_plan import solves
 from wbc.controllers.native_problem import NO_SOLVER
-from wbc.native import status
-from wbc.qp.backend import backend_of
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.native import Workspace
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
-pytestmark = [
-    pytest.mark.skipif(status().core is None, reason=status().reason),
-    pytest.mark.skipif(not solves(backend_of("daqp")), reason="the core cannot call this DAQP"),
-]
+pytestmark = [needs_core, needs_direct_daqp]
 LEVELS = (KinematicController, TorqueController)
 # Residuals are below 1e-8, the least curvature is 0.3^2.
 NEAR = 1e-7

@@ -10,6 +10,7 @@ import pytest
 
 from tests.conftest import ROBOTS, random_state
 from tests.controllers.native_ticks import FIELDS, assert_same_qp, every_task
+from tests.needs import needs_core, needs_direct_daqp
 from wbc.constraints import (
     Contact,
     Limits,
@@ -22,7 +23,7 @@ from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.tick import Tick
-from wbc.native import VARIABLE, status
+from wbc.native import VARIABLE
 from wbc.native.rows import NativeRows
 from wbc.qp import daqp_direct
 from wbc.qp.daqp import Daqp
@@ -43,7 +44,7 @@ from wbc.tasks import (
 )
 from wbc.tasks.placement import homogeneous
 
-pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+pytestmark = needs_core
 
 
 def controller_of(robot: Robot, tasks, contacts=(), **options) -> KinematicController:
@@ -397,8 +398,6 @@ def test_the_same_bits_twice(native, rng) -> None:
 
 # ---------------------------------------------------------------------- solved in the core
 
-direct = pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
-
 
 def solved(controller: KinematicController, snapshot: Snapshot) -> NativeProblem:
     found = controller._native.problem(snapshot)
@@ -407,7 +406,7 @@ def solved(controller: KinematicController, snapshot: Snapshot) -> NativeProblem
     return found
 
 
-@direct
+@needs_direct_daqp
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> None:
     """Limits active on the base and on joints; contacts with rows that depend on each other too."""
@@ -445,7 +444,7 @@ def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> No
     assert active > 20
 
 
-@direct
+@needs_direct_daqp
 def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatch) -> None:
     robot = native("g1_27")
     q = robot.posture("standing")
@@ -461,7 +460,7 @@ def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatc
     assert plan.problem(here).solution is not None
 
 
-@direct
+@needs_direct_daqp
 def test_dependent_contacts_are_not_solved_in_the_core(native) -> None:
     """Two tasks hold the same rows: there is no pivot for the second."""
     robot = native("g1_27")
@@ -475,7 +474,7 @@ def test_dependent_contacts_are_not_solved_in_the_core(native) -> None:
     assert controller.step(here).ok
 
 
-@direct
+@needs_direct_daqp
 def test_only_solvers_as_they_are_answer_the_core(native) -> None:
     class Other(Daqp):
         """Its answers may be anything."""
@@ -498,7 +497,7 @@ def test_only_solvers_as_they_are_answer_the_core(native) -> None:
     assert solved(controller_of(robot, tasks), here).solution.solver == "cholesky"
 
 
-@direct
+@needs_direct_daqp
 def test_settings_of_the_backend_are_kept(native) -> None:
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture())
@@ -511,7 +510,7 @@ def test_settings_of_the_backend_are_kept(native) -> None:
         assert (few._native.problem(here).solution is not None) == there
 
 
-@direct
+@needs_direct_daqp
 def test_daqp_is_only_called_where_its_layout_is_known(monkeypatch) -> None:
     found = direct_daqp()
     assert found.settings(1e-8, 7)[0] == 1e-9
@@ -547,7 +546,7 @@ def test_copies_have_memory_of_their_own(how, native, rng) -> None:
     np.testing.assert_allclose(again.jacobian("left_hand"), here.jacobian("left_hand"), atol=1e-12)
 
 
-@direct
+@needs_direct_daqp
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
 def test_a_tick_that_nobody_has_read_keeps_its_evidence(how, native) -> None:
     """Copied before it is read, and read after its targets and another tick have come."""

@@ -8,6 +8,7 @@ import pytest
 
 from tests.conftest import ROBOTS, load, random_state
 from tests.controllers.native_ticks import FIELDS, assert_same_qp, every_task
+from tests.needs import needs_core, needs_direct_daqp
 from wbc.constraints import (
     Contact,
     FrictionCone,
@@ -20,9 +21,8 @@ from wbc.constraints import (
 from wbc.controllers import TorqueController
 from wbc.controllers.controller import Controller
 from wbc.laws import AccelerationLaw
-from wbc.native import VARIABLE, status
+from wbc.native import VARIABLE
 from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.kkt import kkt_residuals
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import (
@@ -35,8 +35,7 @@ from wbc.tasks import (
     TorqueTask,
 )
 
-pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
-direct = pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
+pytestmark = needs_core
 CORNERS = [[0.05, 0.03, -0.02], [0.05, -0.03, 0.0], [-0.05, 0.0, 0.01]]
 
 
@@ -181,7 +180,7 @@ def test_a_tick_tells_the_same(native, rng) -> None:
         np.testing.assert_allclose(fast.forces[key], wrench, rtol=1e-7, atol=1e-6)
 
 
-@direct
+@needs_direct_daqp
 @pytest.mark.parametrize("name", ROBOTS[:-1])
 def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> None:
     """Torque bounds, cones and limits active."""
@@ -305,7 +304,7 @@ def test_what_the_core_does_not_know_is_left_to_python(native) -> None:
     assert controller.step(here).ok
 
 
-@direct
+@needs_direct_daqp
 @pytest.mark.parametrize("friction", [FrictionCone(0.05, facets=8), None])
 def test_cones_of_another_size_count_in_every_tick_from_then_on(native, friction) -> None:
     """The core's plan has no place for them: neither in the next tick nor in those behind it."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.controllers.test_look_ahead import DT, Slow, outcome
+from tests.needs import needs_core, needs_direct_daqp
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.constraints.contact import Contact
 from wbc.controllers import KinematicController
@@ -60,6 +61,20 @@ def solved(monkeypatch):
 
         monkeypatch.setattr(kind, "solve", counted)
     return sizes
+
+
+@pytest.fixture
+def stubborn(monkeypatch):
+    """Have ProxQP fail what will not come again; return the workspaces that it was asked for."""
+    honest, asked = ProxQP.solve, []
+
+    def solve(self, qp, workspace="default", quick=False):
+        found = honest(self, qp, workspace, quick)
+        asked.append(workspace)
+        return found if workspace else found._replace(status=Status.FAILED, conflict=None)
+
+    monkeypatch.setattr(ProxQP, "solve", solve)
+    return asked
 
 
 def test_levels_that_are_not_afforded_are_left_out_by_name(here, solved) -> None:
@@ -130,15 +145,8 @@ def test_what_bounds_show_to_be_safe_needs_no_look(here) -> None:
     assert 0.0 < np.abs(tick.velocity).max() <= constraint.most
 
 
-def test_a_level_that_one_attempt_does_not_solve_is_left_out(here, monkeypatch) -> None:
+def test_a_level_that_one_attempt_does_not_solve_is_left_out(here, stubborn, monkeypatch) -> None:
     """From most of the budget on; before, a tick without all its levels has failed."""
-    honest = ProxQP.solve
-
-    def stubborn(self, qp, workspace="default", quick=False):
-        found = honest(self, qp, workspace, quick)
-        return found if workspace else found._replace(status=Status.FAILED)
-
-    monkeypatch.setattr(ProxQP, "solve", stubborn)
     alone, work = controller(here, levels=2), Work(1000.0)
     assert alone.step(here).status is Status.FAILED
     monkeypatch.setattr(Work, "short", property(lambda self: True))
@@ -147,20 +155,14 @@ def test_a_level_that_one_attempt_does_not_solve_is_left_out(here, monkeypatch) 
     assert work.left_out == ()
 
 
-def test_a_level_with_too_little_left_is_left_out(here, monkeypatch) -> None:
+def test_a_level_with_too_little_left_is_left_out(here, stubborn, monkeypatch) -> None:
     """Even where most of the budget is not spent: what is kept for looks is nobody's to take."""
-    honest = ProxQP.solve
-
-    def stubborn(self, qp, workspace="default", quick=False):
-        found = honest(self, qp, workspace, quick)
-        return found if workspace else found._replace(status=Status.FAILED)
-
-    monkeypatch.setattr(ProxQP, "solve", stubborn)
     monkeypatch.setattr("wbc.controllers.levels.otherwise", lambda qp: 1e9)
     tick = controller(here, levels=2).step(here)
     assert tick.ok and [text.split(":")[0] for text in tick.left_out] == ["level 1"]
 
 
+@needs_core
 @pytest.mark.parametrize(("budget", "times"), [(None, 2), ("usual", 1)])
 def test_a_plain_tick_without_a_solution_is_not_solved_twice(here, solved, budget, times) -> None:
     """Where work is counted: the QP that Python would set up is that of the core, to rounding."""
@@ -171,18 +173,16 @@ def test_a_plain_tick_without_a_solution_is_not_solved_twice(here, solved, budge
     asked = KinematicController(
         here.robot, tasks, contacts=held, limits=limits, dt=DT, budget=budget
     )
-    if asked.native is None:
-        pytest.skip("no core here")
     tick = asked.step(here)
     assert tick.status is Status.INFEASIBLE and tick.solution.conflict is not None
     assert not tick.velocity.any() and len(solved) == times
 
 
+@needs_core
+@needs_direct_daqp
 def test_what_the_core_took_is_counted(here) -> None:
     """Ticks that it hands over go on with what it left of the budget."""
     one = KinematicController(here.robot, stack_of(here, 1), contacts=(), dt=DT, solver="daqp")
-    if one.native is None:
-        pytest.skip("no core here")
     assert one.native.spent < 1000.0
     assert one.step(here).ok
     memory = one.native.memory
@@ -194,39 +194,31 @@ def test_what_the_core_took_is_counted(here) -> None:
     assert one.native.spent > before + 10 * COLD.step(n)
 
 
+@needs_core
+@needs_direct_daqp
 def test_the_core_takes_no_more_than_half_of_a_budget(here) -> None:
     limits = []
     for budget in (None, 400.0, 1e6):
         one = KinematicController(
             here.robot, stack_of(here, 1), contacts=(), dt=DT, solver="daqp", budget=budget
         )
-        if one.native is None:
-            pytest.skip("no core here")
         limits.append(int(iteration_limit(one.native.memory._settings)[0]))
     assert limits[0] == limits[2] == Daqp().max_iterations
     n = here.robot.nv
     assert 1 < limits[1] <= 200.0 / ACTIVE_SET.step(n)
 
 
-def test_cuts_that_one_attempt_does_not_solve_are_left_out(here, monkeypatch) -> None:
+def test_cuts_that_one_attempt_does_not_solve_are_left_out(here, stubborn, monkeypatch) -> None:
     """From most of the budget on a part of the answer without them is commanded, looked at."""
-    honest, asked = ProxQP.solve, []
-
-    def stubborn(self, qp, workspace="default", quick=False):
-        found = honest(self, qp, workspace, quick)
-        asked.append(workspace)
-        return found if workspace else found._replace(status=Status.FAILED, conflict=None)
-
-    monkeypatch.setattr(ProxQP, "solve", stubborn)
     fast = np.abs(controller(here, levels=1).step(here).velocity).max()
     constraint = Slow(here.robot, 0.3 * fast, useful=True)
     constraint.start = here.q
     one = controller(here, levels=1, constraints=[constraint])
     assert not one.step(here).ok  # with time for it, no verdict is hidden
     monkeypatch.setattr(Work, "short", property(lambda self: True))
-    asked.clear()
+    stubborn.clear()
     tick = one.step(here)
-    assert tick.ok and tick.step_scale == 0.25 and len(asked) == 2
+    assert tick.ok and tick.step_scale == 0.25 and len(stubborn) == 2
     assert tick.left_out == ("rows of margins where the command leads",)
     assert 0.0 < np.abs(tick.velocity).max() <= constraint.most
 

@@ -6,12 +6,13 @@ import daqp
 import numpy as np
 import pytest
 
+from tests.needs import needs_direct_daqp
 from wbc.errors import InvalidInputError
 from wbc.native import VARIABLE
 from wbc.qp import QP, Status, daqp_direct, make_backend
 from wbc.qp import daqp_memory as kept
 from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import DirectDaqp, direct_daqp
+from wbc.qp.daqp_direct import DirectDaqp
 from wbc.qp.kkt import MOST, PerThread, SolveCheck
 from wbc.qp.solution import RawSolution
 
@@ -84,7 +85,7 @@ def test_answers_are_those_of_daqp_to_the_bit(direct, monkeypatch) -> None:
         assert np.array_equal(ours, theirs)
 
 
-@pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
+@needs_direct_daqp
 @pytest.mark.parametrize("place", ["_ITERATIONS", "_REDUCTION", "_ZERO"])
 def test_settings_in_another_place_are_noticed(place, monkeypatch) -> None:
     """Then DAQP is called through Python."""

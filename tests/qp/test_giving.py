@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.needs import needs_core
 from wbc.controllers.slack import GivingQP
-from wbc.native import core
 from wbc.qp.daqp import Daqp
 from wbc.qp.giving import solve_giving
 from wbc.qp.kkt import kkt_residuals
@@ -12,7 +12,7 @@ from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
 
-pytestmark = pytest.mark.skipif(core() is None, reason="there is no native core")
+pytestmark = needs_core
 
 
 def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -> GivingQP:

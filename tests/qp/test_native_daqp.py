@@ -6,19 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.needs import needs_core, needs_direct_daqp
 from wbc.errors import InvalidInputError
-from wbc.native import VARIABLE, Core, build, status
+from wbc.native import VARIABLE, Core, build
 from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.native_daqp import NativeDaqp, native_daqp
 from wbc.qp.problem import QP
 from wbc.qp.solution import Status
 
-pytestmark = [
-    pytest.mark.skipif(status().core is None, reason=status().reason),
-    pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason),
-]
+pytestmark = [needs_core, needs_direct_daqp]
 
 
 def random_qp(rng: np.random.Generator) -> QP:

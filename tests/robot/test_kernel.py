@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from tests.conftest import ROBOTS, load, random_state
+from tests.needs import needs_core
 from wbc.errors import InvalidInputError
 from wbc.native import VARIABLE, NativeCoreError, status
 from wbc.robot import Robot, kernel
@@ -19,7 +20,7 @@ QUANTITIES = (
     *("mass_matrix", "bias", "com_drift", "momentum_drift", "inertia_drift"),
 )
 INERTIAL = ("inertia_jacobian_in", "inertia_drift_in")
-pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+pytestmark = needs_core
 
 
 def both(name: str, monkeypatch) -> tuple[Robot, Robot]:

@@ -8,12 +8,13 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tests.conftest import ROBOTS, load, random_state
-from wbc.native import VARIABLE, status
+from tests.needs import needs_core
+from wbc.native import VARIABLE
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
 
-pytestmark = pytest.mark.skipif(status().core is None, reason=status().reason)
+pytestmark = needs_core
 
 
 def both(name: str, monkeypatch) -> tuple[Robot, Robot]:
