@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.needs import needs_core
+from wbc.controllers.asking import Solvers
 from wbc.controllers.slack import GivingQP
 from wbc.qp.daqp import Daqp
 from wbc.qp.giving import solve_giving
@@ -11,6 +12,7 @@ from wbc.qp.kkt import kkt_residuals
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Status
+from wbc.qp.work import Work
 
 pytestmark = needs_core
 
@@ -111,3 +113,30 @@ def test_slacks_that_hardly_count() -> None:
     found = solve_giving(qp, np.array([np.inf, np.inf, 1e7]), 1e-8, 100)
     assert found is not None
     np.testing.assert_allclose(found.x, [1.0, 1.0, 0.5], atol=1e-7)
+
+
+@pytest.mark.parametrize(("off", "solved"), [(2e-7, True), (5e-6, False)])
+def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, monkeypatch) -> None:
+    """Up to a hundred times eps, by the residuals alone: without it a robot is only damped."""
+    qp = QP.build(np.eye(2), [0.0, 0.0], C=np.eye(2), l=[1.0, -np.inf], u=[np.inf, -1.0])
+    given = GivingQP(qp, np.array([np.inf, 4.0]))
+    full = given.full()
+
+    def rough(*asked):
+        """The core's answer with x off its hard row, if that is near enough for who asks."""
+        found = solve_giving(*asked)
+        x = found.x - [off, 0.0, 0.0]
+        residuals = kkt_residuals(full, x, found.y, found.z, found.z_box)
+        near = found._replace(x=x, residuals=residuals)
+        return near if max(residuals) <= asked[2] else None
+
+    def mute(self, qp, *_, **__):
+        return solve_giving(*given, 1e-8, 100)._replace(status=Status.FAILED)
+
+    monkeypatch.setattr("wbc.controllers.asking.solve_giving", rough)
+    monkeypatch.setattr(Daqp, "solve", mute)
+    monkeypatch.setattr(Daqp, "solve_finely", lambda *_: None)
+    found = Solvers(Daqp()).solve_giving(given, Work())
+    assert found.solved is solved
+    if solved:
+        assert found.residuals.primal == pytest.approx(off, rel=1e-6)
