@@ -58,16 +58,13 @@ class Solvers:
         quick = quick or self._quick or work.short
         if self._other is not None and work.is_limited:
             return self._solve_patiently(self._other, qp, work, quick, below)
-        ask: Any = self._backend.solve
+        options: dict[str, Any] = {"quick": True} if quick else {}
         if self._counts:
-            return ask(qp, workspace=workspace, quick=quick, work=work)
-        if quick:
-            solution = ask(qp, workspace=workspace, quick=True)
-        else:
-            solution = ask(qp, workspace=workspace)
-        work.spent += work_of(solution)
-        counted: Solution = solution
-        return counted
+            options["work"] = work
+        solution = self._backend.solve(qp, workspace=workspace, **options)
+        if not self._counts:
+            work.spent += work_of(solution)
+        return solution
 
     def solve_giving(self, giving: GivingQP, work: Work) -> Solution:
         """Return the checked solution of a QP with its slacks as unknowns, asked for once.
@@ -78,7 +75,7 @@ class Solvers:
         backend = self._backend
         ours = backend if isinstance(backend, Daqp | ProxQP) else None
         if ours is not None and giving.weights is not None:
-            # A robot that is only brought to rest for want of 1e-7 rad/s is worse off.
+            # Nearly solved will do: the other choice is a robot that is only brought to rest.
             found = solve_giving(giving.qp, giving.weights, NEARLY * ours.eps, ITERATIONS)
             if found is not None:
                 work.spent += work_of(found)
