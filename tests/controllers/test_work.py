@@ -188,7 +188,7 @@ def test_what_the_core_took_is_counted(here) -> None:
     memory = one.native.memory
     before, n = one.native.spent, here.robot.nv
     assert before == ACTIVE_SET.call + ACTIVE_SET.step(n) * memory.iterations
-    memory.out[memory._residuals] = 101.0, 0.0, 0.0, -4.0  # as many, and no answer
+    memory.out[memory.answer.found] = 101.0, 0.0, 0.0, -4.0  # as many, and no answer
     assert one.native.spent == ACTIVE_SET.call + ACTIVE_SET.step(n) * 101
     memory._proximal = 10
     assert one.native.spent > before + 10 * COLD.step(n)

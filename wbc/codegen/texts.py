@@ -36,7 +36,7 @@ def plan_header(recording: Recording, title: str) -> str:
         "PARTS": len(tasks) + len(contacts),
         "NUMBERS": memory.number.size,
         "STATE": memory.state.size,
-        "OUT": memory.size,
+        "OUT": memory.answer.size,
         "SCRATCH": memory.arrays["scratch"].size,
         "ORDER": memory.arrays["order"].size,
         "MOST_ITERATIONS": solver.max_iterations,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
+from wbc.controllers.native_answer import AnswerLayout
 from wbc.controllers.native_forces import NativeForces, TorqueRows
 from wbc.controllers.native_margin import NativeMargin
 from wbc.controllers.native_parts import Block, Part
@@ -17,7 +18,7 @@ from wbc.controllers.plan import Plan
 from wbc.native import address
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp, iteration_limit
-from wbc.qp.native_daqp import iterations_of, scratch_sizes
+from wbc.qp.native_daqp import UNSOLVED, iterations_of, scratch_sizes
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.work import ACTIVE_SET, COLD
@@ -26,7 +27,7 @@ from wbc.robot.kernel import NativeTree, frame_places
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
-UNSOLVED, REDUCED = -1, 7  # of what the core says: enum handed_over of source/core.h
+REDUCED = 7  # of what the core says, as UNSOLVED: enum handed_over of source/core.h
 
 
 class _Plan(ctypes.Structure):
@@ -47,49 +48,6 @@ class _Plan(ctypes.Structure):
     ]
 
 
-class Answer(NamedTuple):
-    """What the core wrote: fresh memory, views on one block.
-
-    Attributes
-    ----------
-    D, offset:
-        (nv, n), (nv,): base forces and torques by the unknowns; empty at the velocity level.
-    errors:
-        Of all tasks, one behind the other.
-    heaviest:
-        (1,) the largest square of a weighted row.
-    x, y, z, z_box, found:
-        The answer, and its residuals and iterations (4,).
-    exact, torque:
-        v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
-    clearance, chosen:
-        Of the margin's rows, the last of C [m], and the numbers of their pairs.
-    """
-
-    P: Array
-    A: Array
-    C: Array
-    D: Array
-    offset: Array
-    g: Array
-    lower: Array
-    upper: Array
-    b: Array
-    l: Array  # noqa: E741
-    u: Array
-    errors: Array
-    heaviest: Array
-    x: Array
-    y: Array
-    z: Array
-    z_box: Array
-    found: Array
-    exact: Array
-    torque: Array
-    clearance: Array
-    chosen: Array
-
-
 class NativeMemory:
     """Arrays and structures that the core reads, and what it is called with.
 
@@ -104,10 +62,8 @@ class NativeMemory:
 
     Attributes
     ----------
-    velocity, contact_forces, torque:
-        Where these are in what the core writes: see :class:`Answer`.
-    size:
-        How many numbers it writes.
+    answer:
+        Where what the core writes lies in ``out``.
     arrays:
         What it reads and works in, by the names of ``wbc_plan`` in source/core.h.
     tree, blocks:
@@ -148,7 +104,8 @@ class NativeMemory:
         scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving + looking))
         integers += self.k + (0 if margin is None else margin.pairs)
         order = np.zeros(integers, dtype=np.int64)
-        self._cut(costs)
+        pairs, torque = 0 if margin is None else margin.rows, self.forces is not None
+        self.answer = AnswerLayout((self.n, self.k, self.m), tree.nv, costs, torque, pairs)
         self.blocks = (Block * len(blocks))(*blocks)
         self.state = np.zeros(tree.frames)
         self.arrays: dict[str, NDArray[Any]] = {  # the struct points at them
@@ -172,9 +129,8 @@ class NativeMemory:
         self._plan_address = ctypes.addressof(self.struct)
         self._state_address = address(self.state)
         self._asked: tuple[bytes, bytes] = b"", b""  # q, v
-        self._residuals = self._places[Answer._fields.index("found")]
-        self._iterations, self._proximal = self._residuals.stop - 1, 0
-        self.out = np.zeros(self.size)
+        self._iterations, self._proximal = self.answer.found.stop - 1, 0
+        self.out = np.zeros(self.answer.size)
         self._reduced: dict[int, QP] = {}  # by its number of rows
 
     def _point(self, solver: Daqp | ProxQP | None) -> None:
@@ -206,7 +162,7 @@ class NativeMemory:
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_address
-        self.out = out = np.empty(self.size)
+        self.out = out = np.empty(self.answer.size)
         self.struct.out = address(out)
         out[self._iterations] = self._proximal = 0
         self._asked = asked = q.tobytes(), v.tobytes()
@@ -220,7 +176,7 @@ class NativeMemory:
 
     def reduced(self) -> QP:
         """Return what the core left to be solved, a QP without equalities: views on its memory."""
-        rows = int(self.out[self._residuals.start])
+        rows = int(self.out[self.answer.found.start])
         found = self._reduced.get(rows)
         if found is None:
             found = self._reduced[rows] = self._reduced_qp(rows)
@@ -246,7 +202,7 @@ class NativeMemory:
     def spent(self) -> float:
         """Units of work of the solvers that were asked after the last call."""
         n, asked = self.n - self.k, self._proximal
-        steps = iterations_of(self.out[self._residuals])
+        steps = iterations_of(self.out[self.answer.found])
         spent = ACTIVE_SET.call + ACTIVE_SET.step(n) * steps
         return spent + COLD.call + COLD.step(n) * asked if asked else spent
 
@@ -267,13 +223,6 @@ class NativeMemory:
         """Whether DAQP's does."""
         self.said = self._answer(self._plan_address, *self._asked, None, None, 1.0, 0)
         return self.said != UNSOLVED
-
-    def read(self, out: Array) -> Answer:
-        """Return views on what the core wrote."""
-        n = self.n
-        P, A, C, D, *vectors = [out[place] for place in self._places]
-        matrices = P.reshape(n, n), A.reshape(-1, n), C.reshape(-1, n), D.reshape(-1, n)
-        return Answer(*matrices, *vectors)
 
     def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
         """Return frames, entries and blocks; numbers get their places."""
@@ -307,20 +256,6 @@ class NativeMemory:
         if forces is not None:
             self.k += forces.passive.size
             self.m += forces.bounded.size + forces.cones
-
-    def _cut(self, costs: int) -> None:
-        """Set where the fields of :class:`Answer` lie: as in lay_out of source/problem.c."""
-        n, k, m, nv = self.n, self.k, self.m, self.tree.nv
-        D = nv if self.forces is not None else 0
-        sizes = [n * n, k * n, m * n, D * n, D, n, n, n, k, m, m, costs, 1, n, k, m, n, 4]
-        sizes += [nv, nv - 6] if D else [0, 0]
-        sizes += [0, 0] if self.margin is None else 2 * [self.margin.rows]
-        ends = np.cumsum(sizes).tolist()
-        self._places = places = [slice(b, e) for b, e in zip([0, *ends[:-1]], ends, strict=True)]
-        self.size = ends[-1]
-        x, exact, self.torque = (places[k] for k in (13, 18, 19))
-        self.velocity = exact if D else slice(x.start, x.start + nv)
-        self.contact_forces = slice(x.start + nv, x.stop)
 
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return how many numbers setting up the QP needs."""

@@ -76,7 +76,7 @@ class NativePlan:
         ends = np.cumsum([0, *(len(task.rows) for task in tasks)]).tolist()
         names = [task.name for task in tasks]
         errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
-        self._layout = Layout(self.memory, errors, plan.labels[0])
+        self._layout = Layout(self.memory, self.memory.answer, errors, plan.labels[0])
 
     @classmethod
     def of(

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.constraints.rows import Bounds
-from wbc.controllers.native_memory import Answer, NativeMemory
+from wbc.controllers.native_answer import Answer, AnswerLayout
+from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.plan import Assembled
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
@@ -35,6 +36,8 @@ class Layout(NamedTuple):
 
     Attributes
     ----------
+    answer:
+        Where what the core writes lies.
     errors:
         Of each task, by name: where its error is among all.
     labels:
@@ -42,6 +45,7 @@ class Layout(NamedTuple):
     """
 
     memory: NativeMemory
+    answer: AnswerLayout
     errors: dict[str, slice]
     labels: Labels
 
@@ -90,7 +94,7 @@ class NativeProblem:
 
     @cached_property
     def _answer(self) -> Answer:
-        return self._layout.memory.read(self._out)
+        return self._layout.answer.read(self._out)
 
     # ------------------------------------------------------------------ the problem
 
@@ -154,17 +158,17 @@ class NativeProblem:
     @property
     def velocity(self) -> Array:
         """A copy of the command v+ (nv,): at the torque level with the base's dynamics met."""
-        return self._out[self._layout.memory.velocity].copy()
+        return self._out[self._layout.answer.velocity].copy()
 
     @property
     def forces(self) -> Array:
         """A copy of the contact forces (k,), in units of the QP."""
-        return self._out[self._layout.memory.contact_forces].copy()
+        return self._out[self._layout.answer.contact_forces].copy()
 
     @property
     def torque(self) -> Array:
         """A copy of the torques (nv - 6,) at the command [N m]."""
-        return self._out[self._layout.memory.torque].copy()
+        return self._out[self._layout.answer.torque].copy()
 
     @property
     def times(self) -> Times:
