@@ -353,15 +353,15 @@ class Controller(Fixed, ABC):
             policy=policy,
             errors=errors,
             solution=outcome.solution,
-            qp=outcome.qp,
             times=Times(ready - start, perf_counter() - ready - solve, solve),
             step_scale=step_scale,
             slack=slack,
             singular=singular | outcome.singular,
             left_out=work.left_out,
         )
-        if outcome.giving is not None:
-            del tick.__dict__["qp"]
+        if outcome.giving is None:
+            tick.__dict__["qp"] = outcome.qp
+        else:
             tick.__dict__["_evidence"] = FullLater(outcome.giving)
         return tick
 

@@ -178,10 +178,10 @@ class LevelSolver:
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
         work = problem.work
-        work.least = FIRST  # without an answer of the first level there is none
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
         if problem.refused:
             return Outcome(qp, refused(qp, 0.0, Daqp.name), qp, self.plan.decision.nv, 0.0, {})
+        work.least = FIRST  # without an answer of the first level there is none
         limits = self._limits
         if limits is not None and limits.braking != "bounded":
             limits = None  # a box that always has room needs no second look
