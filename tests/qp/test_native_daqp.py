@@ -131,19 +131,31 @@ def test_without_the_core_there_is_none(monkeypatch) -> None:
     assert native_daqp(1e-8, 1000) is None
 
 
-def test_what_is_called_infeasible_is_not_asked_again_in_a_hurry(monkeypatch) -> None:
-    """The exit flag of the reduced QP stands; patiently, and where DAQP cycles, Python is asked."""
+def test_what_is_not_solved_is_not_asked_again_in_a_hurry(monkeypatch) -> None:
+    """The exit flag of the reduced QP stands; patiently Python is asked."""
     qp = QP.build(np.eye(3), np.ones(3), C=[[1.0, 0, 0], [-1.0, 0, 0]], u=[-1.0, -1.0])
     asked = []
     monkeypatch.setattr("wbc.qp.daqp.daqp_memory", lambda *args: asked.append(args))
     backend = Daqp()
     solution = backend.solve(qp, quick=True)
     assert solution.status is Status.FAILED and not asked
-    assert solution.conflict is None and "infeasible" in solution.message
+    assert solution.conflict is None and "in a hurry" in solution.message
     assert np.isnan(solution.x).all() and np.isinf(solution.residuals.primal)
     with pytest.raises(AttributeError):  # what was asked gave nothing here
         backend.solve(qp)
     assert asked
+
+
+def test_equality_rows_that_contradict_each_other_need_no_solver_in_a_hurry(monkeypatch) -> None:
+    """Two anchors for one foot: known once they are eliminated; rows twice are asked for."""
+    rows, asked = [[1.0, 0, 0, 0], [0, 1.0, 0, 0], [2.0, 3.0, 0, 0]], []
+    qp = QP.build(np.eye(4), np.ones(4), A=rows, b=[1.0, 1.0, 5.1])
+    monkeypatch.setattr("wbc.qp.daqp.daqp_memory", lambda *args: asked.append(args))
+    assert Daqp().solve(qp, quick=True).status is Status.FAILED and not asked
+    monkeypatch.undo()
+    assert Daqp().solve(qp).status is Status.INFEASIBLE
+    twice = Daqp().solve(qp._replace(b=np.array([1.0, 1.0, 5.0])), quick=True)
+    np.testing.assert_allclose(twice.x, [1.0, 1.0, -1.0, -1.0], atol=1e-8)
 
 
 def test_a_backend_can_be_copied_once_it_has_solved() -> None:

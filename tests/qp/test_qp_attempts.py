@@ -142,7 +142,7 @@ def test_what_was_hard_for_the_active_set_method_is_not_asked_of_both(
     hard: int, solver: str, solvable, monkeypatch
 ) -> None:
     """In a hurry and from nothing; the answer is the active-set method's, and right."""
-    monkeypatch.setattr("wbc.qp.proxqp.HARD", hard)
+    monkeypatch.setattr("wbc.qp.proxqp.QUICK_HARD", hard)
     qp, backend = solvable(np.random.default_rng(5), me=2, mi=3), ProxQP()
     found = backend.solve(qp, quick=True)
     assert found.solved and found.solver == solver

@@ -31,7 +31,7 @@ class LevelProblem(NamedTuple):
     assembled:
         The QP of the only level in ``box``, where the native core made it: no rows then.
     refused:
-        Whether DAQP called that infeasible, margins included.
+        Whether DAQP found no answer to that, margins included.
     """
 
     snapshot: Snapshot

@@ -19,7 +19,7 @@ from wbc.controllers.tick import Times
 from wbc.laws import Residual
 from wbc.qp.daqp import Daqp
 from wbc.qp.judge import Answered
-from wbc.qp.native_daqp import INFEASIBLE, solution_of
+from wbc.qp.native_daqp import UNASKED, solution_of
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Solution
 from wbc.validate import Array, read_only
@@ -89,8 +89,8 @@ class NativeProblem:
 
     @property
     def refused(self) -> bool:
-        """Whether DAQP called it infeasible."""
-        return self._asked and not self.solved and self._answer.found.item(3) == INFEASIBLE
+        """Whether DAQP was asked, and found no answer."""
+        return self._asked and not self.solved and UNASKED < self._answer.found.item(3) < 0.0
 
     @cached_property
     def _answer(self) -> Answer:

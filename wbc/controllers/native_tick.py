@@ -68,7 +68,7 @@ class NativeController(Controller):
     ) -> Tick | _Unsolved:
         """Return the command of a plain tick, or what came of one that is not, or has no solution.
 
-        ``work``: of the tick so far. ``refused``: DAQP called its QP infeasible, without margins.
+        ``work``: of the tick so far. ``refused``: DAQP found no answer to its QP.
         """
         start = perf_counter()
         if self.constraints and plan.margin is None and snapshot.native_state is None:

@@ -29,8 +29,9 @@ typedef struct {
 } daqp_result;
 typedef void daqp_quadprog(daqp_result *, daqp_problem *, void *);
 
-static const int64_t NO_ANSWER = -100;
+static const int64_t NO_ANSWER = -100, NO_POINT = -1; /* NO_POINT: DAQP's exit flag as well */
 static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
+static const double CONTRADICTED = 1e-5; /* by what such a row misses: no x of less than 1e4 meets it */
 static const double NO_BOUND = 1e30;  /* DAQP's infinity */
 /* As in wbc/qp/elimination.py. */
 static const double PREFERENCE = 10.0;
@@ -82,9 +83,9 @@ static void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r)
 }
 
 /* W = [A b] reduced until the columns order[0..k) would be those of the identity: in their place
- * stands the inverse of what they were. False if dependent rows leave next to nothing of one.
- * usual, or 0: of each row the column that it had, plus one. */
-WIDE static int eliminate(const wbc_qp *qp, const reduced *of, int64_t *usual) {
+ * stands the inverse of what they were. 0, or NO_ANSWER if dependent rows leave next to nothing of
+ * one, NO_POINT if it contradicts them. usual, or 0: of each row the column that it had, plus one. */
+WIDE static int64_t eliminate(const wbc_qp *qp, const reduced *of, int64_t *usual) {
     const int64_t n = qp->n, k = qp->k, width = n + 1;
     double *restrict W = of->W;
     int64_t *order = of->order;
@@ -102,7 +103,8 @@ WIDE static int eliminate(const wbc_qp *qp, const reduced *of, int64_t *usual) {
             if (size > most) most = size, column = c;
         }
         const int64_t pivot = order[column];
-        if (!(fabs(top[pivot]) > DEPENDENT)) return 0;
+        if (!(fabs(top[pivot]) > DEPENDENT))
+            return fabs(top[n]) > CONTRADICTED ? NO_POINT : NO_ANSWER;
         order[column] = order[r], order[r] = pivot;
         if (usual) usual[r] = pivot + 1;
         const double scale = 1.0 / top[pivot];
@@ -116,7 +118,7 @@ WIDE static int eliminate(const wbc_qp *qp, const reduced *of, int64_t *usual) {
             for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
         }
     }
-    return 1;
+    return 0;
 }
 
 /* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
@@ -230,9 +232,10 @@ static int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
     return bounded;
 }
 
-/* Leave the QP without its equalities; returns the number of its bounds and rows, 0: it cannot be. */
+/* Leave the QP without its equalities; returns the number of its bounds and rows, or why it cannot be. */
 static int64_t reduce(const wbc_qp *qp, const reduced *r, int64_t *usual) {
-    if (r->left < 1 || !eliminate(qp, r, usual)) return 0;
+    const int64_t said = r->left < 1 ? NO_ANSWER : eliminate(qp, r, usual);
+    if (said < 0) return said;
     reduce_cost(qp, r);
     return reduce_bounds(qp, r);
 }
@@ -314,7 +317,10 @@ int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const d
     lay_out(plan, &qp);
     place(&qp, plan->scratch, plan->order, &r);
     const int64_t bounded = reduce(&qp, &r, plan->outside ? usual_columns(plan, &qp) : 0);
-    if (bounded == 0) return UNSOLVED;
+    if (bounded < 0) {
+        qp.found[0] = 0.0, qp.found[3] = (double)bounded;
+        return UNSOLVED;
+    }
     if (is_kept(&r, bounded) && conclude(&qp, &r, 0, 0) == DONE) return finish(plan, q, v, &qp, &r);
     qp.found[0] = (double)(bounded - r.left);
     return plan->outside ? REDUCED : wbc_answer(plan, q, v, 0, 0, 1.0, 0);
@@ -336,7 +342,7 @@ int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *
     reduced r;
     place(qp, scratch, order, &r);
     const int64_t bounded = reduce(qp, &r, 0);
-    const int64_t iterations = bounded == 0 ? NO_ANSWER : ask(&r, bounded, quadprog, settings, qp->found);
+    const int64_t iterations = bounded < 0 ? bounded : ask(&r, bounded, quadprog, settings, qp->found);
     qp->found[3] = (double)iterations;
     return iterations < 0 ? UNSOLVED : conclude(qp, &r, 0, iterations);
 }
@@ -347,7 +353,7 @@ int wbc_solve_giving(const wbc_qp *qp, const double *give, int64_t most, double 
     reduced r;
     place(qp, scratch, order, &r);
     const int64_t bounded = reduce(qp, &r, 0);
-    if (bounded == 0) return UNSOLVED;
+    if (bounded < 0) return UNSOLVED;
     double *every = r.end; /* of bounds, which do not give way, and rows */
     memset(every, 0, bounded * sizeof *every);
     memcpy(every + r.left, give, qp->m * sizeof *give);
