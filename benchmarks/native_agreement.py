@@ -45,6 +45,7 @@ import numpy as np
 from native_agreement_found import Found, Kept
 from native_agreement_sides import sides_of
 from native_agreement_ticks import EPISODE, compare, compare_ticks
+from sources import code_of
 
 import wbc
 from wbc.native import VARIABLE
@@ -97,7 +98,7 @@ def episodes_of(name: str, what: str, solver: str) -> Callable[[np.random.Genera
 
 def run(name: str, what: str, solver: str, ticks: int, seed: int, kept: Kept) -> str:
     """Return one line of the table; goes on where it was ended."""
-    known = kept.of(f"{name} {what} {solver} {seed}")
+    known = kept.of(f"{name} {what} {solver} {seed} {code_of()}")
     episode = None if known.ticks >= ticks else episodes_of(name, what, solver)
     while episode is not None and known.ticks < ticks:
         number = known.ticks // EPISODE
@@ -118,7 +119,7 @@ def main() -> None:
     parser.add_argument("--of", nargs="+", default=list(WHAT), choices=WHAT)
     parser.add_argument("--solver", choices=("daqp", "proxqp"), default="daqp", help="the core's")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--state", type=Path, help="kept here, to go on after an end")
+    parser.add_argument("--state", type=Path, help="kept here, to go on with the same code")
     options = parser.parse_args()
     os.environ[VARIABLE] = "require"
     pause.FIRST = 0  # asked in every tick, stalled or not

@@ -15,8 +15,8 @@ caches and cores that are shared. Python's garbage is collected between episodes
     python benchmarks/soak.py --episode 123          # once more, with all that is wrong printed
 
 What was counted is kept in benchmarks/results/soak_SEED.json after every few episodes: a run that
-was killed goes on from there, and a run that was finished can be made longer. An episode is
-determined by the seed and its number.
+was killed goes on from there, and a run that was finished can be made longer, by the code that it
+was begun with. An episode is determined by the seed and its number.
 """
 
 import os
@@ -39,6 +39,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog
+from sources import code_of
 
 from wbc import (
     AxisTask,
@@ -95,9 +96,10 @@ Rng = np.random.Generator
 
 @dataclass
 class Record:
-    """All that was counted so far; written to disk as it is."""
+    """All that was counted so far, by which code; written to disk as it is."""
 
     seed: int
+    code: str = field(default_factory=code_of)
     episodes: int = 0
     ticks: int = 0
     seconds: float = 0.0
@@ -148,7 +150,7 @@ class Record:
         """Return the record of an earlier run, or a new one."""
         if not path.exists():
             return cls(seed)
-        stored = json.loads(path.read_text())
+        stored = {"code": "", **json.loads(path.read_text())}
         for name in ("statuses", "faults", "failures", "times"):
             stored[name] = Counter(stored[name])
         return cls(**stored)
@@ -753,6 +755,8 @@ def main() -> None:
         sys.exit(record.failed())
     path = RESULTS / f"soak_{options.seed}.json"
     record = Record(options.seed) if options.fresh else Record.read(path, options.seed)
+    if record.code != code_of():
+        sys.exit(f"{path} was counted with other code; --fresh forgets it")
     if record.ticks:
         print(f"going on after {record.ticks} ticks, as {path} says")
     soak(record, options.ticks, lambda: record.write(path))

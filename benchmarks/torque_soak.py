@@ -14,6 +14,7 @@ runs alone show is told beside it. Runs that come out otherwise are counted as w
 
 Ticks come in parts, each from random numbers of its own. With ``--state`` every part is kept in a
 file as it ends, and those of an earlier call are not run again: a long soak may be ended any time.
+Parts that were run with other code of this package are left aside, and said to be.
 
     python benchmarks/torque_soak.py [--ticks 10000] [--robots g1 ...] [--solver daqp] [--runs 4]
         [--state FILE.jsonl]
@@ -40,6 +41,7 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
+from sources import code_of
 
 from wbc import (
     ComTask,
@@ -329,13 +331,15 @@ def main() -> None:
     parser.add_argument("--state", type=Path, help="parts are kept here, to go on after an end")
     options = parser.parse_args()
     gc.disable()  # between episodes only: a collection is no part of a tick
-    kept = {tuple(part): record for part, record in parts_of(options.state)}
+    kept, code = {tuple(part): record for part, record in parts_of(options.state)}, code_of()
+    if others := sum(part[-1] != code for part in kept):
+        print(f"{others} parts of {options.state} are of other code: left aside", file=sys.stderr)
     for name in options.robots:
         for solver in options.solver:
             record = Record()
             for k in range(-(-options.ticks // PART)):
                 part = [name, solver, min(PART, options.ticks - k * PART), options.seed, k]
-                part.append(options.runs)
+                part += [options.runs, code]
                 one = kept.get(tuple(part))
                 if one is None:
                     one = soak(name, solver, part[2], [options.seed, k], options.runs)

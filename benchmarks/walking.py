@@ -2,7 +2,8 @@
 
 Every trial has sensor noise of 1e-3 rad and 0.05 rad/s on joints and base, 2 ms of delay, and
 masses that are wrong by up to 10 % (by the seed). Trials run in processes; each is a line of a
-journal, and what is there already is not run again; a journal of other settings is refused.
+journal, and what is there already is not run again; a journal of other settings, or begun with
+other code of this package, is refused.
 
 The group ``meshes`` measures the shapes of the robot's files against each other every 20 ms, with
 and without a ``SelfCollision`` constraint: told is the least distance, of pairs that are more than
@@ -29,6 +30,7 @@ from typing import Any
 import numpy as np
 from disturbed import ARMATURE, DT, mass_of, plant_of, robot_named
 from raw_shapes import RawShapes
+from sources import code_of
 
 import wbc
 from wbc.constraints import BrakingParameters, SelfCollision
@@ -55,6 +57,7 @@ BRAKES, GAIN = 40.0, 0.1
 # What trials depend on beside their own numbers.
 MADE_OF = {
     "wbc": wbc.__version__,
+    "code": code_of(),
     "dt": DT,
     "armature": ARMATURE,
     "push": (FORCE, LASTING, SIDEWAYS),
