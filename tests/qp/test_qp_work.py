@@ -88,6 +88,18 @@ def test_iterations_and_attempts_keep_the_budget(name, solver, quick, counted) -
             assert cost[0] == pytest.approx(cost[1], rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+def test_what_is_granted_beyond_the_budget_is_granted_once(solver: str, counted) -> None:
+    """One QP after another that has no quick answer; before, each attempt got it anew."""
+    qp, work = recorded("curvatures_far_apart 0"), Work(300.0)
+    work.least = 600.0
+    assert work.left == 600.0
+    for _ in range(8):
+        make_backend(solver).solve(qp, work=work)
+    assert 0.0 <= work.left < 300.0
+    assert sum(counted) <= 300.0 + work.least
+
+
 @pytest.mark.parametrize("name", RECORDED)
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
 def test_the_same_work_gives_the_same_bits_and_plenty_changes_nothing(name, solver) -> None:

@@ -47,7 +47,7 @@ TOLERANCE = 1e-6
 # Units of work, for each unknown: a level's assembly, gains lowered to brake, singular rows, an
 # elimination, and all but the solver of a level below the first.
 ASSEMBLE, BRAKE, SINGULAR, ELIMINATE, BELOW = 2.0, 2.5, 5.0, 4.5, 11.0
-# Units that the first level may take at least, for each attempt.
+# Units that the first level may take beyond the budget.
 FIRST = 600.0
 
 

@@ -31,7 +31,7 @@ class Work:
     kept:
         Units that are left for what comes later.
     least:
-        Units that an attempt of a solver may take whatever is left.
+        Units that attempts of a solver may take whatever is left, all together.
     left_out:
         What the budget did not afford, in words.
     """
@@ -56,7 +56,8 @@ class Work:
     @property
     def left(self) -> float:
         """Units that are left for an attempt of a solver."""
-        return max(self._budget - self.spent - self.kept, self.least)
+        rest = self._budget - self.spent
+        return max(rest - self.kept, min(self.least, self.least + rest), 0.0)
 
     def has_room(self, units: float) -> bool:
         """Whether there is room for so much more, and what is kept."""
