@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from wbc.errors import InvalidInputError, listed
-from wbc.validate import finite_array, finite_number, finite_vector, plain_copy
+from wbc.validate import (
+    by_name,
+    finite_array,
+    finite_number,
+    finite_vector,
+    names_of,
+    plain_copy,
+)
 
 COMPLEX = (1j, 1.0 + 0j, np.complex128(1.0))
 
@@ -70,3 +77,12 @@ def test_a_quick_look_passes_plain_arrays_alone() -> None:
 )
 def test_lists_in_messages_say_how_much_is_left_out(names: list[str], told: str) -> None:
     assert listed(names, 2) == told
+
+
+@pytest.mark.parametrize("check", [finite_number, by_name, names_of])
+def test_what_was_given_is_told_in_one_short_line(check) -> None:
+    """Not all numbers of an array where one was asked for."""
+    with pytest.raises(InvalidInputError) as told:
+        check("dt", np.arange(200.0).reshape(20, 10) if check is not names_of else [[0.1] * 200])
+    assert len(str(told.value)) < 120 and "\n" not in str(told.value)
+    assert "got " in str(told.value) and str(told.value).endswith("...")

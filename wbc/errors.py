@@ -88,9 +88,9 @@ def suggest(name: str, choices: Iterable[str], listed: int = 40) -> str:
         return f"{hint} (there are none to choose from)"
     if hint and not listed:
         return hint
-    shown = ", ".join(known[:listed])
+    first = ", ".join(known[:listed])
     more = f", and {len(known) - listed} more" if len(known) > listed else ""
-    return f"{hint} (choose from: {shown}{more})"
+    return f"{hint} (choose from: {first}{more})"
 
 
 def shown(value: object, most: int = 60) -> str:

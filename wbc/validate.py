@@ -119,7 +119,7 @@ def finite_number(
             raise TypeError("no real scalar")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInputError(f"{what}: expected a number, got {value!r}") from error
+        raise InvalidInputError(f"{what}: expected a number, got {shown(value)}") from error
     if not math.isfinite(number):
         raise InvalidInputError(f"{what}: must be finite, got {number}")
     if abs(number) > LARGEST:
@@ -152,11 +152,11 @@ def names_of(what: str, value: Any) -> tuple[str, ...]:
     """
     names = (value,) if isinstance(value, str) else value
     if not isinstance(names, Iterable):
-        raise InvalidInputError(f"{what}: expected a list of names, got {value!r}")
+        raise InvalidInputError(f"{what}: expected a list of names, got {shown(value)}")
     names = tuple(names)
     for name in names:
         if not isinstance(name, str) or not name:
-            raise InvalidInputError(f"{what}: expected names, got {name!r}")
+            raise InvalidInputError(f"{what}: expected names, got {shown(name)}")
         if names.count(name) > 1:
             raise InvalidInputError(f"{what}: {name!r} is named twice")
     return names
@@ -171,10 +171,10 @@ def by_name(what: str, value: Any) -> Mapping[str, Any]:
         Something else.
     """
     if not isinstance(value, Mapping):
-        raise InvalidInputError(f"{what}: expected {{name: value}}, got {value!r}")
+        raise InvalidInputError(f"{what}: expected {{name: value}}, got {shown(value)}")
     for name in value:
         if not isinstance(name, str):
-            raise InvalidInputError(f"{what}: expected names as keys, got {name!r}")
+            raise InvalidInputError(f"{what}: expected names as keys, got {shown(name)}")
     return value
 
 
@@ -210,7 +210,7 @@ def interval(what: str, value: Any, *, positive: bool = False) -> tuple[float, f
     """
     pair = real_array(what, value)
     if pair.shape != (2,):
-        raise InvalidInputError(f"{what} must be a pair (least, greatest), got {value!r}")
+        raise InvalidInputError(f"{what} must be a pair (least, greatest), got {shown(value)}")
     low, high = pair.tolist()
     if not 0.0 <= low < high:
         raise InvalidInputError(f"{what} must be 0 <= least < greatest, got ({low:g}, {high:g})")

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.constraints.friction import FrictionCone
 from wbc.constraints.rows import Index
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.laws import Residual, Rows
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
@@ -103,7 +103,7 @@ class Contact(Task):
             check_rotation(f"{self}, {name}", value)
         elif name == "friction" and not isinstance(value, FrictionCone | None):
             raise InvalidInputError(
-                f"{self}, friction: expected a FrictionCone or None, got {value!r}"
+                f"{self}, friction: expected a FrictionCone or None, got {shown(value)}"
             )
         elif name == "corners" and name in self.__dict__:  # forces at them are unknowns of a QP
             raise InvalidInputError(
@@ -268,7 +268,7 @@ def support(
     """
     check_snapshot("support", snapshot)
     if not isinstance(mode, Iterable):
-        raise InvalidInputError(f"support: expected a mode or a list of frames, got {mode!r}")
+        raise InvalidInputError(f"support: expected a mode or a list of frames, got {shown(mode)}")
     robot = snapshot.robot
     frames = [sole_or_frame(robot, one) for one in feet_of(robot, mode)]
     if isinstance(mode, str) and any(snapshot.rotation(frame)[2, 2] < 0.0 for frame in frames):

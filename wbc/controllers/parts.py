@@ -125,7 +125,7 @@ def check_parts(
                 f"controller, contacts: {contact} is about forces and holds nothing; it is a task"
             )
     if limits is not None and not isinstance(limits, Limits):
-        raise InvalidInputError(f"controller, limits: expected Limits or None, got {limits!r}")
+        raise InvalidInputError(f"controller, limits: expected Limits or None, got {shown(limits)}")
     if not tasks:
         raise InvalidInputError("controller: no task given; there is nothing to do")
     parts: list[Task | Constraint | Limits] = [*tasks, *contacts, *constraints]

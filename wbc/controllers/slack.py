@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.constraints.rows import Bounds, Constraint
-from wbc.errors import InvalidInputError, UnknownNameError
+from wbc.errors import InvalidInputError, UnknownNameError, shown
 from wbc.laws import Rows
 from wbc.qp.problem import QP, Labels
 from wbc.tasks.task import Task
@@ -52,7 +52,9 @@ class Slacks:
         going: Mapping[str, float] = NO_SLACK,
     ) -> None:
         if not isinstance(weights, Mapping):
-            raise InvalidInputError(f"controller, slack: expected weights by name, got {weights!r}")
+            raise InvalidInputError(
+                f"controller, slack: expected weights by name, got {shown(weights)}"
+            )
         known = [contact.name for contact in contacts] + [part.name for part in constraints]
         for name in weights:
             if name not in known:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.constraints.mechanics import mechanics_of
 from wbc.controllers.contact_forces import ContactForces, Reaction, displaced
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError, WbcError, shown
 from wbc.qp.daqp import Daqp
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Status
@@ -130,7 +130,8 @@ def stance_torques(
     given = list(contacts) if isinstance(contacts, Iterable) else [None]
     if any(not isinstance(one, Task) or one.robot is not robot for one in given):
         raise InvalidInputError(
-            f"stance: expected a list of contacts of this {robot.name} object, got {contacts!r}"
+            f"stance: expected a list of contacts of this {robot.name} object,"
+            f" got {shown(contacts)}"
         )
     factor = finite_number("stance, torque_limits", torque_limits, above=0.0)
     rest = robot.snapshot(snapshot.q, np.zeros(robot.nv))

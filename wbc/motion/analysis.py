@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.motion.forces import ground_wrench
 from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
 from wbc.motion.planted import AUTO
@@ -69,7 +69,8 @@ def analyse(
     """
     if not isinstance(motion, Motion):
         raise InvalidInputError(
-            f"analyse: expected a motion, as read_motion(path, robot) returns it, got {motion!r}"
+            f"analyse: expected a motion, as read_motion(path, robot) returns it, got"
+            f" {shown(motion)}"
         )
     height = finite_number("ground_height", ground_height)
     gap = finite_number("gap", gap, above=0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.robot import Robot
 from wbc.spatial import skew
 from wbc.tasks.force_task import Affine, Dynamics, ForceTask
@@ -49,7 +49,9 @@ class CopTask(ForceTask):
         size = point.size
         if size != 2 and (size != 3 or self.frame is not None):
             wanted = "(2,) or (3,)" if self.frame is None else "(2,), in the frame's plane"
-            raise InvalidInputError(f"{self}, target: expected a point {wanted}, got {target!r}")
+            raise InvalidInputError(
+                f"{self}, target: expected a point {wanted}, got {shown(target)}"
+            )
         self._goal = read_only(finite_array(f"{self}, target", point, (size,)))
 
     def expression(self, dynamics: Dynamics) -> Affine:

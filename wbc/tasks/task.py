@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.errors import InvalidInputError, UnknownNameError, WbcError, shown
 from wbc.laws import AccelerationLaw, Columns, Residual, VelocityLaw, at_rest
 from wbc.native.rows import NativeRows
 from wbc.robot import Robot, Snapshot
@@ -153,7 +153,7 @@ class Task(metaclass=Sealed):
                 warn_if_lost(str(self), self.weight, value)
         elif name in _LAWS and not isinstance(value, _LAWS[name]):
             wanted = _LAWS[name].__name__
-            raise InvalidInputError(f"{self}, {name}: expected {wanted}, got {value!r}")
+            raise InvalidInputError(f"{self}, {name}: expected {wanted}, got {shown(value)}")
         elif name in _MOTION:
             raise InvalidInputError(
                 f"{self}, {name}: goes with the target: set_target(target, rate, acceleration)"
