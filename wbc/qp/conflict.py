@@ -38,10 +38,11 @@ _ROUNDING = 1e-13  # relative to the terms of a sum
 REACH = 1e6
 # A bound counts as active within this.
 _NEAR = 1e-8
-# Accuracy of the elastic problem, the pivots that DAQP avoids by solving again from scratch (its own
-# 1e-8 is above what the damping leaves of rows in conflict: 76 iterations took 3.2 ms, now 0.4),
-# what unknowns are damped by, which need not be determined, and a cap. Of 465 QPs from wild states all got the verdict that ProxQP's point gives, which takes
-# twice as long; with a damping of 1e-8 three conflicts were not found.
+# Accuracy of the elastic problem; the pivots that DAQP avoids by solving again from scratch (its
+# own 1e-8 is above what the damping leaves of rows in conflict: 76 iterations took 3.2 ms, now
+# 0.4); what unknowns are damped by, which need not be determined; and a cap. Of 465 QPs from wild
+# states all got the verdict that ProxQP's point gives, which takes twice as long; with a damping of
+# 1e-8 three conflicts were not found.
 _EPS, _PIVOT, _DAMPING, _MAX_ITERATIONS = 1e-11, 1e-12, 1e-10, 300
 _EQUALITY = 5  # DAQP's code for a row that always holds
 # Larger conflicts are not reduced: each row costs one more linear program.

@@ -245,7 +245,8 @@ class ProxQP:
         usual = int(min(cold if last is None else warm, self.max_iterations))
         steps, cap = COLD if last is None else WARM, usual
         if last is None or work.short:  # else there is time for all of a warm one
-            # From nothing, steps that are refined in vain, for want of a solution, take thrice as long.
+            # From nothing, steps that are refined in vain, for want of a solution, take thrice as
+            # long.
             part = 0.7 if last is None else 1.0
             cap = _outer(steps, qp, part * (work.left - otherwise(qp)), usual)
         if cap == 0:
