@@ -81,6 +81,14 @@ CASES: dict[str, tuple[Callable[[Robot], Any], str]] = {
     "a robot to reduce": (reduce, "reduce: expected a snapshot"),
     "a file to analyse": (lambda r: analyse("motion.csv"), "analyse: expected a motion"),
     "a posture by joints": (lambda r: r.posture({"head_yaw": 0.1}), "unknown posture {'head_yaw"),
+    "joints for a posture's name": (
+        lambda r: r.posture({"head_yaw": 0.1}),
+        r"name comes first, then joints: posture\('standing', {joint: value}\)$",
+    ),
+    "a configuration for a posture's name": (
+        lambda r: r.posture(r.posture()),
+        r"^unknown posture array\([^\n]+\.\.\.; its name comes first",
+    ),
     "one link": (lambda r: SelfCollision(r, include=["a"]), "include: expected a list of two"),
     "a number": (lambda r: SelfCollision(r, include=3), "include: expected a list of two"),
     "one of a pair": (lambda r: SelfCollision(r, exclude=[("x",)]), "exclude: expected.*'x',"),

@@ -59,7 +59,8 @@ class UnknownNameError(WbcError):
     def __init__(self, kind: str, name: str, choices: Iterable[str], remedy: str = "") -> None:
         self.kind, self.name, self.choices = kind, name, tuple(choices)
         tail = f"; {remedy}" if remedy else suggest(name, self.choices)
-        super().__init__(f"unknown {kind} {name!r}{tail}")
+        given = repr(name) if isinstance(name, str) else shown(name)  # a path is told whole
+        super().__init__(f"unknown {kind} {given}{tail}")
 
 
 # What Pink and mink call it, in lower case, and what it is here.

@@ -200,7 +200,9 @@ class Robot(KinematicTree):
             A value outside the joint's limits.
         """
         if not isinstance(reference, str) or reference not in self.postures:
-            raise UnknownNameError("posture", reference, self.postures)
+            first = f"its name comes first, then joints: posture({STANDING!r}, {{joint: value}})"
+            remedy = "" if isinstance(reference, str) else first
+            raise UnknownNameError("posture", reference, self.postures, remedy)
         q = self.postures[reference].copy()
         set_joints(self.limits, q, joints or {})
         follow(self.limits, q, self.couplings)
