@@ -1,13 +1,13 @@
 """The status follows the evidence, whatever the solver claims."""
 
 from collections import Counter
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from tests.qp.conftest import recorded
 from wbc.qp import QP, ProxQP, Status, make_backend
 from wbc.qp.kkt import SolveCheck
 from wbc.qp.solution import RawSolution
@@ -81,9 +81,7 @@ def test_rounding_in_the_right_hand_side_is_not_infeasibility() -> None:
 
     ProxQP's own test called it infeasible at a tolerance of 1e-14: that test is never asked.
     """
-    with np.load(Path(__file__).parent / "false_infeasible.npz") as recorded:
-        P = recorded["P"]
-        qp = QP.build(**{**recorded, "P": (P + P.T) / 2})  # it was recorded with rounding
+    qp = recorded("false_infeasible")
     for warm in (True, False):
         solution = ProxQP(warm=warm).solve(qp)
         assert solution.solved, solution.describe()

@@ -1,11 +1,11 @@
 """ProxQP over sequences of ticks: warm starts help, do not leak, and do not poison."""
 
-from pathlib import Path
 from time import thread_time
 
 import numpy as np
 import pytest
 
+from tests.qp.conftest import recorded
 from wbc.controllers.asking import Solvers
 from wbc.controllers.slack import GivingQP
 from wbc.qp import QP, ProxQP, Status, make_backend
@@ -248,8 +248,7 @@ def test_an_active_set_method_saves_a_tick(ticks):
 
 def test_a_cost_over_many_decades_is_solved_and_soon():
     """A tick of the soak, curvatures 1e-6 to 1e10: ProxQP alone took 30 ms and gave up."""
-    with np.load(Path(__file__).parent / "stalls_proxqp.npz") as recorded:
-        qp = QP.build(**recorded)
+    qp = recorded("stalls_proxqp")
     alone = Workspace.create(qp, eps=1e-8, max_iterations=50).solve_cold()
     assert alone.claim is Status.ITERATION_LIMIT
     ProxQP().solve(qp)
@@ -266,9 +265,7 @@ def test_curvatures_far_apart_are_no_contradiction(name: str, k: int) -> None:
 
     That they are feasible and solved is seen by their residuals, relative to their own terms.
     """
-    with np.load(Path(__file__).parent / "curvatures_far_apart.npz") as recorded:
-        names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
-        qp = QP.build(**{name: recorded[f"{name}{k}"] for name in names})
+    qp = recorded(f"curvatures_far_apart {k}")
     start = thread_time()
     if name == "proxqp once":
         solution = ProxQP().solve(qp, workspace=None)
@@ -291,9 +288,7 @@ def test_the_last_who_is_asked_looks_twice(k: int) -> None:
 
     A TALOS that leant with its CoM 40 mm beyond its toes was, 14 ticks in a row, and fell sooner.
     """
-    with np.load(Path(__file__).parent / "curvatures_far_apart.npz") as recorded:
-        names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
-        qp = QP.build(**{name: recorded[f"{name}{k}"] for name in names})
+    qp = recorded(f"curvatures_far_apart {k}")
     assert not Daqp().solve(qp, quick=True).solved
     assert Solvers(Daqp(), quick=True).solve_giving(GivingQP(qp, None), Work()).solved
 

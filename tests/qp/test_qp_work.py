@@ -3,12 +3,11 @@
 QPs are those that were recorded because solvers stall or err on them, and generated ones.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from tests.needs import needs_core, needs_direct_daqp
+from tests.qp.conftest import recorded
 from wbc.qp import QP, ProxQP, Status, find_conflict, make_backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_memory import DaqpMemory
@@ -17,17 +16,8 @@ from wbc.qp.native import Workspace
 from wbc.qp.native_daqp import NativeDaqp
 from wbc.qp.work import ACTIVE_SET, COLD, INNER, WARM, Work, search
 
-FIELDS = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
 RECORDED = ("stalls_proxqp", "curvatures_far_apart 0", "curvatures_far_apart 2", "false_infeasible")
 BUDGETS = (1.0, 300.0, 700.0, 1500.0, 2800.0)
-
-
-def recorded(name: str) -> QP:
-    file, *number = name.split()
-    with np.load(Path(__file__).parent / f"{file}.npz") as numbers:
-        found = {key: numbers[key + "".join(number)] for key in FIELDS if key in numbers or number}
-    P = found.pop("P")
-    return QP.build(P=(P + P.T) / 2.0, **found)
 
 
 def infeasible() -> QP:
