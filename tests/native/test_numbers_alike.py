@@ -8,6 +8,7 @@ import pytest
 from wbc.codegen.recording import _REASONS
 from wbc.controllers import native_memory
 from wbc.native.fingerprint import SOURCE
+from wbc.qp import native_daqp
 
 GROUP = re.compile(r"/\* As in (wbc/[\w/]+)\.py\. \*/\n((?:static const double [^;]+;\s*?\n)+)")
 SAID = re.compile(r"\b(\w+) = ([^,;]+)[,;]")
@@ -48,3 +49,9 @@ def test_what_the_core_says_is_known_by_its_number() -> None:
     assert numbers["REDUCED"] == native_memory.REDUCED
     # Exported C calls DAQP itself: nothing is left to others.
     assert {*_REASONS} == {*numbers.values()} - {0, numbers["REDUCED"]}
+
+
+def test_that_nobody_was_asked_is_known_by_its_number() -> None:
+    text = (SOURCE / "solve.c").read_text(encoding="ascii")
+    said = re.search(r"\bNO_ANSWER = (-?\d+)", text)
+    assert said is not None and float(said[1]) == native_daqp.UNASKED
