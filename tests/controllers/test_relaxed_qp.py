@@ -75,7 +75,7 @@ def test_costs_are_those_declared(robot: Robot, rng, bounded: bool) -> None:
     lower, upper = np.full(nv, -np.inf), np.full(nv, np.inf)
     lower[6:10], upper[8:12] = -0.5, 0.4
     relaxed = relaxed_qp(plan, tasks, held, (lower, upper), margins, physics)
-    qp = relaxed.full()
+    qp = relaxed.qp
     # Hard: what physics and the bolt say, and the cone; forces keep their bounds, v+ has none.
     np.testing.assert_array_equal(qp.A[:6, :n], equalities.matrix)
     np.testing.assert_array_equal(qp.A[6:, :nv], held[0].matrix)
@@ -132,10 +132,10 @@ def test_weightless_tasks_leave_a_scale_and_no_rows_no_bounds(robot: Robot, rng)
     plan = Plan.of(decision, [PostureTask(robot, here.q)], (), Slacks({}, (), ()))
     idle = rows_of(rng, 3, nv)._replace(weight=np.zeros(3))
     free = np.full(nv, np.inf)
-    qp = relaxed_qp(plan, [idle], [], (-free, free), [], Physics()).full()
+    qp = relaxed_qp(plan, [idle], [], (-free, free), [], Physics()).qp
     assert qp.C.shape == (0, nv) and qp.A.shape == (0, nv)
     one = Bounds(("m",), np.ones((1, nv)), np.zeros(1), np.ones(1))
-    qp = relaxed_qp(plan, [idle], [], (-free, free), [one], Physics()).full()
+    qp = relaxed_qp(plan, [idle], [], (-free, free), [one], Physics()).qp
     assert qp.P[nv, nv] == pytest.approx(1e-6)
 
 

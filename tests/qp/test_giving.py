@@ -47,7 +47,7 @@ def test_the_answer_is_that_of_the_qp_with_slacks(seed: int) -> None:
     rng = np.random.default_rng(seed)
     sizes = int(rng.integers(3, 30)), int(rng.integers(0, 3)), int(rng.integers(1, 60))
     given = giving_qp(rng, *sizes, soft=rng.random())
-    full, found = given.full(), solve_giving(*given, 1e-8, 1000)
+    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
     assert found is not None and found.status is Status.SOLVED
     assert found.x.size == full.g.size and found.solver == "active_set"
     told = kkt_residuals(full, found.x, found.y, found.z, found.z_box)
@@ -98,7 +98,7 @@ def test_corners_of_many_rows(seed: int) -> None:
     u[len(cone) :] = -1.0
     weights = np.r_[np.full(len(cone), np.inf), 10.0 ** rng.uniform(0, 3, size=6)]
     given = GivingQP(QP.build(J.T @ J + 1e-4 * np.eye(n), pull, C=C, l=lower, u=u), weights)
-    full, found = given.full(), solve_giving(*given, 1e-8, 1000)
+    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
     assert found is not None
     assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
     other = ProxQP().solve(full)
@@ -120,7 +120,7 @@ def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, m
     """Up to a hundred times eps, by the residuals alone: without it a robot is only damped."""
     qp = QP.build(np.eye(2), [0.0, 0.0], C=np.eye(2), l=[1.0, -np.inf], u=[np.inf, -1.0])
     given = GivingQP(qp, np.array([np.inf, 4.0]))
-    full = given.full()
+    full = given.qp
 
     def rough(*asked):
         """The core's answer with x off its hard row, if that is near enough for who asks."""

@@ -76,11 +76,11 @@ class Solvers:
         ours = backend if isinstance(backend, Daqp | ProxQP) else None
         if ours is not None and giving.weights is not None:
             # Nearly solved will do: the other choice is a robot that is only brought to rest.
-            found = solve_giving(giving.qp, giving.weights, NEARLY * ours.eps, ITERATIONS)
+            found = solve_giving(giving.slackless, giving.weights, NEARLY * ours.eps, ITERATIONS)
             if found is not None:
                 work.spent += work_of(found)
                 return found
-        full = giving.full()
+        full = giving.qp
         solution = self.solve(full, work, None, quick=True)
         if ours is not None and not solution.solved:
             solution = Daqp(ours.eps, ITERATIONS).solve_finely(full, work) or solution

@@ -29,7 +29,7 @@ from wbc.controllers.levels import FORMULATIONS, LevelSolver, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
-from wbc.controllers.slack import NO_SLACK, FullLater, Slacks, slacks_of
+from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
 from wbc.controllers.work import USUAL, units_of
 from wbc.errors import ControllerFailure
@@ -362,7 +362,7 @@ class Controller(Fixed, ABC):
         if outcome.giving is None:
             tick.__dict__["qp"] = outcome.qp
         else:
-            tick.__dict__["_evidence"] = FullLater(outcome.giving)
+            tick.__dict__["_evidence"] = outcome.giving
         return tick
 
     @abstractmethod

@@ -220,7 +220,7 @@ class LevelSolver:
         relaxed = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
         solution = self._solvers.solve_giving(relaxed, problem.work)
         missed = given_way(self.plan, contacts, relaxed, solution.x) if solution.solved else None
-        qp, spent = relaxed.qp, solution.solve_time
+        qp, spent = relaxed.slackless, solution.solve_time
         return Outcome(qp, solution, qp, self.plan.decision.nv, spent, {}, missed, relaxed)
 
     def _descend(

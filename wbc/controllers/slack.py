@@ -90,38 +90,34 @@ class Slacks:
 
 
 class GivingQP(NamedTuple):
-    """A QP, and the weights (mi,) of slacks of its inequality rows that are no unknowns in it.
+    """A QP whose inequality rows may give way, in the form in which their slacks are no unknowns.
 
-    Infinite for rows that may not give way; None: none may.
+    Also the evidence of a tick, few of which are asked for the QP itself.
+
+    Attributes
+    ----------
+    slackless:
+        The QP without its slacks.
+    weights:
+        (mi,) of the slacks, infinite for rows that may not give way; None: none may.
     """
 
-    qp: QP
+    slackless: QP
     weights: Array | None
 
-    def full(self) -> QP:
-        """Return the QP with its slacks as unknowns."""
-        return self.qp if self.weights is None else with_slack(self.qp, self.weights)
+    @property
+    def qp(self) -> QP:
+        """The QP with its slacks as unknowns, made anew."""
+        return self.slackless if self.weights is None else with_slack(self.slackless, self.weights)
 
     def given(self, x: Array) -> dict[str, float]:
         """Return by how much each row has given way, by its name; ``x`` with slacks at its end."""
         if self.weights is None:
             return {}
-        slack, names = x[self.qp.g.size :], self.qp.labels.inequality
+        slack, names = x[self.slackless.g.size :], self.slackless.labels.inequality
         rows = np.flatnonzero(np.isfinite(self.weights))
         missed = np.flatnonzero(np.abs(slack) > NEGLIGIBLE)
         return {names[rows[k]]: float(slack[k]) for k in missed.tolist()}
-
-
-class FullLater:
-    """The QP with its slacks as unknowns, as the evidence of a tick, which few ask for."""
-
-    def __init__(self, giving: GivingQP) -> None:
-        self._giving = giving
-
-    @property
-    def qp(self) -> QP:
-        """The QP."""
-        return self._giving.full()
 
 
 def with_slack(qp: QP, weights: Array) -> QP:
