@@ -80,9 +80,8 @@ class Rounds:
 
     def __init__(self, loop: Loop, count: int) -> None:
         self.loop, self.early = loop, (0.0, 0)
-        self.ticks, self.idle = np.ones(
-            (2, count)
-        )  # not zeros: memory that is there from the start
+        # Not zeros: memory that is there from the start.
+        self.ticks, self.idle = np.ones((2, count))
         work, tenth, before = Work(), count // 10, 0
         for k in range(-200, count):
             spent, alone = loop.body(k), work.body()

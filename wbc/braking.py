@@ -24,7 +24,7 @@ def stopping_speed(distance: Array, deceleration: Array | float, dt: float) -> A
 
 
 def braked_speed(distance: Array, slowness: Array | float, dt: float) -> Array:
-    """Return the same by ``slowness``, 1 / (2 deceleration), for who has it already."""
+    """Return :func:`stopping_speed` by ``slowness``, 1 / (2 deceleration), if that is known."""
     slowing = distance * slowness
     slowing += 0.25 * dt * dt
     np.sqrt(slowing, out=slowing)

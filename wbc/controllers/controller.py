@@ -190,12 +190,12 @@ class Controller(Fixed, ABC):
         given = self._motion, self.contacts, self.constraints
         parts.verify_parts(snapshot, self.dt, *given, own=own)
 
-    def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
-        """Return the command; ``tried`` is what came of its QP."""
-        return self._step_within(Work(self.budget), snapshot, tried)
+    def _step(self, snapshot: Snapshot) -> Tick:
+        """Return the command."""
+        return self._step_within(Work(self.budget), snapshot)
 
-    def _step_within(self, work: Work, snapshot: Snapshot, tried: Attempt | None) -> Tick:
-        """Return the command: the tick, from top to bottom."""
+    def _step_within(self, work: Work, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
+        """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
         start = perf_counter()
         # Goals: rows of tasks, then of contacts that may give way.
         residuals, rows, reduce = {}, [], False

@@ -49,11 +49,11 @@ class NativeController(Controller):
         """What the core computes plain ticks by; None: all are computed in Python."""
         return self._native
 
-    def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
+    def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command; what the core does not know goes through the Python tick."""
         plan = self._native
         if plan is None or not plan.serves(self.limits, self.dt):
-            return self._step_within(Work(self.budget), snapshot, tried)
+            return self._step_within(Work(self.budget), snapshot)
         found = self._native_step(plan, snapshot)
         if isinstance(found, Tick):
             return found

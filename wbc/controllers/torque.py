@@ -166,14 +166,14 @@ class TorqueController(NativeController):
         check_parts(self.robot, self.tasks, contacts, self.limits, self.constraints, self._slack)
         self._plan(self._next_contacts(tuple(contacts), ramp))
 
-    def _step(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
+    def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command: the tick of every controller, once what has gone is dropped."""
         gone = self._ramps.advance()
         if gone:
             left = tuple(one for one in self.contacts if one.name not in gone)
             self._keep_slack([one for one in left if one.name in self._going_slack])
             self._plan(left)
-        return super()._step(snapshot, tried)
+        return super()._step(snapshot)
 
     # ------------------------------------------------------------------ what the level says
 
