@@ -170,11 +170,11 @@ class StepPlanner:
     def double_time(self, phase: SingleSupport) -> float:
         """Return how long the double support lasts that ends a phase now [s].
 
-        A foot that lands before its time waits, unless it had to hurry: then time is what lacks.
+        A foot that lands before its time, on higher ground, waits until then: the DCM is not yet
+        where the next single support begins. Not one that had to hurry: time is what lacks there.
         """
         hurried = phase.elapsed + phase.left < HURRIED * self.single_time(phase)
-        early = 0.0 if hurried else min(max(phase.left, 0.0), self.gait.double)
-        return self.gait.double + early
+        return self.gait.double + (0.0 if hurried else max(phase.left, 0.0))
 
     def velocity_on_steps(self, phase: Phase, now: Measured, heading: float) -> Velocity | None:
         """Return the velocity of the footstep that is being made, if it was given."""
