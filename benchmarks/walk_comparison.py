@@ -17,7 +17,8 @@ noise of 1e-3 rad and 0.05 rad/s, 2 ms of delay and masses wrong by up to 10 %, 
     python benchmarks/walk_comparison.py [benchmarks/walk_comparison.jsonl] [--seeds 2]
         [--only walk push weight]
 
-Each trial is a line of the journal, and what is there already is not run again.
+Each trial is a line of the journal, and what is there already is not run again; how many are there
+that other code of this package walked is said in the end.
 """
 
 import os
@@ -33,6 +34,7 @@ from typing import Any
 
 import numpy as np
 from disturbed import ARMATURE, DT, plant_of, robot_named
+from sources import code_of
 
 import wbc
 from wbc.controllers import Controller
@@ -223,7 +225,7 @@ def main() -> None:
 
         def run(trial: Trial) -> dict[str, Any]:
             if trial.key not in rows:
-                rows[trial.key] = walked(trial)
+                rows[trial.key] = {**walked(trial), "code": code_of()}
                 journal.add(rows[trial.key])
             return rows[trial.key]
 
@@ -236,6 +238,9 @@ def main() -> None:
                 told = ", ".join(f"{angle} deg {np.mean(one):.1f}" for angle, one in found.items())
                 mean = np.mean(list(found.values()))
                 print(f"{variant:10} survives {told}: {mean:.1f} N s on average")
+    other = sum(row.get("code") != code_of() for row in rows.values())
+    if other:
+        print(f"{other} of {len(rows)} trials are of other code")
 
 
 if __name__ == "__main__":
