@@ -56,6 +56,7 @@ MISTAKES = [
         "tasks.spin.gain: unknown key (choose from: active, components",
     ),
     ("support:", "dt: 0.01\nsupport:", 3, "dt: belongs to controller; write controller: {dt: ...}"),
+    ("support:", "dt: 0.01\nsupport:", 3, "{dt: ...}, or --set controller.dt=..."),
     ("hoap2_like", "zzz", 1, "robot: unknown robot 'zzz'; choose from: g1, "),
     ("hoap2_like", "hoap2", 1, "robot: unknown robot 'hoap2'; did you mean 'hoap2_like'?"),
     ("hoap2_like", "missing.urdf", 1, "no such file"),

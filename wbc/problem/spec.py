@@ -114,7 +114,7 @@ class ProblemSpec(Section):
     """A whole-body control problem: a robot, what it should do, and what it must respect."""
 
     elsewhere: ClassVar[Mapping[str, str]] = {
-        key: f"{name}; write {name}: {{{key}: ...}}"
+        key: f"{name}; write {name}: {{{key}: ...}}, or --set {name}.{key}=..."
         for name, section in _SECTIONS.items()
         for key in section.model_fields
     }
