@@ -154,6 +154,7 @@ class Page:
                 self._welcome()
                 began = time.thread_time()
                 self.draw()
+                # However long that took: the rest of a processor is the control loop's.
                 time.sleep((1.0 / SHARE - 1.0) * (time.thread_time() - began))
 
     def _welcome(self) -> None:
