@@ -13,6 +13,9 @@ targets out of reach, thrown off its way now and then. Of each tick that the cor
 tick must say the same: solved, nothing cut, the same labels (of pairs that are equally near it may
 take others: then their clearances are compared); printed are the differences of the QPs, of the
 commands, and in how many ticks pairs held the robot, were inside their margin, and limits held it.
+Where a difference of commands comes from: how far the core's are from the optimum of its QP, and
+the optima of the two QPs from each other, which is what the rounding of their numbers does; the
+rest is Python's solver's. Each answer is refined at its active set for that.
 Both take distances and normals of pairs from the core, as coal's of hulls are good to 1e-7 m only;
 their Jacobians and all that follows are Python's own. Where the core leaves the nearest pairs to
 coal, the tick is counted by itself, with the difference of its QP.
@@ -108,7 +111,8 @@ def run(name: str, what: str, solver: str, ticks: int, seed: int, kept: Kept) ->
             kept.save()
     counts = f"{known.compared} | {known.handed} | {known.refuted} | {known.worst:.1e}"
     seen = f"{known.held} | {known.inside} | {known.limited} | {known.by_coal} | {known.coal:.1e}"
-    return f"| {name} | {what} | {counts} | {known.other:.1e} | {seen} |"
+    commands = " | ".join(f"{one:.1e}" for one in (known.other, known.exact, known.optima))
+    return f"| {name} | {what} | {counts} | {commands} | {seen} |"
 
 
 def main() -> None:
@@ -124,10 +128,9 @@ def main() -> None:
     os.environ[VARIABLE] = "require"
     pause.FIRST = 0  # asked in every tick, stalled or not
     kept = Kept(options.state)
-    print(
-        "| robot | of | compared | handed over | refuted | QP | command, hulls | pair holds", end=""
-    )
-    print(" | inside | at limits | coal's pairs | QP |" + "\n" + 12 * "|---" + "|")
+    columns = "robot | of | compared | handed over | refuted | QP | command, hulls | core | optima"
+    columns += " | pair holds | inside | at limits | coal's pairs | QP"
+    print(f"| {columns} |\n" + 14 * "|---" + "|")
     for name in options.robots:
         for what in options.of:
             row = run(name, what, options.solver, options.ticks, options.seed, kept)

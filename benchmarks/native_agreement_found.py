@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from wbc.files import write_whole
+from wbc.qp.elimination import least_squares
 from wbc.qp.problem import QP
+from wbc.qp.solution import Solution
 from wbc.validate import Array
 
 FIELDS = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
@@ -21,6 +23,8 @@ class Found:
     handed: int = 0
     worst: float = 0.0
     other: float = 0.0  # of commands, relative where above 1; of hulls' distances [m]
+    exact: float = 0.0  # of the core's commands from the optimum of its QP, likewise,
+    optima: float = 0.0  # and of that from the optimum of Python's
     refuted: int = 0  # ticks of which Python says something else
     held: int = 0  # ticks with an active pair,
     inside: int = 0  # with a pair inside its margin by more than the skin,
@@ -41,9 +45,9 @@ class Found:
         """Count what others found."""
         self.compared += other.compared
         self.handed += other.handed
-        self.worst = float(np.maximum(self.worst, other.worst))  # keeps NaN
-        self.other = float(np.maximum(self.other, other.other))
-        self.coal = float(np.maximum(self.coal, other.coal))
+        for name in ("worst", "other", "exact", "optima", "coal"):
+            most = np.maximum(getattr(self, name), getattr(other, name))  # keeps NaN
+            setattr(self, name, float(most))
         for name in ("refuted", "held", "inside", "limited", "by_coal"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
 
@@ -70,6 +74,24 @@ class Kept:
 def of_qps(one: QP, other: QP) -> float:
     """Return the largest difference of two QPs; infinity if other entries are infinite."""
     return max(apart(getattr(one, field), getattr(other, field)) for field in FIELDS)
+
+
+def correction(qp: QP, solution: Solution) -> Array:
+    """Return what is to be added to an answer (n,): one step of iterative refinement.
+
+    The KKT system is that of the active set which the answer has: of rows with a multiplier.
+    Residuals are in extended precision, so what rounding of the QP's own numbers does stays.
+    """
+    n = qp.g.size
+    pull = np.concatenate((solution.z, solution.z_box))
+    active, rows = pull != 0.0, np.concatenate((qp.C, np.eye(n)))
+    lower, upper = np.concatenate((qp.l, qp.lower)), np.concatenate((qp.u, qp.upper))
+    met = np.concatenate((qp.b, np.where(pull > 0.0, upper, lower)[active]))
+    held = np.concatenate((qp.A, rows[active]))
+    system = np.block([[qp.P, held.T], [held, np.zeros((met.size, met.size))]])
+    given = np.concatenate((solution.x, solution.y, pull[active])).astype(np.longdouble)
+    missed = np.concatenate((-qp.g, met)) - system @ given
+    return least_squares(system, missed.astype(float), 1e-15)[:n]
 
 
 def apart(ours: Array, theirs: Array) -> float:

@@ -4,7 +4,7 @@ from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
-from native_agreement_found import Found, apart, of_qps
+from native_agreement_found import Found, apart, correction, of_qps
 from native_agreement_sides import Sides, without_core
 
 import wbc
@@ -15,8 +15,8 @@ from wbc.controllers.tick import ACTIVE, NEGLIGIBLE
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.names import BASE
 from wbc.rotations import exp_rotation
+from wbc.validate import Array
 
-COMMANDS = {wbc.Tick: ("velocity",), TorqueTick: ("velocity", "torque")}
 EPISODE = 50
 
 
@@ -123,7 +123,8 @@ def compare_ticks(
                 theirs = plain.step(sides.plain.robot.snapshot(q, v))
             one = compare_tick(controller, state, ours, theirs)
             if pairs.by_coal:
-                one = replace(one, worst=0.0, other=0.0, by_coal=1, coal=one.worst)
+                nothing = {"worst": 0.0, "other": 0.0, "exact": 0.0, "optima": 0.0}
+                one = replace(one, **nothing, by_coal=1, coal=one.worst)
             found.join(one)
             v = theirs.velocity
         q = robot.integrate(q, v, controller.dt)
@@ -135,6 +136,11 @@ def answered(controller: NativeController, state: wbc.Snapshot) -> NativeProblem
     native = controller.native
     ours = None if native is None else controller._native_problem(native, state)
     return ours if ours is not None and ours.solved and native.margin is not None else None
+
+
+def commanded(tick: wbc.Tick) -> list[Array]:
+    """Return what a tick commands."""
+    return [tick.velocity, tick.torque] if isinstance(tick, TorqueTick) else [tick.velocity]
 
 
 def compare_tick(
@@ -156,8 +162,17 @@ def compare_tick(
         return one
     one.worst = of_qps(ours.qp, theirs.qp)
     tick = controller._native_tick(ours, state, controller._deviations(ours, state))
-    commands = [(getattr(tick, name), getattr(theirs, name)) for name in COMMANDS[type(tick)]]
-    one.other = max(apart(*both) for both in commands)
+    commands, optima = [commanded(each) for each in (tick, theirs)], []
+    for each, command in zip((tick, theirs), commands, strict=True):
+        off = correction(each.qp, each.solution)
+        changes = [off[: state.v.size]]
+        if isinstance(each, TorqueTick):
+            changes.append(controller.contact_forces.unit * ours.matrix[6:] @ off)
+        optima.append([a + b for a, b in zip(command, changes, strict=True)])
+    one.other, one.exact, one.optima = (
+        max(apart(*both) for both in zip(a, b, strict=True))
+        for a, b in (commands, (commands[0], optima[0]), optima)
+    )
     x, z, qp, nv = theirs.solution.x, theirs.solution.z, theirs.qp, state.v.size
     pull = np.abs(z)  # as Tick.active
     one.held = int(pull[-clearance.size :].max() > max(NEGLIGIBLE, ACTIVE * pull.max()))
