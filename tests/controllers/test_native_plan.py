@@ -245,6 +245,22 @@ def test_targets_that_move_and_stop_are_followed(native, rng) -> None:
     assert all(rows.moving for rows in described)
 
 
+def test_a_target_that_stops_after_a_weight_was_set(native, rng) -> None:
+    """Rest is one and the same array whenever it is told: it was written, and written over."""
+    robot = native("hoap2_like")
+    here = robot.snapshot(*random_state(robot, rng))
+    com = ComTask(robot, here.com)
+    controller = controller_of(robot, [com, PostureTask(robot, here.q)])
+    controller.step(here)
+    com.set_target(here.com + 0.1)
+    assert_same_qp(controller, here)
+    com.set_target(here.com, [1.0, 2.0, 3.0])
+    com.weight = 2.0
+    assert_same_qp(controller, here)
+    com.set_target(here.com)
+    assert_same_qp(controller, here)
+
+
 def test_margins_are_added_to_the_cores_qp(native) -> None:
     """Until they hold the robot, soft ones too, and pushed out of one by a cost that outweighs."""
     robot = native("hoap2_like")

@@ -69,6 +69,7 @@ class Part:
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
         self._moving: list[tuple[str, Array]] = []  # attributes of the task, and where they go
+        self._written: list[object] = []  # what went there last
         self._law: VelocityLaw | AccelerationLaw | None = None
 
     def chosen(self, rows: NativeRows) -> list[int]:
@@ -98,9 +99,13 @@ class Part:
         task, planned, own = self.task, self.rows, self.task.__dict__
         changes, self.assigned = task._changes, task._assigned
         if changes == self.changes and self._rereads:  # only the target was set
-            for name, where in self._moving:
-                where[...] = own[name]
+            written = self._written
+            for k, (name, where) in enumerate(self._moving):
+                now = own[name]
+                if now is not written[k]:  # arrays are replaced, never changed
+                    where[...] = written[k] = now
             return True
+        self._written = [None] * len(self._moving)
         found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
