@@ -58,6 +58,20 @@ def test_the_same_answer_as_in_python(monkeypatch) -> None:
     assert active > 500
 
 
+def test_unknowns_that_no_equality_has(monkeypatch) -> None:
+    """As arms, where feet are held: wherever they stand among the others."""
+    rng, native, n = np.random.default_rng(5), native_daqp(1e-8, 1000), 30
+    for _ in range(40):
+        A, C, J = (rng.normal(size=(rows, n)) for rows in (8, 5, n))
+        A[:, rng.permutation(n)[: int(rng.integers(1, 20))]] = 0.0
+        x, g, room = rng.normal(size=n), 10.0 * rng.normal(size=n), rng.exponential(size=n)
+        rows = {"A": A, "b": A @ x, "C": C, "l": C @ x - 1.0, "u": C @ x + 1.0}
+        qp = QP.build(J.T @ J + np.eye(n), g, **rows, lower=x - room, upper=x + room)
+        ours, theirs = native.solve(qp, "daqp"), in_python(qp, monkeypatch)
+        assert theirs.solved
+        np.testing.assert_allclose(ours.x, theirs.x, rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.slow
 def test_the_same_bits_without_wide_vectors(tmp_path, monkeypatch) -> None:
     """As on a machine that has none; where this one has none either, nothing is compared."""

@@ -160,7 +160,7 @@ def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaq
 
 
 def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
-    """Return how many numbers and integers the core works in: as ``place`` of source/solve.c."""
+    """Return how many numbers and integers the core works in: as ``place`` of source/reduce.c."""
     left = n - k
     numbers = k * (n + 1) + 2 * k * left + left * left + 3 * n + 3 * (n + m) + (m + k) * left
     numbers += left * (left + 1)

@@ -45,7 +45,7 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
 }
 
 /* P += J' J on and above the diagonal, g -= J' wanted, rows (nv) weighted already */
-static void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
+WIDE static void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
                    double *restrict P, int64_t n, double *restrict g) {
     for (int64_t r = 0; r < rows; r += 3) {
         const double *a = J + r * nv, *b = r + 1 < rows ? a + nv : 0, *c = r + 2 < rows ? b + nv : 0;
