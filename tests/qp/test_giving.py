@@ -1,5 +1,7 @@
 """QPs with rows that give way, without slacks as unknowns: against DAQP and ProxQP with slacks."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -115,9 +117,9 @@ def test_slacks_that_hardly_count() -> None:
     np.testing.assert_allclose(found.x, [1.0, 1.0, 0.5], atol=1e-7)
 
 
-@pytest.mark.parametrize(("off", "solved"), [(2e-7, True), (5e-6, False)])
+@pytest.mark.parametrize(("off", "solved"), [(2e-6, True), (5e-5, False)])
 def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, monkeypatch) -> None:
-    """Up to a hundred times eps, by the residuals alone: without it a robot is only damped."""
+    """Up to a thousand times eps, by the residuals alone: without it a robot is only damped."""
     qp = QP.build(np.eye(2), [0.0, 0.0], C=np.eye(2), l=[1.0, -np.inf], u=[np.inf, -1.0])
     given = GivingQP(qp, np.array([np.inf, 4.0]))
     full = given.qp
@@ -140,3 +142,40 @@ def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, m
     assert found.solved is solved
     if solved:
         assert found.residuals.primal == pytest.approx(off, rel=1e-6)
+
+
+def test_many_rows_that_are_missed_at_once() -> None:
+    """Hundreds of limits beyond which everything is, as of a robot in a wild state: few steps."""
+    rng = np.random.default_rng(3)
+    n, m = 60, 400
+    J, C = rng.normal(size=(n, n)), rng.normal(size=(m, n))
+    C[rng.random((m, n)) < 0.8] = 0.0
+    C[:n] = np.eye(n)
+    u = C @ rng.normal(size=n) - 3.0 * rng.random(m)
+    weights = np.where(np.arange(m) < 20, np.inf, 10.0 ** rng.uniform(0, 4, size=m))
+    qp = QP.build(J.T @ J + 1e-3 * np.eye(n), 30.0 * rng.normal(size=n), C=C, u=u)
+    given = GivingQP(qp, weights)
+    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
+    assert found is not None
+    assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
+    other = ProxQP().solve(full)
+    assert other.solved
+    np.testing.assert_allclose(found.x, other.x, atol=1e-6)
+    assert np.count_nonzero(found.z) > n
+    assert found.iterations < 600  # 770 when rows came one at a time; 367
+
+
+def test_what_is_nearly_solved_will_do() -> None:
+    """A TALOS fell over its own feet: a cone was missed by 3e-6 of mass / dt, 0.1 N.
+
+    DAQP tried for 250 ms with the slacks as unknowns, and in the end no answer was commanded.
+    """
+    with np.load(Path(__file__).parent / "nearly_solved.npz") as recorded:
+        weights = recorded["weights"]
+        names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
+        qp = QP.build(**{name: recorded[name] for name in names})
+    given = GivingQP(qp, weights)
+    found = Solvers(Daqp(), quick=True).solve_giving(given, Work())
+    assert found.solved and found.solver == "active_set"
+    told = kkt_residuals(given.qp, found.x, found.y, found.z, found.z_box)
+    assert max(told) <= 1e-5

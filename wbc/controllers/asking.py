@@ -17,12 +17,15 @@ from wbc.qp.backend import Backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.giving import solve_giving
 from wbc.qp.problem import QP
-from wbc.qp.proxqp import NEARLY, ProxQP
+from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Solution
 from wbc.qp.work import Work, otherwise
 
-# Of QPs with rows that give way: of 700 from wild states none took more than 372.
+# Of QPs with rows that give way: of 68,000 wild ticks none took more than 733.
 ITERATIONS = 1000
+# How far above eps their residuals may be. In 68,000 wild ticks one was above 1e-6, 3e-6: DAQP did
+# not solve it in 250 ms, and joints were only brought to rest.
+ENOUGH = 1000.0
 
 
 class Solvers:
@@ -76,7 +79,7 @@ class Solvers:
         ours = backend if isinstance(backend, Daqp | ProxQP) else None
         if ours is not None and giving.weights is not None:
             # Nearly solved will do: the other choice is a robot that is only brought to rest.
-            found = solve_giving(giving.slackless, giving.weights, NEARLY * ours.eps, ITERATIONS)
+            found = solve_giving(giving.slackless, giving.weights, ENOUGH * ours.eps, ITERATIONS)
             if found is not None:
                 work.spent += work_of(found)
                 return found

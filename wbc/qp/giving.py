@@ -40,7 +40,7 @@ def solve_giving(qp: QP, weights: Array, eps: float, max_iterations: int) -> Sol
     n, k, m = known.sizes
     left, most = n - k, n + m
     size, integers = scratch_sizes(n, k, m)
-    size += 2 * left + 10 * most + left * left + most * left + most * most // 2
+    size += 2 * left + 10 * most + 2 * left * left + most * left + most * most // 2
     memory, order = np.empty(size), np.empty(integers + 3 * most, dtype=np.int64)
     give = np.ascontiguousarray(1.0 / weights)
     places = address(give), max_iterations, address(memory), address(order)

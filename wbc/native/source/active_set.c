@@ -25,9 +25,14 @@ static const double SHORTEST = 1e-12; /* rows below this, where the cost is of u
 /* Left out, and looked at again so often; at last it is judged with the answer. */
 enum { DOUBTED = 3, AGAIN = 5 };
 
+/* Rows are looked at again if they are missed by more than this part of the worst; so many beside the
+ * worst are added with it if they are missed by more than that part: a fifth fewer steps. */
+static const double NOTED = 0.3, BESIDE = 0.5;
+enum { MORE = 3 };
+
 typedef struct {
     int64_t n, m, size; /* size: of the active set */
-    double *U;                  /* (n, n) lower: the transpose of U above */
+    double *U, *inverse;        /* (n, n): the transpose of U above, lower; U^-1, upper */
     double *v, *y;              /* (n): U^-T f, and y */
     double *M;                  /* (m, n) */
     double *low, *up, *give, *length;  /* (m) */
@@ -36,11 +41,29 @@ typedef struct {
     double *forward; /* (m) L^-1 of what is wanted of the active rows, the first known of them */
     int64_t known;
     int64_t candidates, *candidate; /* (m) */
+    double worst, *by;              /* by how much rows are missed: most, and (m) the candidates */
     int64_t *active, *side; /* (m); side of a row: 0 is not active, 1 up, -1 low, 2 both, or DOUBTED */
 } active_set;
 
 static double *row_of(const active_set *a, int64_t k) {
     return a->L + k * (k - 1) / 2;
+}
+
+/* to += c' R for the k rows numbered, of n entries; of a triangle (ascending) from the diagonal on. */
+INLINE void add_numbered(int64_t n, int64_t k, const double *c, const int64_t *number,
+                         const double *rows, int triangle, double *restrict to) {
+    for (int64_t r = 0; r < k; r += 4) {
+        const double *row[4];
+        double by[4];
+        for (int i = 0; i < 4; i++) {
+            by[i] = r + i < k ? c[r + i] : 0.0;
+            row[i] = rows + number[r + i < k ? r + i : r] * n;
+        }
+        const double *a = row[0], *b = row[1], *d = row[2], *e = row[3];
+        const double w = by[0], x = by[1], y = by[2], z = by[3];
+        for (int64_t j = triangle ? number[r] : 0; j < n; j++)
+            to[j] += (w * a[j] + x * b[j]) + (y * d[j] + z * e[j]);
+    }
 }
 
 /* Add a row to the factorisation; whether it depends on those that are active. */
@@ -155,32 +178,43 @@ static int64_t go(active_set *a, int endless) {
     return first;
 }
 
-/* y, and a row that is missed; -1: all are met. It is missed by most, of those that were missed when
- * all were looked at last: many are never missed. */
+/* Above its upper (positive) or below its lower end, by how much a row is missed; else not above 0. */
+INLINE double missed_by(const active_set *a, int64_t row, int64_t *side) {
+    const double value = dot(a->n, a->M + row * a->n, a->y);
+    const double above = value - a->up[row], below = a->low[row] - value;
+    *side = a->up[row] == a->low[row] ? 2 : above > below ? 1 : -1;
+    return above > below ? above : below;
+}
+
+/* y, and the row that is missed by most of the candidates; -1: all are met. Where no candidate is
+ * missed all are looked at, and those missed by much are the next candidates: many never are. */
 WIDE static int64_t missed(active_set *a, int64_t *side) {
     double met = MET;
-    int64_t found = -1;
+    int64_t found = -1, its = 0;
     memset(a->y, 0, a->n * sizeof *a->y);
     for (int64_t j = 0; j < a->size; j++) {
         if (ROUNDED * fabs(a->z[j]) > met) met = ROUNDED * fabs(a->z[j]);
-        const double factor = -a->z[j], *row = a->M + a->active[j] * a->n;
-        for (int64_t c = 0; c < a->n; c++) a->y[c] += factor * row[c];
+        a->w[j] = -a->z[j];
     }
-    double worst = met;
-    for (int all = a->candidates == 0; found < 0 && all < 2; all++) {
-        const int64_t count = all ? a->m : a->candidates;
-        if (all) a->candidates = 0;
-        for (int64_t c = 0; c < count; c++) {
-            const int64_t i = all ? c : a->candidate[c];
-            if (a->side[i]) continue;
-            const double value = dot(a->n, a->M + i * a->n, a->y);
-            const double above = value - a->up[i], below = a->low[i] - value;
-            if (all && (above > met || below > met)) a->candidate[a->candidates++] = i;
-            if (above > worst) worst = above, found = i, *side = 1;
-            if (below > worst) worst = below, found = i, *side = -1;
-        }
+    add_numbered(a->n, a->size, a->w, a->active, a->M, 0, a->y);
+    a->worst = met;
+    for (int64_t c = 0; c < a->candidates; c++) {
+        const int64_t i = a->candidate[c];
+        a->by[c] = a->side[i] ? 0.0 : missed_by(a, i, &its);
+        if (a->by[c] > a->worst) a->worst = a->by[c], found = i, *side = its;
     }
-    if (found >= 0 && a->up[found] == a->low[found]) *side = 2;
+    if (found >= 0) return found;
+    int64_t count = 0;
+    for (int64_t i = 0; i < a->m; i++) {
+        const double by = a->side[i] ? 0.0 : missed_by(a, i, &its);
+        if (by > met) a->by[count] = by, a->candidate[count++] = i;
+        if (by > a->worst) a->worst = by, found = i, *side = its;
+    }
+    a->candidates = 0;
+    for (int64_t c = 0; c < count; c++) {
+        if (a->by[c] < NOTED * a->worst) continue;
+        a->by[a->candidates] = a->by[c], a->candidate[a->candidates++] = a->candidate[c];
+    }
     return found;
 }
 
@@ -197,30 +231,50 @@ WIDE static int transform(active_set *a, const double *H, const double *f, const
         u[i] = sqrt(square);
         a->v[i] = (f[i] - dot(i, u, a->v)) / u[i];
     }
+    for (int64_t r = 0; r < n; r++) {
+        double *restrict to = a->inverse + r * n;
+        memset(to, 0, n * sizeof *to);
+        to[r] = 1.0 / a->U[r * n + r];
+        for (int64_t j = r + 1; j < n; j++)
+            to[j] = -dot(j - r, a->U + j * n + r, to + r) / a->U[j * n + j];
+    }
     for (int64_t r = 0; r < a->m; r++) {
         double *restrict to = a->M + r * n;
-        int64_t begin = 0;
         if (r < n) { /* a bound */
-            memset(to, 0, n * sizeof *to);
+            memcpy(to, a->inverse + r * n, n * sizeof *to);
             if (low[r] == -INFINITY && up[r] == INFINITY) {
                 a->low[r] = low[r], a->up[r] = up[r], a->length[r] = 1.0;
                 continue;
             }
-            to[r] = 1.0, begin = r;
-        } else
-            memcpy(to, rows + (r - n) * n, n * sizeof *to);
-        for (int64_t j = begin; j < n; j++) {
-            const double *u = a->U + j * n;
-            to[j] = (to[j] - dot(j - begin, u + begin, to + begin)) / u[j];
+        } else { /* most entries of cones and limits are 0 */
+            const double *row = rows + (r - n) * n;
+            int64_t count = 0;
+            for (int64_t c = 0; c < n; c++)
+                if (row[c] != 0.0) a->w[count] = row[c], a->candidate[count++] = c;
+            memset(to, 0, n * sizeof *to);
+            add_numbered(n, count, a->w, a->candidate, a->inverse, 1, to);
         }
         const double length = sqrt(dot(n, to, to)), shift = dot(n, to, a->v);
         const double by = length > SHORTEST ? length : 1.0;
         a->length[r] = by;
-        for (int64_t j = begin; j < n; j++) to[j] /= by;
+        for (int64_t j = 0; j < n; j++) to[j] /= by;
         a->low[r] = (low[r] + shift) / by, a->up[r] = (up[r] + shift) / by;
         a->give[r] /= by * by;
     }
     return 1;
+}
+
+/* Add candidates missed by nearly as much as the worst row, if they do not depend on what is active:
+ * those that are not wanted are the first to be dropped. */
+static void add_more(active_set *a) {
+    for (int64_t c = 0, more = MORE; c < a->candidates && more > 0 && a->size < a->m; c++) {
+        const int64_t row = a->candidate[c];
+        int64_t side;
+        if (a->side[row] || a->by[c] < BESIDE * a->worst) continue;
+        missed_by(a, row, &side);
+        if (add(a, row, side)) a->side[a->active[--a->size]] = 0;
+        more--;
+    }
 }
 
 int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
@@ -230,9 +284,9 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
     active_set a = {.n = n, .m = m, .active = order, .side = order + m,
                     .candidate = order + 2 * m};
     double **parts[] = {&a.v, &a.y, &a.low, &a.up, &a.give, &a.length, &a.z, &a.wanted,
-                        &a.diagonal, &a.w, &a.forward};
-    for (int i = 0; i < 11; i++) *parts[i] = scratch, scratch += i < 2 ? n : m;
-    a.U = scratch, a.M = a.U + n * n, a.L = a.M + m * n;
+                        &a.diagonal, &a.w, &a.forward, &a.by};
+    for (int i = 0; i < 12; i++) *parts[i] = scratch, scratch += i < 2 ? n : m;
+    a.U = scratch, a.inverse = a.U + n * n, a.M = a.inverse + n * n, a.L = a.M + m * n;
     memset(a.side, 0, m * sizeof *a.side);
     memcpy(a.give, give, m * sizeof *give);
     if (!transform(&a, H, f, rows, low, up)) return -1;
@@ -280,6 +334,7 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
         }
         if (a.size > n && a.size >= m) return -1;
         depends = add(&a, row, side);
+        if (!depends) add_more(&a);
     }
     return -1;
 }
