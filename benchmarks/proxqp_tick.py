@@ -229,7 +229,7 @@ def parts(qps: Sequence[QP], times: Times) -> None:
         timed("check of the QP", check_qp, qp)
         raw = timed("update, solve, and results read", work.solve_warm, qp)
         timed("residuals and verdict", check.accept, qp, raw)
-        timed("DAQP", daqp_memory(qp, EPS, 1000).solve)
+        timed("DAQP", daqp_memory(qp, EPS).solve, 1000)
 
 
 def main() -> None:
