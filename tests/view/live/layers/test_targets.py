@@ -68,8 +68,12 @@ def test_an_inertia_that_no_body_has_is_not_drawn(stage: Stage, robot: wbc.Robot
 
 
 def test_dragging_asks_for_targets(
-    stage: Stage, controller: wbc.KinematicController, hands: tuple[str, str]
+    stage: Stage,
+    controller: wbc.KinematicController,
+    hands: tuple[str, str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("wbc.view.live.layers.targets.HELD", 1e3)  # a busy machine takes seconds
     robot = controller.robot
     q = robot.posture("standing")
     stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
