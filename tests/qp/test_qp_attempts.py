@@ -147,3 +147,17 @@ def test_what_was_hard_for_the_active_set_method_is_not_asked_of_both(
     found = backend.solve(qp, quick=True)
     assert found.solved and found.solver == solver
     assert len(backend._workspaces) == (solver == "proxqp")
+
+
+def test_what_is_far_from_the_last_qp_is_no_warm_start_in_a_hurry(solvable, monkeypatch) -> None:
+    """From there ProxQP was rejected after up to 9 ms; the active-set method answers first."""
+    rng, backend, warm = np.random.default_rng(6), ProxQP(), []
+    qp = solvable(rng, me=2, mi=3)
+    honest = Workspace.run
+    monkeypatch.setattr(Workspace, "run", lambda self, *qps: (warm.append(1), honest(self, *qps)))
+    near, far = qp._replace(g=1.1 * qp.g), qp._replace(g=-2.0 * qp.g)
+    assert backend.solve(qp, quick=True).solved and not warm
+    assert backend.solve(near, quick=True).solved and len(warm) == 1
+    assert backend.solve(far, quick=True).solved and len(warm) == 1
+    patient = ProxQP()
+    assert patient.solve(qp).solved and patient.solve(far).solved and len(warm) == 2

@@ -177,6 +177,8 @@ class ProxQP:
         key = workspace, qp.g.size, 0, qp.u.size
         paused = bool(self._pauses) and self._pauses.goes_on(workspace)
         last = None if paused else self._workspaces.pop(key, None)
+        if quick and last is not None and last.is_far(qp):
+            last = None
         if last is None:
             if not judge.solves():
                 return None
@@ -216,7 +218,11 @@ class ProxQP:
         """
         workspace, *_ = key
         exact = None
-        if paused or key not in self._workspaces:
+        last = self._workspaces.get(key)
+        if last is not None and last.is_far(qp):
+            last = None
+            del self._workspaces[key]
+        if paused or last is None:
             exact = self._solve_actively(qp, check, self.active_set, work)
             if paused or not exact.solved or exact.iterations > QUICK_HARD:
                 return exact
