@@ -110,7 +110,7 @@ class NativeDaqp:
 
         ``quick``: where DAQP was asked, what it does not solve has failed, with no proof of it. Of
         1767 QPs of ticks from wild states that it called infeasible it solved none either with the
-        equalities left in, which takes as long again; of 24 others seven. ``work`` is that of the
+        equalities left in, which takes as long again; of 18 others four. ``work`` is that of the
         tick, which affords ``most`` iterations.
         """
         start = perf_counter()
