@@ -26,7 +26,7 @@ def load(folder: Path, controller: str):
 
 
 @pytest.mark.parametrize(
-    ("said", "units"), [("", 2800.0), ("budget: null", np.inf), ("budget: 1", 1.0)]
+    ("said", "units"), [("", 2400.0), ("budget: null", np.inf), ("budget: 1", 1.0)]
 )
 def test_a_budget_is_told_and_what_it_leaves_out(tmp_path: Path, said: str, units: float) -> None:
     problem = load(tmp_path, said)

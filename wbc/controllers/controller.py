@@ -83,7 +83,7 @@ class Controller(Fixed, ABC):
     budget:
         Work that a tick may take, counted in units of about a microsecond of a quiet core: see
         :mod:`wbc.controllers.work`. What it does not afford is left out (``tick.left_out``).
-        ``"usual"``: 2800, and more for many levels and joints. None: nothing is ever left out.
+        ``"usual"``: 2400, and more for many levels and joints. None: nothing is ever left out.
 
     Raises
     ------

@@ -102,7 +102,7 @@ class QpSettings(SolverSettings):
         default_of(KinematicController, "budget")
     )
     """Work that a tick may take, in about microseconds of a quiet core, counted and not clocked;
-    what it does not afford is left out, levels of lower priority first, and told. usual: 2800, and
+    what it does not afford is left out, levels of lower priority first, and told. usual: 2400, and
     more for many levels and joints; null: nothing is left out, however long it takes."""
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
