@@ -34,6 +34,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "Lt -> LtE",
     ): "at the one number where it differs nothing depends on it",
     (
+        "wbc/qp/native.py",
+        "largest = max(np.abs(part).max(initial=0.0) for part in (P, g, qp.b))",
+        "0.0 -> 0.001",
+    ): "2e-18, where a tenth of 1e-12 is the least that is asked for",
+    (
         "wbc/controllers/shaping/unknowns.py",
         'x = ca.SX.sym("x", n + 3 + 3 * count)',
         "3 -> 4",
@@ -53,6 +58,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "target = np.where(violation > 0.0, rows.upper, rows.lower)",
         "Gt -> GtE",
     ): "rows that are met are left out of all that it is used for",
+    (
+        "wbc/qp/conflict.py",
+        "pulls[np.abs(pulls) <= rounding] = 0.0",
+        "LtE -> Lt",
+    ): "rounding is 0 only where the pull is 0, and what is just as large is one number of many",
     (
         "wbc/qp/conflict.py",
         'upper = "upper" if weight > 0.0 else "lower"',

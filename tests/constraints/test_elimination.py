@@ -101,6 +101,33 @@ def test_no_equalities_is_the_identity(rng) -> None:
     np.testing.assert_array_equal(reduced.reduced.P, qp.P)
 
 
+@pytest.mark.parametrize("rows", [1, 2])
+def test_few_equalities_are_eliminated_and_come_back(rows: int, rng) -> None:
+    """Oracle: the KKT system of the full QP, solved at once."""
+    n = 4
+    root, A = rng.normal(size=(n, n)), rng.normal(size=(rows, n))
+    P, g, b = root.T @ root + np.eye(n), rng.normal(size=n), rng.normal(size=rows)
+    system = np.block([[P, A.T], [A, np.zeros((rows, rows))]])
+    expected = np.linalg.solve(system, np.concatenate((-g, b)))
+    found = eliminate(QP.build(P, g, A=A, b=b))
+    assert found.basis.shape == (n, n - rows) and found.mismatch < 1e-12
+    solution = found.lift(Daqp().solve(found.reduced))
+    np.testing.assert_allclose(solution.x, expected[:n], atol=1e-9)
+    np.testing.assert_allclose(solution.y, expected[n:], atol=1e-8)
+    assert found.admits(solution)
+
+
+def test_equalities_of_zeros_fix_nothing_and_what_they_ask_for_is_missed() -> None:
+    qp = QP.build(np.eye(3), np.ones(3), A=np.zeros((2, 3)), b=[0.25, -4.0])
+    found = eliminate(qp)
+    np.testing.assert_array_equal(found.basis, np.eye(3))
+    assert found.mismatch == 4.0
+    solution = found.lift(Daqp().solve(found.reduced))
+    np.testing.assert_allclose(solution.x, -1.0, atol=1e-9)
+    assert not found.admits(solution)
+    assert eliminate(qp._replace(b=np.zeros(2))).mismatch == 0.0
+
+
 @pytest.mark.parametrize("solver", ["proxqp", "daqp"])
 def test_bounds_of_unknowns_that_are_fixed_do_not_hold_the_free_one(solver: str, rng) -> None:
     """Levels fix joints at their bounds by mixed rows; what they free is found all the same.

@@ -210,3 +210,17 @@ def test_exit_flags_of_daqp_in_our_words(flag: int, solvable) -> None:
         claimed = Status.FAILED if FLAGS[flag] == "solved" else found.claim
         assert np.isnan(left.x).all() and left.claim is claimed
     assert np.isnan(_raw(qp, np.append(point[:-1], np.nan), multipliers, 7, flag).y).all()
+
+
+def test_daqp_kept_says_what_it_does_not_take_and_goes_on() -> None:
+    """A cost that is no bowl is refused before anything is solved; so are too few iterations."""
+    box = {"lower": -np.ones(3), "upper": np.ones(3)}
+    qp = QP.build(np.eye(3), [3.0, -2.0, 1.0], C=np.ones((1, 3)), l=[-9.0], u=[9.0], **box)
+    kept = KeptDaqp(1e-8)
+    for _ in range(2):  # a new model, and the one that is kept
+        refused = kept.answer(qp._replace(P=-qp.P))
+        assert refused.claim is Status.FAILED and "positive semidefinite" in refused.message
+        assert np.isnan(refused.x).all()
+        np.testing.assert_allclose(kept.answer(qp).x, [-1.0, 1.0, -1.0], atol=1e-9)
+    limited = KeptDaqp(1e-8, max_iterations=1).answer(qp)
+    assert limited.claim is Status.ITERATION_LIMIT

@@ -1,5 +1,7 @@
 """Solvers by name: which exist, what to install, which settings they take."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import qpsolvers
@@ -90,6 +92,31 @@ def test_a_solver_that_raises_has_failed_and_says_why(monkeypatch):
     assert solution.status is Status.FAILED
     assert np.isnan(solution.x).all()
     assert "not to my taste" in solution.describe()
+
+
+@pytest.mark.parametrize("found", [True, False])
+@pytest.mark.parametrize(
+    ("extras", "iterations"),
+    [({"iterations": np.array([7, 9])}, 7), ({"info": SimpleNamespace(iter=5)}, 5), ({}, 0)],
+)
+def test_what_a_solver_says_of_its_answer_is_passed_on(
+    monkeypatch, found: bool, extras: dict[str, object], iterations: int
+) -> None:
+    """A point that it does not call a solution is none to us, and is still looked at."""
+
+    def solve(problem, solver, **settings):
+        return qpsolvers.Solution(
+            problem=problem, found=found, x=np.array([0.0, 1.0]), extras=extras,
+            z_box=np.array([-1.0, 0.0]),
+        )  # fmt: skip
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", solve)
+    raw = QpsolversBackend("piqp").answer(SMALL)
+    assert raw.claim is (Status.SOLVED if found else Status.FAILED)
+    assert raw.message == ("" if found else "no solution found")
+    assert raw.iterations == iterations
+    np.testing.assert_array_equal(raw.x, [0.0, 1.0])
+    np.testing.assert_array_equal(raw.z_box, [-1.0, 0.0])
 
 
 @pytest.mark.skipif("osqp" not in installed_solvers(), reason="needs wbc[bench]")

@@ -1,11 +1,17 @@
-"""ProxQP gives the same bits wherever the allocator puts its memory."""
+"""ProxQP's own solver: same bits wherever its memory lies, and the settings it is given."""
 
+import math
 import subprocess
 import sys
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 
 import numpy as np
+import pytest
 
-from wbc.qp import ProxQP
+from wbc.qp import QP, ProxQP, native
+from wbc.qp.native import Workspace
 
 
 def test_solutions_do_not_depend_on_where_memory_lies(ticks):
@@ -32,3 +38,72 @@ def test_the_narrow_build_is_loaded_unless_another_is_there_already():
     assert build_after("") == "narrow"
     whichever = build_after("import proxsuite; ")  # by processor; two in one process would abort
     assert whichever in ("avx512", "avx2", "narrow")
+
+
+def test_a_build_that_others_loaded_stays_as_it_is(monkeypatch) -> None:
+    """Nothing is hidden from who imported proxsuite before, and nothing of it is let go."""
+    wide = [f"proxsuite.proxsuite_pywrap_{build}" for build in ("avx512", "avx2")]
+    for name in wide:
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    before = dict(sys.modules)
+    assert native._import_proxqp() is native.proxqp
+    assert all(sys.modules.get(name) is before[name] for name in wide)
+
+
+def test_wide_builds_are_hidden_while_proxsuite_is_imported_and_not_longer(monkeypatch) -> None:
+    wide = [f"proxsuite.proxsuite_pywrap_{build}" for build in ("avx512", "avx2")]
+    for name in ("proxsuite", *wide):
+        monkeypatch.setitem(sys.modules, name, None)  # is put back afterwards
+        del sys.modules[name]
+    hidden: list[bool] = []
+
+    class Finder(MetaPathFinder, Loader):
+        def find_spec(self, fullname, path, target=None):
+            return ModuleSpec(fullname, self) if fullname == "proxsuite" else None
+
+        def exec_module(self, module):
+            hidden.extend(name in sys.modules and sys.modules[name] is None for name in wide)
+            module.proxqp = "the narrow one"
+
+    monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
+    assert native._import_proxqp() == "the narrow one"
+    assert hidden == [True, True]
+    assert not any(name in sys.modules for name in wide)
+
+
+@pytest.mark.parametrize("part", ["P", "g", "b"])
+def test_no_more_accuracy_is_asked_for_than_the_largest_number_has_digits(part: str) -> None:
+    """A tenth of what is promised, but no less than some ulps of the largest number."""
+    qp = QP.build(np.eye(2), [-1.0, 1.0], A=[[1.0, 1.0]], b=[0.5])
+    usual = Workspace.create(qp, 1e-8, 20).native.settings
+    assert usual.eps_abs == usual.eps_duality_gap_abs == pytest.approx(1e-9)
+    largest = 1e8
+    large = qp._replace(**{part: -largest * getattr(qp, part)})
+    asked = Workspace.create(large, 1e-8, 20).native.settings
+    digits = largest * np.abs(getattr(qp, part)).max() * np.finfo(float).eps
+    assert 4.0 * digits < asked.eps_abs < 16.0 * digits
+    assert asked.eps_duality_gap_abs == asked.eps_abs
+
+
+@pytest.mark.parametrize("largest", [1.1e-12, 1e-9, 3e-4, 0.25, 0.3, 0.99])
+def test_small_curvatures_are_scaled_to_one_or_up_to_two_without_rounding(largest: float) -> None:
+    scale = native._cost_scale(np.diag([0.1 * largest, largest]))
+    assert 1.0 <= scale * largest < 2.0
+    assert math.frexp(scale)[0] == 0.5  # a power of two
+
+
+@pytest.mark.parametrize("largest", [0.0, 0.9e-12, 1.0, 2.0005, 1e6])
+def test_large_curvatures_and_none_are_left_alone(largest: float) -> None:
+    assert native._cost_scale(np.diag([0.0, largest])) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("by", "far"), [(0.66, True), (0.67, False), (1.0, False), (1.99, False), (2.01, True)]
+)
+def test_a_start_is_far_if_the_gradient_changed_by_more_than_half_of_it(by, far) -> None:
+    """Times c it has changed by c - 1: half of c where c is 2 / 3, and 2."""
+    qp = QP.build(np.eye(2), [3.0, 4.0])
+    workspace = Workspace.create(qp, 1e-8, 20)
+    assert workspace.is_far(qp._replace(g=by * qp.g)) is far
+    workspace.run(qp._replace(g=by * qp.g))
+    assert not workspace.is_far(qp._replace(g=by * qp.g)) and qp.g.tolist() == [3.0, 4.0]

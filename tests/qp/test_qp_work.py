@@ -14,7 +14,21 @@ from wbc.qp.daqp_memory import DaqpMemory
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.native import Workspace
 from wbc.qp.native_daqp import NativeDaqp
-from wbc.qp.work import ACTIVE_SET, COLD, INNER, WARM, Work, search
+from wbc.qp.pause import Pauses
+from wbc.qp.proxqp import _outer
+from wbc.qp.work import (
+    ACTIVE_SET,
+    COLD,
+    FEWEST,
+    INNER,
+    POLISH,
+    WARM,
+    Steps,
+    Work,
+    afforded_search,
+    otherwise,
+    search,
+)
 
 RECORDED = ("stalls_proxqp", "curvatures_far_apart 0", "curvatures_far_apart 2", "false_infeasible")
 BUDGETS = (1.0, 300.0, 700.0, 1500.0, 2800.0)
@@ -181,3 +195,122 @@ def test_a_hurried_warm_attempt_leaves_the_next_its_time(solvable) -> None:
     assert work.short and backend.solve(qp, work=work).solver == "proxqp"
     assert kept.native.results.info.iter_ext <= 3
     assert kept.native.settings.max_iter == usual
+
+
+def sized(n: int, me: int = 0, mi: int = 0) -> QP:
+    """Return a QP of these sizes, without numbers."""
+    return QP.build(np.eye(n), np.zeros(n), A=np.zeros((me, n)), b=np.zeros(me),
+                    C=np.zeros((mi, n)), l=-np.ones(mi), u=np.ones(mi))  # fmt: skip
+
+
+def test_what_is_spent_and_what_is_kept_both_leave_less_room() -> None:
+    work = Work(100.0)
+    assert work.is_limited and not Work().is_limited and Work().left == np.inf
+    work.spent, work.kept = 30.0, 20.0
+    assert work.left == 50.0  # 100 - 30 - 20
+    assert work.has_room(50.0) and not work.has_room(50.5)
+    assert work.affords(50.0, "this") and work.left_out == ()
+    assert not work.affords(51.0, "that") and not work.affords(52.0, "that")
+    work.leave_out("more")
+    assert work.left_out == ("that", "more")  # each once
+    assert work.spent == 30.0  # to ask takes nothing
+    work.spent = 65.0
+    assert not work.short
+    work.spent = 65.5
+    assert work.short
+
+
+@pytest.mark.parametrize(
+    ("spent", "kept", "left"),
+    [
+        (0.0, 0.0, 100.0),
+        (80.0, 0.0, 40.0),  # 20 are left, and 40 granted whatever is left
+        (80.0, 15.0, 40.0),  # what is kept does not take from what is granted
+        (40.0, 15.0, 45.0),
+        (100.0, 0.0, 40.0),
+        (125.0, 0.0, 15.0),  # 25 of the 40 are used
+        (150.0, 0.0, 0.0),
+        (150.0, 10.0, 0.0),
+    ],
+)
+def test_what_is_granted_is_there_whatever_is_left(spent: float, kept: float, left: float) -> None:
+    work = Work(100.0)
+    work.spent, work.kept, work.least = spent, kept, 40.0
+    assert work.left == left
+
+
+def test_what_calls_take_of_a_humanoids_qp_in_units() -> None:
+    """35 unknowns, 12 + 25 rows: 35 (35 + 37) = 2520 entries; as measured when they were chosen."""
+    qp, n = sized(35, 12, 25), 35
+    assert ACTIVE_SET.units(qp) == pytest.approx(95.2)
+    assert ACTIVE_SET.step(n) == pytest.approx(1.715)
+    assert COLD.units(qp) == pytest.approx(245.6)
+    assert WARM.units(qp) == pytest.approx(165.6)
+    assert COLD.step(n) == WARM.step(n) == pytest.approx(14.0)
+    assert POLISH.units(qp) == pytest.approx(402.0)
+    assert search(qp) == pytest.approx(466.8)  # 72 unknowns and slacks, 4.32 units a step
+    assert otherwise(qp) == pytest.approx(95.2 + 120 * 1.715 + 466.8)
+    assert WARM.units(qp, 6) == pytest.approx(165.6 + 84.0)
+    assert (INNER, FEWEST) == (6, 25)
+
+
+@pytest.mark.parametrize("steps", [ACTIVE_SET, COLD, Steps(3.0, 0.5, one=2.0, two=0.25)])
+@pytest.mark.parametrize("sizes", [(1,), (8, 2, 3), (35, 12, 25)])
+def test_as_many_steps_are_afforded_as_fit(steps: Steps, sizes: tuple[int, ...]) -> None:
+    """Oracle: one after the other is counted."""
+    qp = sized(*sizes)
+    for left in (0.0, steps.units(qp), *np.linspace(1.0, 900.0, 40)):
+        fit = 0
+        while fit < 30 and steps.units(qp, fit + 1) <= left:
+            fit += 1
+        assert steps.afforded(qp, left, 30) == fit
+        assert steps.afforded(qp, left, 30, least=12) == (fit if fit >= 12 else 0)
+        assert steps.afforded(qp, left, 8, least=12) == (8 if fit >= 8 else 0)
+        assert steps.afforded(qp, left, 0) == 0
+        outer = _outer(steps, qp, left, 5)
+        assert outer == fit // INNER
+
+
+def test_qps_without_unknowns_take_a_call_and_no_steps() -> None:
+    """Such as are left where equalities fix every unknown."""
+    none = np.zeros((0, 0))
+    qp = sized(1)._replace(P=none, g=np.zeros(0), A=none, C=none)
+    assert ACTIVE_SET.units(qp, 50) == ACTIVE_SET.call
+    assert ACTIVE_SET.afforded(qp, 1e3, 30) == 30
+
+
+def test_a_search_gets_its_usual_steps_or_as_many_as_are_afforded() -> None:
+    qp = sized(35, 12, 25)
+    assert afforded_search(qp, 0.0, 1000) == afforded_search(qp, search(qp), 1000) == 40
+    for steps in (41, 70, 200):
+        left = search(qp, steps) + 0.5
+        assert afforded_search(qp, left, 1000) == steps
+        assert afforded_search(qp, left, 41) == 41
+    assert afforded_search(qp, np.inf, 1000) == 1000
+    assert afforded_search(qp, 0.0, 10) == 10
+
+
+def test_fewer_changes_of_an_active_set_than_are_worth_it_are_no_attempt(monkeypatch) -> None:
+    """Half of what is left is for this attempt: 25 changes are begun, and what affords 24 not."""
+    monkeypatch.setattr(DaqpMemory, "solve", lambda self, most: pytest.fail(f"asked for {most}"))
+    qp = infeasible()
+    below = Work(2.0 * ACTIVE_SET.units(qp, FEWEST) - 0.5)
+    assert "budget" in Daqp().answer(qp, below).message and below.spent == 0.0
+    with pytest.raises(pytest.fail.Exception, match="asked for 25"):
+        Daqp().answer(qp, Work(2.0 * ACTIVE_SET.units(qp, FEWEST) + 0.5))
+
+
+def test_pauses_last_a_hundred_qps_then_twice_as_many_up_to_a_minute() -> None:
+    pauses, found = Pauses(), []
+    assert not pauses.goes_on("a") and not pauses
+    for _ in range(11):
+        pauses.begin("a")
+        assert not pauses.goes_on("b")
+        length = 0
+        while pauses.goes_on("a"):
+            length += 1
+        assert not pauses.goes_on("a")  # and does not begin again by itself
+        found.append(length)
+    assert found == [100, 200, 400, 800, 1600, 3200, 6400, 12_800, 25_600, 25_600, 25_600]
+    pauses.begin("b")
+    assert sum(pauses.goes_on("b") for _ in range(300)) == 100

@@ -202,3 +202,42 @@ def test_half_a_placement_is_assigned_and_the_other_half_stays(robot: Robot) -> 
         np.testing.assert_array_equal(task.rotation, turned)
     np.testing.assert_array_equal(pose.target[:3], np.column_stack((turned, moved)))
     assert not pose.target_rate.any()  # as when the whole target is assigned
+
+
+class Careless(ComTask):
+    """Asks its robot before Task does."""
+
+    def __init__(self, robot: Robot, what: str = "joint_names", other: str = "") -> None:
+        getattr(robot, what)
+        super().__init__(robot, [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [
+        (Careless, {}),
+        (Careless, {"what": "joint_names"}),
+        (Careless, {"what": "joint_names", "other": "posture"}),
+        (PostureTask, {"target": [0.0]}),
+        (PositionTask, {"frame": "base", "target": [0.0, 0.0, 1.0]}),
+        (ComTask, {"target": [0.0, 0.0, 1.0]}),
+    ],
+)
+def test_what_is_no_robot_is_shown_however_it_is_given(kind, more, named: bool) -> None:
+    """The robot's name is, not what comes after it; the task is named by its kind."""
+    said = f"{kind.__name__}: expected a robot as Robot.load() returns it, got 'g1'"
+    with pytest.raises(InvalidInputError, match=re.escape(said)):
+        if named:
+            kind(robot="g1", **more)
+        else:
+            kind("g1", *more.values())
+
+
+def test_an_error_of_the_tasks_own_stays_what_it_is(robot: Robot) -> None:
+    with pytest.raises(AttributeError, match="no_such_thing"):
+        Careless(robot, "no_such_thing")
+    with pytest.raises(AttributeError, match="no_such_thing"):
+        Careless(what="no_such_thing", robot=robot)
+    with pytest.raises(InvalidInputError, match=r"missing.*'robot'"):
+        Careless()

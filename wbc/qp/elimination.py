@@ -167,7 +167,7 @@ def _reduced(qp: QP, basis: Array, offset: Array, free: np.ndarray, bounded: np.
 
 def _triangular(R: Array, right: Array, transposed: bool = False) -> Array:
     """Return R^-1 right, or R^-T right, for upper triangular R."""
-    if R.shape[0] == 0:
+    if len(R) == 0:
         return np.zeros_like(right)
     solved, _ = lapack.dtrtrs(R, right, trans=int(transposed))
     return solved

@@ -110,7 +110,8 @@ class Workspace:
         native = proxqp.dense.QP(qp.g.size, qp.b.size, mi, True)
         settings = native.settings
         scale = _cost_scale(qp.P)
-        largest = max(np.abs(part).max(initial=0.0) for part in (scale * qp.P, scale * qp.g, qp.b))
+        P, g = scale * qp.P, scale * qp.g
+        largest = max(np.abs(part).max(initial=0.0) for part in (P, g, qp.b))
         settings.eps_abs = max(_MARGIN * eps, _ROUNDING * float(largest))
         settings.eps_rel = 0.0
         settings.check_duality_gap = True
@@ -123,7 +124,6 @@ class Workspace:
         settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
         for name, value in others.items():
             setattr(settings, name, value)
-        P, g = scale * qp.P, scale * qp.g
         native.init(P, g, qp.A, qp.b, qp.C, qp.l, qp.u, qp.lower, qp.upper)
         return cls(native, mi, scale, qp.g.copy())
 

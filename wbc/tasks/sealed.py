@@ -22,7 +22,7 @@ class Sealed(ABCMeta):
             made = super().__call__(*args, **kwargs)
         except AttributeError:  # of what should have been a robot, before Task.__init__ saw it
             if "robot" in kwargs or args:
-                check_robot(cls.__name__, kwargs.get("robot", args[0] if args else None))
+                check_robot(cls.__name__, kwargs.get("robot", *args[:1]))
             raise
         except TypeError:
             _check_call(cls, args, kwargs)
