@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from wbc.controllers.active_set import ActiveSet, achieved_rows
+from wbc.controllers.active_set import ActiveSet, _positive_kernel, achieved_rows
 from wbc.controllers.plan import Decision
 from wbc.laws import Rows
 from wbc.qp import QP
@@ -93,3 +93,28 @@ def test_what_has_no_weight_is_not_kept() -> None:
                             np.array([5.0, 6.0, 7.0, 8.0, 9.0]))  # fmt: skip
     np.testing.assert_array_equal(held.matrix, np.eye(3, 4)[[0, 2]])
     assert held.target.tolist() == [5.0, 7.0] and held.weight.tolist() == [1.0, 1.0]
+
+
+def test_a_small_multiplier_is_one() -> None:
+    """Vectors that cancel with z = (1, 1e-5) both take part; beside them a third has no partner."""
+    vectors = np.array([[1.0, 0.0], [-1e5, 0.0], [0.0, 1.0]])
+    assert _positive_kernel(vectors, np.array([1.0, 1e-5, 0.5])).tolist() == [0, 1]
+    assert _positive_kernel(vectors, np.array([1.0, 1e-5, 0.0])).tolist() == [0, 1]
+    assert _positive_kernel(vectors[[0, 2]], np.ones(2)).size == 0
+    assert _positive_kernel(np.array([[1.0], [-1e9]]), np.array([1.0, 1e-9])).size == 0  # rounding
+
+
+@pytest.mark.parametrize(("z", "more"), [(4.1e-5, True), (-4.1e-5, True), (3.9e-5, False)])
+def test_what_damping_may_explain_is_not_implied(z: float, more: bool) -> None:
+    """Ten times the largest damping of the largest unknown; rows with a slack give way."""
+    decision = Decision(("a", "b"), 2, np.array([1e-6, 2e-6]), np.zeros(0), np.zeros(0))
+    qp = QP.build(np.eye(3), np.zeros(3), C=[[1.0, 0.0, 0.0], [1.0, 0.0, -1.0]],
+                  l=[-1.0, -1.0], u=[1.0, 1.0], lower=-np.ones(3), upper=np.ones(3))  # fmt: skip
+    solved = Daqp().solve(qp)
+    solution = solved._replace(
+        x=np.array([0.5, -2.0, 30.0]), z=np.array([z, 1.0]), z_box=np.array([z, 0.0, 1.0])
+    )
+    achieved = [Rows(np.array([[3.0, 0.0]]), np.array([1.5]), np.ones(1))]
+    found = ActiveSet.implied(qp, solution, achieved, decision)
+    assert found.variables.tolist() == [more, False, False]
+    assert found.rows.tolist() == [more, False]

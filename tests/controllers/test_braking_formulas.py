@@ -5,7 +5,7 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.controllers.braking import least_acceleration_qp, relax_box
+from wbc.controllers.braking import _factor, least_acceleration_qp, relax_box
 from wbc.qp import QP, Labels, Solution, Status
 from wbc.qp.solution import KktResiduals
 from wbc.robot import Robot, Snapshot
@@ -184,3 +184,21 @@ def test_the_least_change_is_measured_in_what_joints_can_do(robot) -> None:
     expected = np.maximum((change[6:].min() / change[6:]) ** 2, 1e-4)
     np.testing.assert_allclose(weights[6:nv], expected)
     np.testing.assert_allclose(weights[[*range(6), nv, nv + 1]], 1e-4)
+
+
+@pytest.mark.parametrize("asked", [4e-4, -4e-4, 0.3, -0.3])
+@pytest.mark.parametrize("near", ["lower", "upper"])
+def test_only_the_limit_that_a_joint_goes_to_is_in_its_way(robot, asked, near) -> None:
+    """However slowly: at ``factor * asked`` it can stop at the way's end, or at the limit."""
+    limits, joint, left = Limits(robot, acceleration=2.0), 3, 1e-6
+    q = robot.posture()
+    q[7:] = 0.5 * (robot.limits.lower + robot.limits.upper)
+    end = getattr(robot.limits, near)[joint]
+    q[7 + joint] = end + (left if near == "lower" else -left)
+    newton = np.zeros((2, robot.nv - 6))
+    newton[:, joint] = asked, asked / 200.0  # a rate of 200 /s
+    factor = _factor(newton, 250.0, limits, robot.snapshot(q), DT)
+    way, towards = abs(asked) / 200.0, (asked > 0.0) == (near == "upper")
+    to_go = min(way, left) if towards else way
+    u = factor * 200.0 * to_go  # the rate by what is left to go, from which it stops in time
+    assert u * DT + u**2 / (2.0 * SHARE * 2.0) == pytest.approx(to_go, rel=1e-6)

@@ -101,3 +101,16 @@ def test_contacts_may_be_changed_and_keep_their_warm_starts(robot_named: Load) -
         sizes.append((tick.qp.g.size - robot.nv, tick.solution.attempts))
         assert tick.ok, tick.report()
     assert [size for size, _ in sizes] == [12, 6, 12]
+
+
+def test_unknowns_may_be_added_twice(robot_named: Load) -> None:
+    robot = robot_named("hoap2_like")
+    first = Decision.velocity(robot, np.ones(robot.nv)).extended(
+        ["a", "b"], np.array([-1.0, -2.0]), np.array([3.0, 4.0]), np.array([0.1, 0.2])
+    )
+    both = first.extended(["c"], np.array([-5.0]), np.array([6.0]), np.array([0.3]))
+    assert both.names[robot.nv :] == ("a", "b", "c") and both.nv == robot.nv
+    assert both.size == robot.nv + 3
+    assert both.lower.tolist() == [-1.0, -2.0, -5.0] and both.upper.tolist() == [3.0, 4.0, 6.0]
+    assert both.damping[robot.nv - 1 :].tolist() == [1.0, 0.1, 0.2, 0.3]
+    assert both.no_rows.matrix.shape == (0, both.size)

@@ -5,6 +5,10 @@ import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
+from wbc.controllers.levels import Outcome
+from wbc.qp import QP, Status
+from wbc.qp.daqp import Daqp
+from wbc.robot.tree import LARGEST
 from wbc.rotations import exp_rotation
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
 
@@ -133,3 +137,30 @@ def test_bounds_that_hold_a_level_leave_the_next_one_room(robot_named, rng, solv
         v = tick.velocity
         q = robot.integrate(q, v, DT)
     assert acted > 0.1, "the lower level does act"
+
+
+@pytest.mark.parametrize(
+    ("x", "said"),
+    [
+        ([0.5, -1.0, 9.0], None),
+        ([1.0 + 0.9e-6, -1.0 - 0.9e-6, 9.0], None),
+        ([1.0 + 1.1e-6, 0.0, 0.0], "a at 1, outside its limits [-1, 1]"),
+        ([1.1, -1.3, 9.0], "b at -1.3, outside its limits [-1, inf]"),
+        ([0.0, np.nan, 0.0], "b at nan, outside its limits"),
+        ([0.0, LARGEST, 0.0], None),
+        ([1.0, LARGEST, 9.0 * LARGEST], None),
+        ([0.0, 1.01 * LARGEST, 0.0], f"b at {1.01 * LARGEST:g}, beyond {LARGEST:g}"),
+    ],
+)
+def test_what_is_outside_the_limits_is_no_answer(x: list[float], said: str | None) -> None:
+    """By more than 1e-6; what is behind the velocity has limits of its own."""
+    upper = np.array([1.0, np.inf, 1.0])
+    qp = QP.build(np.eye(3), np.zeros(3), lower=-np.ones(3), upper=upper)
+    solution = Daqp().solve(qp)._replace(x=np.array(x))
+    found = Outcome(qp, solution, qp, 2, 0.0, {}).within_limits("ab")
+    assert found.solved is (said is None)
+    if said is not None:
+        assert found.solution.status is Status.CONTRADICTED
+        assert found.solution.message.startswith(said)
+    unsolved = Outcome(qp, solution._replace(status=Status.FAILED), qp, 2, 0.0, {})
+    assert unsolved.within_limits("ab") is unsolved

@@ -104,6 +104,11 @@ def test_what_is_met_exactly_breaks_nothing(robot) -> None:
     box = Off(robot, "base", base - 1.0, base + 1.0)
     found = violations(problem_of(robot, [PostureTask(robot, here.q)], (), [box]), here)
     assert list(found.values()) == [pytest.approx(0.25)]
+    q = here.q.copy()
+    q[7] = robot.limits.upper[0]  # exactly
+    there = robot.snapshot(q)
+    assert robot.limits.joint_positions(q)[0] == robot.limits.upper[0]
+    assert violations(problem_of(robot, [PostureTask(robot, q)]), there) == {}
 
 
 def test_the_contact_that_is_farthest_off_counts(robot) -> None:

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.controllers.shaping import GlobalShaping
+from wbc.controllers.shaping import GlobalShaping, worker_pool
 from wbc.controllers.shaping import shaping as shaping_module
 from wbc.controllers.shaping.nlp import Local, Start
-from wbc.controllers.shaping.worker_pool import AHEAD, WorkerPool
+from wbc.controllers.shaping.worker_pool import AHEAD, WorkerPool, _search
 from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
 from wbc.tasks import InertiaTask
@@ -315,3 +315,30 @@ def test_who_cannot_begin_has_no_room_any_more(monkeypatch) -> None:
     assert not pool.has_room() and not pool.waits_for(lambda _: True)
     with pytest.raises(WbcError, match="without workers"):
         WorkerPool(None, 0, None).submit(1, Start(np.zeros(1), np.zeros(1)))  # type: ignore
+
+
+def test_only_who_has_nothing_to_do_waits_and_no_longer_than_a_tenth_of_a_second(
+    monkeypatch,
+) -> None:
+    """So that Ctrl-C is soon answered."""
+    pool, waited, honest = Answered(1, 1), [], worker_pool.wait
+
+    def wait(pending, timeout, when):
+        waited.append(timeout)
+        return honest(pending, 0.0, when)
+
+    monkeypatch.setattr(worker_pool, "wait", wait)
+    pool.submit(1, Start(np.zeros(1), np.zeros(1)))
+    assert pool.results(patient=True) == pool.results(patient=False) == ([], [])
+    assert 0.01 <= waited[0] <= 0.1 and waited[1] == 0.0
+
+
+def test_processes_begin_no_search_after_the_deadline(monkeypatch) -> None:
+    class Searcher:
+        def search(self, start: Start) -> str:
+            return f"from {start.x[0]:g}"
+
+    monkeypatch.setattr(worker_pool, "_loaded", [Searcher()])
+    start = Start(np.full(1, 5.0), np.zeros(1))
+    assert _search(start, None) == _search(start, time.time() + 1e6) == "from 5"
+    assert _search(start, time.time() - 1.0) is None

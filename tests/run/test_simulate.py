@@ -1,10 +1,13 @@
 """Runs without any file: one controller, or phases, from a start to a result."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 
 from wbc import ComTask, KinematicController, Limits, PostureTask, Robot, support
 from wbc.controllers import Tick
+from wbc.controllers.closed_loop import ticks_of
 from wbc.run import RunStatus, Stop, closed_loop, simulate
 
 
@@ -73,3 +76,18 @@ def test_what_no_budget_afforded_is_counted_in_the_result(robot: Robot) -> None:
         assert result.summary()["qp"]["left_out"] == result.left_out
         counted.append(result.left_out)
     assert counted == [{}, {"level 1: posture": 10}]
+
+
+def test_ticks_are_timed_by_the_clock_and_by_the_threads_own(robot: Robot, monkeypatch) -> None:
+    """With clocks that go on by 3 s and by 0.5 s whenever they are read."""
+    for name, start, step in (("perf_counter", 100.0, 3.0), ("thread_time", 7.0, 0.5)):
+        readings = count(start, step)
+        monkeypatch.setattr(f"wbc.controllers.closed_loop.{name}", lambda own=readings: next(own))
+    ticks = list(closed_loop(controller(robot), robot.posture(), 3))
+    assert [(one.seconds, one.cpu_seconds) for one in ticks] == [(3.0, 0.5)] * 3
+
+
+def test_a_part_of_a_tick_is_a_tick_but_for_rounding() -> None:
+    assert 0.035 / 0.005 > 7.0
+    durations = (0.0, 1e-6, 0.005, 0.035, 0.035 + 1e-7, 0.0351)
+    assert [ticks_of(one, 0.005) for one in durations] == [0, 1, 1, 7, 8, 8]

@@ -142,7 +142,7 @@ def _positive_kernel(vectors: Array, guess: Array) -> NDArray[np.int64]:
         columns = vectors[kept].T
         pull = columns @ guess[kept]
         z = guess[kept] - least_squares(columns, pull, CERTAIN)
-        enough = z > CERTAIN * max(float(guess[kept].max()), 0.0)
+        enough = z > CERTAIN * guess[kept].max()
         if enough.all():
             break
         kept = kept[enough]

@@ -171,7 +171,6 @@ def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) 
     rows[: cones.lower.size, :k] = cones.matrix
     rows[cones.lower.size :, :k] = -joints[bounded]
     rows[cones.lower.size :, k:] = -np.eye(n)[bounded]
-    least = np.where(np.isfinite(cones.upper), np.minimum(cones.lower, cones.upper), cones.lower)
     free = np.full(n, np.inf)
     return QP(
         P,
@@ -179,7 +178,7 @@ def _statics(forces: ContactForces, known: Array, by_force: Array, most: Array) 
         np.zeros((0, k + n)),
         np.zeros(0),
         rows,
-        np.concatenate((least, (-most - known[6:])[bounded])),
+        np.concatenate((cones.lower, (-most - known[6:])[bounded])),
         np.concatenate((cones.upper, (most - known[6:])[bounded])),
         np.concatenate((forces.lower, -free)),
         np.concatenate((forces.upper, free)),
