@@ -11,6 +11,7 @@ from tests.qp.conftest import recorded
 from wbc.qp import QP, ProxQP, Status, find_conflict, make_backend
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_memory import DaqpMemory
+from wbc.qp.kkt import SolveCheck
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.native import Workspace
 from wbc.qp.native_daqp import NativeDaqp
@@ -314,3 +315,19 @@ def test_pauses_last_a_hundred_qps_then_twice_as_many_up_to_a_minute() -> None:
     assert found == [100, 200, 400, 800, 1600, 3200, 6400, 12_800, 25_600, 25_600, 25_600]
     pauses.begin("b")
     assert sum(pauses.goes_on("b") for _ in range(300)) == 100
+
+
+def test_to_settle_an_active_set_is_counted_or_left_out(solvable) -> None:
+    """A rough answer becomes exact where there is room, and is not accepted where there is none."""
+    qp, backend = solvable(np.random.default_rng(4)), ProxQP()
+    exact = Daqp().answer(qp)
+    rough = exact._replace(x=exact.x + 1e-4)
+    check = SolveCheck("proxqp", 1e-8, 0.0)
+    for spent in (0.0, 50.0):
+        work = Work(50.0 + POLISH.units(qp) + 1e-9)
+        work.spent = spent
+        found = backend._finish(qp, check, rough, 2, work)
+        assert found is not None and found.residuals.dual < 1e-8
+        assert work.spent == pytest.approx(spent + 150.0 + 0.1 * 8 * (8 + 2 + 4))
+    work.spent = 51.0
+    assert backend._finish(qp, check, rough, 2, work) is None and work.spent == 51.0

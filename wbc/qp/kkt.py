@@ -48,8 +48,8 @@ class Stacked:
         self.inequalities = n + mi
         # Rows above P, and the rows' multipliers before x: one product gives the gradient. All that
         # must be finite is side by side: b, the last of the lower ends, the matrices, g.
-        block = np.zeros((every + 1) * (n + 1) - 1)
-        self.lower, self.upper = block[:every], np.zeros(every)
+        block = np.empty((every + 1) * (n + 1) - 1)
+        self.lower, self.upper = block[:every], np.empty(every)
         self._matrices, self.g = block[every:-n].reshape(every, n), block[-n:]
         self.rows, self.P = self._matrices[:m], self._matrices[m:]
         self._finite = block[n + mi :]
