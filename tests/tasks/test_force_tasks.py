@@ -240,10 +240,13 @@ def test_the_kinematic_controller_refuses_them_by_name(robot_named: Load) -> Non
         aim.residual(here)
 
 
-def test_an_expression_of_another_shape_is_refused(robot_named: Load) -> None:
+@pytest.mark.parametrize(("rows", "numbers"), [(6, 6), (6, 2), (2, 6), (2, 1)])
+def test_an_expression_of_another_shape_is_refused(robot_named: Load, rows, numbers) -> None:
+    """Either of its parts is enough."""
+
     class Wrong(ForceTask):
         def expression(self, dynamics: Dynamics) -> Affine:
-            return Affine(dynamics.wrench("left_sole"), np.zeros(6))
+            return Affine(dynamics.wrench("left_sole")[:rows], np.zeros(numbers))
 
     robot = robot_named("g1")
     here = standing(robot)

@@ -8,6 +8,7 @@ thousands in places: 2e-5 relative.
 """
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -207,6 +208,27 @@ def test_damping_is_about_the_velocity_itself(robot: Robot, rng, random_snapshot
     kept = np.arange(robot.nv) != 6
     np.testing.assert_array_equal(residual.rate(here.v), here.v[kept])
     np.testing.assert_array_equal(residual.jacobian @ a + task.drift(here), a[kept])
+    np.testing.assert_array_equal(task.deviation(here, residual), here.v[kept])
+    assert task.units == ("m/s or rad/s",) * (robot.nv - 1)
+
+
+def test_damping_asks_for_no_posture(robot: Robot) -> None:
+    """Its error is zero in any, of which one joint is as good as all."""
+    task = DampingTask(robot, base=False)
+    for angle in (0.7, 0.0):
+        error = task.symbolic_error(SimpleNamespace(joints=np.array([angle])))
+        np.testing.assert_array_equal(error, np.zeros(robot.nv - 6))
+
+
+def test_either_motion_of_a_target_may_be_given_alone(robot_named) -> None:
+    """From rest, where the other one stays as it is; and to rest again."""
+    robot = robot_named("hoap2_like")
+    task, rate, push = ComTask(robot, [0.0, 0.0, 0.3]), np.ones(3), np.full(3, 2.0)
+    for given in ((rate, None), (None, None), (None, push), (rate, push), (None, push)):
+        task.set_target([0.0, 0.0, 0.4], *given)
+        wanted = [np.zeros(3) if one is None else one for one in given]
+        np.testing.assert_array_equal(task.target_rate, wanted[0])
+        np.testing.assert_array_equal(task.target_acceleration, wanted[1])
 
 
 @pytest.mark.parametrize("maker", MAKERS.values(), ids=MAKERS)

@@ -33,6 +33,7 @@ def test_bias_and_drift_are_those_of_the_python_path(robot: Robot, rng, random_s
                 np.testing.assert_allclose(rows.bias, residual.bias[own], atol=1e-12)
                 np.testing.assert_allclose(rows.drift, drift[own], atol=1e-9 * robot.mass)
                 continue
+            assert tuple(rows.entries) == (0, 1, 2) and not rows.bias.any()
             goal, rate, acceleration = rows.numbers
             turning = slice(None) if len(task.rows) == 3 else slice(3, 6)
             np.testing.assert_array_equal(rate, task.target_rate[turning])

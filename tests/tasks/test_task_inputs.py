@@ -37,6 +37,8 @@ WRONG: dict[str, tuple[Callable[[Robot], object], str]] = {
     ),
     "weight complex": (lambda r: ComTask(r, [0, 0, 1], weight=1j), "weight: expected numbers"),
     "weight sign": (lambda r: ComTask(r, [0, 0, 1], weight=-1), "must not be negative"),
+    "weight of one row": (lambda r: ComTask(r, [0, 0, 1], weight=[1, -1, 1]), "must not be neg"),
+    "axis short": (lambda r: AxisTask(r, "base", [0, 0.9e-9, 0]), "needs some length"),
     "weight size": (lambda r: ComTask(r, [0, 0, 1], weight=[1, 2]), "weight: expected shape"),
     "weight inf": (lambda r: ComTask(r, [0, 0, 1], weight=np.inf), "weight: NaN or infinite"),
     "damping": (lambda r: ComTask(r, [0, 0, 1], lm_damping=-1), "lm_damping: must be at least"),
@@ -241,3 +243,8 @@ def test_an_error_of_the_tasks_own_stays_what_it_is(robot: Robot) -> None:
         Careless(what="no_such_thing", robot=robot)
     with pytest.raises(InvalidInputError, match=r"missing.*'robot'"):
         Careless()
+
+
+def test_a_short_direction_is_one(robot: Robot) -> None:
+    """A nanometre is the least that is taken."""
+    np.testing.assert_allclose(AxisTask(robot, "base", [0, 0, 1e-9]).target, [0, 0, 1])
