@@ -1,6 +1,7 @@
 """Searching in several processes: the same answers, budgets, interruption, and lost processes."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import pytest
 from wbc.controllers.shaping import GlobalShaping, worker_pool
 from wbc.controllers.shaping import shaping as shaping_module
 from wbc.controllers.shaping.nlp import Local, Start
-from wbc.controllers.shaping.worker_pool import AHEAD, WorkerPool, _search
+from wbc.controllers.shaping.worker_pool import AHEAD, WorkerPool, _load, _search
 from wbc.errors import InvalidInputError, WbcError
 from wbc.robot import Robot
 from wbc.tasks import InertiaTask
@@ -333,12 +334,17 @@ def test_only_who_has_nothing_to_do_waits_and_no_longer_than_a_tenth_of_a_second
     assert 0.01 <= waited[0] <= 0.1 and waited[1] == 0.0
 
 
-def test_processes_begin_no_search_after_the_deadline(monkeypatch) -> None:
-    class Searcher:
-        def search(self, start: Start) -> str:
-            return f"from {start.x[0]:g}"
+def test_processes_begin_no_search_after_the_deadline(monkeypatch, tmp_path: Path) -> None:
+    """In the problem that they loaded from a file."""
 
-    monkeypatch.setattr(worker_pool, "_loaded", [Searcher()])
+    class Searcher(str):
+        def search(self, start: Start) -> str:
+            return f"{self} from {start.x[0]:g}"
+
+    monkeypatch.setattr(worker_pool, "_loaded", [])
+    monkeypatch.setattr(worker_pool, "searcher", Searcher)
+    (tmp_path / "nlp").write_bytes(pickle.dumps("down"))
+    _load(tmp_path / "nlp")
     start = Start(np.full(1, 5.0), np.zeros(1))
-    assert _search(start, None) == _search(start, time.time() + 1e6) == "from 5"
+    assert _search(start, None) == _search(start, time.time() + 1e6) == "down from 5"
     assert _search(start, time.time() - 1.0) is None

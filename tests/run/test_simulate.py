@@ -8,6 +8,7 @@ import pytest
 from wbc import ComTask, KinematicController, Limits, PostureTask, Robot, support
 from wbc.controllers import Tick
 from wbc.controllers.closed_loop import ticks_of
+from wbc.errors import ControllerFailure
 from wbc.run import RunStatus, Stop, closed_loop, simulate
 
 
@@ -91,3 +92,23 @@ def test_a_part_of_a_tick_is_a_tick_but_for_rounding() -> None:
     assert 0.035 / 0.005 > 7.0
     durations = (0.0, 1e-6, 0.005, 0.035, 0.035 + 1e-7, 0.0351)
     assert [ticks_of(one, 0.005) for one in durations] == [0, 1, 1, 7, 8, 8]
+
+
+def test_a_controller_that_gives_up_ends_the_loop_with_its_tick(robot: Robot, monkeypatch) -> None:
+    """A failure of what is no tick of this loop is not hidden."""
+    one, honest, given = controller(robot), KinematicController.step, []
+
+    def step(self, snapshot):
+        given.append(honest(self, snapshot))
+        if len(given) == 3:
+            raise ControllerFailure("enough", given[-1])
+        if len(given) == 4:
+            raise ControllerFailure("of another kind", None)
+        return given[-1]
+
+    monkeypatch.setattr(KinematicController, "step", step)
+    ticks = list(closed_loop(one, robot.posture(), 9))
+    assert [tick.gave_up for tick in ticks] == [False, False, True]
+    assert ticks[-1].tick is given[-1]
+    with pytest.raises(ControllerFailure, match="of another kind"):
+        list(closed_loop(one, robot.posture(), 9))
