@@ -30,6 +30,8 @@ from wbc.validate import Array, check_fields, finite_vector, real_array, set_fie
 
 # How far a holding force may be off, as a fraction of the weight (times the leg, for a torque).
 AT_REST = 1e-8
+# Masses nearer to the CoM than this have no inertia [m].
+SMALLEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

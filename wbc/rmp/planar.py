@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.pendulum import Mechanism, ReactionMassPendulum
+from wbc.rmp.pendulum import SMALLEST, Mechanism, ReactionMassPendulum
 from wbc.validate import Array, check_fields, finite_vector
 
 # Errors of a held length decay as (1 + rate t) e^(-rate t) [1/s]. The radius needs the stiffer
@@ -96,10 +96,11 @@ class PlanarRmp(ReactionMassPendulum):
         )
 
     def _require_inertia(self, q: Array) -> None:
-        if q[4] == 0.0:
+        if abs(q[4]) < SMALLEST:
             raise InvalidInputError(
-                "q: at r = 0 the wheel has no inertia, and its acceleration is undefined; give it a"
-                " small r (the leg moves as an inverted pendulum under tau_theta - tau at any r)"
+                f"q: at r = {q[4]:g} the wheel has no inertia, and its acceleration is undefined;"
+                f" give it a small r of {SMALLEST:g} m or more (the leg moves as an inverted"
+                " pendulum under tau_theta - tau at any r)"
             )
 
 

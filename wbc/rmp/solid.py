@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.rmp.pendulum import Mechanism, ReactionMassPendulum
+from wbc.rmp.pendulum import SMALLEST, Mechanism, ReactionMassPendulum
 from wbc.validate import Array, finite_vector
 
 # Closest to a singular direction of an angle, as a cosine: 1e-6 rad leaves ten digits.
@@ -84,10 +84,10 @@ class _SolidPendulum(ReactionMassPendulum):
                 "q: the leg lies along the horizontal y axis, where theta is undefined (phi is"
                 f" {np.degrees(q[3]):.6g} degrees)"
             )
-        if np.count_nonzero(q[-3:]) < 2:
+        if np.count_nonzero(np.abs(q[-3:]) >= SMALLEST) < 2:
             raise InvalidInputError(
                 f"q: at radii {q[-3:]} the reaction mass has no inertia about some axis, and its"
-                " acceleration is undefined; two radii at least must be positive"
+                f" acceleration is undefined; two radii at least must be {SMALLEST:g} m or more"
             )
 
 

@@ -61,6 +61,7 @@ MISTAKES = {
         LAW.replace("radii: 0.25", "radii: 0.25, rates: {spin: 1.0}"),
         "static_lean, angle: 1.5", "spin, spin: 0.0", "p.yaml:6: law: spin: 0 rad/s"),
     "no inertia": (LAW, "radii: 0.25", "radii: 0.0", "p.yaml:4: start: q: at r = 0"),
+    "hardly any": (LAW, "radii: 0.25", "radii: 1e-300", "p.yaml:4: start: q: at r = 1e-300"),
     "solid key": (LAW, "theta: 1.5", "phi: 0.0", "p.yaml:4: start.phi: only a solid"),
     "solid rate": (LAW, "theta: 1.5", "rates: {phi: 0.0}", "start.rates.phi: only a solid"),
     "solid foot": (LAW, "wheel_torque: 60.0", "polygon: [[0, 0], [1, 0], [0, 1]]",

@@ -54,6 +54,10 @@ def test_key_frames_are_postures(tmp_path: Path) -> None:
 
 MESH = '<geom type="mesh" mesh="m"/>'
 REFUSED_MJCFS = {
+    "gear": (
+        {"end": '<equality><joint joint1="knee" polycoef="-1e308"/></equality>'},
+        ("'knee'", "polycoef", "larger than 1000"),
+    ),
     "ball": ({"inner": '<joint name="hip" type="ball"/>'}, ("'hip'", "Spherical")),
     "free inside": ({"inner": "<freejoint/>"}, ("FreeFlyer",)),
     "second robot": (

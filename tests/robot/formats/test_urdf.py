@@ -173,6 +173,14 @@ REFUSED_URDFS = {
         + joint("j", "a", "b", inside=LIMIT + '<mimic joint="x" offset="pi"/>'),
         ("'j'", "offset", "pi"),
     ),
+    "mimic beyond all measure": (
+        link("a")
+        + link("b")
+        + link("c")
+        + joint("j", "a", "b", inside=LIMIT + '<mimic joint="k" offset="-1e308"/>')
+        + joint("k", "b", "c", inside=LIMIT),
+        ("'j'", "offset", "larger than 1000"),
+    ),
     "no mass": (link("a") + '<link name="b"/>' + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
     "zero mass": (link("a") + link("b", "0") + joint("j", "a", "b"), ("'j'", "'b'", "no mass")),
     "negative mass": (link("a") + link("b", "-1") + joint("j", "a", "b"), ("'b'", "negative")),

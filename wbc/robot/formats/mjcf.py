@@ -25,7 +25,7 @@ from wbc.robot.formats.mesh_files import refuse_huge_meshes
 from wbc.robot.formats.mjcf_actuators import bound_efforts
 from wbc.robot.formats.mjcf_document import plain_document
 from wbc.robot.formats.mjcf_scene import robot_alone
-from wbc.robot.formats.xml import LARGEST, numbers, refuse_non_finite
+from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers, refuse_non_finite
 
 UNREAD = {"attach", "replicate", "composite", "flexcomp"}
 MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
@@ -269,7 +269,7 @@ def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Couplin
         joint, driver = constraint.get("joint1", "?"), constraint.get("joint2", "a constant")
         where = f"{path}: equality constraint of joint {joint!r}"
         count = len(constraint.get("polycoef", "").split())
-        powers = numbers(constraint, "polycoef", count, where) if count else []
+        powers = numbers(constraint, "polycoef", count, where, LARGEST_GEAR) if count else []
         offset, ratio, *curved = (*powers, *(0.0, 1.0, 0.0, 0.0, 0.0)[len(powers) :])
         if any(curved) or not {joint, driver} <= zeroed:
             driver = f"a polynomial of {driver}"

@@ -29,7 +29,7 @@ from wbc.robot.formats.mesh_files import (
     refuse_huge_meshes,
     resolve_meshes,
 )
-from wbc.robot.formats.xml import LARGEST, numbers
+from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 
 MOVING = {"revolute", "continuous", "prismatic"}
@@ -326,7 +326,7 @@ def _coupled_joints(joints: list[ET.Element], path: Path) -> Iterator[tuple[str,
         if mimic is not None and joint.get("type") in MOVING:
             where = f"{path}: joint {joint.get('name')!r}"
             ratio, offset = (
-                numbers(mimic, key, 1, where)[0] if key in mimic.attrib else default
+                numbers(mimic, key, 1, where, LARGEST_GEAR)[0] if key in mimic.attrib else default
                 for key, default in (("multiplier", 1.0), ("offset", 0.0))
             )
             yield joint.get("name", ""), Coupling(mimic.get("joint", ""), ratio, offset)

@@ -15,6 +15,7 @@ from wbc.errors import ModelError
 _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", "filename", "mesh"}
 MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, DEEPEST = 64 << 20, 100_000, 200, 300
 LARGEST = 1e9  # of a length [m], mass [kg] or inertia [kg m^2]: larger products overflow
+LARGEST_GEAR = 1e3  # of a ratio of joints, or of an offset [rad or m]: beyond, no joint follows
 _EQUALS = re.compile(rb"=\s*[\"']")
 _NOT_FINITE = {"nan", "inf", "infinity"}
 
