@@ -29,7 +29,7 @@ for name, duration in (("astronaut_expand", 0.3), ("fig6b_g1", 0.15), ("safe_rea
             for part in (tick.qp.P, tick.qp.g, tick.solution.y, tick.solution.z_box):
                 bits.update(part.tobytes())
         kept.append(ticks)
-        print(name, ticks[0].solution.solver, len(history), bits.hexdigest())
+        print(name, solver, len(history), bits.hexdigest())
 """
 
 
