@@ -94,12 +94,13 @@ class Steps(NamedTuple):
     def units(self, qp: QP, steps: int = 0) -> float:
         """Return the units of a call."""
         n = qp.g.size
-        entries = n * (n + qp.b.size + qp.u.size)
-        return self.call + self.entry * entries + self.step(n) * steps
+        entries, step = n * (n + qp.b.size + qp.u.size), n * (self.one + self.two * n)
+        return self.call + self.entry * entries + step * steps
 
     def afforded(self, qp: QP, left: float, most: int, least: int = 1) -> int:
         """Return how many steps ``left`` affords, ``most`` at most; 0: fewer than ``least``."""
-        steps = min(most, (left - self.units(qp)) / self.step(max(qp.g.size, 1)))
+        n = max(qp.g.size, 1)
+        steps = min(most, (left - self.units(qp)) / (n * (self.one + self.two * n)))
         return int(steps) if steps >= min(least, most) else 0
 
 
