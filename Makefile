@@ -52,12 +52,15 @@ lint: $(VENV)/dev.stamp
 # The tests with the lowest versions that pyproject.toml allows, in an environment of their own;
 # `make lowest SELECT="not slow"`: the quick ones.
 SELECT ?= slow or not slow
-lowest:
+lowest: build/lowest/stamp
+	build/lowest/bin/python -m pytest -n auto -m '$(SELECT)'
+
+build/lowest/stamp: pyproject.toml
 	$(PYTHON) -m venv build/lowest
 	build/lowest/bin/pip install -qq uv
 	build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
 		--editable '.[robots,plot,sim,view,batch,cluster,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
-	build/lowest/bin/python -m pytest -n auto -m '$(SELECT)'
+	touch $@
 
 # Solvers, the loop beside its neighbours, campaigns and ticks, each into its section of the page of results.
 # Neighbours get environments of their own first (TSID is compiled, which takes twelve minutes);
