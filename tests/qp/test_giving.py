@@ -13,7 +13,7 @@ from wbc.qp.giving import solve_giving
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
-from wbc.qp.solution import Status
+from wbc.qp.solution import Solution, Status
 from wbc.qp.work import Work
 
 pytestmark = needs_core
@@ -41,6 +41,17 @@ def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -
         upper=np.where(rng.random(n) < 0.5, inside + rng.random(n), np.inf),
     )
     return GivingQP(qp, weights)
+
+
+def solved_as_by_proxqp(given: GivingQP, atol: float) -> Solution:
+    """The answer, which meets the QP with slacks and is where ProxQP's is."""
+    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
+    assert found is not None
+    assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
+    other = ProxQP().solve(full)
+    assert other.solved
+    np.testing.assert_allclose(found.x, other.x, atol=atol)
+    return found
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -99,13 +110,8 @@ def test_corners_of_many_rows(seed: int) -> None:
     lower, u = np.full(len(C), -np.inf), np.zeros(len(C))
     u[len(cone) :] = -1.0
     weights = np.r_[np.full(len(cone), np.inf), 10.0 ** rng.uniform(0, 3, size=6)]
-    given = GivingQP(QP.build(J.T @ J + 1e-4 * np.eye(n), pull, C=C, l=lower, u=u), weights)
-    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
-    assert found is not None
-    assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
-    other = ProxQP().solve(full)
-    assert other.solved
-    np.testing.assert_allclose(found.x, other.x, atol=1e-5)
+    qp = QP.build(J.T @ J + 1e-4 * np.eye(n), pull, C=C, l=lower, u=u)
+    solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-5)
 
 
 def test_slacks_that_hardly_count() -> None:
@@ -154,13 +160,7 @@ def test_many_rows_that_are_missed_at_once() -> None:
     u = C @ rng.normal(size=n) - 3.0 * rng.random(m)
     weights = np.where(np.arange(m) < 20, np.inf, 10.0 ** rng.uniform(0, 4, size=m))
     qp = QP.build(J.T @ J + 1e-3 * np.eye(n), 30.0 * rng.normal(size=n), C=C, u=u)
-    given = GivingQP(qp, weights)
-    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
-    assert found is not None
-    assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
-    other = ProxQP().solve(full)
-    assert other.solved
-    np.testing.assert_allclose(found.x, other.x, atol=1e-6)
+    found = solved_as_by_proxqp(GivingQP(qp, weights), atol=1e-6)
     assert np.count_nonzero(found.z) > n
     assert found.iterations < 600  # 770 when rows came one at a time; 367
 

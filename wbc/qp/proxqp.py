@@ -176,9 +176,9 @@ class ProxQP:
         )
         key = workspace, qp.g.size, 0, qp.u.size
         paused = bool(self._pauses) and self._pauses.goes_on(workspace)
+        if quick and not paused:
+            self._forget_if_far(key, qp)
         last = None if paused else self._workspaces.pop(key, None)
-        if quick and last is not None and last.is_far(qp):
-            last = None
         if last is None:
             if not judge.solves():
                 return None
@@ -203,6 +203,12 @@ class ProxQP:
             self._pause(workspace)
         return Answered(Daqp.name, attempts + 1)
 
+    def _forget_if_far(self, key: Key, qp: QP) -> None:
+        """In a hurry: drop a warm start that is hardly one."""
+        last = self._workspaces.get(key)
+        if last is not None and last.is_far(qp):
+            del self._workspaces[key]
+
     def _pause(self, workspace: Hashable) -> None:
         """Leave ProxQP in peace with QPs of that name for a while."""
         if self.warm and workspace is not None:
@@ -218,11 +224,8 @@ class ProxQP:
         """
         workspace, *_ = key
         exact = None
-        last = self._workspaces.get(key)
-        if last is not None and last.is_far(qp):
-            last = None
-            del self._workspaces[key]
-        if paused or last is None:
+        self._forget_if_far(key, qp)
+        if paused or key not in self._workspaces:
             exact = self._solve_actively(qp, check, self.active_set, work)
             if paused or not exact.solved or exact.iterations > QUICK_HARD:
                 return exact
