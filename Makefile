@@ -58,7 +58,7 @@ lowest: build/lowest/stamp
 build/lowest/stamp: pyproject.toml
 	$(PYTHON) -m venv build/lowest
 	build/lowest/bin/pip install -qq uv
-	build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
+	UV_SYSTEM_CERTS=1 build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
 		--editable '.[robots,plot,sim,view,batch,cluster,bench]' 'pytest>=8.2' 'pytest-xdist>=3.6.1'
 	touch $@
 
