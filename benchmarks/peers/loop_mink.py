@@ -46,10 +46,12 @@ class Loop:
         self.order = [model.joint(name).dofadr[0] for name in job.velocities]
         self.most = np.array(list(job.velocities.values()))
 
-    def tick(self, com, rotation, k):
+    def aim(self, com, rotation, k):
         self.com_task.set_target(com)
         turned = mink.SO3.from_matrix(rotation)
         self.trunk.set_target(mink.SE3.from_rotation_and_translation(turned, self.place))
+
+    def tick(self):
         self.v = mink.solve_ik(
             self.configuration,
             self.tasks,
@@ -58,7 +60,10 @@ class Loop:
             limits=self.limits,
             constraints=self.contacts,
         )
-        self.configuration.integrate_inplace(self.v, self.job.dt)
+        self.configuration.integrate_inplace(self.v, self.job.dt)  # and the kinematics there
+
+    def move(self):
+        pass
 
     def com(self):
         return self.configuration.data.subtree_com[1].copy()

@@ -52,10 +52,12 @@ class Loop:
             shapes.addCollisionPair(pin.CollisionPair(*map(shapes.getGeometryId, pair)))
         return {"collision_model": shapes, "collision_data": pin.GeometryData(shapes)}
 
-    def tick(self, com, rotation, k):
+    def aim(self, com, rotation, k):
         self.com_task.set_target(com)
         target = self.trunk.transform_target_to_world
         self.trunk.set_target(pin.SE3(rotation, target.translation))
+
+    def tick(self):
         self.v = pink.solve_ik(
             self.configuration,
             self.tasks,
@@ -64,7 +66,10 @@ class Loop:
             constraints=self.contacts,
             barriers=self.barriers,
         )
-        self.configuration.integrate_inplace(self.v, self.job.dt)
+        self.configuration.integrate_inplace(self.v, self.job.dt)  # and the kinematics there
+
+    def move(self):
+        pass
 
     def com(self):
         return pin.centerOfMass(

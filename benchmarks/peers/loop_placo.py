@@ -42,11 +42,16 @@ class Stepped:
     def feet(self):
         return np.array([self.robot.get_T_world_frame(foot)[:3, 3] for foot in self.job.feet])
 
-    def tick(self, com, rotation, k):
+    def aim(self, com, rotation, k):
         self.com_task.target_world = com
         self.trunk.R_world_frame = rotation
+
+    def tick(self):
         self.solver.solve(True)  # and integrate
         self.robot.update_kinematics()
+
+    def move(self):
+        pass
 
 
 class Loop(Stepped):

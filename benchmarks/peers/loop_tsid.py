@@ -67,16 +67,22 @@ class Loop:
         self.formulation.addMotionTask(task, weight, 1, 0.0)
         return task
 
-    def tick(self, com, rotation, k):
+    def aim(self, com, rotation, k):
+        self.time = k * self.job.dt
         self.com_sample.value(com)
         self.com_task.setReference(self.com_sample)
         sample = tsid.TrajectorySample(12, 6)
         sample.value(np.concatenate((self.place, rotation.T.ravel())))
         self.trunk.setReference(sample)
-        problem = self.formulation.computeProblemData(k * self.job.dt, self.q, self.v)
+
+    def tick(self):
+        problem = self.formulation.computeProblemData(self.time, self.q, self.v)
         solution = self.solver.solve(problem)
         self.formulation.getActuatorForces(solution)
-        self.v = self.v + self.job.dt * self.formulation.getAccelerations(solution)
+        self.acceleration = self.formulation.getAccelerations(solution)
+
+    def move(self):
+        self.v = self.v + self.job.dt * self.acceleration
         self.q = pin.integrate(self.robot.model(), self.q, self.v * self.job.dt)
 
     def here(self):

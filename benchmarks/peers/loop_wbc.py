@@ -56,14 +56,18 @@ class Loop:
         model = CollisionModel(robot, bodies, pairs)
         return [wbc.SelfCollision(robot, model=model, margin=job.margin, pairs=len(pairs))]
 
-    def tick(self, com, rotation, k):
+    def aim(self, com, rotation, k):
         self.com_task.set_target(com)
         self.trunk.set_target(rotation)
         if self.inertia is not None:
             self.inertia.set_target(
                 self.start_inertia * (1 + 0.05 * np.sin(np.pi * k * self.job.dt))
             )
+
+    def tick(self):
         self.v = self.controller.step(self.robot.snapshot(self.q, self.v)).velocity
+
+    def move(self):
         self.q = self.robot.integrate(self.q, self.v, self.job.dt)
 
     def com(self):

@@ -28,6 +28,10 @@ class Loop(VelocityLoop):
             solver=solver,
         )
 
+    def tick(self):
+        tick = self.controller.step(self.robot.snapshot(self.q, self.v))
+        self.v, self.torque = tick.velocity, tick.torque
+
 
 if __name__ == "__main__":
     serve(Loop, versions())

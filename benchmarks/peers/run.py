@@ -2,7 +2,8 @@
 
 Each runs in a process of its own environment (environments.sh) and is asked for a block of ticks in
 turn, so that the machine's drift hits all alike. The time is thread CPU time of the whole body of
-the loop: targets are set, the command is computed and integrated. The job: a G1 on both feet, held
+the loop: targets are set, the command is computed and integrated; and of its tick alone, from the
+state to the command (Pink, mink and PlaCo integrate in there). The job: a G1 on both feet, held
 exactly, follows its CoM and the orientation of its trunk, with a posture task, position and
 velocity limits, dt 5 ms; and the same with 25 pairs of spheres kept 10 mm apart, a row for each in
 every tick; and with joints so slow that a dozen are at their limits, where in all other loops no
@@ -89,6 +90,7 @@ class Loop:
     process: subprocess.Popen[str]
     versions: dict[str, str]
     times: list[float] = field(default_factory=list)
+    ticks: list[float] = field(default_factory=list)
     last: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -117,6 +119,7 @@ class Loop:
         self.last = self._answer(self.label, self.process)
         if warm:
             self.times += self.last["times"]
+            self.ticks += self.last["ticks"]
 
     @staticmethod
     def _answer(label: str, process: "subprocess.Popen[str]") -> dict[str, Any]:
@@ -196,18 +199,21 @@ def rows(loops: list[Loop]) -> list[str]:
     """Return the table, and complain of unequal work."""
     plain = [one for one in loops if "inertia" not in one.label]
     middle = float(np.median([one.last["com_rms"] for one in plain]))
+    reference = loops[-1]
     lines = [
-        f"| loop | median [us] | p99 | to {loops[-1].label}"
+        f"| loop | median [us] | p99 | to {reference.label} | its tick [us] | to {reference.label}"
         " | CoM RMS [mm] | feet drift [mm] | speed / limit |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    reference = np.median(loops[-1].times)
     nearest = float(np.median([one.last.get("gap", np.inf) for one in plain]))
     for one in loops:
-        p50, p99 = np.percentile(one.times, (50, 99)) * 1e6
+        p50, p99 = np.percentile(one.times, (50, 99))
+        tick = np.median(one.ticks)
         told = one.last
         lines.append(
-            f"| {one.label} | {p50:.0f} | {p99:.0f} | {p50 / 1e6 / reference:.2f} |"
+            f"| {one.label} | {1e6 * p50:.0f} | {1e6 * p99:.0f} |"
+            f" {p50 / np.median(reference.times):.2f} |"
+            f" {1e6 * tick:.0f} | {tick / np.median(reference.ticks):.2f} |"
             f" {1e3 * told['com_rms']:.3f} | {1e3 * told['drift']:.4f} | {told['speed']:.2f} |"
         )
         fair = abs(told["com_rms"] / middle - 1.0) < 0.05 or one not in plain

@@ -56,12 +56,14 @@ class Job:
 
 
 def serve(make, versions):
-    """Run blocks of a loop as they are asked for, and answer with the CPU time of each tick.
+    """Run blocks of a loop as they are asked for, and answer with the CPU time of each round.
 
-    ``make(job, ...)`` returns an object with ``start_com``, ``start_trunk`` and what is timed,
-    ``tick(com, rotation, k)``: it sets the targets, computes the command and integrates. Not timed
-    are its ``com()``, ``feet()`` (positions (2, 3)), ``speed()``, the largest joint velocity in
-    parts of its limit, and with pairs ``links(names)``, positions (k, 3).
+    ``make(job, ...)`` returns an object with ``start_com``, ``start_trunk`` and what is timed:
+    ``aim(com, rotation, k)`` sets the targets, ``tick()`` computes the command from the state, and
+    ``move()`` integrates it. Some libraries integrate in the call that computes the command or
+    updates the kinematics: it is then part of ``tick()``, and ``move()`` does nothing. Not timed
+    are ``com()``, ``feet()`` (positions (2, 3)), ``speed()``, the largest joint velocity in parts
+    of its limit, and with pairs ``links(names)``, positions (k, 3).
     """
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what libraries print must not get into the answers
@@ -72,13 +74,18 @@ def serve(make, versions):
     gc.disable()
     print(json.dumps({"versions": versions}), file=out, flush=True)
     for line in sys.stdin:
-        times = []
+        times, ticks = [], []
         for _ in range(int(line)):
             com = job.com(loop.start_com, k)
             rotation = job.trunk_rotation(loop.start_trunk, k)
             begin = thread_time()
-            loop.tick(com, rotation, k)
+            loop.aim(com, rotation, k)
+            aimed = thread_time()
+            loop.tick()
+            found = thread_time()
+            loop.move()
             times.append(thread_time() - begin)
+            ticks.append(found - aimed)
             errors.append(float(np.linalg.norm(loop.com() - com)))
             drift = max(drift, float(np.abs(loop.feet() - anchors).max()))
             speed = max(speed, loop.speed())
@@ -88,6 +95,7 @@ def serve(make, versions):
         gc.collect()
         answer = {
             "times": times,
+            "ticks": ticks,
             "com_rms": float(np.sqrt(np.mean(np.square(errors)))),
             "drift": drift,
             "speed": speed,

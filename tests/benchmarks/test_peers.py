@@ -60,10 +60,11 @@ def test_targets_are_what_they_are_said_to_be(job: serve.Job) -> None:
 def test_unequal_work_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     with subprocess.Popen(["true"], text=True) as process:
         fine = {"com_rms": 2.5e-4, "drift": 1e-7, "speed": 0.1}
-        one = run.Loop("PlaCo (C++)", process, {}, [4e-5, 5e-5, 6e-5], fine)
-        loops = [replace(one, label="other", times=[1e-4] * 3), replace(one, label="wbc"), one]
+        one = run.Loop("PlaCo (C++)", process, {}, [4e-5, 5e-5, 6e-5], [4e-5] * 3, fine)
+        slow = replace(one, label="other", times=[1e-4] * 3, ticks=[3e-5] * 3)
+        loops = [slow, replace(one, label="wbc"), one]
         table = run.rows(loops)
-        assert "| other | 100 | 100 | 2.00 | 0.250 |" in table[2]
+        assert "| other | 100 | 100 | 2.00 | 30 | 0.75 | 0.250 |" in table[2]
         assert not capsys.readouterr().err
         for wrong in ({"com_rms": 3e-4}, {"drift": 1e-3}, {"speed": 1.1}, {"gap": 0.009}):
             run.rows([replace(loops[0], last={**fine, **wrong}), *loops[1:]])
