@@ -162,8 +162,8 @@ def _native_daqp(eps: float, max_iterations: int, mode: str | None) -> NativeDaq
 def scratch_sizes(n: int, k: int, m: int) -> tuple[int, int]:
     """Return how many numbers and integers the core works in: as ``place`` of source/reduce.c."""
     left = n - k
-    numbers = k * (n + 1) + 2 * k * left + left * left + 3 * n + 3 * (n + m) + (m + k) * left
-    numbers += left * (left + 1)
+    numbers = k * (n + k + 5) + 2 * k * (left + 3) + left * left + 3 * n + 3 * (n + m)
+    numbers += (m + k) * left + left * (left + 4)
     return numbers, 2 * n + m
 
 

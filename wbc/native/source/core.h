@@ -44,7 +44,8 @@ int wbc_core_version(void);
 const char *wbc_core_source(void);
 
 /* Write all that is known at (q, v) into state, and behind it some frames, given by their joints
- * and their placements (12 each) there. scratch holds 13 numbers a joint. Returns 0. */
+ * and their placements (12 each) there. scratch holds 13 numbers a joint and 17 a column of v.
+ * Returns 0. */
 int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
               double *scratch, int64_t frames, const int64_t *joint, const double *placement);
 /* Write frames, one behind the other, as they are in a state. Returns 0. */
@@ -190,7 +191,7 @@ typedef struct {
 enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
                    NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
 /* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
- * without frames, or 0: then it is found here. */
+ * without frames, or 0: then it is found here. v may be 0, here and below: it lies behind q then. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving);
 /* The same and its answer: x, y, z, z of the box; primal, dual and complementarity residuals,
@@ -207,8 +208,8 @@ int wbc_reduced(const wbc_plan *plan, int64_t *begin);
 int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
                const double *z, double scale, int64_t iterations);
 /* The same for any QP, by DAQP; where it has no answer, its exit flag stands for the iterations.
- * scratch holds k (n + 1) + 2 k left + left^2 + 3 n + 3 (n + m) + (k + m) left + left (left + 1)
- * numbers, left = n - k; order 2 n + m. */
+ * scratch holds k (n + k + 5) + 2 k (left + 3) + left^2 + 3 n + 3 (n + m) + (k + m) left
+ * + left (left + 4) numbers, left = n - k; order 2 n + m. */
 int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
                  void *settings);
 /* The same, at the cost of 1/2 s^2 / give (m) with rows l <= C x - s <= u, s = 0 where give is 0; by

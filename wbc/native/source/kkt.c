@@ -21,18 +21,12 @@ WIDE void residuals(const wbc_qp *qp, const double *give, double *gradient) {
     const int64_t n = qp->n;
     double *found = qp->found;
     found[0] = found[1] = found[2] = 0.0;
-    for (int64_t i = 0; i < n; i++) {
-        gradient[i] = qp->g[i] + qp->z_box[i] + dot(n, qp->P + i * n, qp->x);
+    for (int64_t i = 0; i < n; i++)
         judge(qp->x[i], qp->lower[i], qp->upper[i], qp->z_box[i], found);
-    }
-    for (int64_t r = 0; r < qp->k; r++) {
-        const double missed = dot(n, qp->A + r * n, qp->x) - qp->b[r];
-        for (int64_t j = 0; j < n; j++) gradient[j] += qp->A[r * n + j] * qp->y[r];
-        found[0] = worse(found[0], fabs(missed));
-    }
+    for (int64_t r = 0; r < qp->k; r++)
+        found[0] = worse(found[0], fabs(dot(n, qp->A + r * n, qp->x) - qp->b[r]));
+    add_rows(n, qp->k, qp->y, qp->A, n, gradient);
     for (int64_t r = 0; r < qp->m; r++) {
-        for (int64_t j = 0; j < n && qp->z[r] != 0.0; j++)
-            gradient[j] += qp->C[r * n + j] * qp->z[r];
         const double given = give ? give[r] * qp->z[r] : 0.0;
         judge(dot(n, qp->C + r * n, qp->x) - given, qp->l[r], qp->u[r], qp->z[r], found);
     }

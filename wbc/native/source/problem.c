@@ -5,6 +5,7 @@
 #include "problem.h"
 #include "margin.h"
 #include "rows.h"
+#include "tree.h"
 
 #include <string.h>
 
@@ -75,6 +76,11 @@ static double stopping(double distance, double deceleration, double wait) {
     return 2.0 * distance / (sqrt(2.0 * distance / deceleration + wait * wait) + wait);
 }
 
+/* The distance within which it stops from a speed: most joints are farther from their limits. */
+static double stops_within(double speed, double deceleration, double wait) {
+    return speed * (wait + 0.5 * speed / deceleration);
+}
+
 /* The same at the torque level, back from outside, too. */
 static double braking_speed(double distance, double most, double deceleration, double wait) {
     const double inside = distance > 0.0 ? distance : 0.0;
@@ -117,13 +123,15 @@ static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t
                 continue;
             }
             if (left[side] < -AT_LIMIT) return OUTSIDE_LIMITS;
-            const double reach = left[side] < 0.0 ? 0.0 : left[side] > FAR ? FAR : left[side];
-            most[side] = stopping(reach, slow[k], dt);
-            if (left[side] > FAR) most[side] = INFINITY;
-            if (most[side] > speed[k]) most[side] = speed[k];
+            most[side] = speed[k];
             if (moving) { /* it may stop, and start the other way in the same tick */
                 const double change = towards + start, limit = change > start ? change : start;
                 if (most[side] > limit) most[side] = limit;
+            }
+            const double reach = left[side] < 0.0 ? 0.0 : left[side];
+            if (left[side] <= FAR && reach < stops_within(most[side], slow[k], dt)) {
+                const double slowed = stopping(reach, slow[k], dt);
+                if (most[side] > slowed) most[side] = slowed;
             }
         }
         if (plan->torque && most[0] + most[1] < 0.0) { /* contradicting: between them */
@@ -211,7 +219,7 @@ static double wanted_rate(const wbc_plan *plan, const double *number, double err
 
 /* Add a block to the costs or to the equalities; false: handed over. The damping that it asks for
  * is added to damping, and heaviest is the largest square of a weighted row. */
-static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
+WIDE static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
                      double *J, const wbc_qp *qp, double *damping) {
     const int64_t nv = plan->tree->nv, n = qp->n, k = block->rows;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
@@ -259,7 +267,7 @@ static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_sta
     return 1;
 }
 
-static int is_sound(const double *values, int64_t n) {
+INLINE int is_sound(const double *values, int64_t n) {
     return dot(n, values, values) < LARGEST * LARGEST;
 }
 
@@ -267,7 +275,7 @@ static int is_range(double lower, double upper) {
     return lower <= upper && lower < INFINITY && upper > -INFINITY;
 }
 
-int is_qp(const wbc_qp *qp) {
+WIDE int is_qp(const wbc_qp *qp) {
     const int64_t n = qp->n;
     for (int64_t i = 0; i < n; i++)
         if (!is_range(qp->lower[i], qp->upper[i])) return 0;
@@ -280,6 +288,7 @@ int is_qp(const wbc_qp *qp) {
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
                 int64_t moving) {
     const int64_t nv = plan->tree->nv;
+    v = velocity_of(plan->tree, q, v);
     if (!state) {
         wbc_state(plan->tree, q, v, plan->state, plan->scratch, 0, 0, 0);
         state = plan->state;

@@ -19,12 +19,13 @@ static inline int64_t *usual_columns(const wbc_plan *plan, const wbc_qp *qp) {
 /* Whether its numbers are finite, and lower bounds below upper ones. */
 int is_qp(const wbc_qp *qp);
 
-/* Write the primal, dual and complementarity residual of the answer to found; gradient (n) to work
- * in; give (m), or 0: how far rows C give way by their multipliers. */
+/* Write the primal, dual and complementarity residual of the answer to found. gradient (n): of the
+ * Lagrangian without A'y, which is added; give (m), or 0: how far rows C give way by their
+ * multipliers. */
 void residuals(const wbc_qp *qp, const double *give, double *gradient);
 
 /* Write x (n) of least 1/2 x'H x + f'x, H (n, n) symmetric, of which the upper half is read, its rows
- * stride apart; by Cholesky factors in triangle (n, n + 1). False: H is not positive definite. */
+ * stride apart; by Cholesky factors in triangle (n, padded n + 1). False: H is not positive definite. */
 int least(int64_t n, const double *H, int64_t stride, const double *f, double *triangle, double *x);
 
 /* A measured state, and what was found at it. */

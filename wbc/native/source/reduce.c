@@ -31,11 +31,13 @@ static int is_free(const wbc_qp *qp, int64_t i) {
 
 void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     const int64_t n = qp->n, k = qp->k, left = n - k, most = left + qp->m + k;
-    r->left = left, r->order = order, r->sense = (int *)(order + n);
+    r->left = left, r->stride = PADDED(left), r->order = order, r->sense = (int *)(order + n);
     r->W = scratch;
-    r->G = r->W + k * (n + 1);
-    r->half = r->G + k * left;
-    r->H = r->half + k * left;
+    r->inverse = r->W + k * PADDED(n + 1);
+    r->h = r->inverse + k * k;
+    r->G = r->h + k;
+    r->half = r->G + k * r->stride;
+    r->H = r->half + k * r->stride;
     r->f = r->H + left * left;
     r->low = r->f + left;
     r->up = r->low + most;
@@ -43,36 +45,45 @@ void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
     r->multipliers = r->rows + (qp->m + k) * left;
     r->answer = r->multipliers + most;
     r->factor = r->answer + left;
-    r->gradient = r->factor + 2 * k;
+    r->gradient = r->factor + k;
     r->triangle = r->gradient + n;
-    r->end = r->triangle + left * (left + 1);
+    r->end = r->triangle + left * PADDED(left + 1);
 }
 
-/* W = [A b] reduced until the columns order[0..k) would be those of the identity: in their place
- * stands the inverse of what they were. 0, or NO_ANSWER if dependent rows leave next to nothing of
- * one, NO_POINT if it contradicts them. usual, or 0: of each row the column that it had, plus one. */
-WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t *usual) {
-    const int64_t n = qp->n, k = qp->k, width = n + 1;
-    double *restrict W = of->W;
-    int64_t *order = of->order;
-    for (int64_t r = 0; r < k; r++) {
-        memcpy(W + r * width, qp->A + r * n, n * sizeof *W);
-        W[r * width + n] = qp->b[r];
-    }
-    for (int64_t c = 0; c < n; c++) order[c] = c;
+/* Columns of A that are not zero, into touched; returns how many. Arms, say, are not in the rows of
+ * feet: what is zero stays so, and need not be worked on. sum (n) to work in. */
+INLINE int64_t touched_columns(const wbc_qp *qp, double *restrict sum, int64_t *touched) {
+    const int64_t n = qp->n;
+    int64_t count = 0;
+    memset(sum, 0, n * sizeof *sum);
+    for (int64_t r = 0; r < qp->k; r++)
+        for (int64_t c = 0; c < n; c++) sum[c] += fabs(qp->A[r * n + c]);
+    for (int64_t c = 0; c < n; c++)
+        if (sum[c] != 0.0) touched[count++] = c;
+    return count;
+}
+
+/* W = [A b] of the touched columns reduced until the columns place[0..k) would be those of the
+ * identity: in their place stands the inverse of what they were. 0, or NO_ANSWER if dependent rows
+ * leave next to nothing of one, NO_POINT if it contradicts them. liking: the factors by which pivots
+ * are preferred. usual, or 0: of each row the column that it had, plus one. */
+WIDE static int64_t eliminate(int64_t k, int64_t count, const int64_t *touched,
+                              const double *liking, double *W, int64_t *place, int64_t *usual) {
+    const int64_t width = PADDED(count + 1);
+    for (int64_t c = 0; c < count; c++) place[c] = c;
     for (int64_t r = 0; r < k; r++) {
         double *restrict top = W + r * width, most = -1.0;
-        int64_t column = r;
-        for (int64_t c = r; c < n; c++) {
-            double size = fabs(top[order[c]]) * (is_free(qp, order[c]) ? PREFERENCE : 1.0);
-            if (usual && usual[r] == order[c] + 1) size *= USUAL;
-            if (size > most) most = size, column = c;
+        int64_t chosen = r;
+        for (int64_t c = r; c < count; c++) {
+            double size = fabs(top[place[c]]) * liking[place[c]];
+            if (usual && usual[r] == touched[place[c]] + 1) size *= USUAL;
+            if (size > most) most = size, chosen = c;
         }
-        const int64_t pivot = order[column];
-        if (!(fabs(top[pivot]) > DEPENDENT))
-            return fabs(top[n]) > CONTRADICTED ? NO_POINT : NO_ANSWER;
-        order[column] = order[r], order[r] = pivot;
-        if (usual) usual[r] = pivot + 1;
+        if (r >= count || !(fabs(top[place[chosen]]) > DEPENDENT))
+            return fabs(top[count]) > CONTRADICTED ? NO_POINT : NO_ANSWER;
+        const int64_t pivot = place[chosen];
+        place[chosen] = place[r], place[r] = pivot;
+        if (usual) usual[r] = touched[pivot] + 1;
         const double scale = 1.0 / top[pivot];
         top[pivot] = 1.0;
         for (int64_t c = 0; c < width; c++) top[c] *= scale;
@@ -84,49 +95,79 @@ WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t *usual) {
             for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
         }
     }
-    int64_t last = k; /* arms, say, are zero in the rows of feet: these columns go behind */
-    for (int64_t c = k; c < n; c++) {
-        const int64_t column = order[c];
-        int64_t r = 0;
-        while (r < k && W[r * width + column] == 0.0) r++;
-        if (r < k) order[c] = order[last], order[last++] = column;
+    return 0;
+}
+
+/* order, G, h and the inverse of A_d. Returns as eliminate does. */
+WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual) {
+    const int64_t n = qp->n, k = qp->k;
+    double *W = of->W, *liking = of->gradient;
+    int64_t *order = of->order, *touched = order + n; /* where senses are written later */
+    const int64_t count = touched_columns(qp, liking, touched), width = PADDED(count + 1);
+    for (int64_t c = 0; c < count; c++) liking[c] = is_free(qp, touched[c]) ? PREFERENCE : 1.0;
+    for (int64_t r = 0; r < k; r++) {
+        double *row = W + r * width;
+        for (int64_t c = 0; c < count; c++) row[c] = qp->A[r * n + touched[c]];
+        row[count] = qp->b[r];
+        for (int64_t c = count + 1; c < width; c++) row[c] = 0.0;
     }
-    of->coupled = last - k;
+    const int64_t said = eliminate(k, count, touched, liking, W, order, usual);
+    if (said < 0) return said;
+    of->coupled = count - k;
+    for (int64_t d = 0; d < k; d++) {
+        const double *row = W + d * width;
+        double *to = of->G + d * of->stride;
+        for (int64_t j = 0; j < of->coupled; j++) to[j] = -row[order[k + j]];
+        for (int64_t j = of->coupled; j < of->stride; j++) to[j] = 0.0;
+        for (int64_t s = 0; s < k; s++) of->inverse[d * k + s] = row[order[s]];
+        of->h[d] = row[count];
+    }
+    for (int64_t c = 0; c < count; c++) order[c] = touched[order[c]];
+    for (int64_t c = 0, next = 0, last = count; c < n; c++)
+        if (next < count && touched[next] == c)
+            next++;
+        else
+            order[last++] = c;
     return 0;
 }
 
 /* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
 WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, coupled = r->coupled, width = n + 1;
+    const int64_t n = qp->n, k = qp->k, left = r->left, coupled = r->coupled, stride = r->stride;
     const int64_t *dependent = r->order, *free = r->order + k;
-    const double *P = qp->P, *W = r->W;
-    for (int64_t d = 0; d < k; d++)
-        for (int64_t j = 0; j < left; j++) r->G[d * left + j] = -W[d * width + free[j]];
+    const double *P = qp->P, *h = r->h;
+    double *restrict factor = r->factor, *restrict pull = r->multipliers;
     for (int64_t d = 0; d < k; d++) {
         const double *row = P + dependent[d] * n;
-        double *restrict to = r->half + d * left;
-        double pull = qp->g[dependent[d]];
+        double *restrict to = r->half + d * stride;
+        double sum = qp->g[dependent[d]];
         for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
+        for (int64_t j = left; j < stride; j++) to[j] = 0.0;
         for (int64_t s = 0; s < k; s++) {
-            pull += row[dependent[s]] * W[s * width + n];
-            r->factor[s] = 0.5 * row[dependent[s]];
+            const double entry = row[dependent[s]];
+            sum += entry * h[s];
+            factor[s] = 0.5 * entry;
         }
-        add_rows(coupled, k, r->factor, r->G, left, to);
-        r->multipliers[d] = pull;
+        pull[d] = sum;
+        add_rows(PADDED(coupled), k, factor, r->G, stride, to);
     }
     for (int64_t i = 0; i < left; i++) {
         const double *row = P + free[i] * n;
-        double sum = qp->g[free[i]], *restrict to = r->H + i * left;
-        for (int64_t d = 0; d < k; d++)
-            sum += row[dependent[d]] * W[d * width + n] + r->G[d * left + i] * r->multipliers[d];
-        r->f[i] = sum;
+        double sum = qp->g[free[i]], *restrict to = r->H + i * left, *restrict more = r->triangle;
+        for (int64_t d = 0; d < k; d++) sum += row[dependent[d]] * h[d];
         for (int64_t j = i; j < left; j++) to[j] = row[free[j]];
-        if (i >= coupled) continue;
-        for (int64_t d = 0; d < k; d++) {
-            r->factor[d] = r->half[d * left + i];
-            r->factor[k + d] = r->G[d * left + i];
+        for (int64_t d = 0; d < k && i < coupled; d++) {
+            factor[d] = r->G[d * stride + i];
+            sum += factor[d] * pull[d];
         }
-        add_rows(left - i, 2 * k, r->factor, r->G + i, left, to + i); /* G, then half */
+        r->f[i] = sum;
+        if (i >= coupled) continue;
+        const int64_t begin = i & ~(int64_t)3;
+        for (int64_t j = begin; j < stride; j++) more[j] = 0.0;
+        add_rows(stride - begin, k, factor, r->half + begin, stride, more + begin);
+        for (int64_t d = 0; d < k; d++) factor[d] = r->half[d * stride + i];
+        add_rows(PADDED(coupled) - begin, k, factor, r->G + begin, stride, more + begin);
+        for (int64_t j = i; j < left; j++) to[j] += more[j];
     }
     for (int64_t i = 0; i < left; i++)
         for (int64_t j = 0; j < i; j++) r->H[i * left + j] = r->H[j * left + i];
@@ -134,9 +175,8 @@ WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
 
 /* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. */
 WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
+    const int64_t n = qp->n, k = qp->k, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
-    const double *W = r->W;
     int64_t bounded = left;
     for (int64_t i = 0; i < left; i++)
         r->up[i] = clamp(qp->upper[free[i]]), r->low[i] = clamp(qp->lower[free[i]]);
@@ -146,23 +186,23 @@ WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
         for (int64_t j = 0; j < left; j++) to[j] = row[free[j]];
         for (int64_t d = 0; d < k; d++) {
             r->factor[d] = row[dependent[d]];
-            known += r->factor[d] * W[d * width + n];
+            known += r->factor[d] * r->h[d];
         }
-        add_rows(r->coupled, k, r->factor, r->G, left, to);
+        add_rows(r->coupled, k, r->factor, r->G, r->stride, to);
         r->up[bounded] = clamp(qp->u[m] - known), r->low[bounded] = clamp(qp->l[m] - known);
     }
     for (int64_t s = 0; s < k; s++) {
         const int64_t d = dependent[s];
         if (is_free(qp, d)) continue;
-        r->up[bounded] = clamp(qp->upper[d] - W[s * width + n]);
-        r->low[bounded] = clamp(qp->lower[d] - W[s * width + n]);
-        memcpy(r->rows + (bounded++ - left) * left, r->G + s * left, left * sizeof *r->rows);
+        r->up[bounded] = clamp(qp->upper[d] - r->h[s]);
+        r->low[bounded] = clamp(qp->lower[d] - r->h[s]);
+        memcpy(r->rows + (bounded++ - left) * left, r->G + s * r->stride, left * sizeof *r->rows);
     }
     return bounded;
 }
 
-void lift(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, width = n + 1;
+WIDE void lift(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = qp->k, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     double *x = qp->x, *y = qp->y, *z = qp->z_box;
     int64_t bounded = left + qp->m;
@@ -170,18 +210,18 @@ void lift(const wbc_qp *qp, const reduced *r) {
     memcpy(qp->z, r->multipliers + left, qp->m * sizeof *qp->z);
     for (int64_t s = 0; s < k; s++) {
         const int64_t d = dependent[s];
-        x[d] = r->W[s * width + n] + dot(left, r->G + s * left, r->answer);
+        x[d] = r->h[s] + dot(left, r->G + s * r->stride, r->answer);
         z[d] = is_free(qp, d) ? 0.0 : r->multipliers[bounded++];
         y[s] = 0.0;
     }
-    /* A_d' y = -(P x + g + z + C'z)_d, and W holds the inverse of A_d */
-    for (int64_t s = 0; s < k; s++) {
-        const int64_t d = dependent[s];
-        double sum = qp->g[d] + z[d] + dot(n, qp->P + d * n, x);
-        for (int64_t m = 0; m < qp->m; m++)
-            if (qp->z[m] != 0.0) sum += qp->C[m * n + d] * qp->z[m];
-        for (int64_t t = 0; t < k; t++) y[t] -= r->W[s * width + dependent[t]] * sum;
-    }
+    double *restrict gradient = r->gradient; /* P x + g + z + C'z = -A'y: y by the rows of x_d */
+    for (int64_t i = 0; i < n; i++) gradient[i] = qp->g[i] + z[i];
+    add_rows(n, n, x, qp->P, n, gradient); /* P is symmetric */
+    for (int64_t m = 0; m < qp->m; m++)
+        for (int64_t i = 0; i < n && qp->z[m] != 0.0; i++) gradient[i] += qp->C[m * n + i] * qp->z[m];
+    for (int64_t s = 0; s < k; s++)
+        for (int64_t t = 0; t < k; t++)
+            y[t] -= r->inverse[s * k + t] * gradient[dependent[s]];
 }
 
 int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
@@ -191,7 +231,7 @@ int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
 }
 
 int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual) {
-    const int64_t said = r->left < 1 ? NO_ANSWER : eliminate(qp, r, usual);
+    const int64_t said = r->left < 1 ? NO_ANSWER : solve_equalities(qp, r, usual);
     if (said < 0) return said;
     reduce_cost(qp, r);
     return reduce_bounds(qp, r);

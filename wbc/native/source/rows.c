@@ -75,6 +75,12 @@ static int is_continuous(const wbc_plan *plan, int64_t joint) { return plan->sta
 
 static void copy_row(double *to, const double *from, int64_t n) { memcpy(to, from, n * sizeof *to); }
 
+/* row = s' R for six rows R. */
+WIDE static void combine(int64_t nv, const double *s, const double *R, double *row) {
+    for (int64_t c = 0; c < nv; c++) row[c] = 0.0;
+    add_rows(nv, 6, s, R, nv, row);
+}
+
 int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
              const double *frames, const double *q, double *J, double *e, double *bias,
              double *bound) {
@@ -127,12 +133,7 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
             const double *s = own + 6 * i;
             e[i] = -own[6 * k + i];
             for (int j = 0; j < 6; j++) e[i] += s[j] * all[j];
-            if (block->frame < 0)
-                for (int64_t c = 0; c < nv; c++) {
-                    double sum = 0.0;
-                    for (int j = 0; j < 6; j++) sum += s[j] * rates[j * nv + c];
-                    J[i * nv + c] = sum;
-                }
+            if (block->frame < 0) combine(nv, s, rates, J + i * nv);
         }
         for (int64_t c = 0; c < nv && block->frame >= 0; c++) {
             double column[6];

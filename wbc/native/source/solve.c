@@ -26,7 +26,7 @@ typedef void daqp_quadprog(daqp_result *, daqp_problem *, void *);
 /* The velocity at x with a base's that meets its dynamics to rounding, and the torques at that. */
 static void command(const wbc_plan *plan, const wbc_qp *qp) {
     const int64_t n = qp->n, nv = plan->tree->nv;
-    double missed[6], turn[6], triangle[42];
+    double missed[6], turn[6], triangle[6 * PADDED(7)];
     for (int i = 0; i < 6; i++) missed[i] = dot(n, qp->D + i * n, qp->x) + qp->offset[i];
     least(6, qp->D, n, missed, triangle, turn); /* the base's inertia times turn = -missed */
     for (int i = 0; i < 6; i++) qp->exact[i] = qp->x[i] + turn[i];
@@ -92,6 +92,7 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
                const double *z, double scale, int64_t iterations) {
     wbc_qp qp;
     reduced r;
+    v = velocity_of(plan->tree, q, v);
     lay_out(plan, &qp);
     place(&qp, plan->scratch, plan->order, &r);
     const int64_t bounded = bounds_left(&qp, &r), rows = bounded - r.left;
@@ -108,6 +109,7 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
 
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving) {
+    v = velocity_of(plan->tree, q, v);
     const int found = wbc_problem(plan, state, q, v, moving);
     if (found != DONE) return found;
     wbc_qp qp;

@@ -84,35 +84,46 @@ static void shifted(const double *from, const double *c, double *out) {
     add_turning(out + 4, 0.5 * from[0], c, c);
 }
 
-/* Column k of the maps: a motion along, or round, an axis through a point p; h, I about the CoM. */
-static void move(int64_t nv, int64_t k, const double *axis, int turns, const double *p,
-                 const double *base, const double *com, const double *moved, double mass,
-                 double *state) {
-    double w[3] = {0.0, 0.0, 0.0}, u[3], l[3], a[3], b[3], dI[6] = {0.0}, arm[3], origin[3];
-    double *A = state + CENTROIDAL_MAP + k, *T = state + TWISTS(nv) + k;
-    for (int i = 0; i < 3; i++) {
-        if (turns) w[i] = axis[i];
-        u[i] = l[i] = axis[i];
-        arm[i] = com[i] - p[i];
-        origin[i] = base[i] + p[i];
+/* Rows (nv) of scratch: of each column of v its axis, 1 if it turns and 0 if it slides, the way from
+ * its joint to the CoM, and mass, first moment and inertia about the CoM of what it carries. */
+enum { AXIS = 0, TURNS = 3, TO_COM = 4, CARRIED = 7, COLUMN_ROWS = 17 };
+
+/* The maps from what is known of their columns, all of them side by side. */
+WIDE static void fill_maps(int64_t n, double mass, const double *columns, double *state) {
+    const double *axis = columns, *turns = columns + TURNS * n;
+    const double *way = columns + TO_COM * n, *Y = columns + CARRIED * n;
+    double *A = state + CENTROIDAL_MAP, *J = state + COM_JACOBIAN(n);
+    double *dI = state + INERTIA_JACOBIAN(n), *T = state + TWISTS(n);
+    const double X = state[COM], Y0 = state[COM + 1], Z = state[COM + 2];
+    INDEPENDENT
+    for (int64_t c = 0; c < n; c++) {
+        const double x = axis[c], y = axis[n + c], z = axis[2 * n + c], t = turns[c], s = 1.0 - t;
+        const double rx = way[c], ry = way[n + c], rz = way[2 * n + c];
+        const double ox = X - rx, oy = Y0 - ry, oz = Z - rz; /* of the joint, in the world */
+        const double wx = t * x, wy = t * y, wz = t * z;
+        const double ux = s * x + (wy * rz - wz * ry), uy = s * y + (wz * rx - wx * rz);
+        const double uz = s * z + (wx * ry - wy * rx);
+        const double m = Y[c], hx = Y[n + c], hy = Y[2 * n + c], hz = Y[3 * n + c];
+        const double xx = Y[4 * n + c], xy = Y[5 * n + c], xz = Y[6 * n + c];
+        const double yy = Y[7 * n + c], yz = Y[8 * n + c], zz = Y[9 * n + c];
+        const double lx = m * ux + (wy * hz - wz * hy), ly = m * uy + (wz * hx - wx * hz);
+        const double lz = m * uz + (wx * hy - wy * hx), twice = 2.0 * (ux * hx + uy * hy + uz * hz);
+        T[c] = s * x + (oy * wz - oz * wy);
+        T[n + c] = s * y + (oz * wx - ox * wz);
+        T[2 * n + c] = s * z + (ox * wy - oy * wx);
+        T[3 * n + c] = wx, T[4 * n + c] = wy, T[5 * n + c] = wz;
+        A[c] = lx, A[n + c] = ly, A[2 * n + c] = lz;
+        A[3 * n + c] = (hy * uz - hz * uy) + (xx * wx + xy * wy + xz * wz);
+        A[4 * n + c] = (hz * ux - hx * uz) + (xy * wx + yy * wy + yz * wz);
+        A[5 * n + c] = (hx * uy - hy * ux) + (xz * wx + yz * wy + zz * wz);
+        J[c] = lx / mass, J[n + c] = ly / mass, J[2 * n + c] = lz / mass;
+        dI[c] = 2.0 * (xz * wy - xy * wz) + (twice - 2.0 * ux * hx);
+        dI[n + c] = (yz * wy - xz * wx + (xx - yy) * wz) - (ux * hy + uy * hx);
+        dI[2 * n + c] = (xy * wx - yz * wz + (zz - xx) * wy) - (ux * hz + uz * hx);
+        dI[3 * n + c] = 2.0 * (xy * wz - yz * wx) + (twice - 2.0 * uy * hy);
+        dI[4 * n + c] = ((yy - zz) * wx - xy * wy + xz * wz) - (uy * hz + uz * hy);
+        dI[5 * n + c] = 2.0 * (yz * wx - xz * wy) + (twice - 2.0 * uz * hz);
     }
-    if (turns) {
-        cross3(axis, arm, u);
-        cross3(origin, axis, l);
-    }
-    for (int i = 0; i < 3; i++) T[i * nv] = l[i], T[(3 + i) * nv] = w[i];
-    cross3(w, moved + 1, a);
-    for (int i = 0; i < 3; i++) {
-        l[i] = moved[0] * u[i] + a[i];
-        A[i * nv] = l[i];
-        state[COM_JACOBIAN(nv) + i * nv + k] = l[i] / mass;
-    }
-    cross3(moved + 1, u, a);
-    symmetric_times(moved + 4, w, b);
-    for (int i = 0; i < 3; i++) A[(3 + i) * nv] = a[i] + b[i];
-    add_commutator(dI, moved + 4, w);
-    add_turning(dI, 1.0, u, moved + 1);
-    for (int i = 0; i < 6; i++) state[INERTIA_JACOBIAN(nv) + i * nv + k] = dI[i];
 }
 
 void place_joints(const wbc_tree *tree, const double *q, double *state, double *arms) {
@@ -176,6 +187,10 @@ static int64_t configuration_size(const wbc_tree *tree) {
     return last < 2 ? 7 : tree->iq[last] + (tree->kind[last] == CONTINUOUS ? 2 : 1);
 }
 
+const double *velocity_of(const wbc_tree *tree, const double *q, const double *v) {
+    return v ? v : q + configuration_size(tree);
+}
+
 int is_measured(const double *values, int64_t n) {
     for (int64_t i = 0; i < n; i++)
         if (!(fabs(values[i]) <= LARGEST)) return 0; /* NaN is not */
@@ -214,7 +229,7 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
               double *scratch, int64_t frames, const int64_t *joint, const double *placement) {
     const int64_t n = tree->joints, nv = tree->nv;
     const double *R = state + ROTATIONS(nv), *base = state + ORIGINS(nv, n) + 3;
-    double *arms = scratch, *composite = scratch + 3 * n, com[3], moved[10];
+    double *arms = scratch, *composite = scratch + 3 * n, *columns = composite + 10 * n, com[3];
     place_joints(tree, q, state, arms);
     for (int64_t j = 1; j < n; j++)
         weigh(tree->body + 10 * j, R + 9 * j, arms + 3 * j, composite + 10 * j);
@@ -225,23 +240,26 @@ int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *st
     for (int i = 0; i < 3; i++) com[i] = composite[11 + i] / mass;
     for (int i = 0; i < 3; i++) state[COM + i] = base[i] + com[i];
     for (int64_t j = 1; j < n; j++) {
-        const double *p = arms + 3 * j;
-        double axis[3];
+        const int64_t first = j == 1 ? 0 : tree->iv[j], behind = j == 1 ? 6 : first + 1;
+        double moved[10];
         shifted(composite + 10 * j, com, moved);
-        if (j == 1) {
-            const double *I = moved + 4;
-            const double full[9] = {I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5]};
-            for (int i = 0; i < 9; i++) state[INERTIA + i] = full[i];
-            for (int64_t k = 0; k < 6; k++) {
+        for (int64_t k = first; k < behind; k++) {
+            double axis[3];
+            if (j == 1)
                 for (int i = 0; i < 3; i++) axis[i] = R[9 + 3 * i + k % 3];
-                move(nv, k, axis, k > 2, p, base, com, moved, mass, state);
-            }
-        } else {
-            times3(R + 9 * j, tree->axis + 3 * j, axis);
-            move(nv, tree->iv[j], axis, tree->kind[j] != PRISMATIC, p, base, com, moved, mass,
-                 state);
+            else
+                times3(R + 9 * j, tree->axis + 3 * j, axis);
+            columns[TURNS * nv + k] = j == 1 ? k > 2 : tree->kind[j] != PRISMATIC;
+            for (int i = 0; i < 3; i++) columns[(AXIS + i) * nv + k] = axis[i];
+            for (int i = 0; i < 3; i++) columns[(TO_COM + i) * nv + k] = com[i] - arms[3 * j + i];
+            for (int i = 0; i < 10; i++) columns[(CARRIED + i) * nv + k] = moved[i];
         }
+        if (j > 1) continue;
+        const double *I = moved + 4;
+        const double full[9] = {I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5]};
+        for (int i = 0; i < 9; i++) state[INERTIA + i] = full[i];
     }
+    fill_maps(nv, mass, columns, state);
     for (int i = 0; i < 6; i++) state[MOMENTUM + i] = dot(nv, state + CENTROIDAL_MAP + i * nv, v);
     return wbc_frames(tree, state, frames, joint, placement, state + FRAMES(nv, n));
 }

@@ -10,6 +10,9 @@
 /* Whether numbers are what may be entries of q and v: finite, and within what rounding allows. */
 int is_measured(const double *values, int64_t n);
 
+/* v, or where it lies behind q if v is 0. */
+const double *velocity_of(const wbc_tree *tree, const double *q, const double *v);
+
 /* Write rotations and origins of all joints at q into a state; arms holds 3 numbers a joint. */
 void place_joints(const wbc_tree *tree, const double *q, double *state, double *arms);
 
