@@ -161,7 +161,7 @@ def compare_tick(
         one.worst = float(np.abs(np.sort(near) - np.sort(clearance)).max())
         return one
     one.worst = of_qps(ours.qp, theirs.qp)
-    tick = controller._native_tick(ours, state, controller._deviations(ours, state))
+    tick = controller._native_tick(ours, state)
     commands, optima = [commanded(each) for each in (tick, theirs)], []
     for each, command in zip((tick, theirs), commands, strict=True):
         off = correction(each.qp, each.solution)

@@ -49,7 +49,6 @@ WATCHED: tuple[tuple[str, Any, str], ...] = (
     ("integration", wbc.Robot, "integrate"),
     ("whose snapshot, and which path", wbc.KinematicController, "step"),
     ("whose snapshot, and which path", NativeController, "_step"),
-    ("whose snapshot, and which path", NativeController, "_native_step"),
     ("what changed, written to the core", NativePlan, "_write"),
     ("what is asked of whom, and the answer as an object", NativePlan, "problem"),
     ("the core sets up the QP, contacts eliminated", NativeMemory, "call"),

@@ -26,6 +26,16 @@ def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
     return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape
 
 
+def are_plain(first: Any, shape: tuple[int, ...], second: Any, its_shape: tuple[int, ...]) -> bool:
+    """Whether two values are: one call in place of two."""
+    return (
+        type(first) is type(second) is np.ndarray
+        and first.dtype is second.dtype is _FLOAT
+        and first.shape == shape
+        and second.shape == its_shape
+    )
+
+
 def plain_copy(value: Any, shape: tuple[int, ...], largest: float = LARGEST) -> Array | None:
     """Return a fresh copy of a float array of that shape, every entry finite; else None.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from wbc.constraints.collision import SelfCollision
@@ -21,7 +19,7 @@ from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.tasks.task import Task
-from wbc.validate import Array, read_only
+from wbc.validate import Array
 
 
 class KinematicController(NativeController):
@@ -40,8 +38,9 @@ class KinematicController(NativeController):
         tasks = self.robot, self.tasks, self.plan
         return NativePlan.of(*tasks, self.limits, self.dt, backend, None, margin)
 
-    def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
-        return Tick.reading(found, velocity=read_only(found.velocity), **known)
+    def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
+        known = self._known_errors(found, snapshot) if self._deviating else None
+        return Tick.reading(found, found.velocity, known)
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         return NO_PHYSICS

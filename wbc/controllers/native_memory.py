@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from sys import getrefcount
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ from wbc.robot.names import BASE
 from wbc.validate import Array
 
 REDUCED = 7  # of what the core says, as UNSOLVED: enum handed_over of source/core.h
+# References to an answer that nobody keeps: the memory's, a local name, the count's own.
+_UNSHARED = 3
 
 
 class _Plan(ctypes.Structure):
@@ -128,9 +131,10 @@ class NativeMemory:
         self._answer: Any = tree.core.wbc_answer
         self._plan_address = ctypes.addressof(self.struct)
         self._state_address = address(self.state)
-        self._asked: tuple[bytes, bytes] = b"", b""  # q, v
+        self._asked = b""  # q and v
         self._iterations, self._proximal = self.answer.found.stop - 1, 0
         self.out = np.zeros(self.answer.size)
+        self.struct.out = address(self.out)
         self._reduced: dict[int, QP] = {}  # by its number of rows
 
     def _point(self, solver: Daqp | ProxQP | None) -> None:
@@ -153,20 +157,23 @@ class NativeMemory:
             struct.quadprog = direct_daqp().address
             struct.settings = ctypes.addressof(self._settings)
 
-    def call(self, q: Array, v: Array, moving: bool, state: Array | None) -> tuple[int, Array]:
+    def call(self, measured: bytes, moving: bool, state: Array | None) -> tuple[int, Array]:
         """Run the core; return what it said and what it wrote.
 
-        ``state`` is what it found at (q, v) before; None: it looks now.
+        ``measured`` is q, and v behind it; ``state`` what the core found there before; None: it
+        looks now.
         """
         known = None
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_address
-        self.out = out = np.empty(self.answer.size)
-        self.struct.out = address(out)
+        out = self.out
+        if getrefcount(out) > _UNSHARED:  # a tick that is kept, or a view of its QP, still needs it
+            self.out = out = np.empty(self.answer.size)
+            self.struct.out = address(out)
         out[self._iterations] = self._proximal = 0
-        self._asked = asked = q.tobytes(), v.tobytes()
-        self.said = said = self._call(self._plan_address, known, *asked, moving)
+        self._asked = measured
+        self.said = said = self._call(self._plan_address, known, measured, None, moving)
         return said, out
 
     def write_limits(self, limits: Limits) -> None:
@@ -216,12 +223,12 @@ class NativeMemory:
     def takes(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
         """Whether an answer of the reduced QP makes one of the whole: see :class:`Judge`."""
         self._proximal = iterations
-        self.said = self._answer(self._plan_address, *self._asked, x, z, scale, iterations)
+        self.said = self._answer(self._plan_address, self._asked, None, x, z, scale, iterations)
         return self.said != UNSOLVED
 
     def solves(self) -> bool:
         """Whether DAQP's does."""
-        self.said = self._answer(self._plan_address, *self._asked, None, None, 1.0, 0)
+        self.said = self._answer(self._plan_address, self._asked, None, None, None, 1.0, 0)
         return self.said != UNSOLVED
 
     def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
@@ -260,7 +267,7 @@ class NativeMemory:
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return how many numbers setting up the QP needs."""
         tree = self.tree
-        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 10), 13 * tree.joints + 6 * tree.nv)
+        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 10), 13 * tree.joints + 17 * tree.nv)
         if self.margin is not None:
             rows = self.margin.rows * tree.nv
             work = max(work, rows + self._margin_scratch_size(self.margin))

@@ -7,8 +7,9 @@ an attribute of the task was set, and where only its target was, those that move
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from operator import is_, itemgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from wbc.tasks.task import Task
 from wbc.validate import Array
 
 _HEADER = 3  # numbers of a law
+# Attributes by which a target moves, which most targets of every tick leave at rest.
+_OF_MOTION = frozenset(("_bias", "_drift", "target_rate", "target_acceleration"))
 
 
 class Block(ctypes.Structure):
@@ -68,8 +71,11 @@ class Part:
         self.changes = self.assigned = -1  # of the task, when its numbers were written
         self._places: list[_Place] = []
         self._rereads = kept is None and all(rows.moving for rows in self.rows or ())
-        self._moving: list[tuple[str, Array]] = []  # attributes of the task, and where they go
-        self._written: list[object] = []  # what went there last
+        # Attributes of the task, and where they go: what it aims at; how that moves.
+        self._goals: list[tuple[str, Array]] = []
+        self._motions: list[tuple[str, Array]] = []
+        self._motion_of = _reader(())  # what reads the latter
+        self._motion: tuple[object, ...] = ()  # what they were when they were written
         self._law: VelocityLaw | AccelerationLaw | None = None
 
     def chosen(self, rows: NativeRows) -> list[int]:
@@ -92,20 +98,24 @@ class Part:
         self._places.append(_Place(header, weight, rest))
         for name, where in zip(rows.moving, rest, strict=False):
             if name and self._rereads:
-                self._moving.append((name, where.reshape(getattr(self.task, name).shape)))
+                kind = self._motions if name in _OF_MOTION else self._goals
+                kind.append((name, where.reshape(getattr(self.task, name).shape)))
+        self._motion_of = _reader([name for name, _ in self._motions])
 
     def write(self, dt: float) -> bool:
         """Write the numbers of a task that was changed; False if it is another one now."""
         task, planned, own = self.task, self.rows, self.task.__dict__
         changes, self.assigned = task._changes, task._assigned
+        motion = self._motion_of(own)
         if changes == self.changes and self._rereads:  # only the target was set
-            written = self._written
-            for k, (name, where) in enumerate(self._moving):
-                now = own[name]
-                if now is not written[k]:  # arrays are replaced, never changed
-                    where[...] = written[k] = now
+            for name, where in self._goals:
+                where[...] = own[name]
+            if not all(map(is_, motion, self._motion)):  # arrays are replaced, never changed
+                self._motion = motion
+                for name, where in self._motions:
+                    where[...] = own[name]
             return True
-        self._written = [None] * len(self._moving)
+        self._motion = motion
         found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
@@ -127,6 +137,13 @@ class Part:
             place.weight[:] = own if self.kept is None else own[self.kept]
             offset += len(now.entries)
         self._law = law
+
+
+def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
+    """Return what reads several attributes, as a tuple."""
+    if len(names) < 2:
+        return lambda attributes: tuple(attributes[name] for name in names)
+    return itemgetter(*names)
 
 
 def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:

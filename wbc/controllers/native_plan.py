@@ -50,7 +50,11 @@ class NativePlan:
         What the core reads and works in.
     margin:
         Between the robot's bodies, kept by the core; None: none is.
+    shares_state:
+        Whether others in the tick look at what the core finds at a state: it is kept then.
     """
+
+    shares_state = False
 
     def __init__(
         self,
@@ -140,7 +144,10 @@ class NativePlan:
         ``ramps`` are the largest normal forces [N] of contacts that come or go.
         """
         begun = perf_counter()
-        known = snapshot.__dict__.get("native_state", _LATER)
+        if self.shares_state:
+            known = snapshot.native_state
+        else:
+            known = snapshot.__dict__.get("native_state", _LATER)
         if known is None:  # a copy from elsewhere
             return None
         state = None if known is _LATER else known.array
@@ -148,20 +155,19 @@ class NativePlan:
             if not self._write(ramps):
                 return None
             called = perf_counter()
-            said, out = self.memory.call(snapshot.q, snapshot.v, snapshot.moving, state)
+            said, out = self.memory.call(snapshot.measured, snapshot.moving, state)
             answered = _BY_CORE
             if said == REDUCED and isinstance(self._solver, ProxQP):
                 memory = self.memory
                 qp, quick = memory.reduced(), memory.forces is not None
-                by = self._solver.solve_for(memory, qp, self._workspace, quick)
-                said, answered = self.memory.said, by or answered
+                found = self._solver.solve_for(memory, qp, self._workspace, quick)
+                said, answered = self.memory.said, found or answered
             done = perf_counter()
             if said > 0:
                 return None
-            solved = said == 0 and self._solver is not None
-            answered_by = answered if solved else None
             asked = self._solver is not None
-            return NativeProblem(self._layout, out, begun, called, done, answered_by, asked)
+            by = answered if asked and said == 0 else None
+            return NativeProblem(self._layout, out, begun, called, done, by, asked)
 
     @property
     def spent(self) -> float:

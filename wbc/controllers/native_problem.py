@@ -15,13 +15,14 @@ from wbc.constraints.rows import Bounds
 from wbc.controllers.native_answer import Answer, AnswerLayout
 from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.plan import Assembled
+from wbc.controllers.singular import Singularity
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
 from wbc.qp.daqp import Daqp
 from wbc.qp.judge import Answered
 from wbc.qp.native_daqp import UNASKED, solution_of
 from wbc.qp.problem import QP, Labels
-from wbc.qp.solution import Solution
+from wbc.qp.solution import Solution, Status
 from wbc.validate import Array, read_only
 
 _NONE: Array = read_only(np.zeros(0))
@@ -64,7 +65,15 @@ class NativeProblem:
         Who solved it, if the core found the residuals small enough to need no second look.
     asked:
         Whether somebody was asked to solve it.
+
+    Attributes
+    ----------
+    solved:
+        Whether it has a solution.
     """
+
+    # What a plain tick, which is one of a solved QP, says of itself besides.
+    status, policy = Status.SOLVED, None
 
     def __init__(
         self,
@@ -77,15 +86,11 @@ class NativeProblem:
         asked: bool,
     ) -> None:
         self._layout, self._out = layout, out
-        self._clock = begun, called, done
+        self.begun, self._called, self._done = begun, called, done
         forces = layout.memory.forces
         self._forced = None if forces is None else forces.labels  # these of this tick
         self._answered, self._asked = answered, asked
-
-    @property
-    def solved(self) -> bool:
-        """Whether it has a solution."""
-        return self._answered is not None
+        self.solved = answered is not None
 
     @property
     def refused(self) -> bool:
@@ -131,6 +136,16 @@ class NativeProblem:
         """The same at zero unknowns (nv,)."""
         return self._answer.offset
 
+    @property
+    def slack(self) -> dict[str, float]:
+        """Nothing gave way."""
+        return {}
+
+    @property
+    def singular(self) -> dict[str, Singularity]:
+        """No task has a threshold."""
+        return {}
+
     @cached_property
     def errors(self) -> dict[str, Array]:
         """Error of each task, by name."""
@@ -149,16 +164,17 @@ class NativeProblem:
         by, a = self._answered, self._answer
         if by is None:
             return None
-        _, called, done = self._clock
         if by.solver == IN_CORE:
             by = Answered(Daqp.name if a.found[-1] else NO_SOLVER, 1)
         parts = (part.copy() for part in (a.x, a.y, a.z, a.z_box))
-        return solution_of(parts, a.found, done - called, *by)
+        return solution_of(parts, a.found, self._done - self._called, *by)
 
     @property
     def velocity(self) -> Array:
-        """A copy of the command v+ (nv,): at the torque level with the base's dynamics met."""
-        return self._out[self._layout.answer.velocity].copy()
+        """A copy, read-only, of the command v+ (nv,), with the base's dynamics met where it has."""
+        velocity = self._out[self._layout.answer.velocity].copy()
+        velocity.setflags(False)  # type: ignore[call-arg]  # as read_only does
+        return velocity
 
     @property
     def forces(self) -> Array:
@@ -173,5 +189,4 @@ class NativeProblem:
     @property
     def times(self) -> Times:
         """The tick up to the core's call, and the call: setting up the QP is a third of it."""
-        begun, called, done = self._clock
-        return Times(called - begun, 0.0, done - called)
+        return Times(self._called - self.begun, 0.0, self._done - self._called)

@@ -54,37 +54,34 @@ class NativeController(Controller):
         plan = self._native
         if plan is None or not plan.serves(self.limits, self.dt):
             return self._step_within(Work(self.budget), snapshot)
-        found = self._native_step(plan, snapshot)
-        if isinstance(found, Tick):
-            return found
-        return self._step_within(found.work, snapshot, found.attempt)
-
-    def _native_step(
-        self,
-        plan: NativePlan,
-        snapshot: Snapshot,
-        work: Work | None = None,
-        refused: bool = False,
-    ) -> Tick | _Unsolved:
-        """Return the command of a plain tick, or what came of one that is not, or has no solution.
-
-        ``work``: of the tick so far. ``refused``: DAQP found no answer to its QP.
-        """
-        start = perf_counter()
-        if self.constraints and plan.margin is None and snapshot.native_state is None:
-            return _Unsolved(Work(self.budget))  # margins look at it too
         found = self._native_problem(plan, snapshot)
         if found is not None and found.solved:
             # The core kept the box to the accuracy promised, far below what a command may exceed.
-            return self._native_tick(found, snapshot, self._deviations(found, snapshot))
-        work = Work(self.budget) if work is None else work
+            return self._native_tick(found, snapshot)
+        attempted = self._native_attempt(plan, found, snapshot)
+        if isinstance(attempted, Tick):
+            return attempted
+        return self._step_within(attempted.work, snapshot, attempted.attempt)
+
+    def _native_attempt(
+        self, plan: NativePlan, found: NativeProblem | None, snapshot: Snapshot
+    ) -> Tick | _Unsolved:
+        """Return the command of a tick whose problem the core did not solve, or what came of it.
+
+        ``found`` is the problem; None: the tick is not plain.
+        """
+        start = perf_counter() if found is None else found.begun
+        work = Work(self.budget)
         work.spent += plan.spent
+        refused = found is not None and found.refused  # DAQP found no answer
         if plan.margin is not None:
             # Where an answer leads inside, rows are added by Python.
-            second, refused = self._second, found is not None and found.refused
-            if second is None:
+            if self._second is None:
                 return _Unsolved(work)
-            return self._native_step(second, snapshot, work, refused)
+            found = self._native_problem(self._second, snapshot)
+            if found is not None and found.solved:
+                return self._native_tick(found, snapshot)
+            work.spent += self._second.spent
         if found is None:
             return _Unsolved(work)
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
@@ -107,10 +104,8 @@ class NativeController(Controller):
         residuals = {name: found.residual(name) for name in found.errors}
         return self._tick(snapshot, physics, residuals, attempt, {}, work, start, ready)
 
-    def _deviations(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
-        """Return the errors if tasks report others than theirs: they are about their targets."""
-        if not self._deviating:
-            return {}
+    def _known_errors(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
+        """Return the errors where tasks report others than their residuals': of targets of now."""
         errors = dict(found.errors)
         for task in self._deviating:
             errors[task.name] = task.deviation(snapshot, found.residual(task.name))
@@ -128,6 +123,9 @@ class NativeController(Controller):
             first = self._native_plan(self.backend, margin)
             if first is not None:
                 self._native, self._second = first, self._native
+        for plan in (self._native, self._second):
+            if plan is not None and plan.margin is None:
+                plan.shares_state = bool(self.constraints)  # margins look at it too
         if self._native is not None and self.budget < math.inf:
             self._native.bound(0.5 * self.budget)
 
@@ -144,8 +142,8 @@ class NativeController(Controller):
         return plan.problem(snapshot)
 
     @abstractmethod
-    def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
-        """Return the tick of a QP that the core solved, with what is ``known`` of it besides."""
+    def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
+        """Return the tick of a QP that the core solved."""
 
     @abstractmethod
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:

@@ -32,7 +32,7 @@ class Times(NamedTuple):
 
 
 # What a tick of the native core reads when it is asked for.
-_LATER = frozenset(("errors", "solution", "qp", "times"))
+_LATER = frozenset(("status", "policy", "errors", "solution", "qp", "times", "slack", "singular"))
 
 
 @dataclass(frozen=True)
@@ -80,20 +80,13 @@ class Tick:
     left_out: tuple[str, ...] = ()
 
     @classmethod
-    def reading(cls, evidence: object, velocity: Array, **known: Any) -> Self:
-        """Return a plain, solved tick; its errors and evidence are read from ``evidence`` later."""
-        tick = object.__new__(cls)
-        tick.__dict__.update(  # past __init__, which assigns one frozen field after the other
-            velocity=velocity,
-            status=Status.SOLVED,
-            policy=None,
-            step_scale=1.0,
-            slack={},
-            singular={},
-            left_out=(),
-            _evidence=evidence,
-            **known,
-        )
+    def reading(cls, evidence: object, velocity: Array, known: Mapping[str, Any] | None) -> Self:
+        """Return a plain, solved tick; what is not ``known`` is read from ``evidence`` later."""
+        tick = object.__new__(cls)  # past __init__, which assigns one frozen field after the other
+        own = tick.__dict__
+        own["velocity"], own["_evidence"] = velocity, evidence
+        if known:
+            own.update(known)
         return tick
 
     if not TYPE_CHECKING:  # a misspelt attribute is an error

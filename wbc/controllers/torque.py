@@ -260,19 +260,18 @@ class TorqueController(NativeController):
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
         return plan.problem(snapshot, self._ramps.most)
 
-    def _native_tick(self, found: NativeProblem, snapshot: Snapshot, known: dict[str, Any]) -> Tick:
+    def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
         velocity, torque, bounds = found.velocity, found.torque, self.torque_bounds
         np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
         self._last = Reaction(self.contact_forces, snapshot, found.forces)
-        return TorqueTick.reading(
-            found,
-            velocity=read_only(velocity),
-            torque=read_only(torque),
-            acceleration=read_only((velocity - snapshot.v) / self.dt),
-            reaction=self._last,
-            ramps=self._ramps.most,
-            **known,
-        )
+        known: dict[str, Any] = self._known_errors(found, snapshot) if self._deviating else {}
+        known |= {
+            "torque": read_only(torque),
+            "acceleration": read_only((velocity - snapshot.v) / self.dt),
+            "reaction": self._last,
+            "ramps": self._ramps.most,
+        }
+        return TorqueTick.reading(found, velocity, known)
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         dynamics = TickDynamics(snapshot, self.contact_forces, found.matrix, found.offset, None)

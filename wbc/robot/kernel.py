@@ -14,11 +14,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from wbc.native import Core, address
 from wbc.spatial import vech
-from wbc.validate import Array, is_plain, read_only
+from wbc.validate import Array, are_plain, read_only
 
 # Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
 KEPT = 32
@@ -192,28 +192,26 @@ class NativePass:
         memory = np.zeros(size + tree.nq)
         self._measured, self._reached = memory[:size], memory[size:]
         self._shapes = (tree.nq,), (tree.nv,)
-        self._there = address(memory)
-        self._scratch = np.zeros(13 * tree.joints)
+        self._there, self._tree = address(memory), tree.address
+        self._check: Any = tree.core.wbc_check
+        self._scratch = np.zeros(13 * tree.joints + 17 * tree.nv)
         self._joints = np.zeros(KEPT, dtype=np.int64)
         self._placements = np.zeros((KEPT, 12))
         self._grow()
 
-    def measured(self, q: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array] | None:
-        """Return a state as snapshots keep it, read-only; None: Python looks closely."""
+    def measured(self, q: Any, v: Any) -> bytes | None:
+        """Return a state as snapshots keep it, v behind q; None: Python looks closely."""
         of_q, of_v = self._shapes
-        if not (is_plain(q, of_q) and is_plain(v, of_v)):
+        if not are_plain(q, of_q, v, of_v):
             return None
-        tree = self.tree
-        if tree.core.wbc_check(tree.address, q.tobytes(), v.tobytes(), self._there):
+        if self._check(self._tree, q.tobytes(), v.tobytes(), self._there):
             return None
-        found = self._measured.copy()
-        found.setflags(write=False)
-        return found[: tree.nq], found[tree.nq :]
+        return self._measured.tobytes()
 
-    def reached(self, q: ArrayLike, v: ArrayLike, dt: float) -> Array | None:
+    def reached(self, q: Any, v: Any, dt: float) -> Array | None:
         """Return where a measured q gets to at v over dt; None: Python looks closely."""
         of_q, of_v = self._shapes
-        if not (is_plain(q, of_q) and is_plain(v, of_v)):
+        if not are_plain(q, of_q, v, of_v):
             return None
         tree = self.tree
         if tree.core.wbc_move(tree.address, q.tobytes(), v.tobytes(), dt, self._there):

@@ -218,7 +218,7 @@ class Robot(KinematicTree):
         """
         native = self.native
         if native is not None and (plain := native.measured(q, v)) is not None:
-            return Snapshot(self, *plain)
+            return Snapshot.of_measured(self, plain)
         q = read_only(self.check_configuration(q))
         if v is None:
             return Snapshot(self, q, read_only(np.zeros(self.nv)), moving=False)

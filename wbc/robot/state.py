@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -47,20 +47,12 @@ class KinematicState:
     ----------
     robot:
         Whose state it is.
-    q:
-        Configuration (nq,): base position [m], base quaternion xyzw, joints [rad or m].
-    v:
-        Velocity (nv,): base linear and angular in base axes, joint rates.
     moving:
         False if no velocity was measured (``v`` is then zero).
     """
 
     robot: KinematicTree
-    q: Array
-    v: Array
     moving: bool
-    _placements: dict[str, tuple[Array, Array]]
-    _jacobians: dict[str, Array]
     _whole: Array  # CoM and entries of the inertia about it (9,), where there is no native state
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
@@ -73,6 +65,14 @@ class KinematicState:
             own["native_state"], own["_whole"], own["com"] = None, whole, whole[:3]
             if not robot.limits.unbounded:
                 own["joint_positions"] = q[BASE_NQ:]
+
+    @classmethod
+    def of_measured(cls, robot: KinematicTree, measured: bytes) -> Self:
+        """Return the state of a checked configuration with a velocity behind it: the core's way."""
+        state = object.__new__(cls)
+        own = state.__dict__
+        own["robot"], own["measured"], own["moving"], own["_sealed"] = robot, measured, True, True
+        return state
 
     def __setattr__(self, name: str, value: object) -> None:
         if "_sealed" in self.__dict__:  # properties keep what they computed without passing here
@@ -89,6 +89,30 @@ class KinematicState:
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
         return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
+
+    @lazy
+    def measured(self) -> bytes:
+        """The bytes of q, and of v behind it."""
+        return self.q.tobytes() + self.v.tobytes()
+
+    @lazy
+    def q(self) -> Array:
+        """Configuration (nq,): base position [m], base quaternion xyzw, joints [rad or m]."""
+        return np.frombuffer(self.measured, count=self.robot.nq)  # read-only, as bytes are
+
+    @lazy
+    def v(self) -> Array:
+        """Velocity (nv,): base linear and angular in base axes, joint rates; 0 if not measured."""
+        return np.frombuffer(self.measured, offset=8 * self.robot.nq)
+
+    @lazy
+    def _placements(self) -> dict[str, tuple[Array, Array]]:
+        """Those that were asked for, by frame."""
+        return {}
+
+    @lazy
+    def _jacobians(self) -> dict[str, Array]:
+        return {}
 
     @lazy
     def native_state(self) -> NativeState | None:
