@@ -27,12 +27,10 @@ from wbc.qp.kkt import kkt_residuals
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import (
     ComTask,
-    DampingTask,
     InertiaTask,
     MomentumTask,
     OrientationTask,
     PostureTask,
-    TorqueTask,
 )
 
 pytestmark = needs_core
@@ -281,11 +279,7 @@ def test_what_the_core_does_not_know_is_left_to_python(native) -> None:
     robot = native("g1_27")
     here = robot.snapshot(robot.posture("standing"))
     tasks, contacts = standing_tasks(robot, here), support(here, "double")
-    patched = ComTask(robot, here.com)
-    patched.__dict__["drift"] = tasks[0].drift
     for others, options in (
-        ([TorqueTask(robot)], {}),
-        ([DampingTask(robot)], {}),
         ([PostureTask(robot, here.q, priority=1, name="low")], {}),
         ([], {"slack": {"left_sole": 10.0}}),
         ([], {"limits": Limits(robot, braking="bounded")}),
@@ -293,7 +287,6 @@ def test_what_the_core_does_not_know_is_left_to_python(native) -> None:
         controller = controller_of(robot, [*tasks, *others], contacts, **options)
         assert controller._native is None
         assert controller.step(here).ok
-    assert controller_of(robot, [patched, tasks[-1]], contacts)._native is None
     # What acts at the velocity level alone is no reason.
     tasks[0].singular_threshold = 0.1
     assert controller_of(robot, tasks, contacts)._native is not None

@@ -33,7 +33,7 @@ class Tick:
             Contact.hold(here, "left_hand", friction=None),
         ]
         self.layout = ContactForces(robot, contacts, robot.mass / DT)
-        self.dynamics = TickDynamics.at(here, self.layout, last)
+        self.dynamics = TickDynamics(here, self.layout, last)
         self.v = here.v + 0.1 * rng.normal(size=robot.nv)
         self.f = rng.normal(size=self.layout.size)
         self.x = np.concatenate((self.v, self.f))
@@ -164,6 +164,6 @@ def test_the_cop_is_wanted_where_moments_vanish(
     np.testing.assert_allclose(tick.error(own), expected[:2], atol=1e-9)
     away = CopTask(robot, [0.1, -0.2], frame="right_hand")
     np.testing.assert_array_equal(tick.error(away), [0.0, 0.0])
-    in_the_air = TickDynamics.at(here, ContactForces(robot, [], robot.mass / DT), None)
+    in_the_air = TickDynamics(here, ContactForces(robot, [], robot.mass / DT), None)
     matrix, constant = flat.expression(in_the_air)
     assert matrix.shape == (2, robot.nv) and not matrix.any() and not constant.any()

@@ -10,7 +10,7 @@ makes the base forces and torques an affine expression of x.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,37 +28,49 @@ class TickDynamics:
 
     Attributes
     ----------
-    matrix, offset:
-        (nv, n) and (nv,): base forces and torques by the unknowns, in units of ``unit``.
     last:
         Wrenches of the last tick by contact; None if there was none.
+    known:
+        ``matrix`` and ``offset``, where they were found already; None: when they are asked for.
     """
 
     snapshot: Snapshot
     forces: ContactForces
-    matrix: Array
-    offset: Array
     last: Mapping[str, Array] | None
+    known: tuple[Array, Array] | None = None
 
-    @classmethod
-    def at(
-        cls,
-        snapshot: Snapshot,
-        forces: ContactForces,
-        last: Mapping[str, Array] | None,
-        matrix: Array | None = None,
-    ) -> TickDynamics:
-        """Return the dynamics at a snapshot; in ``matrix`` (nv, n), if given, which is filled."""
-        robot, unit = snapshot.robot, forces.unit
-        nv = robot.nv
-        matrix = np.empty((nv, nv + forces.size)) if matrix is None else matrix
+    @cached_property
+    def _found(self) -> tuple[Array, Array]:
+        if self.known is not None:
+            return self.known
+        nv = self.snapshot.robot.nv
+        return self._written(np.empty((nv, self.size)))
+
+    @property
+    def matrix(self) -> Array:
+        """Base forces and torques (nv, n) by the unknowns, in units of ``unit``."""
+        return self._found[0]
+
+    @property
+    def offset(self) -> Array:
+        """The same (nv,) at zero unknowns."""
+        return self._found[1]
+
+    def filling(self, matrix: Array) -> TickDynamics:
+        """Return the same with its matrix in memory (nv, n) of the caller's."""
+        return replace(self, known=self._written(matrix))
+
+    def _written(self, matrix: Array) -> tuple[Array, Array]:
+        """Write the matrix; return it with the offset."""
+        snapshot, unit = self.snapshot, self.forces.unit
+        robot, nv = snapshot.robot, snapshot.robot.nv
         inertia = np.multiply(snapshot.mass_matrix, 1.0 / robot.mass, out=matrix[:, :nv])
         offset = snapshot.bias / unit
         offset -= inertia.dot(snapshot.v)
         diagonal = matrix.reshape(-1)[:: matrix.shape[1] + 1]
         diagonal[6:] += robot.damping / unit
-        np.negative(forces.generalized(snapshot), out=matrix[:, nv:])
-        return cls(snapshot, forces, matrix, offset, last)
+        np.negative(self.forces.generalized(snapshot), out=matrix[:, nv:])
+        return matrix, offset
 
     def torques(self, x: Array) -> Array:
         """Return the torques (nv - 6,) of all joints [N m] at x (n,)."""
@@ -78,7 +90,7 @@ class TickDynamics:
     @property
     def size(self) -> int:
         """How many unknowns there are."""
-        return int(self.matrix.shape[1])
+        return int(self.snapshot.robot.nv) + self.forces.size
 
     @property
     def unit(self) -> float:
@@ -97,7 +109,7 @@ class TickDynamics:
     def wrench(self, frame: str) -> Array:
         """Return (6, n): a contact's wrench at its frame's origin, world axes, by the unknowns."""
         if frame not in self._wrenches:
-            wrench, nv = np.zeros((6, self.size)), self.matrix.shape[0]
+            wrench, nv = np.zeros((6, self.size)), self.snapshot.robot.nv
             if frame in self.contacts:
                 self.forces.wrench_map(frame, self.snapshot, out=wrench[:, nv:])
                 wrench *= self.unit

@@ -267,7 +267,7 @@ class NativeMemory:
     def _scratch_size(self, frames: int, rows: int) -> int:
         """Return how many numbers setting up the QP needs."""
         tree = self.tree
-        work = max(rows * (tree.nv + 4) + tree.nv * (tree.nv + 10), 13 * tree.joints + 17 * tree.nv)
+        work = max(rows * (self.n + 4) + tree.nv * (tree.nv + 10), 13 * tree.joints + 17 * tree.nv)
         if self.margin is not None:
             rows = self.margin.rows * tree.nv
             work = max(work, rows + self._margin_scratch_size(self.margin))

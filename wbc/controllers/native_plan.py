@@ -1,9 +1,10 @@
 """Plain ticks in the native core: from a snapshot to the QP, and maybe its solution, in one call.
 
-Plain means one level, contacts met exactly, free braking, no singular threshold, and tasks that
-describe their rows (:meth:`wbc.tasks.task.Task.native`), none of them about forces. The QP is that
-of the Python tick to rounding, and all behind it is shared. Whatever else comes, such as a joint
-outside its limits, is handed back: the same snapshot then goes through the Python tick.
+Plain means one level, contacts met exactly, free braking and no singular threshold. Tasks that do
+not describe their rows (:meth:`wbc.tasks.task.Task.native`) have theirs worked out in Python
+(:mod:`wbc.controllers.native_given`). The QP is that of the Python tick to rounding, and all behind
+it is shared. Whatever else comes, such as a joint outside its limits, is handed back: the same
+snapshot then goes through the Python tick.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from wbc.constraints.limits import Limits
 from wbc.controllers.contact_forces import NO_RAMPS
 from wbc.controllers.levels import TOLERANCE
 from wbc.controllers.native_forces import TorqueRows, unbearable
+from wbc.controllers.native_given import GivenPart, GivenRows, may_be_given
 from wbc.controllers.native_margin import NativeMargin
 from wbc.controllers.native_memory import REDUCED, NativeMemory
 from wbc.controllers.native_parts import Part
@@ -32,6 +34,7 @@ from wbc.qp.judge import Answered
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree
+from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -50,6 +53,8 @@ class NativePlan:
         What the core reads and works in.
     margin:
         Between the robot's bodies, kept by the core; None: none is.
+    given:
+        Tasks about motion whose rows are worked out in Python; all about forces are.
     shares_state:
         Whether others in the tick look at what the core finds at a state: it is kept then.
     """
@@ -71,6 +76,9 @@ class NativePlan:
     ) -> None:
         tasks = [part.task for part in parts if not part.held]
         self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
+        self._given = [part for part in parts if isinstance(part, GivenPart)]
+        given = (part.task for part in self._given)
+        self.given = tuple(task for task in given if not isinstance(task, ForceTask))
         self._plan, self._parts, self._dt, self._lock = plan, parts, dt, threading.Lock()
         self._limits, self._rates = limits, _rates(limits)
         self._workspace = False, *plan.workspace  # as LevelSolver's
@@ -114,6 +122,10 @@ class NativePlan:
             return None
         torque = rows is not None
         parts = [Part(task, None, held=False, torque=torque) for task in tasks]
+        unit, n = 0.0 if rows is None else rows.forces.unit, plan.decision.size
+        for k, part in enumerate(parts):
+            if part.rows is None and may_be_given(part.task, torque):
+                parts[k] = GivenPart(part.task, torque, n, robot.nv, unit)
         for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
             chosen = None if kept is None else kept.tolist()
             parts.append(Part(contact, chosen, held=True, torque=torque))
@@ -137,11 +149,19 @@ class NativePlan:
         )
 
     def problem(
-        self, snapshot: Snapshot, ramps: Mapping[str, float] = NO_RAMPS
+        self,
+        snapshot: Snapshot,
+        ramps: Mapping[str, float] = NO_RAMPS,
+        given: Sequence[GivenRows] = (),
     ) -> NativeProblem | None:
         """Return the QP at ``snapshot``, maybe solved; None: to be done in Python.
 
-        ``ramps`` are the largest normal forces [N] of contacts that come or go.
+        Parameters
+        ----------
+        ramps:
+            The largest normal forces [N] of contacts that come or go.
+        given:
+            The rows of the tasks ``given``, and behind them of those about forces, in their order.
         """
         begun = perf_counter()
         if self.shares_state:
@@ -154,6 +174,9 @@ class NativePlan:
         with self._lock:
             if not self._write(ramps):
                 return None
+            for part, rows in zip(self._given, given, strict=True):
+                if not part.fill(rows):
+                    return None
             called = perf_counter()
             said, out = self.memory.call(snapshot.measured, snapshot.moving, state)
             answered = _BY_CORE
@@ -167,7 +190,10 @@ class NativePlan:
                 return None
             asked = self._solver is not None
             by = answered if asked and said == 0 else None
-            return NativeProblem(self._layout, out, begun, called, done, by, asked)
+            problem = NativeProblem(self._layout, out, begun, called, done, by, asked)
+            if given:
+                problem.given = given
+            return problem
 
     @property
     def spent(self) -> float:

@@ -6,6 +6,7 @@ the rest becomes objects when it is read.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from wbc.constraints.rows import Bounds
 from wbc.controllers.native_answer import Answer, AnswerLayout
+from wbc.controllers.native_given import GivenRows
 from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.plan import Assembled
 from wbc.controllers.singular import Singularity
@@ -70,10 +72,13 @@ class NativeProblem:
     ----------
     solved:
         Whether it has a solution.
+    given:
+        Rows that were worked out in Python.
     """
 
     # What a plain tick, which is one of a solved QP, says of itself besides.
     status, policy = Status.SOLVED, None
+    given: Sequence[GivenRows] = ()
 
     def __init__(
         self,
@@ -153,7 +158,10 @@ class NativeProblem:
         return {name: every[where] for name, where in self._layout.errors.items()}
 
     def residual(self, name: str) -> Residual:
-        """Return the error of a task as a residual without derivatives."""
+        """Return the residual of a task, without derivatives where the core worked it out."""
+        for one in self.given:
+            if one.name == name and one.residual is not None:
+                return one.residual
         return Residual(self.errors[name], _NONE, _NONE)
 
     # ------------------------------------------------------------------ its solution

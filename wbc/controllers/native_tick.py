@@ -11,6 +11,7 @@ from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
 from wbc.controllers.level_problem import LevelProblem
 from wbc.controllers.look_ahead import Attempt
+from wbc.controllers.native_given import GivenRows
 from wbc.controllers.native_margin import only_self_collision
 from wbc.controllers.native_plan import NativePlan, solves
 from wbc.controllers.native_problem import NativeProblem
@@ -139,7 +140,16 @@ class NativeController(Controller):
 
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
         """Return the QP of a tick."""
-        return plan.problem(snapshot)
+        return plan.problem(snapshot, given=self._given_rows(plan, snapshot))
+
+    def _given_rows(self, plan: NativePlan, snapshot: Snapshot) -> list[GivenRows]:
+        """Return the rows of tasks that the core does not know, those about forces last."""
+        found = []
+        for task in plan.given:
+            residual = task.residual(snapshot)
+            rows = self._law(task, residual, snapshot)
+            found.append(GivenRows(task.name, rows, residual))
+        return found
 
     @abstractmethod
     def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:

@@ -29,6 +29,7 @@ from wbc.controllers.level_problem import Box, LevelProblem
 from wbc.controllers.levels import Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_cuts
 from wbc.controllers.native_forces import TorqueRows
+from wbc.controllers.native_given import GivenRows
 from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
@@ -231,7 +232,7 @@ class TorqueController(NativeController):
         rows = np.empty((nv + cones.lower.size, nv + self.contact_forces.size))
         rows[nv:, :nv] = 0.0
         rows[nv:, nv:] = cones.matrix
-        dynamics = self._dynamics(snapshot, rows[:nv])
+        dynamics = self._dynamics(snapshot).filling(rows[:nv])
         offset, bounded = dynamics.offset, self._torque_rows
         held = Rows(rows[self._base_rows], -offset[self._base_rows], self._met)
         ends = np.empty((2, count + cones.lower.size))
@@ -250,15 +251,21 @@ class TorqueController(NativeController):
     def _native_plan(
         self, backend: Backend | None, margin: SelfCollision | None
     ) -> NativePlan | None:
-        if self._force_tasks:
-            return None
         limits = self._bounded, self._most, self._torque_labels
         rows = TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
-        tasks = self.robot, self._motion, self.plan
+        tasks = self.robot, (*self._motion, *self._force_tasks), self.plan
         return NativePlan.of(*tasks, self.limits, self.dt, backend, rows, margin)
 
     def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
-        return plan.problem(snapshot, self._ramps.most)
+        return plan.problem(snapshot, self._ramps.most, self._given_rows(plan, snapshot))
+
+    def _given_rows(self, plan: NativePlan, snapshot: Snapshot) -> list[GivenRows]:
+        found = super()._given_rows(plan, snapshot)
+        if self._force_tasks:
+            dynamics = self._dynamics(snapshot)
+            for task in self._force_tasks:
+                found.append(GivenRows(task.name, task.force_rows(dynamics), None))
+        return found
 
     def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
         velocity, torque, bounds = found.velocity, found.torque, self.torque_bounds
@@ -274,13 +281,18 @@ class TorqueController(NativeController):
         return TorqueTick.reading(found, velocity, known)
 
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
-        dynamics = TickDynamics(snapshot, self.contact_forces, found.matrix, found.offset, None)
-        return Physics(bounds=found.bounds, dynamics=dynamics)
+        known = found.matrix, found.offset
+        dynamics = TickDynamics(snapshot, self.contact_forces, self._last_wrenches(), known)
+        forces = [task.force_rows(dynamics) for task in self._force_tasks]
+        return Physics(bounds=found.bounds, forces=forces, dynamics=dynamics)
 
-    def _dynamics(self, snapshot: Snapshot, matrix: Array | None = None) -> TickDynamics:
-        """Return what forces and torques are by the unknowns; ``matrix`` is filled, if given."""
-        last = self._last.wrenches() if self._force_tasks and self._last is not None else None
-        return TickDynamics.at(snapshot, self.contact_forces, last, matrix)
+    def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
+        """Return what forces and torques are by the unknowns."""
+        return TickDynamics(snapshot, self.contact_forces, self._last_wrenches())
+
+    def _last_wrenches(self) -> Mapping[str, Array] | None:
+        """Return what contacts bore in the last tick, if anyone may ask for it."""
+        return self._last.wrenches() if self._force_tasks and self._last is not None else None
 
     # ------------------------------------------------------------------ parts of the tick
 

@@ -1,4 +1,4 @@
-"""How a task or contact describes its rows to the native core; without, ticks run in Python."""
+"""How a task or contact describes its rows to the native core."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ class Kind(IntEnum):
     MOMENTUM = 4  # none; entries
     CONTACT = 5  # position (3,), rotation (3, 3); entries: rows
     LINEAR = 6  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
+    GIVEN = 7  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
 
 
 class NativeRows(NamedTuple):

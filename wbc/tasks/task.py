@@ -239,7 +239,7 @@ class Task(metaclass=Sealed):
         )
 
     def native(self) -> Sequence[NativeRows] | None:
-        """Return what the native core needs for the residual; None: ticks run in Python.
+        """Return what the native core needs for the residual; None: it is asked in each tick.
 
         Not inherited: who derives a kind of task may have changed its residual.
         """

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 7
+#define WBC_CORE_VERSION 8
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -117,7 +117,7 @@ typedef struct {
 
 /* What a row asks for: the kinds that wbc/native/rows.py describes. */
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
-                CONTACT = 5, LINEAR = 6 };
+                CONTACT = 5, LINEAR = 6, GIVEN = 7 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
  * selection begins in index and their numbers in number, and which frame they are about (-1: the
  * CoM, or the world). */
@@ -125,8 +125,10 @@ typedef struct {
     int64_t kind, held, rows, first, frame, index, number;
 } wbc_block;
 /* Numbers of a block: those of its law; weights (rows); biases (rows); what the target's motion adds
- * to the drifts (rows); then those of its kind. */
-enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, WEIGHTS = 3 };
+ * to the drifts (rows); then those of its kind. GIVEN rows were worked out by others: matrix (rows, n),
+ * target (rows), error (rows) and damping (nv); DECIDED is not 0 where the error is what the answer
+ * misses, times this. */
+enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, DECIDED = 0, WEIGHTS = 3 };
 
 /* What a contact bears, as unknowns: forces at corners, or (corners 0) one along each of its rows. */
 typedef struct {

@@ -267,6 +267,25 @@ WIDE static int add_block(const wbc_plan *plan, const wbc_block *block, const wb
     return 1;
 }
 
+/* The same of rows that others worked out, for all unknowns. */
+WIDE static void add_given(const wbc_plan *plan, const wbc_block *block, double *J,
+                           const wbc_qp *qp) {
+    const int64_t n = qp->n, k = block->rows;
+    const double *weight = plan->number + block->number + WEIGHTS, *matrix = weight + 3 * k;
+    const double *target = matrix + k * n, *error = target + k, *damping = error + k;
+    double *wanted = J + k * n;
+    for (int64_t i = 0; i < k; i++) {
+        double *row = J + i * n;
+        for (int64_t c = 0; c < n; c++) row[c] = weight[i] * matrix[i * n + c];
+        wanted[i] = weight[i] * target[i];
+        qp->errors[block->first + i] = error[i];
+        const double size = dot(n, row, row);
+        if (size > *qp->heaviest) *qp->heaviest = size;
+    }
+    square(n, k, J, wanted, qp->P, n, qp->g);
+    for (int64_t c = 0; c < plan->tree->nv; c++) qp->P[c * n + c] += damping[c];
+}
+
 INLINE int is_sound(const double *values, int64_t n) {
     return dot(n, values, values) < LARGEST * LARGEST;
 }
@@ -298,6 +317,7 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     double *J = motion + (plan->torque ? MOTION_SIZE(nv, plan->tree->joints) : 0);
     const wbc_state_at at = {state, q, v, frames, motion, accelerations};
     double damping = 0.0;
+    int64_t wide = nv; /* of the cost: forces are in it where rows are given */
     wbc_qp qp;
     lay_out(plan, &qp);
     memset(qp.P, 0, qp.n * qp.n * sizeof *qp.P);
@@ -311,15 +331,19 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
         add_dynamics(plan, frames, motion, v, &qp);
     }
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
-        if (!add_block(plan, block, &at, J, &qp, &damping)) return HALF_A_TURN;
+        if (block->kind == GIVEN)
+            add_given(plan, block, J, &qp), wide = qp.n;
+        else if (!add_block(plan, block, &at, J, &qp, &damping))
+            return HALF_A_TURN;
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
     if (kept != DONE) return kept;
     for (int64_t i = 0; i < qp.n; i++) {
         qp.P[i * qp.n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
         if (plan->torque && i < nv) qp.g[i] -= plan->damping[i] * v[i];
     }
+    for (int64_t i = 0; i < wide; i++)
+        for (int64_t j = i + 1; j < wide; j++) qp.P[j * qp.n + i] = qp.P[i * qp.n + j];
     for (int64_t i = 0; i < nv; i++) {
-        for (int64_t j = i + 1; j < nv; j++) qp.P[j * qp.n + i] = qp.P[i * qp.n + j];
         qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
     }
     if (plan->limited && bound(plan, q, v, moving, qp.lower, qp.upper) != DONE)
