@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from wbc.problem import Problem, load_problem
 from wbc.problem.pendulum.result import PendulumResult, SavedPendulum
 from wbc.problem.saved import SavedRun, load_result
 from wbc.robot import Robot
-from wbc.simulation import SimulationResult
+from wbc.simulation import SimulationResult, Step, Terrain
+from wbc.simulation.terrain import LEVEL
 from wbc.view.pendulum_film import PendulumFilm, film_pendulum
 from wbc.view.report.replay import pendulum_replay, replay_rows
 from wbc.view.report.report import report_text, write_pendulum_report
@@ -55,6 +57,28 @@ def test_a_simulation_comes_back(simulated: SimulationResult, tmp_path: Path) ->
     for name in ("torque", "tilt", "push", "relaxed", "forces/left_sole"):
         np.testing.assert_array_equal(saved.simulation[name], made.simulation[name])
     assert len(saved.history.time) == len(simulated.arrays["torque"])
+
+
+def test_a_saved_simulation_knows_its_terrain(simulated: SimulationResult, tmp_path: Path) -> None:
+    board = Step(centre=(0.5, 0.1, 0.02), size=(0.6, 0.8, 0.02), yaw=0.2)
+    terrain = Terrain(friction=0.4, slope=(0.1, 0.0), steps=(board,))
+    replace(simulated, terrain=terrain).save(tmp_path / "s.npz")
+    saved = load_result(tmp_path / "s.npz")
+    assert isinstance(saved, SavedRun)
+    assert saved.terrain.to_data() == terrain.to_data()
+    assert SavedRun.of(simulated, "s").terrain is simulated.terrain
+    with np.load(tmp_path / "s.npz") as archive:
+        arrays = dict(archive)
+    summary = json.loads(str(arrays["summary"]))
+    del summary["simulation"]["terrain"]  # as files had it before
+    np.savez(tmp_path / "old.npz", **{**arrays, "summary": np.array(json.dumps(summary))})
+    old = load_result(tmp_path / "old.npz")
+    assert isinstance(old, SavedRun) and old.terrain is LEVEL
+    for wrong in ("hilly", {"slope": [0, 0]}, {"steps": [], "hills": 3}):
+        summary["simulation"]["terrain"] = wrong
+        np.savez(tmp_path / "bad.npz", **{**arrays, "summary": np.array(json.dumps(summary))})
+        with pytest.raises(InvalidInputError, match="its terrain cannot be read"):
+            load_result(tmp_path / "bad.npz")
 
 
 def test_a_report_of_a_simulation_says_what_only_physics_knows(

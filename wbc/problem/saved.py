@@ -23,7 +23,8 @@ from wbc.robot import Robot
 from wbc.run.history import History
 from wbc.run.result import FORMAT, Result
 from wbc.run.surroundings import ObstacleTrack
-from wbc.simulation import SimulationResult
+from wbc.simulation import SimulationResult, Terrain
+from wbc.simulation.terrain import LEVEL
 
 LARGEST = 2_000_000_000  # bytes of all arrays unpacked
 WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
@@ -42,6 +43,7 @@ class SavedRun:
     summary: Mapping[str, Any]  # what Result.summary returned, with the problem's text and versions
     # Of a simulation, the arrays that SimulationResult.save writes.
     simulation: Mapping[str, NDArray[Any]] | None = None
+    terrain: Terrain = LEVEL  # of a simulation, what the robot stood on
 
     @classmethod
     def of(cls, result: Result | SimulationResult, name: str) -> SavedRun:
@@ -49,7 +51,8 @@ class SavedRun:
         if isinstance(result, Result):
             return cls(name, result.robot, result.history, result.summary())
         arrays = result.arrays
-        return cls(name, result.robot, _history(arrays), result.summary(), arrays)
+        parts = result.robot, _history(arrays), result.summary()
+        return cls(name, *parts, arrays, result.terrain)
 
 
 def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | SavedPendulum:
@@ -88,7 +91,8 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
         history = _history(arrays)
     except KeyError as error:
         raise InvalidInputError(f"{path}: lacks the array {error}; {REMEDY}") from None
-    return SavedRun(path.stem, robot, history, summary, arrays if "simulation" in summary else None)
+    simulation = arrays if "simulation" in summary else None
+    return SavedRun(path.stem, robot, history, summary, simulation, _terrain(path, summary))
 
 
 def _kinds(name: str) -> str:
@@ -121,6 +125,15 @@ def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
     spec = read_problem(apply_overrides(source, made_from.get("overrides") or {}))
     robot = RobotSpec(model=spec.robot) if isinstance(spec.robot, str) else spec.robot
     return robot.load(Path(source.name).parent)
+
+
+def _terrain(path: Path, summary: Mapping[str, Any]) -> Terrain:
+    """Return what a simulated robot stood on; level ground where an older file does not say it."""
+    try:
+        told = summary.get("simulation", {}).get("terrain")
+        return LEVEL if told is None else Terrain.from_data(told)
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InvalidInputError(f"{path}: its terrain cannot be read; {REMEDY}") from error
 
 
 def _history(arrays: Mapping[str, NDArray[Any]]) -> History:

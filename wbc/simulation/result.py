@@ -22,6 +22,7 @@ from wbc.simulation.falling import Verdict
 from wbc.simulation.plant import Plant
 from wbc.simulation.push import Push
 from wbc.simulation.recorder import Recorder
+from wbc.simulation.terrain import Terrain
 from wbc.simulation.trial_record import TrialRecord
 from wbc.tracking.deviation import PlanTracking, judge
 from wbc.tracking.reference import PlanReference
@@ -81,6 +82,8 @@ class SimulationResult:
         never were are left out.
     torque_use:
         Largest part of its torque bound that each joint used, by joint; those without are left out.
+    terrain:
+        What the robot stood on.
     tracking:
         How well the robot followed a plan, if it had one.
     """
@@ -96,6 +99,7 @@ class SimulationResult:
     torque_use: Mapping[str, float]
     recorder: Recorder
     notes: Sequence[str]
+    terrain: Terrain
     tracking: PlanTracking | None = None
 
     @classmethod
@@ -135,6 +139,7 @@ class SimulationResult:
             ),
             recorder=record.truth,
             notes=record.notes,
+            terrain=plant.terrain,
             tracking=tracking,
         )  # fmt: skip
 
@@ -203,6 +208,7 @@ class SimulationResult:
                 "saturated": dict(self.saturated),
                 "torque_use": dict(self.torque_use),
                 "notes": list(self.notes),
+                "terrain": self.terrain.to_data(),
             },
             **({} if self.tracking is None else {"plan": self.tracking.summary()}),
         }

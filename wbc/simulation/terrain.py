@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +49,12 @@ class Step:
         if self.friction is not None:
             check_fields(self, "step, ", "friction", least=0.0)
 
+    @property
+    def axes(self) -> Array:
+        """How it is turned (2, 2): its x and y axis in the world, as columns."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.array(((c, -s), (s, c)))
+
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
@@ -81,17 +89,41 @@ class Terrain:
         set_fields(self, slope=(float(slope[0]), float(slope[1])), steps=tuple(self.steps))
 
     @property
+    def upright(self) -> Array:
+        """(3,) by which a point multiplied is how far it is above the plane, vertically [m]."""
+        return np.array([-self.slope[0], -self.slope[1], 1.0])
+
+    @property
     def normal(self) -> Array:
         """Unit normal (3,) of the plane, upwards."""
-        n = np.array([-self.slope[0], -self.slope[1], 1.0])
-        return n / np.linalg.norm(n)
+        return self.upright / np.linalg.norm(self.upright)
 
     def height(self, points: Array) -> Array:
         """Return the height (k,) of the ground, or of a step on it, at points (k, 2) [m]."""
         found = points @ np.array(self.slope)
         for step in self.steps:
-            c, s = np.cos(step.yaw), np.sin(step.yaw)
-            local = (points - step.centre[:2]) @ np.array(((c, -s), (s, c)))
+            local = (points - step.centre[:2]) @ step.axes
             on = (np.abs(local) <= 0.5 * step.size[:2]).all(axis=1)
             found = np.where(on, np.maximum(found, step.centre[2]), found)
         return found
+
+    def surface(self, points: Array) -> Array:
+        """Return the points (k, 3) of the surface above or below points (k, 2) or (k, 3) [m]."""
+        level = points[:, :2]
+        return np.column_stack((level, self.height(level)))
+
+    def to_data(self) -> dict[str, Any]:
+        """Return plain data, of which :meth:`from_data` makes the same terrain."""
+        steps = [
+            {**asdict(step), "centre": step.centre.tolist(), "size": step.size.tolist()}
+            for step in self.steps
+        ]
+        return {**asdict(self), "slope": list(self.slope), "steps": steps}
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Terrain:
+        """Return the terrain that :meth:`to_data` told of."""
+        return cls(**{**data, "steps": tuple(Step(**step) for step in data["steps"])})
+
+
+LEVEL = Terrain()
