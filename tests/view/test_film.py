@@ -1,6 +1,7 @@
 """Films of runs: what they show, when, and always the same."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from PIL import Image
 from wbc.errors import InvalidInputError
 from wbc.problem import load_problem
 from wbc.run import Result
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.film import film_format, film_rows, film_run
 from wbc.view.options import View
 from wbc.view.style import VERMILION
@@ -72,6 +74,19 @@ def test_layers_are_left_out(result: Result, tmp_path: Path) -> None:
         pixels = np.asarray(film.convert("RGB")).astype(int)
     mark = np.array([int(VERMILION[k : k + 2], 16) for k in (1, 3, 5)])
     assert not (np.abs(pixels - mark).max(axis=-1) < 12).any()
+
+
+def test_a_film_has_the_ground_of_its_run(result: Result, tmp_path: Path) -> None:
+    """Two ticks of it; where a slope is, level ground is not."""
+    history = result.history
+    brief = SimpleNamespace(time=history.time[:2], q=history.q[:2], errors={})
+    pictures = []
+    for name, terrain in (("level", LEVEL), ("slope", Terrain(slope=(0.0, 0.2)))):
+        path = tmp_path / f"{name}.gif"
+        film_run(result.robot, brief, path, title="x", fps=2, size=SMALL, terrain=terrain)
+        with Image.open(path) as film:
+            pictures.append(np.asarray(film.convert("RGB")).astype(int))
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=-1) > 2).mean() > 0.02
 
 
 def test_rows_are_the_run_at_its_own_speed() -> None:

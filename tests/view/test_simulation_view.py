@@ -6,7 +6,11 @@ from numpy.typing import NDArray
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view import style
+from wbc.view.camera import Camera
+from wbc.view.render import Picture, render
+from wbc.view.scene import Scene
 from wbc.view.simulation import plot_simulation, simulation_figure
 
 Arrays = dict[str, NDArray[np.float64]]
@@ -92,6 +96,22 @@ def test_without_pushes_the_robot_is_drawn_now_and_then(robot: Robot, arrays: Ar
     figure = simulation_figure(robot, {**arrays, "push": np.zeros((ROWS, 3))}, title="still")
     titles = {axes.get_title() for axes in figure.axes}
     assert {f"t = {t:.2f} s" for t in (0.0, 0.5, 1.0, 1.5, 2.0)} <= titles
+
+
+def test_the_ground_is_that_of_the_simulation(
+    robot: Robot, arrays: Arrays, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenes: list[Scene] = []
+
+    def remembered(scene: Scene, camera: Camera) -> Picture:
+        scenes.append(scene)
+        return render(scene, camera)
+
+    monkeypatch.setattr("wbc.view.portrait.render", remembered)
+    terrain = Terrain(slope=(0.1, 0.0))
+    simulation_figure(robot, arrays, title="level")
+    simulation_figure(robot, arrays, title="slope", terrain=terrain)
+    assert [one.terrain for one in scenes] == [LEVEL] * 5 + [terrain] * 5
 
 
 def test_what_is_no_simulation_is_refused(robot: Robot, arrays: Arrays) -> None:

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 import wbc.view
 from wbc.errors import InvalidInputError, WbcError
+from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
+from wbc.simulation import Step, Terrain
 from wbc.view import plot_robot, plot_run, robot_figure, run_figure, style
-from wbc.view.portrait import LINE, captions, portraits_of
+from wbc.view.portrait import LINE, Pose, captions, portraits_of
 from wbc.view.series import spread
 from wbc.view.style import save
 
@@ -177,6 +179,29 @@ def test_the_ground_is_under_a_robot_that_is_not_at_zero(robot: Robot) -> None:
     assert [one.scene.ground for one in portraits] == pytest.approx([0.0, -0.3, 0.0], abs=1e-9)
     for one in portraits:
         np.testing.assert_allclose(one.foot[:2], one.snapshot.com[:2])
+
+
+def test_legs_stand_on_the_slope_or_on_a_board(robot: Robot) -> None:
+    """Where they are, also below z = 0: a robot there has not sunk in."""
+    board = Step(centre=(1.0, 0.0, 0.2), size=(0.5, 0.5, 0.1))
+    terrain = Terrain(slope=(0.1, 0.0), steps=(board,))
+    start = turned_with(robot.posture("standing"), terrain.normal)
+    poses = {}
+    for name, x, z in (("down", -2.0, -0.2), ("up", 3.0, 0.3), ("on", 1.0, 0.2)):
+        q = start.copy()
+        q[[0, 2]] += (x, z)
+        poses[name] = Pose(q, terrain=terrain)
+    down, up, on = portraits_of(robot, poses)
+    for one in (down, up):
+        x, y, _ = one.snapshot.com
+        np.testing.assert_allclose(one.foot, (x, y, 0.1 * x), atol=1e-12)
+        np.testing.assert_allclose(one.scene.below_centre, one.foot, atol=1e-12)
+        for outline in one.outlines:
+            np.testing.assert_allclose(outline[:, 2], 0.1 * outline[:, 0], atol=1e-9)
+    assert [one.scene.ground for one in (down, up, on)] == [0.0] * 3
+    np.testing.assert_allclose(on.foot, (*on.snapshot.com[:2], 0.2), atol=1e-12)
+    # The camera moves with the plane, so that robots on boards stand higher in their pictures.
+    assert on.scene.below_centre[2] == pytest.approx(0.1 * on.snapshot.com[0])
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from wbc.errors import InvalidInputError
 from wbc.files import ending_of
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_number
 from wbc.view import style
 from wbc.view.camera import Camera
@@ -98,6 +99,7 @@ def film_run(
     speed: float = 1.0,
     size: tuple[int, int] = (480, 560),
     view: View = DEFAULT,
+    terrain: Terrain = LEVEL,
     progress: Progress | None = None,
 ) -> Path:
     """Write a film of a run, and return its path; the file appears whole or not at all.
@@ -114,6 +116,8 @@ def film_run(
         How much faster than the run the film is.
     size:
         Width and height [pixels]; made even.
+    terrain:
+        Of a simulation, what the robot stood on.
     progress:
         Called with pictures done and pictures in all.
 
@@ -123,7 +127,7 @@ def film_run(
         Another ending, no such folder, numbers out of range, or what :func:`wbc.view.plot_run`
         refuses.
     """
-    run = read_history(robot, history)
+    run = read_history(robot, history, terrain)
     return write_film(
         lambda: Film(run, title, even(size), view), run.time, path, fps, speed, progress
     )

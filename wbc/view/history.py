@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.run.surroundings import ObstacleTrack
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.spatial import vech
 from wbc.validate import Array, finite_array
 from wbc.view.portrait import Aimed, Pose
@@ -73,6 +74,7 @@ class Run:
     points: Mapping[str, Array]  # (n, 3) [m]
     targets: Mapping[str, Array]
     obstacles: Mapping[str, ObstacleTrack]
+    terrain: Terrain = LEVEL  # the ground
 
     def pose(self, row: int, support: str | None = None, now: bool = False) -> Pose:
         """Return what to draw of a row.
@@ -99,6 +101,7 @@ class Run:
             grounded=stands or bool(support) or self.robot.fixed_base,
             obstacles=obstacles,
             aims=[*self._aims(row, now)],
+            terrain=self.terrain,
         )
 
     def phase_at(self, row: int) -> str:
@@ -114,8 +117,8 @@ class Run:
                 yield Aimed(name, point, targets[row] if now else targets[there[-1]])
 
 
-def read_history(robot: Robot, history: History) -> Run:
-    """Return what is to be drawn of a history.
+def read_history(robot: Robot, history: History, terrain: Terrain = LEVEL) -> Run:
+    """Return what is to be drawn of a history, on a terrain.
 
     Raises
     ------
@@ -157,6 +160,7 @@ def read_history(robot: Robot, history: History) -> Run:
         places["points"],
         places["targets"],
         getattr(history, "obstacles", None) or {},
+        terrain,
     )
 
 

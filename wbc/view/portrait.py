@@ -17,6 +17,7 @@ from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
 from wbc.robot.geometry import Mesh, RobotMeshes
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view import style
 from wbc.view.camera import Camera, viewing_axes
@@ -30,7 +31,7 @@ DEFAULT = View()
 WALL = 0.5  # half the side of a wall as drawn, in sizes of the robot
 FAR = 0.8  # sizes of the robot: what is farther from its CoM need not be in the picture
 REACHED = 5e-3  # m: a target no farther than this from its point is not marked
-SUNK = 0.02  # m: a robot reaching lower than this below z = 0 is not meant to stand there
+SUNK = 0.02  # m: a robot reaching lower than this below the ground is not meant to stand there
 INCH = 72.0  # points
 TEXT_WIDTH = 0.95  # inches, of a semi-axis as written below a picture
 LINE, CHARACTERS = 0.14, 18.0  # inches of a line of a caption, its characters per inch
@@ -61,6 +62,7 @@ class Pose:
     grounded: bool = True  # whether there is a ground; a floating robot has none
     obstacles: Sequence[tuple[Shape, Array]] = ()  # shapes, and rotation and origin (3, 4) of each
     aims: Sequence[Aimed] = ()  # where tasks want points of the robot
+    terrain: Terrain = LEVEL  # the ground, if there is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,8 @@ def portrait_of(
 ) -> Portrait:
     """Return the portrait of a robot at rest: the CoP is the CoM's projection."""
     robot = snapshot.robot
-    lowest = min((float(mesh.vertices[:, 2].min()) for mesh in meshes), default=0.0)
+    above = (mesh.vertices @ pose.terrain.upright for mesh in meshes)
+    lowest = min((float(heights.min()) for heights in above), default=0.0)
     ground = lowest if lowest < -SUNK or not pose.grounded else 0.0
     ellipsoid = equimomental(snapshot.inertia, robot.mass)
     scene = Scene(
@@ -109,13 +112,14 @@ def portrait_of(
         ground,
         grounded=pose.grounded and view.shows("ground"),
         glass=view.shows("ellipsoid"),
+        terrain=pose.terrain,
     )
     if view.shows("obstacles"):
         solids = [_solid(scene, shape, place) for shape, place in pose.obstacles]
         scene = replace(scene, solids=solids)
     outlines = [sole_outline(snapshot, foot) for foot in robot.feet.values()]
     radii = reaction_mass_radii(ellipsoid.inertia(), robot.mass)
-    leg = scene.below_centre if pose.stands and robot.feet else None
+    leg = scene.stood_on if pose.stands and robot.feet else None
     soles = outlines if pose.grounded else []
     return Portrait(name, snapshot, scene, soles, leg, radii, pose.aims, view)
 
@@ -124,7 +128,7 @@ def _solid(scene: Scene, shape: Shape, place: Array) -> Mesh:
     """Return an obstacle where it is; of a wall, what is near the robot."""
     R, origin = place[:, :3], place[:, 3]
     centre = (scene.centre - origin) @ R
-    ground = scene.ground - float(origin[2])  # of an upright wall; others do not turn
+    ground = float(scene.below_centre[2] - origin[2])  # of an upright wall; others do not turn
     surface = solid_surface(shape, centre, WALL * scene.size, ground)
     return Mesh("", surface.vertices @ R.T + origin, surface.faces, style.OBSTACLE)
 

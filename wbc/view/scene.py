@@ -11,7 +11,12 @@ import numpy as np
 from wbc.rmp.ellipsoid import Ellipsoid
 from wbc.robot import Foot, Snapshot
 from wbc.robot.geometry import Mesh
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
+from wbc.view import palette
+from wbc.view.boards import board_surfaces
+
+SPREAD = 0.9  # of the robot's size: how far around it boards are drawn; the rest has faded
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +28,11 @@ class Scene:
     ellipsoid: Ellipsoid
     centre: Array
     tint: Array  # colour of the ellipsoid, (3,) in [0, 1]
-    ground: float  # altitude of the ground [m]
+    ground: float  # altitude of the ground at the world's origin [m]
     grounded: bool = True  # whether there is a ground to draw; a floating robot has none
     glass: bool = True  # whether the ellipsoid is drawn
     solids: Sequence[Mesh] = ()  # obstacles; what is behind them shows through a little
+    terrain: Terrain = LEVEL  # the ground's slope, and the boards on it
 
     @cached_property
     def corners(self) -> Array:
@@ -53,11 +59,28 @@ class Scene:
         low, high = np.minimum(low, self.centre - reach), np.maximum(high, self.centre + reach)
         return float((high - low).max())
 
+    @cached_property
+    def boards(self) -> Sequence[Mesh]:
+        """What is near of the boards on the ground."""
+        colour = palette.unit_rgb(palette.BOARD)
+        surfaces = board_surfaces(self.terrain, self.centre, SPREAD * self.size)
+        risen = np.array([0.0, 0.0, self.ground])
+        return [Mesh("", one.vertices + risen, one.faces, colour) for one in surfaces]
+
+    def above_plane(self, points: Array) -> Array:
+        """Return how far points (..., 3) are above the ground's plane, vertically [m]."""
+        return points @ self.terrain.upright - self.ground
+
     @property
     def below_centre(self) -> Array:
-        """The point of the ground under the CoM (3,)."""
+        """The point of the ground's plane under the CoM (3,)."""
         x, y, _ = self.centre
-        return np.array([x, y, self.ground])
+        return np.array([x, y, self.ground + float(self.centre[:2] @ self.terrain.slope)])
+
+    @property
+    def stood_on(self) -> Array:
+        """The point of the ground, or of a board on it, under the CoM (3,)."""
+        return self.terrain.surface(self.centre[None])[0] + [0.0, 0.0, self.ground]
 
     @property
     def extent(self) -> Array:

@@ -14,10 +14,12 @@ from matplotlib.figure import Figure
 from wbc.errors import InvalidInputError
 from wbc.motion.dropouts import runs
 from wbc.robot import Robot
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array, finite_array
 from wbc.view import style
 from wbc.view.portrait import (
     LINE,
+    Pose,
     captions,
     draw_portraits,
     portraits_of,
@@ -39,7 +41,12 @@ NEEDED = ("time", "q", "com", "cop", "planned_cop", "torque", "push", "relaxed",
 
 
 def plot_simulation(
-    robot: Robot, arrays: Mapping[str, Any], path: str | Path, *, title: str
+    robot: Robot,
+    arrays: Mapping[str, Any],
+    path: str | Path,
+    *,
+    title: str,
+    terrain: Terrain = LEVEL,
 ) -> Path:
     """Draw a simulation: see :func:`simulation_figure`.
 
@@ -56,11 +63,13 @@ def plot_simulation(
         The robot's meshes cannot be read.
     """
     path = style.picture_file(path)
-    style.save(simulation_figure(robot, arrays, title=title), path)
+    style.save(simulation_figure(robot, arrays, title=title, terrain=terrain), path)
     return path
 
 
-def simulation_figure(robot: Robot, arrays: Mapping[str, Any], *, title: str) -> Figure:
+def simulation_figure(
+    robot: Robot, arrays: Mapping[str, Any], *, title: str, terrain: Terrain = LEVEL
+) -> Figure:
     """Return a figure of a simulation.
 
     Above the robot at a few instants. Below, with pushes shaded: CoM and CoP, measured and
@@ -73,10 +82,12 @@ def simulation_figure(robot: Robot, arrays: Mapping[str, Any], *, title: str) ->
     ----------
     arrays:
         As ``wbc sim`` writes them, or :attr:`wbc.simulation.SimulationResult.arrays` has them.
+    terrain:
+        What the robot stood on, as :attr:`wbc.simulation.SimulationResult.terrain` has it.
     """
     run = _read(robot, arrays)
     time, moments = run["time"], _instants(run)
-    names = {f"t = {time[k]:.2f} s": run["q"][k] for k in moments}
+    names = {f"t = {time[k]:.2f} s": Pose(run["q"][k], terrain=terrain) for k in moments}
     portraits = portraits_of(robot, names)
     width = WIDTH / SHOWN
     high = width * float(np.clip(shape_of(portraits), *PANEL_SHAPE))

@@ -20,6 +20,7 @@ from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.robot.geometry import RobotMeshes
 from wbc.run import Result
+from wbc.simulation import Step, Terrain
 from wbc.view.history import read_history
 from wbc.view.report import write_report
 from wbc.view.report.replay import MOST, replay_data, replay_rows
@@ -105,6 +106,26 @@ def test_soles_obstacles_and_targets_are_in_it(result: Result, page: str) -> Non
     (aim,) = data["aims"]
     targets = numbers(aim["wanted"], (len(rows), 3))
     np.testing.assert_allclose(targets, result.history.targets["hand"][rows], atol=1e-6)
+
+
+def test_slopes_and_boards_are_in_it(result: Result, page: str) -> None:
+    level = data_of(page)
+    assert (level["slope"], level["boards"]) == ([0.0, 0.0], [])
+    count = len(replay_rows(result.history.time))
+    com = numbers(level["com"], (count, 3))
+    np.testing.assert_array_equal(numbers(level["feet"], (count, 3)), com * (1.0, 1.0, 0.0))
+    board = Step(centre=(0.3, -0.1, 0.04), size=(0.2, 0.4, 0.02))
+    terrain = Terrain(slope=(0.1, -0.05), steps=(board,))
+    data = data_of(report_text(result.robot, result.history, {}, "", None, terrain))
+    assert data["slope"] == [0.1, -0.05]
+    feet = numbers(data["feet"], (count, 3))
+    on_slope = 0.1 * com[:, 0] - 0.05 * com[:, 1]  # nobody stands on the board
+    np.testing.assert_allclose(feet, np.column_stack((com[:, :2], on_slope)), atol=1e-6)
+    (drawn,) = data["boards"]
+    raw = np.frombuffer(base64.b64decode(drawn["corners"]), dtype="<u2").reshape(-1, 3)
+    corners = np.array(drawn["low"]) + np.array(drawn["step"]) * raw
+    np.testing.assert_allclose(corners.min(axis=0), (0.2, -0.3, 0.02), atol=1e-5)
+    np.testing.assert_allclose(corners.max(axis=0), (0.4, 0.1, 0.04), atol=1e-5)
 
 
 def test_it_needs_nothing_else_and_no_text_gets_out(page: str) -> None:

@@ -4,7 +4,7 @@ const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 const floats = (text) => new Float32Array(bytes(text).buffer);
 const time = floats(data.time), frames = time.length;
 const [places, com, axes, sizes] = [data.places, data.com, data.axes, data.sizes].map(floats);
-const feet = data.feet ? floats(data.feet) : null;
+const feet = floats(data.feet);
 const aims = data.aims.map((a) => ({ points: floats(a.points), wanted: floats(a.wanted) }));
 const colour = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16) / 255);
 const principal = data.colours.principal.map(colour);
@@ -37,7 +37,7 @@ if (!gl) { trouble.hidden = false; trouble.textContent = "This browser has no We
 const shader = (kind, text) => { const s = gl.createShader(kind); gl.shaderSource(s, text);
   gl.compileShader(s); if (!gl.getShaderParameter(s, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(s));
   return s; };
-let program, where, ball, pole, parts = [], blocks = [];
+let program, where, ball, pole, parts = [], blocks = [], boards = [];
 function surface(vertices, faces) {
   const vao = gl.createVertexArray(); gl.bindVertexArray(vao);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -77,6 +77,7 @@ function prepare() {
   ball = round(16, 24, (u, a) => { const t = Math.PI * u; return [Math.sin(t) * Math.cos(a), Math.sin(t) * Math.sin(a), Math.cos(t)]; });
   pole = round(1, 12, (u, a) => [Math.cos(a), Math.sin(a), u]);
   parts = data.parts.map((one) => ({ joint: one.joint, colour: one.colour, mesh: unpacked(one) }));
+  boards = data.boards.map(unpacked);
   blocks = data.obstacles.map((one) => ({ places: floats(one.places), mesh: unpacked(one) }));
   const grid = []; for (let k = -10; k <= 10; k++) grid.push(-2, k / 5, 0, 2, k / 5, 0, k / 5, -2, 0, k / 5, 2, 0);
   lines = gl.createVertexArray(); gl.bindVertexArray(lines);
@@ -112,16 +113,18 @@ function paint() {
   gl.uniformMatrix4fv(where.view, false, mul(lens, turn)); gl.uniform3f(where.eye, ...eye);
   const k = frame, middle = three(com, k), size = sizes.subarray(6 * k, 6 * k + 6), dotSize = 0.03 * sizes[0];
   if (shown.ground && data.grounded) {
-    gl.uniformMatrix4fv(where.model, false, at([middle[0] - middle[0] % 0.2, middle[1] - middle[1] % 0.2, 0], 1));
+    const [a, b] = data.slope, x = middle[0] - middle[0] % 0.2, y = middle[1] - middle[1] % 0.2;
+    gl.uniformMatrix4fv(where.model, false, affine([1, 0, a], [0, 1, b], [0, 0, 1], [x, y, a * x + b * y]));
     gl.uniform4f(where.tint, 0.87, 0.88, 0.9, 1); gl.uniform1f(where.lit, 0);
     gl.bindVertexArray(lines); gl.drawArrays(gl.LINES, 0, lines.count);
+    for (const board of boards) draw(board, at([0, 0, 0], 1), colour(data.colours.board));
   }
   if (shown.robot) for (const part of parts) draw(part.mesh, pose(k, part.joint), part.colour);
   if (shown.soles) for (const sole of data.soles) {
     const m = pose(k, sole.joint), put = (p) => [0, 1, 2].map((i) => m[i] * p[0] + m[4 + i] * p[1] + m[8 + i] * p[2] + m[12 + i]);
     sole.corners.forEach((p, i) => draw(pole, rod(put(p), put(sole.corners[(i + 1) % sole.corners.length]), 0.12 * dotSize), colour(data.colours.sole), 1, 0)); }
   const axis = [0, 1, 2].map((j) => [0, 1, 2].map((i) => axes[9 * k + 3 * i + j]));
-  if (shown.leg && data.stands[k]) { const foot = feet ? three(feet, k) : [middle[0], middle[1], 0];
+  if (shown.leg && data.stands[k]) { const foot = three(feet, k);
     draw(pole, rod(foot, middle, 0.3 * dotSize), [0.13, 0.13, 0.13]); draw(ball, at(foot, 0.6 * dotSize), [0.13, 0.13, 0.13]); }
   if (shown.masses) axis.forEach((u, j) => { for (const s of [-1, 1]) {
     const tip = middle.map((c, i) => c + s * size[3 + j] * u[i]);

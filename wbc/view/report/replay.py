@@ -14,7 +14,8 @@ from wbc.problem.pendulum.result import PendulumHistory
 from wbc.rmp.ellipsoid import equimomental, reaction_mass_radii
 from wbc.robot.geometry import Mesh, RobotMeshes, Surface, joint_placements
 from wbc.validate import Array
-from wbc.view import style
+from wbc.view import palette, style
+from wbc.view.boards import board_surfaces
 from wbc.view.history import Run
 from wbc.view.pendulum_plots import SOLID
 from wbc.view.simplify import within
@@ -24,6 +25,12 @@ TRIANGLES = 40_000  # of the robot
 FPS, MOST = 30.0, 900  # frames per second, and in all
 STEPS = 65535  # of a coordinate over the extent of its mesh
 WALL = 0.7  # m: half the side of a wall
+COLOURS = {
+    "principal": style.PRINCIPAL,
+    "target": style.YELLOW,
+    "sole": style.ORANGE,
+    "board": palette.BOARD,
+}
 THIN = 0.03  # of a planar pendulum's wheel: its thickness
 
 
@@ -61,10 +68,13 @@ def replay_data(run: Run, rows: Sequence[int]) -> dict[str, Any]:
         "joints": int(np.shape(places)[1]),
         "places": _numbers(places),  # (frames, joints, 7): origin, quaternion xyzw
         "com": _numbers(com),
+        "feet": _numbers(run.terrain.surface(np.array(com))),  # (frames, 3): of the leg
         "axes": _numbers(axes),  # (frames, 9): principal axes as columns
         "sizes": _numbers(sizes),  # (frames, 6): semi-axes, radii of the masses
         "stands": stands,
         "grounded": bool(np.any(grounded)),
+        "slope": list(run.terrain.slope),
+        "boards": [_surface(one) for one in board_surfaces(run.terrain)],
         "soles": [*_soles(run)],
         "obstacles": [
             {**_surface(_obstacle(run, name)), "places": _numbers(track.place[list(rows)])}
@@ -79,7 +89,7 @@ def replay_data(run: Run, rows: Sequence[int]) -> dict[str, Any]:
             for name, targets in run.targets.items()
         ],
         "phases": [run.phase_at(row) for row in rows],
-        "colours": {"principal": style.PRINCIPAL, "target": style.YELLOW, "sole": style.ORANGE},
+        "colours": COLOURS,
     }
 
 
@@ -103,11 +113,13 @@ def pendulum_replay(history: PendulumHistory, rows: Sequence[int]) -> dict[str, 
         "feet": _numbers(feet),  # (frames, 3), NaN in flight
         "stands": np.isfinite(feet).all(axis=1).tolist(),
         "grounded": True,
+        "slope": [0.0, 0.0],
+        "boards": [],
         "soles": [],
         "obstacles": [],
         "aims": [],
         "phases": [history.phase[row] for row in rows],
-        "colours": {"principal": style.PRINCIPAL, "target": style.YELLOW, "sole": style.ORANGE},
+        "colours": COLOURS,
         "layers": ["ground", "ellipsoid", "masses", "com", "leg"],
     }
 

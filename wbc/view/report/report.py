@@ -18,6 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from wbc.files import ending_of, write_whole
 from wbc.problem.pendulum.result import PendulumHistory, unit_of
 from wbc.robot import Robot
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view import style
 from wbc.view.history import History, read_history
 from wbc.view.pendulum_plots import plots_of
@@ -45,6 +46,7 @@ def write_report(
     *,
     title: str,
     simulation: Mapping[str, Any] | None = None,
+    terrain: Terrain = LEVEL,
 ) -> Path:
     """Write a run as one HTML file that needs nothing else, and return its path.
 
@@ -59,6 +61,8 @@ def write_report(
         As :meth:`wbc.run.Result.summary` returns it.
     simulation:
         Of a simulation, the arrays that :meth:`wbc.simulation.SimulationResult.save` writes.
+    terrain:
+        Of a simulation, what the robot stood on.
 
     Raises
     ------
@@ -68,7 +72,7 @@ def write_report(
         The file cannot be written.
     """
     report_format(path)
-    return _write(path, report_text(robot, history, summary, title, simulation))
+    return _write(path, report_text(robot, history, summary, title, simulation, terrain))
 
 
 def report_text(
@@ -77,9 +81,10 @@ def report_text(
     summary: Mapping[str, Any],
     title: str,
     simulation: Mapping[str, Any] | None = None,
+    terrain: Terrain = LEVEL,
 ) -> str:
     """Return the page that :func:`write_report` writes."""
-    run = read_history(robot, history)
+    run = read_history(robot, history, terrain)
     data = replay_data(run, replay_rows(run.time))
     draws: list[Draw] = [
         lambda axes: plot_errors(axes, run.time, run.errors),

@@ -1,0 +1,46 @@
+"""The boards of a terrain as triangles, against their corners and volumes."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wbc.robot.geometry import Surface
+from wbc.simulation import Step, Terrain
+from wbc.view.boards import board_surfaces
+
+Array = NDArray[np.float64]
+STEP = Step(centre=(1.0, 0.5, 0.3), size=(0.2, 0.4, 0.1), yaw=0.3)
+TERRAIN = Terrain(steps=(STEP, Step(centre=(9.0, 0.0, 0.02), size=(0.6, 2.0, 0.02))))
+
+
+def local(points: Array) -> Array:
+    """World points (k, 3) in the axes of the first step, from the middle of its upper face."""
+    c, s = np.cos(0.3), np.sin(0.3)
+    x, y, z = (points - STEP.centre).T
+    return np.column_stack((c * x + s * y, c * y - s * x, z))
+
+
+def volume(surface: Surface) -> float:
+    """Enclosed by triangles of any winding around their middle [m^3]."""
+    corners = (surface.vertices - surface.vertices.mean(axis=0))[surface.faces]
+    return float(np.abs(np.linalg.det(corners)).sum() / 6.0)
+
+
+def test_they_are_the_boxes() -> None:
+    first, second = board_surfaces(TERRAIN)
+    corners = local(first.vertices)
+    assert len(corners) == 8
+    np.testing.assert_allclose(np.abs(corners[:, :2]), [[0.1, 0.2]] * 8, atol=1e-12)
+    np.testing.assert_allclose(np.sort(corners[:, 2]), [-0.1] * 4 + [0.0] * 4, atol=1e-12)
+    assert volume(first) == pytest.approx(0.2 * 0.4 * 0.1)
+    np.testing.assert_allclose(second.vertices.min(axis=0), [8.7, -1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(second.vertices.max(axis=0), [9.3, 1.0, 0.02], atol=1e-12)
+
+
+def test_only_what_is_near_is_made() -> None:
+    around = STEP.centre + (0.3 * np.cos(0.3), 0.3 * np.sin(0.3), 0.0)  # 0.3 m along the step's x
+    (near,) = board_surfaces(TERRAIN, around, 0.25)
+    corners = local(near.vertices)
+    np.testing.assert_allclose(corners.min(axis=0), [0.05, -0.2, -0.1], atol=1e-12)
+    np.testing.assert_allclose(corners.max(axis=0), [0.1, 0.2, 0.0], atol=1e-12)
+    assert board_surfaces(TERRAIN, np.array((-5.0, 0.0)), 0.5) == []

@@ -1,0 +1,123 @@
+"""The ground in a picture: a plane with a grid that fades, boards on it, and the robot's shadow."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from wbc.validate import Array
+from wbc.view.camera import NOTHING, Camera, rasterise
+from wbc.view.light import KEY, blurred, lit, towards, unit
+from wbc.view.scene import Scene, colours, triangles
+
+WHITE = np.ones(3)
+COLOUR, GRID_POWER, SHADOW_POWER = np.array([0.955, 0.96, 0.965]), 0.07, 0.22
+GRID_STEPS = np.array([0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # m
+# Parts of the robot's size: the least grid step, where the ground has nearly faded, a blur.
+LEAST_STEP, REACH, SOFTNESS = 0.12, 0.62, 0.012
+VIGNETTE = 0.12  # part of the picture
+
+
+def ground_picture(scene: Scene, camera: Camera, samples: int) -> tuple[Array, Array]:
+    """Return the picture without the robot, and the depth of the boards [m], infinite elsewhere.
+
+    Both are finer than the camera's picture: (height * samples, width * samples), the first with
+    three colours. They are white and infinite where there is no ground.
+    """
+    fine = camera.enlarged(samples)
+    if not scene.grounded:
+        return np.ones((fine.height, fine.width, 3)), np.full((fine.height, fine.width), np.inf)
+    shadow = _shadow(scene, camera)
+    image = _plane_picture(scene, camera, shadow).repeat(samples, axis=0).repeat(samples, axis=1)
+    return image, _lay_boards(image, scene, fine, camera, shadow)
+
+
+def _plane_picture(scene: Scene, camera: Camera, shadow: Array) -> Array:
+    """Return the picture (height, width, 3) of the plane, with a shadow (height, width) on it."""
+    right, down, forward = camera.axes
+    x, y = camera.slopes()
+    depth = _plane_depth(scene, camera)
+    ahead = camera.eye + depth[..., None] * (y[:, None] * down + forward)[:, None]
+    place = ahead[..., :2] + (depth * x)[..., None] * right[:2]
+    presence = _presence(scene, place) * (depth != 0.0) * _vignette(camera)
+    step = GRID_STEPS[np.searchsorted(GRID_STEPS[:-1], LEAST_STEP * scene.size)]
+    light = 1.0 - GRID_POWER * _grid(place, step) - SHADOW_POWER * shadow
+    return WHITE + presence[..., None] * (light[..., None] * COLOUR - WHITE)
+
+
+def _plane_depth(scene: Scene, camera: Camera) -> Array:
+    """Return the depth (height, width) at which pixels see the plane [m]; 0 where they do not."""
+    right, down, forward = camera.axes @ scene.terrain.upright
+    x, y = camera.slopes()
+    drop = (y * down + forward)[:, None] + x * right  # of a ray, towards the plane
+    below = drop < 0.0
+    return np.where(below, -scene.above_plane(camera.eye) / np.where(below, drop, -1.0), 0.0)
+
+
+def _presence(scene: Scene, place: Array) -> Array:
+    """Return how much there is of the ground at places (..., 2): it fades around the robot."""
+    radius = np.linalg.norm(place - scene.centre[:2], axis=-1) / scene.size
+    return np.exp(-(np.minimum(radius / REACH, 9.0) ** 5))
+
+
+def _vignette(camera: Camera) -> Array:
+    """Return a factor (height, width) that falls to 0 at the left, right and lower edges."""
+    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    side = np.minimum(columns, columns[::-1]) / (VIGNETTE * camera.width)
+    bottom = rows[::-1] / (VIGNETTE * camera.height)
+    rise = np.minimum(np.minimum(bottom[:, None], side), 1.0)
+    return rise**2 * (3.0 - 2.0 * rise)
+
+
+def _grid(place: Array, step: float) -> Array:
+    """Return how much of each pixel is on a grid line (height, width), 0 to 1."""
+    cells = place / step
+    off = np.abs(cells - np.round(cells))
+    pixel = np.maximum(np.abs(np.gradient(cells, axis=0)), np.abs(np.gradient(cells, axis=1)))
+    return np.clip(1.5 - off / np.maximum(pixel, 1e-9), 0.0, 1.0).max(axis=-1)
+
+
+# ---------------------------------------------------------------------- shadow
+
+
+def _shadow(scene: Scene, camera: Camera) -> Array:
+    """Return how much of the key light the robot keeps from the plane (height, width)."""
+    coarse = camera.enlarged(0.5)  # it is blurred anyway
+    mask = rasterise(coarse, _fallen(scene, camera, scene.corners)).triangle != NOTHING
+    radius = max(1, round(SOFTNESS * scene.size * coarse.magnification(scene.centre)))
+    soft = blurred(mask.astype(np.float64), radius)
+    rows = np.minimum(np.arange(camera.height) // 2, coarse.height - 1)
+    columns = np.minimum(np.arange(camera.width) // 2, coarse.width - 1)
+    return blurred(soft[np.ix_(rows, columns)], 2)
+
+
+def _fallen(scene: Scene, camera: Camera, points: Array) -> Array:
+    """Return where on the plane the shadows of points (..., 3) are."""
+    sun = unit(towards(KEY, camera) + np.array([0.0, 0.0, 1.5]))  # higher: a short shadow
+    above = scene.above_plane(points)[..., None]
+    return points - above * sun / (sun @ scene.terrain.upright)
+
+
+# ---------------------------------------------------------------------- boards
+
+
+def _lay_boards(image: Array, scene: Scene, camera: Camera, coarse: Camera, shadow: Array) -> Array:
+    """Lay the boards over the plane, and return their depth [m]; changes ``image``.
+
+    ``shadow`` is the plane's, as ``coarse`` sees it: light that does not come to a point of a board
+    would not come to the point of the plane behind it.
+    """
+    corners = triangles(scene.boards)
+    raster, plane = rasterise(camera, corners), _plane_depth(scene, camera)
+    seen = raster.depth < np.where(plane > 0.0, plane, np.inf)
+    row, column = np.nonzero(seen)
+    x, y = camera.slopes()
+    rays = np.column_stack((x[column], y[row], np.ones(len(row)))) @ camera.axes
+    points = camera.eye + raster.depth[seen][:, None] * rays
+    behind, _ = coarse.project(_fallen(scene, camera, points))
+    shaded = map_coordinates(shadow, behind[:, ::-1].T - 0.5, order=1)
+    light = lit(corners, colours(scene.boards), camera)[raster.triangle[seen]]
+    light *= 1.0 - SHADOW_POWER * shaded[:, None]
+    presence = _presence(scene, points[:, :2]) * _vignette(camera)[seen]
+    image[seen] = WHITE + presence[:, None] * (np.minimum(light, 1.0) - WHITE)
+    return np.where(seen, raster.depth, np.inf)
