@@ -82,10 +82,11 @@ def test_of_a_pendulum_and_of_a_simulation(
     monkeypatch.setattr("wbc.view.pendulum_film.film_pendulum", film)
     pendulum = Path(__file__).parents[2] / "problems" / "rmp_spin.yaml"
     stand = tmp_path / "stand.yaml"
-    stand.write_text(STAND + "simulation: {duration: 0.02}\n")
+    stand.write_text(STAND + "simulation: {duration: 0.02, terrain: {slope: [0.05, 0]}}\n")
     for problem in (pendulum, stand):
         answer = render(problem, "-o", tmp_path / "a.gif", "-q")
         assert answer.exit_code == 0, answer.stderr
     spun, stood = films
     assert (spun["title"], stood["title"]) == ("rmp_spin: completed", "stand: stood")
     assert stood["ticks"] == 11  # states: one more than ticks
+    assert stood["terrain"].slope == (0.05, 0.0)

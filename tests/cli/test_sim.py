@@ -12,6 +12,7 @@ from wbc.cli import app
 from wbc.cli.sim_report import _tracking
 from wbc.controllers.closed_loop import LoopTick
 from wbc.problem import History
+from wbc.simulation import Terrain
 from wbc.tracking.deviation import Deviation, PlanTracking
 
 PUSHED = (
@@ -98,8 +99,8 @@ def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Watching:
         viewer = Page()
 
-        def __init__(self, robot: object, *, title: str) -> None:
-            seen.append(title)
+        def __init__(self, robot: object, *, title: str, terrain: Terrain) -> None:
+            seen.append((title, terrain.slope))
 
         def show(self, now: LoopTick, _: object) -> None:
             seen.append(round(now.time, 6))
@@ -108,9 +109,10 @@ def test_it_can_be_watched(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             seen.append(len(history))
 
     monkeypatch.setattr("wbc.view.live.watching.Watching", Watching)
-    done = command("sim", file, "--view", "--set", "simulation.duration=0.15")
+    sloped = "simulation.terrain={slope: [0.05, 0]}"
+    done = command("sim", file, "--view", "--set", "simulation.duration=0.15", "--set", sloped)
     assert done.exit_code == 0, done.output
-    assert (seen[0], *seen[-2:]) == ("push", 75, "waited")
+    assert (seen[0], *seen[-2:]) == (("push", (0.05, 0.0)), 75, "waited")
     assert seen[1:-2] == [round(0.002 * k, 6) for k in range(75)]
     assert "played again at http://localhost:1" in done.stderr
 

@@ -169,7 +169,7 @@ def _simulate(wanted: _Wanted, overrides: dict[str, Any]) -> int:
         from wbc.view.simulation import plot_simulation
 
         title = f"{wanted.name}: {result.reason}"
-        plot_simulation(result.robot, result.arrays, picture, title=title)
+        plot_simulation(result.robot, result.arrays, picture, title=title, terrain=result.terrain)
 
     return _finish(
         wanted,
@@ -233,7 +233,8 @@ class _Wanted:
             raise InvalidInputError(
                 "--view shows robots, and this is a pendulum's problem; use --plot"
             )
-        return Watching(problem.parts.robot, title=self.name)
+        terrain = problem.spec.simulation.ground()
+        return Watching(problem.parts.robot, title=self.name, terrain=terrain)
 
 
 def _shown_by(watching: Watching | None) -> ShowTick | None:

@@ -72,7 +72,8 @@ def render(
                               size=pixels, progress=told)  # fmt: skip
             else:
                 film_run(saved.robot, saved.history, output, title=title, fps=fps, speed=speed,
-                         size=pixels, view=View.of(view_from, show), progress=told)  # fmt: skip
+                         size=pixels, view=View.of(view_from, show), terrain=saved.terrain,
+                         progress=told)  # fmt: skip
         if not quiet:
             typer.echo(f"written  {output}")
 
@@ -120,7 +121,7 @@ def _write_report(saved: SavedRun | SavedPendulum, path: Path, title: str) -> No
         write_pendulum_report(saved.history, saved.summary, path, title=title)
         return
     run = saved.robot, saved.history, saved.summary
-    write_report(*run, path, title=title, simulation=saved.simulation)
+    write_report(*run, path, title=title, simulation=saved.simulation, terrain=saved.terrain)
 
 
 def export(

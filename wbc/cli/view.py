@@ -42,7 +42,13 @@ def view(
         robot, push = loaded.parts.robot, strongest_push(loaded) if simulated else 0.0
         session = SimulatedSession if simulated else Session
         with Viewer(
-            robot, host=host, port=port, title=name_of(problem), clock=True, push=push
+            robot,
+            host=host,
+            port=port,
+            title=name_of(problem),
+            clock=True,
+            push=push,
+            terrain=loaded.spec.simulation.ground(),
         ) as page:
             typer.echo("Ctrl-C ends it", err=True)
             try:

@@ -17,6 +17,7 @@ from tests.texts import STAND
 from tests.view.live.browsing import BROWSER, SOFTWARE
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live.messages import Frame, Pulled, Restart, Setup
 from wbc.view.live.page import Page, Server
 from wbc.view.live.process import HOST, free_place
@@ -68,13 +69,12 @@ def drag(
 class Stage:
     """A page in this process, and the pipe that leads to it."""
 
-    def __init__(self, robot: wbc.Robot, push: float = 0.0) -> None:
+    def __init__(self, robot: wbc.Robot, push: float = 0.0, terrain: Terrain = LEVEL) -> None:
         self.pipe, theirs = multiprocessing.Pipe()
         place = free_place(HOST, None)
         self.server = Server(place.host, place.port)
-        self.page = Page(
-            Setup(robot, "test", clock=True, steer=True, push=push), self.server, theirs
-        )
+        setup = Setup(robot, "test", clock=True, steer=True, push=push, terrain=terrain)
+        self.page = Page(setup, self.server, theirs)
 
     @property
     def url(self) -> str:

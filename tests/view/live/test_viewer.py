@@ -13,10 +13,12 @@ import pytest
 import wbc
 from tests.view.live.conftest import client_of
 from wbc.errors import InvalidInputError, WbcError
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live import process
-from wbc.view.live.messages import Restart
-from wbc.view.live.process import HOST, free_place
+from wbc.view.live.messages import Restart, Setup
+from wbc.view.live.process import HOST, Place, free_place
 from wbc.view.live.viewer import Viewer
+from wbc.view.live.watching import Watching
 
 
 @pytest.fixture
@@ -33,6 +35,23 @@ def test_the_page_is_served_on_this_machine_only(viewer: Viewer, robot: wbc.Robo
     with socket.socket() as other, pytest.raises(OSError, match="refused"):
         other.connect(("127.0.0.2", port))  # another address of the same machine
     assert not viewer.error
+
+
+def test_the_page_is_told_of_the_terrain(robot: wbc.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a viewer, and by what shows a run while it is simulated."""
+    told: list[Setup] = []
+    start = process.PageProcess.__init__
+
+    def remembered(page: process.PageProcess, place: Place, setup: Setup) -> None:
+        told.append(setup)
+        start(page, place, setup)
+
+    monkeypatch.setattr(process.PageProcess, "__init__", remembered)
+    terrain = Terrain(slope=(0.1, 0.0))
+    Viewer(robot, quiet=True).close()
+    Viewer(robot, terrain=terrain, quiet=True).close()
+    Watching(robot, terrain=terrain).viewer.close()
+    assert [one.terrain for one in told] == [LEVEL, terrain, terrain]
 
 
 def test_updates_are_dropped_and_not_waited_for(viewer: Viewer, robot: wbc.Robot) -> None:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from wbc.constraints.friction import FrictionCone
 from wbc.robot import Robot
 from wbc.robot.collision import Body, Shape
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 
 # ---------------------------------------------------------------------- to the page
@@ -23,6 +24,7 @@ class Setup:
     clock: bool  # whether the loop can be paused, stepped, slowed down and begun again
     steer: bool  # whether targets and weights can be changed
     push: float = 0.0  # the largest push that is offered [N s]; 0: the robot cannot be pushed
+    terrain: Terrain = LEVEL  # what the robot stands on
 
 
 class TaskInfo(NamedTuple):

@@ -59,7 +59,7 @@ class Page:
     def __init__(self, setup: Setup, server: Server, pipe: Connection) -> None:
         self.server = server
         self._pipe, self._sending = pipe, threading.Lock()
-        self._robot = setup.robot
+        self._robot, self._terrain = setup.robot, setup.terrain
         self._recording = Recording()
         self._cast: Cast | None = None
         self._drawn: tuple[Frame, Cast | None] | None = None
@@ -95,10 +95,10 @@ class Page:
         self._margins = MarginsLayer(scene, size, self._robot)
         self._layers: list[Layer] = [
             robot,
-            GroundLayer(scene, size),
+            GroundLayer(scene, size, self._terrain),
             SupportLayer(scene, size, self._robot),
-            ComLayer(scene, size),
-            LegLayer(scene, size),
+            ComLayer(scene, size, self._terrain),
+            LegLayer(scene, size, self._terrain),
             EllipsoidLayer(scene, size),
             MassesLayer(scene, size),
             MomentumLayer(scene, size),
@@ -189,7 +189,7 @@ class Page:
         self._drawn, self._layers_changed = wanted, False
         frame, cast = wanted
         previous = None if self._last is None else self._last.state
-        shown = Shown(self._robot, frame, cast, previous)
+        shown = Shown(self._robot, frame, cast, previous, self._terrain)
         with self.server.atomic():
             if cast is not None and cast is not self._drawn_cast:
                 self._drawn_cast = cast

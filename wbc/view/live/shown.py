@@ -10,6 +10,7 @@ import numpy as np
 from wbc.constraints.com_support import support_polygon
 from wbc.reduction import RmpState, reduce
 from wbc.robot import Foot, Robot, Snapshot
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view.live.messages import Cast, Frame
 from wbc.view.scene import sole_corners
@@ -21,9 +22,14 @@ class Shown:
     """A frame with the robot's snapshot and its pendulum; computed when first asked for."""
 
     def __init__(
-        self, robot: Robot, frame: Frame, cast: Cast | None, previous: RmpState | None = None
+        self,
+        robot: Robot,
+        frame: Frame,
+        cast: Cast | None,
+        previous: RmpState | None = None,
+        terrain: Terrain = LEVEL,
     ) -> None:
-        self.robot, self.frame, self.cast = robot, frame, cast
+        self.robot, self.frame, self.cast, self.terrain = robot, frame, cast, terrain
         self._previous = previous
 
     @cached_property
@@ -47,7 +53,11 @@ class Shown:
         """The reaction mass pendulum: of the contact forces if they are known, else at rest."""
         feet = [foot.name for foot in self.standing] or None
         return reduce(
-            self.snapshot, feet=feet, wrenches=self.wrenches or None, previous=self._previous
+            self.snapshot,
+            feet=feet,
+            wrenches=self.wrenches or None,
+            previous=self._previous,
+            ground_height=float(self.on_ground(self.snapshot.com)[2]),
         )
 
     @cached_property
@@ -60,7 +70,7 @@ class Shown:
         """The feet that are held; without a controller those whose soles are on the ground."""
         feet = self.robot.feet.values()
         if self.cast is None:
-            return [foot for foot in feet if np.abs(self.sole(foot)[:, 2]).max() < FLAT]
+            return [foot for foot in feet if self._touches(foot)]
         return [foot for foot in feet if {foot.frame, foot.link} & set(self.held)]
 
     @cached_property
@@ -73,6 +83,14 @@ class Shown:
         """Corners (k, 2) of the support polygon; None if no foot stands."""
         names = [foot.name for foot in self.standing]
         return support_polygon(self.snapshot, names) if names else None
+
+    def on_ground(self, points: Array) -> Array:
+        """Return the points (..., 3) of the ground above or below points (..., 2) or (..., 3)."""
+        return self.terrain.surface(np.atleast_2d(points)).reshape(*points.shape[:-1], 3)
+
+    def _touches(self, foot: Foot) -> bool:
+        corners = self.sole(foot)
+        return bool(np.abs((corners - self.on_ground(corners))[:, 2]).max() < FLAT)
 
     def sole(self, foot: Foot) -> Array:
         """Return the corners (k, 3) of a foot's sole."""

@@ -19,6 +19,7 @@ from wbc.controllers.parts import check_parts
 from wbc.extras import require
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.validate import Array
 from wbc.view.live.mailbox import Mailbox
 from wbc.view.live.messages import Frame, Pulled, Replay, Request, Setup, Wish
@@ -75,6 +76,8 @@ class Viewer:
         The largest push that the page offers [N s], beside pulls by dragging the robot; what the
         user asks for is told by :meth:`next_request`, and whoever moves the robot gives it. 0:
         neither.
+    terrain:
+        What the robot stands on; by default level ground at z = 0.
     quiet:
         Do not print where to look.
 
@@ -104,6 +107,7 @@ class Viewer:
         steer: bool = True,
         clock: bool = False,
         push: float = 0.0,
+        terrain: Terrain = LEVEL,
         quiet: bool = False,
     ) -> None:
         require("viser", "the live viewer")
@@ -121,7 +125,8 @@ class Viewer:
         self._recorded: Replay | None = None
         self._closed, self._asked = threading.Event(), threading.Event()
         self._began: float | None = None
-        self._page = PageProcess(place, Setup(robot, title or robot.name, clock, steer, push))
+        setup = Setup(robot, title or robot.name, clock, steer, push, terrain)
+        self._page = PageProcess(place, setup)
         self.url = f"http://{'localhost' if host == HOST else host}:{self._page.port}"
         self._threads = [
             threading.Thread(target=work, name=f"wbc viewer: {work.__name__[1:]}", daemon=True)

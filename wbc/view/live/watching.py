@@ -8,6 +8,7 @@ from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick
 from wbc.robot import Robot
 from wbc.run.history import History
+from wbc.simulation.terrain import LEVEL, Terrain
 from wbc.view.live.messages import Frame, Told
 from wbc.view.live.viewer import Viewer
 
@@ -17,8 +18,8 @@ RATE = 60.0  # frames for each second of the run
 class Watching:
     """Shows a run that nobody may change: it is the same as one that nobody looks at."""
 
-    def __init__(self, robot: Robot, *, title: str | None = None) -> None:
-        self.viewer = Viewer(robot, title=title, steer=False)
+    def __init__(self, robot: Robot, *, title: str | None = None, terrain: Terrain = LEVEL) -> None:
+        self.viewer = Viewer(robot, title=title, steer=False, terrain=terrain)
 
     def show(self, now: LoopTick, controller: Controller | None) -> None:
         """Show a tick: for ``show`` of :func:`wbc.run.simulate`."""

@@ -6,18 +6,21 @@ import numpy as np
 from viser import SceneApi
 
 from wbc.robot import Robot
-from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, closed
+from wbc.simulation.terrain import Terrain
+from wbc.view import palette
+from wbc.view.boards import board_surfaces
+from wbc.view.live.layers.layer import BLACK, GREY, ORANGE, SKY, Layer, along, closed
 from wbc.view.live.shown import Shown
 
-LIFT = 1e-3  # m above the ground: what is drawn on it would flicker
+LIFTED = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it would flicker
 
 
 class GroundLayer(Layer):
-    """A grid at z = 0, with the shadow of the robot."""
+    """A grid on the ground's plane, with the shadow of the robot, and boards on it."""
 
     label = "Ground"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
+    def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
         super().__init__(scene, size)
         cell = 0.1 if size > 0.8 else 0.05
         scene.add_grid(
@@ -32,7 +35,17 @@ class GroundLayer(Layer):
             shadow_opacity=0.25,
             plane_color=(246, 247, 249),
             plane_opacity=1.0,
+            wxyz=along(terrain.normal),
         )
+        for number, surface in enumerate(board_surfaces(terrain)):
+            scene.add_mesh_simple(
+                f"{self.path}/board {number}",
+                surface.vertices,
+                surface.faces,
+                color=palette.rgb(palette.BOARD),
+                flat_shading=True,
+                side="double",
+            )
 
     def show(self, shown: Shown) -> None:
         """Stay where it is."""
@@ -55,15 +68,14 @@ class SupportLayer(Layer):
         standing = {foot.name for foot in shown.standing}
         for foot in shown.robot.feet.values():
             lines = self._soles[foot.name]
-            corners = shown.sole(foot)
-            corners[:, 2] += LIFT
+            corners = shown.sole(foot) + LIFTED
             lines.points = closed(corners).astype(np.float32)
             colour = ORANGE if foot.name in standing else GREY
             lines.colors = np.array(colour, dtype=np.uint8)
         polygon = shown.polygon
         self._polygon.visible = polygon is not None
         if polygon is not None:
-            corners = np.column_stack([polygon, np.full(len(polygon), LIFT)])
+            corners = shown.on_ground(polygon) + LIFTED
             self._polygon.points = closed(corners).astype(np.float32)
 
 
@@ -72,20 +84,25 @@ class ComLayer(Layer):
 
     label = "CoM"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
+    def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
         super().__init__(scene, size)
         self._ball = scene.add_icosphere(
             f"{self.path}/com", 0.016 * size, BLACK, cast_shadow=False, receive_shadow=False
         )
         self._foot = scene.add_cylinder(
-            f"{self.path}/projection", 0.012 * size, 0.002, BLACK, cast_shadow=False
+            f"{self.path}/projection",
+            0.012 * size,
+            0.002,
+            BLACK,
+            cast_shadow=False,
+            wxyz=along(terrain.normal),
         )
         self._plumb = self.lines("plumb", GREY, thickness=0.002)
 
     def show(self, shown: Shown) -> None:
         """Move the CoM and its marks on the ground."""
         com = shown.snapshot.com
-        below = np.array([com[0], com[1], LIFT])
+        below = shown.on_ground(com) + LIFTED
         self._ball.position = com
         self._foot.visible = self._plumb.visible = shown.has_ground
         self._foot.position = below

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from viser import SceneApi
 
+from wbc.simulation.terrain import Terrain
 from wbc.validate import Array
 from wbc.view.live.layers.layer import (
     BLACK,
@@ -14,6 +15,7 @@ from wbc.view.live.layers.layer import (
     PURPLE,
     SKY,
     Layer,
+    along,
     circle,
     closed,
     wxyz,
@@ -97,10 +99,11 @@ class LegLayer(Layer):
 
     label = "Leg CoP CMP"
 
-    def __init__(self, scene: SceneApi, size: float) -> None:
+    def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
         super().__init__(scene, size)
         self._leg = self.lines("leg", BLACK, thickness=0.008)
-        disc = {"cast_shadow": False, "receive_shadow": False}
+        level = along(terrain.normal)
+        disc = {"cast_shadow": False, "receive_shadow": False, "wxyz": level}
         self._cop = scene.add_cylinder(f"{self.path}/cop", 0.02 * size, 0.003, ORANGE, **disc)
         self._cmp = scene.add_cylinder(f"{self.path}/cmp", 0.014 * size, 0.004, PURPLE, **disc)
         self._names = [
@@ -111,14 +114,14 @@ class LegLayer(Layer):
     def show(self, shown: Shown) -> None:
         """Draw them where the ground pushes."""
         state = shown.state
-        cop, cmp = state.cop, state.cmp
-        known = shown.has_ground and cop is not None and cmp is not None
+        known = shown.has_ground and state.cop is not None and state.cmp is not None
         cop_name, cmp_name = self._names
         self._leg.visible = self._cop.visible = cop_name.visible = known
         apart = known and not state.quasi_static
         self._cmp.visible = cmp_name.visible = apart
-        if cop is None or cmp is None:
+        if state.cop is None or state.cmp is None:
             return
+        cop, cmp = shown.on_ground(state.cop), shown.on_ground(state.cmp)
         self._leg.points = np.stack([cop, state.com])[None].astype(np.float32)
         self._cop.position = cop_name.position = cop
         self._cmp.position = cmp_name.position = cmp

@@ -1,0 +1,83 @@
+"""The ground of the page, and marks on it, against the terrain they are on."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import wbc
+from tests.view.live.conftest import Stage, frame_at
+from wbc.problem.simulation_spec import turned_with
+from wbc.rotations import rotation_from
+from wbc.simulation import Step, Terrain
+from wbc.validate import Array
+from wbc.view.live.layers.layer import ORANGE
+from wbc.view.live.messages import Frame
+from wbc.view.live.telling import cast_of
+
+BOARD = Step(centre=(1.0, 0.0, 0.15), size=(0.6, 0.8, 0.02))
+TERRAIN = Terrain(slope=(0.1, -0.05), steps=(BOARD,))
+
+
+@pytest.fixture
+def hill(robot: wbc.Robot) -> Iterator[Stage]:
+    made = Stage(robot, terrain=TERRAIN)
+    yield made
+    made.server.stop()
+
+
+@pytest.fixture(scope="module")
+def start(robot: wbc.Robot) -> Array:
+    """Standing on the slope."""
+    return turned_with(robot.posture("standing"), TERRAIN.normal)
+
+
+def test_the_grid_is_tilted_and_boards_are_where_they_are(hill: Stage) -> None:
+    grid = hill.handle("/ground/grid")
+    turn = rotation_from(np.roll(grid.wxyz, -1))
+    np.testing.assert_allclose(turn[:, 2] @ (1.0, 0.0, 0.1), 0.0, atol=1e-12)
+    np.testing.assert_allclose(turn[:, 2] @ (0.0, 1.0, -0.05), 0.0, atol=1e-12)
+    assert turn[2, 2] > 0.9
+    board = hill.handle("/ground/board 0").vertices
+    np.testing.assert_allclose(board.min(axis=0), (0.7, -0.4, 0.13), atol=1e-6)
+    np.testing.assert_allclose(board.max(axis=0), (1.3, 0.4, 0.15), atol=1e-6)
+
+
+def test_level_ground_is_level(stage: Stage) -> None:
+    np.testing.assert_allclose(stage.handle("/ground/grid").wxyz, (1.0, 0.0, 0.0, 0.0))
+    assert stage.server.scene.get_handle_by_name("/ground/board 0") is None
+
+
+def test_marks_lie_on_the_slope(hill: Stage, robot: wbc.Robot, start: Array) -> None:
+    standing = robot.snapshot(start)
+    controller = wbc.KinematicController(
+        robot, [wbc.ComTask(robot, standing.com)], contacts=wbc.support(standing, "double")
+    )
+    hill.draw(cast_of(controller), frame_at(controller, start, 0.0))
+    polygon = hill.handle("/soles_and_support/polygon").points.reshape(-1, 3)
+    mark = hill.handle("/com/projection").position
+    plumb = hill.handle("/com/plumb").points[0]
+    cop = hill.handle("/leg_cop_cmp/cop").position
+    for points in (polygon, mark[None], plumb[1:], cop[None]):
+        above = points @ (-0.1, 0.05, 1.0)
+        assert (above > -1e-6).all() and (above < 2e-3).all()
+    np.testing.assert_allclose(cop[:2], standing.com[:2], atol=1e-9)
+    leg = hill.handle("/leg_cop_cmp/leg").points[0]
+    np.testing.assert_allclose(leg[0], cop, atol=1e-6)
+
+
+def test_feet_stand_on_slopes_and_boards_without_a_controller(
+    hill: Stage, robot: wbc.Robot, start: Array
+) -> None:
+    level = robot.posture("standing")
+    level[[0, 2]] += (1.0, 0.15)
+    flying = level + np.eye(robot.nq)[2] * 0.03
+    for k, (q, stands) in enumerate(((start, True), (level, True), (flying, False))):
+        hill.draw(Frame(float(k), q, np.zeros(robot.nv)))
+        for foot in robot.feet:
+            colour = tuple(hill.handle(f"/soles_and_support/{foot}").colors.ravel()[:3])
+            assert (colour == ORANGE) == stands
+        mark = hill.handle("/com/projection")
+        assert mark.visible == stands
+        if q is level:
+            assert mark.position[2] == pytest.approx(0.15, abs=2e-3)
