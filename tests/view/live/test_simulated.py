@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from tests.view.live.conftest import Stage, Watched, client_of, simulated_problem, tell
+from wbc.problem import load_problem
 from wbc.robot import Robot
 from wbc.view.live.clock import Clock
 from wbc.view.live.messages import PUSH_DURATION, Frame, PushRobot
+from wbc.view.live.session import checked
 from wbc.view.live.simulated import SimulatedSession, strongest_push
 
 IMPULSE = np.array([0.3, 0.1, 0.0])
@@ -48,6 +50,17 @@ def test_the_strongest_push_is_more_than_what_is_caught_without_a_step(tmp_path:
     one = simulated_problem(tmp_path, "{duration: 0.2}")
     unit = one.parts.robot.mass * np.sqrt(9.81 / one.parts.robot.snapshot(one.parts.start).com[2])
     assert 0.01 * unit < strongest_push(one) < 0.5 * unit  # the soles' edge is 4 to 20 cm away
+
+
+def test_a_robot_that_leans_out_of_its_soles_can_be_viewed(tmp_path: Path) -> None:
+    """On a steep slope it is turned with the ground: no push is caught without a step."""
+    file = tmp_path / "walk.yaml"
+    file.write_text(
+        "robot: hoap2_like\ngait: {commands: [{at: 0.1, vx: 0.1}]}\n"
+        "simulation: {duration: 0.2, terrain: {slope: [0.2, 0]}}\n"
+    )
+    one = checked(load_problem(file))
+    assert strongest_push(one) == pytest.approx(0.5 * one.parts.robot.mass)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wbc.controllers.closed_loop import LoopTick, Update
+from wbc.errors import InvalidInputError
 from wbc.robot import Snapshot
 from wbc.run.leader import Leader
 from wbc.run.standing import held_feet
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from wbc.problem.problem import Problem
 
 STRONGEST = 2.5  # times M omega d in the direction in which that is largest
-JUMP = 0.5  # m/s: what the strongest push gives a robot that stands on no feet
+JUMP = 0.5  # m/s: what the strongest push gives a robot whose feet catch none
 
 
 class SimulatedSession(Session):
@@ -103,7 +104,8 @@ def strongest_push(problem: Problem) -> float:
     parts = problem.parts
     start = parts.at_start
     feet = held_feet(parts.contacts)
-    if not feet:
-        return JUMP * parts.robot.mass
     ways = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-    return STRONGEST * max(capture_impulse(start, feet, way) for way in ways)
+    try:
+        return STRONGEST * max(capture_impulse(start, feet, way) for way in ways)
+    except InvalidInputError:  # on no feet, or leaning beyond them, as at the start on a slope
+        return JUMP * parts.robot.mass
