@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from wbc.extras import require
 
 if TYPE_CHECKING:
+    from wbc.view.exposures import exposures_figure, plot_exposures
     from wbc.view.history import History
     from wbc.view.live.viewer import Viewer
     from wbc.view.pendulum import pendulum_figure, plot_pendulum
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
 __all__ = [
     "History",
     "Viewer",
+    "exposures_figure",
     "pendulum_figure",
+    "plot_exposures",
     "plot_pendulum",
     "plot_robot",
     "plot_run",
@@ -28,6 +31,8 @@ __all__ = [
 
 _PICTURES = {
     "History": "wbc.view.history",
+    "exposures_figure": "wbc.view.exposures",
+    "plot_exposures": "wbc.view.exposures",
     "pendulum_figure": "wbc.view.pendulum",
     "plot_pendulum": "wbc.view.pendulum",
     "plot_robot": "wbc.view.robots",

@@ -13,8 +13,8 @@ from wbc.view.scene import Scene, colours, triangles
 WHITE = np.ones(3)
 COLOUR, GRID_POWER, SHADOW_POWER = np.array([0.955, 0.96, 0.965]), 0.07, 0.22
 GRID_STEPS = np.array([0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # m
-# Parts of the robot's size: the least grid step, where the ground has nearly faded, a blur.
-LEAST_STEP, REACH, SOFTNESS = 0.12, 0.62, 0.012
+LEAST_STEP, SOFTNESS = 0.12, 0.012  # parts of the robot's size: the least grid step, a blur
+REACH = 0.62  # of what is in the picture: where the ground has nearly faded
 VIGNETTE = 0.12  # part of the picture
 
 
@@ -56,7 +56,7 @@ def _plane_depth(scene: Scene, camera: Camera) -> Array:
 
 def _presence(scene: Scene, place: Array) -> Array:
     """Return how much there is of the ground at places (..., 2): it fades around the robot."""
-    radius = np.linalg.norm(place - scene.centre[:2], axis=-1) / scene.size
+    radius = np.linalg.norm(place - scene.centre[:2], axis=-1) / scene.spread
     return np.exp(-(np.minimum(radius / REACH, 9.0) ** 5))
 
 

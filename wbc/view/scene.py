@@ -16,7 +16,7 @@ from wbc.validate import Array
 from wbc.view import palette
 from wbc.view.boards import board_surfaces
 
-SPREAD = 0.9  # of the robot's size: how far around it boards are drawn; the rest has faded
+SPREAD = 0.9  # of what is in the picture: how far around it boards are drawn; the rest has faded
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +33,7 @@ class Scene:
     glass: bool = True  # whether the ellipsoid is drawn
     solids: Sequence[Mesh] = ()  # obstacles; what is behind them shows through a little
     terrain: Terrain = LEVEL  # the ground's slope, and the boards on it
+    scale: float | None = None  # the size of a robot, where there are several [m]
 
     @cached_property
     def corners(self) -> Array:
@@ -49,9 +50,14 @@ class Scene:
         """Triangles (m, 3, 3) of the obstacles [m]."""
         return triangles(self.solids)
 
-    @cached_property
+    @property
     def size(self) -> float:
-        """What lengths in the picture go by [m]: the largest extent along x, y or z."""
+        """What lengths in the picture go by [m]."""
+        return self.spread if self.scale is None else self.scale
+
+    @cached_property
+    def spread(self) -> float:
+        """The largest extent of what there is, along x, y or z [m]."""
         reach = float(self.ellipsoid.semi_axes.max())
         points = self.corners.reshape(-1, 3)
         low = points.min(axis=0, initial=np.inf)
@@ -63,7 +69,7 @@ class Scene:
     def boards(self) -> Sequence[Mesh]:
         """What is near of the boards on the ground."""
         colour = palette.unit_rgb(palette.BOARD)
-        surfaces = board_surfaces(self.terrain, self.centre, SPREAD * self.size)
+        surfaces = board_surfaces(self.terrain, self.centre, SPREAD * self.spread)
         risen = np.array([0.0, 0.0, self.ground])
         return [Mesh("", one.vertices + risen, one.faces, colour) for one in surfaces]
 

@@ -1,0 +1,132 @@
+"""A robot at several moments in one picture, each where it was: a walk, and the ground below it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from wbc.robot import Robot
+from wbc.simulation.terrain import LEVEL, Terrain
+from wbc.validate import Array
+from wbc.view import style
+from wbc.view.camera import Camera, viewing_axes
+from wbc.view.options import View
+from wbc.view.panel import Panel
+from wbc.view.portrait import (
+    INCH,
+    LINE,
+    Portrait,
+    Pose,
+    captions,
+    draw_pendulum,
+    extent_of,
+    portraits_of,
+    write_caption,
+)
+from wbc.view.render import render
+from wbc.view.scene import Scene
+
+WIDTH, ABOVE = 12.0, 0.22  # inches, of the picture and of the names above the robots
+SHAPE = (0.2, 0.8)  # its height to width, at least and at most
+NOWHERE: Array = np.empty((0, 3))
+WAY = "black: the CoM's way, on the ground"
+SHOWN = View.of(show="robot,ground,soles,com")
+
+
+def plot_exposures(
+    robot: Robot,
+    configurations: Mapping[str, ArrayLike],
+    path: str | Path,
+    *,
+    way: Array = NOWHERE,
+    terrain: Terrain = LEVEL,
+    view: View = SHOWN,
+) -> Path:
+    """Draw a robot at several moments in one picture, and return the file's path.
+
+    Parameters
+    ----------
+    configurations:
+        What is written above each robot, and its configuration q (nq,).
+    path:
+        The file: png, svg or pdf by its suffix.
+    way:
+        Where the CoM went (n, 3) [m]; drawn on the ground below.
+    terrain:
+        What the robot stands on.
+    view:
+        What is drawn of each robot, and from where.
+
+    Raises
+    ------
+    InvalidInputError
+        No configuration, or an unusable one; another suffix, or no such folder.
+    ModelError
+        The robot's meshes cannot be read.
+    """
+    path = style.picture_file(path)
+    figure = exposures_figure(robot, configurations, way=way, terrain=terrain, view=view)
+    style.save(figure, path)
+    return path
+
+
+def exposures_figure(
+    robot: Robot,
+    configurations: Mapping[str, ArrayLike],
+    *,
+    way: Array = NOWHERE,
+    terrain: Terrain = LEVEL,
+    view: View = SHOWN,
+) -> Figure:
+    """Return the figure that :func:`plot_exposures` writes."""
+    poses = {name: Pose(q, terrain=terrain) for name, q in configurations.items()}
+    portraits = portraits_of(robot, poses, view)
+    points = np.concatenate([extent_of(one) + one.scene.below_centre for one in portraits])
+    across, along, _ = np.ptp(points @ viewing_axes(view.azimuth, view.elevation).T, axis=0)
+    high = WIDTH * float(np.clip(along / across, *SHAPE))
+    caption = captions(portraits, WIDTH)
+    if len(way):
+        caption[-1:] = [*(f"{told}; {WAY}" for told in caption[-1:])]
+    below = LINE * len(caption)
+    figure = style.sheet(WIDTH, high + ABOVE + below)
+    axes = style.place(figure, 0.0, below, WIDTH, high)
+    pixels = round(WIDTH * style.DPI), round(high * style.DPI)
+    camera = Camera.framing(points, view.azimuth, view.elevation, *pixels)
+    panel = Panel(axes, camera, render(together(portraits), camera), style.DPI / INCH)
+    panel.show()
+    if len(way):
+        panel.curve(terrain.surface(way), style.BLACK, 0.8, hidden=0.2)
+    for portrait in portraits:
+        draw_pendulum(panel, portrait)
+        _write_name(panel, portrait)
+    write_caption(figure, caption, below)
+    return figure
+
+
+def together(portraits: Sequence[Portrait]) -> Scene:
+    """Return one scene with the robots of all portraits; their ellipsoids are not in it."""
+    scenes = [portrait.scene for portrait in portraits]
+    first, centres = scenes[0], np.array([scene.centre for scene in scenes])
+    return replace(
+        first,
+        meshes=[mesh for scene in scenes for mesh in scene.meshes],
+        centre=0.5 * (centres.min(axis=0) + centres.max(axis=0)),
+        ground=min(scene.ground for scene in scenes),
+        glass=False,
+        scale=first.size,
+    )
+
+
+def _write_name(panel: Panel, portrait: Portrait) -> None:
+    """Write a portrait's name above its robot."""
+    pixels, _ = panel.camera.project(extent_of(portrait) + portrait.scene.below_centre)
+    x = float(panel.camera.project(portrait.scene.centre[None])[0][0, 0])
+    panel.axes.text(
+        x, pixels[:, 1].min(), portrait.name, ha="center", va="bottom", fontsize=style.NORMAL,
+        color=style.BLACK,
+    )  # fmt: skip
