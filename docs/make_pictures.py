@@ -22,6 +22,7 @@ from footsteps import landed
 from push_recovery import largest_impulses
 from region_of_attraction import lean_grid, region_of_attraction
 
+from docs import subjects
 from wbc.gait.given import in_world
 from wbc.gait.phases import planar_feet
 from wbc.gait.swing import turned
@@ -37,6 +38,7 @@ from wbc.rmp.balance.stabiliser import PointStabiliser
 from wbc.rmp.solid import SolidRmp
 from wbc.view import plot_pendulum, plot_robot, plot_run, style
 from wbc.view.analysis import plot_analysis
+from wbc.view.exposures import plot_exposures
 from wbc.view.history import read_history
 from wbc.view.options import View
 from wbc.view.portrait import Pose
@@ -45,34 +47,14 @@ from wbc.view.style import save
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
-FIG6 = {
-    "a: all large": "fig6a_g1",
-    "b: vertical large": "fig6b_g1",
-    "c: the others large": "fig6c_g1",
-}
-FIG7 = {
-    "backward": "fig7_backward_hoap2",
-    "forward": "fig7_forward_hoap2",
-    "downward": "fig7_downward_hoap2",
-}
 # A G1-like pendulum: mass [kg], height of the CoM [m], half of the soles [m], motors [N m, rad].
 MASS, HEIGHT, HALF, TORQUE, ANGLE = 35.0, 0.7, 0.1, 50.0, 0.6
 RADII = (0.3, 0.3, 0.3)  # m
-# Shiko [s]: standing, squat, over the right foot, left leg half way, at its top, stomp, other leg.
-SHIKO = (0.0, 2.0, 4.0, 5.0, 6.0, 6.7, 12.2)
-HOP = {"stands": 0.0, "crouches": 0.9, "takes off": 1.12, "flies": 1.33, "lands": 1.51}
-HOP |= {"gives way": 1.7, "rises": 2.1, "stands again": 2.7}
 # What benchmarks/walk_comparison.py left, what it compares, and directions of pushes [deg].
 MEASUREMENTS = ROOT / "benchmarks" / "walk_comparison.jsonl"
 VARIANTS = {"free": style.GREY, "regulated": style.ORANGE, "planned": style.BLUE}
 WAYS = {0: "the front", 90: "the left", 180: "the back", 270: "the right"}
 SHOWN = 7  # portraits of a walk on footsteps
-# Walking at 0.5 m/s, a push from the right between 2.0 and 2.2 s, and what the feet do of it.
-PUSHED = {"walks": 1.8, "pushed": 2.1, "lands wide": 2.25, "steps in": 2.58}
-PUSHED |= {"steps aside": 3.05, "walks on": 3.4, "as before": 4.4}
-SOMERSAULT = {"spread": 0.0, "draws in": 0.6, "tucked": 0.9, "a turn on": 1.2, "opens": 1.5}
-SOMERSAULT |= {"spread again": 1.8, "goes on": 2.08}
-MEASURED = (0.0, 2.0, 4.0, 5.0, 6.0, 6.84, 12.3)
 
 
 def shipped(problem: str) -> Any:
@@ -85,15 +67,17 @@ def place(name: str) -> Path:
     return FOLDER / f"{name}.png"
 
 
-def smaller(name: str, width: int | None = None) -> None:
+def smaller(name: str, width: int | None = None, shades: bool = False) -> None:
     """Keep 256 colours, the rare ones of thin lines among them, and ``width`` pixels across.
 
     Rounds of k-means bring the colours to what they stand for: without, pale floors are tinted.
+    With ``shades`` a wide floor keeps its own, in a file twice as large.
     """
+    choice = Image.Quantize.MEDIANCUT if shades else Image.Quantize.MAXCOVERAGE
     image = Image.open(place(name)).convert("RGB")
     if width is not None:
         image = image.resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
-    image.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=1).save(place(name), optimize=True)
+    image.quantize(256, choice, kmeans=1).save(place(name), optimize=True)
 
 
 def run_picture(name: str, view: View | None = None) -> None:
@@ -118,7 +102,8 @@ def ends_picture(name: str, members: Mapping[str, str]) -> None:
 def simulation_picture(name: str, width: int = 1400) -> None:
     """Draw a simulation as `wbc sim` does."""
     result = shipped(name).simulate()
-    plot_simulation(result.robot, result.arrays, place(name), title=f"{name}: {result.reason}")
+    title = f"{name}: {result.reason}"
+    plot_simulation(result.robot, result.arrays, place(name), title=title, terrain=result.terrain)
     smaller(name, width=width)
 
 
@@ -129,11 +114,21 @@ def strip_picture(
     result = shipped(name).simulate()
     rows = np.searchsorted(result.arrays["time"], list(moments.values()))
     poses = {
-        f"{called}: {at:.2f} s": Pose(result.arrays["q"][row], grounded, grounded)
-        for (called, at), row in zip(moments.items(), rows, strict=True)
+        f"{called}: {at:.2f} s": Pose(q, grounded, grounded, terrain=result.terrain)
+        for (called, at), q in zip(moments.items(), result.arrays["q"][rows], strict=True)
     }
     plot_robot(result.robot, poses, place(name), view=view)
     smaller(name, width=1800)
+
+
+def exposures_picture(name: str, moments: Mapping[str, float], view: str) -> None:
+    """Draw a simulation at some moments [s] in one picture, on its ground."""
+    result = shipped(name).simulate()
+    rows = np.searchsorted(result.arrays["time"], list(moments.values()))
+    poses, way = dict(zip(moments, result.arrays["q"][rows], strict=True)), result.arrays["com"]
+    look = View.of(view, "robot,ground,soles,com")
+    plot_exposures(result.robot, poses, place(name), way=way, terrain=result.terrain, view=look)
+    smaller(name, width=1400, shades=True)
 
 
 def footsteps_picture(name: str) -> None:
@@ -216,13 +211,17 @@ def _survived(rows: Sequence[Mapping[str, Any]], variant: str, angle: float) -> 
 def shiko_picture(name: str) -> None:
     """Draw the shiko as `wbc analyze` does."""
     result = shipped("shiko_hoap2").run()
-    draw_analysis(name, "shiko_hoap2", result, SHIKO, f", {result.robot.mass:.1f} kg")
+    draw_analysis(name, "shiko_hoap2", result, subjects.SHIKO, f", {result.robot.mass:.1f} kg")
 
 
 def measured_picture(name: str) -> None:
     """Draw the shiko of a simulation as `wbc analyze` does, with the CoP as measured."""
     draw_analysis(
-        name, name, shipped(name).simulate(), MEASURED, "; forces as the soles measured them"
+        name,
+        name,
+        shipped(name).simulate(),
+        subjects.MEASURED,
+        "; forces as the soles measured them",
     )
 
 
@@ -299,25 +298,29 @@ PICTURES: Mapping[str, Callable[[str], None]] = {
     "safe_reach_g1": partial(run_picture, view=View.of("60,25", "no-ellipsoid,no-masses")),
     "global_tall_hoap2": run_picture,
     "global_small_g1": run_picture,
-    "fig6_g1": partial(ends_picture, members=FIG6),
-    "fig7_hoap2": partial(ends_picture, members=FIG7),
+    "fig6_g1": partial(ends_picture, members=subjects.FIG6),
+    "fig7_hoap2": partial(ends_picture, members=subjects.FIG7),
     "shiko_hoap2_rmp": shiko_picture,
     "push_g1": simulation_picture,
     "track_squat_g1": simulation_picture,
     "lean_beyond_g1": simulation_picture,
     "drop_g1": simulation_picture,
-    "hop_g1": partial(strip_picture, moments=HOP, view=View.of("60,10")),
+    "hop_g1": partial(strip_picture, moments=subjects.HOP, view=View.of("60,10")),
     "walk_comparison_g1": comparison_picture,
     "footsteps_g1": footsteps_picture,
-    "walk_push_g1": partial(strip_picture, moments=PUSHED, view=View.of("20,10")),
+    "walk_push_g1": partial(strip_picture, moments=subjects.PUSHED, view=View.of("20,10")),
     "somersault_hoap2": partial(
-        strip_picture, moments=SOMERSAULT, view=View.of("70,10"), grounded=False
+        strip_picture, moments=subjects.SOMERSAULT, view=View.of("70,10"), grounded=False
     ),
     "shiko_torque_hoap2": measured_picture,
+    "shiko_torque_g1": partial(strip_picture, moments=subjects.SHIKO_G1, view=View.of("10,10")),
     "turn_x_hoap2": turn_picture,
     "turn_y_hoap2": turn_picture,
     "turn_z_hoap2": turn_picture,
     "walk_g1": partial(simulation_picture, width=1240),
+    "walk_boards_g1": partial(exposures_picture, moments=subjects.BOARDS, view="-72,13"),
+    "walk_slope_g1": partial(exposures_picture, moments=subjects.SLOPE, view="-80,7"),
+    "walk_back_g1": partial(exposures_picture, moments=subjects.BACK, view="27,22"),
     "rmp_push_qp": pendulum_picture,
     "rmp_swing_up": pendulum_picture,
     "plan_hop_turn": pendulum_picture,
