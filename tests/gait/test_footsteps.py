@@ -104,6 +104,22 @@ def test_feet_never_cross_whatever_is_commanded_and_measured(legs: Legs, seed: i
         assert all(getattr(after, name) is getattr(phase, name) for name in kept)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_no_step_catches_is_pressed_against_with_all_of_the_sole(
+    legs: Legs, side: float
+) -> None:
+    """A DCM that no step catches does not take the pressure back to the middle of the sole."""
+    gait = GaitSettings.of(legs)
+    planner = planner_of(legs, gait)
+    places = {"left": np.zeros(3), "right": np.array((0.0, -gait.width, 0.0))}
+    dcm = np.array((0.0, side * planner.limits.apart))
+    now = Measured(dcm, places, dict.fromkeys(SIGN, np.eye(3)))
+    phase = planner.adapted(on_one_foot("left", 0.0, gait.single), now, 0.0, Velocity())
+    reference = planner.single(phase, now)
+    vrp = reference.vrp + (1.0 + gait.gain) * (now.dcm - reference.dcm)
+    assert side * vrp[1] > planner.soles["left"][1]
+
+
 @pytest.mark.parametrize("heading", [0.0, 2.0])
 def test_the_com_sinks_to_where_the_leg_behind_reaches_the_ground(
     legs: Legs, heading: float

@@ -237,7 +237,9 @@ class StepPlanner:
             min(max(phase.left, least), most),
         )
         plan = adapt_step(R.T @ (now.dcm - base), nominal, bounds, omega, gait.double, weights)
-        goal, offset = base + R @ plan.place, R @ plan.offset
+        goal = base + R @ plan.place
+        # Not the plan's own offset, which is where the DCM will be: what the step cannot catch
+        # would be no error then, and the pressure would go back to the middle of the sole.
         return replace(phase, left=plan.left, goal=goal, offset=offset, adapted=plan.adapted)
 
     def within(self, phase: Phase, vrp: Array, now: Measured) -> Array:
