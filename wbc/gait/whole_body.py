@@ -41,6 +41,10 @@ class WalkingWeights:
     held it up as it slowed. On footsteps that are given the place counts as much: with a firm
     height a small humanoid's feet landed 4 mm from them in place of 2.
 
+    The CoM's height comes before the foot in the air, too: a hip at its bound can accelerate a foot
+    that hurries by letting the robot fall, and weak knees do not lift it again. At half the weight
+    6 of 10 walks of a Romeo stood that was pushed aside late in a step, with this one 9.
+
     The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
     more than the length of a sole. About the vertical only friction holds a foot, so that is
     regulated, firmly, to what the whole body has when it turns as commanded: at a sixth of the
@@ -62,7 +66,7 @@ class WalkingWeights:
     """
 
     com: float = 150.0
-    height: float = 30.0
+    height: float = 60.0
     swing: float = 10.0
     lift: float = 30.0
     trunk: float = 6.0
