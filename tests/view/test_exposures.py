@@ -66,7 +66,7 @@ def test_names_stand_above_the_robots_in_their_order(
     x, y = np.array(list(places.values())).T
     assert (np.diff(x) < 0.0).all() and (np.diff(y) < 0.0).all()
     told = [text.get_text() for text in figure.texts]
-    assert told == ["quartered disc: CoM; orange: soles; black: the CoM's way, on the ground"]
+    assert told == ["quartered disc: CoM; orange: soles; black: path of the CoM on the ground"]
     path = plot_exposures(robot, walk, tmp_path / "walk.png", terrain=TERRAIN)
     assert path.read_bytes().startswith(b"\x89PNG")
 

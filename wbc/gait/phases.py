@@ -46,9 +46,8 @@ class Measured(NamedTuple):
     @classmethod
     def of(cls, snapshot: Snapshot, frames: dict[str, str], omega: float, height: float) -> Self:
         """Return it of a snapshot; ``frames`` are those of the soles by foot."""
-        velocity = snapshot.com_jacobian @ snapshot.v
         kx, ky, _ = snapshot.momentum[3:] / (snapshot.robot.mass * height)
-        carried = velocity[:2] + (ky, -kx)
+        carried = snapshot.com_velocity[:2] + (ky, -kx)
         return cls(
             snapshot.com[:2] + carried / omega,
             {foot: snapshot.position(frame) for foot, frame in frames.items()},

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.gait.phases import Measured
 from wbc.robot import Snapshot
+from wbc.spatial import skew
 from wbc.validate import Array
 
 # In units of 1/omega: how soon a push is seen, and how long it is expected to go on. Someone who
@@ -58,7 +59,7 @@ class PushObserver(NamedTuple):
         f, tau = np.zeros(3), np.zeros(3)
         for foot, wrench in felt.items():
             f += wrench[:3]
-            tau += wrench[3:] + np.cross(now.places[foot] - snapshot.com, wrench[:3])
+            tau += wrench[3:] + skew(now.places[foot] - snapshot.com) @ wrench[:3]
         rate = (f[:2] + np.array((tau[1], -tau[0])) / self.height) / snapshot.robot.mass
         expected = self.expected + (rate + self.push) * dt
         off, pole = velocity - expected, math.exp(-self.omega * dt / SEEN)

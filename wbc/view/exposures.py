@@ -34,7 +34,7 @@ from wbc.view.scene import Scene
 WIDTH, ABOVE = 12.0, 0.22  # inches, of the picture and of the names above the robots
 SHAPE = (0.2, 0.8)  # its height to width, at least and at most
 NOWHERE: Array = np.empty((0, 3))
-WAY = "black: the CoM's way, on the ground"
+WAY = "black: path of the CoM on the ground"
 SHOWN = View.of(show="robot,ground,soles,com")
 
 
