@@ -10,7 +10,9 @@ and without a ``SelfCollision`` constraint: told is the least distance, of pairs
 2 cm apart when the robot stands.
 
 The group ``sideways`` pushes every robot to both sides by as many M omega d, of the stance, as
-12 N s are for a G1.
+12 N s are for a G1: through the CoM, and at the origin of its trunk, which lies higher by a fifth
+(G1) to a half (Romeo) of the CoM's height, so that the same impulse moves the capture point
+farther.
 
     python benchmarks/walking.py JOURNAL.jsonl [--only speed push sideways ground schedule meshes]
         [--robots g1] [--walks back left "turn 360"] [--seeds 10] [--workers 2]
@@ -21,6 +23,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: threads only add noise here
 
 import argparse
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -79,6 +82,8 @@ class Trial:
         (at [s], vx, vy, yaw_rate).
     push:
         (angle [rad], part of the step in which it begins), or None.
+    through_com:
+        Whether it is one through the CoM, not at the origin of the trunk.
     ground:
         ``level``, ``steps``, or slopes and friction: (along x, along y, friction).
     bodies:
@@ -92,6 +97,7 @@ class Trial:
     commands: tuple[tuple[float, float, float, float], ...]
     steps: int | None = STEPS
     push: tuple[float, float] | None = None
+    through_com: bool = False
     ground: tuple[float, float, float] | str = "level"
     bodies: bool = False  # kept apart
 
@@ -124,12 +130,13 @@ def trials(seeds: int) -> Iterator[Trial]:
         walk = ((0.2, 0.4, 0.0, 0.0),)
         for robot, v in SPEED.items():
             for side, angle in (("left", 0.5 * math.pi), ("right", -0.5 * math.pi)):
-                for phase in (0, 2):
-                    name = f"pushed to the {side}, phase {phase}"
+                for phase, through in itertools.product((0, 2), (False, True)):
+                    name = f"{side}{' through CoM' * through}, phase {phase}"
                     slow = ((0.2, v * PUSHED / SPEED["g1"], 0.0, 0.0),)
-                    yield Trial("sideways", name, robot, seed, slow, 14, (angle, phase / 4))
+                    push = angle, phase / 4
+                    yield Trial("sideways", name, robot, seed, slow, 14, push, through)
         for name, ground in GROUND.items():
-            yield Trial("ground", name, "g1", seed, walk, 20, None, ground)
+            yield Trial("ground", name, "g1", seed, walk, 20, ground=ground)
         yield Trial("schedule", "60 s", "g1", seed, SCHEDULE, None)
         for robot in MESHES:
             for bodies in (False, True):
@@ -220,7 +227,8 @@ def walked(trial: Trial) -> dict[str, Any]:
             (angle, part), push = push, None
             start = plant.time + part * walker.gait.times.total
             force = force_on(trial) * np.array((math.cos(angle), math.sin(angle), 0.0))
-            plant.push(heaviest_link(robot), force, start=start, duration=LASTING)
+            point = "com" if trial.through_com else None
+            plant.push(heaviest_link(robot), force, point, start=start, duration=LASTING)
         return walk.update(tick, snapshot)
 
     try:
