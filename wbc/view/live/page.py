@@ -17,6 +17,7 @@ import numpy as np
 import viser
 
 from wbc.view.live.controls import Controls, PushControls
+from wbc.view.live.grip import Grip
 from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
 from wbc.view.live.layers.layer import Layer
@@ -110,14 +111,16 @@ class Page:
         if setup.steer:
             self._layers.append(HandlesLayer(scene, size, self.send))
         tabs = gui.add_tab_group()
+        self._grip: Grip | None = None
         with tabs.add_tab("Run"):
             self._controls = Controls(gui, self.send, setup.clock)
             if setup.push:
                 pushes = PushControls(gui, self.send, setup.push)
                 self._layers += [
                     PushLayer(scene, size, lambda: pushes.impulse, setup.push),
-                    PullLayer(scene, size, self._robot, robot, self.send),
+                    PullLayer(scene, size, self._robot),
                 ]
+                self._grip = Grip(size, self._robot, robot.links, self.send)
             self._panel = Panel(gui, shapes.note)
         self._sliders: Sliders | None = None
         if setup.steer:
@@ -200,6 +203,8 @@ class Page:
             for layer in self._layers:
                 if layer.root.visible:
                     layer.show(shown)
+        if self._grip is not None:
+            self._grip.show(shown)
         self._last = shown
         if shown.forces and not self._seen_forces:  # they act inside the legs
             self._seen_forces, self._opacity.value = True, GLASS

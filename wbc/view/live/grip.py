@@ -1,0 +1,79 @@
+"""What the user holds of the robot: a part that is grabbed with Shift, and pulled."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from wbc.robot import Robot
+from wbc.validate import Array
+from wbc.view.live.layers.forces import REACH
+from wbc.view.live.messages import LetGo, PullRobot, Request
+from wbc.view.live.shown import Shown
+
+KEY = "shift"  # held while dragging: a drag without it turns the camera
+
+
+class Grip:
+    """Asks for pulls at the part that is dragged.
+
+    A spring pulls the grabbed point towards the pointer, in the plane through the point that faces
+    the camera. It is as stiff as makes the arrow of its force end at the pointer.
+
+    Parameters
+    ----------
+    size:
+        Of the robot [m].
+    links:
+        Name of the link, and the node, of each shape that can be grabbed.
+    send:
+        Told of each drag, by :class:`PullRobot`, and of its end, by :class:`LetGo`.
+    """
+
+    def __init__(
+        self,
+        size: float,
+        robot: Robot,
+        links: Iterable[tuple[str, Any]],
+        send: Callable[[Request], None],
+    ) -> None:
+        self._send = send
+        self._stiffness = robot.weight / (REACH * size)
+        self._changing = threading.Lock()  # drags are told by another thread than shows
+        self._shown: Shown | None = None
+        self._link = ""  # what is grabbed; empty: nothing
+        self._point = np.zeros(3)  # of the link, in its axes
+        self._pointer = np.zeros(3)  # (3,) [m], world axes
+        for link, mesh in links:
+            self._make_grabbable(link, mesh)
+
+    def _make_grabbable(self, link: str, mesh: Any) -> None:
+        async def dragged(event: Any) -> None:  # async: in the order in which it happened
+            with self._changing:
+                if event.phase == "end":
+                    self._link = ""
+                    self._send(LetGo())
+                    return
+                if event.phase == "start" and self._shown is not None:
+                    self._grab(link, np.array(event.start_position), self._shown)
+                if self._link and self._shown is not None:
+                    self._pointer = np.array(event.end_position)
+                    self._pull()
+
+        mesh.on_drag("left", modifier=KEY)(dragged)
+
+    def _grab(self, link: str, place: Array, shown: Shown) -> None:
+        """Grab a link at a place (3,)."""
+        R, p = shown.snapshot.rotation(link), shown.snapshot.position(link)
+        self._link, self._point = link, R.T @ (place - p)
+
+    def _pull(self) -> None:
+        self._send(PullRobot(self._link, self._point, self._pointer, self._stiffness))
+
+    def show(self, shown: Shown) -> None:
+        """Take note of a frame."""
+        with self._changing:
+            self._shown = shown
