@@ -18,6 +18,7 @@ from tests.view.live.browsing import BROWSER, SOFTWARE
 from wbc.problem import load_problem
 from wbc.problem.problem import Problem
 from wbc.simulation.terrain import LEVEL, Terrain
+from wbc.view.live.layers.layer import WORLD
 from wbc.view.live.messages import Frame, Pulled, Restart, Setup
 from wbc.view.live.page import Page, Server
 from wbc.view.live.process import HOST, free_place
@@ -59,7 +60,7 @@ def drag(
     tell(
         client,
         "TransformControlsUpdateMessage",
-        name=f"/drag_targets/{name}",
+        name=f"{WORLD}/drag_targets/{name}",
         position=np.asarray(position, dtype=float).tolist(),
         wxyz=np.asarray(wxyz, dtype=float).tolist(),
         owner="",
@@ -81,7 +82,7 @@ class Stage:
         return f"http://{HOST}:{self.server.get_port()}"
 
     def handle(self, name: str) -> Any:
-        found = self.server.scene.get_handle_by_name(name)
+        found = self.server.scene.get_handle_by_name(WORLD + name)
         assert found is not None, name
         return found
 

@@ -12,6 +12,7 @@ from wbc.rmp.ellipsoid import equimomental
 from wbc.robot.geometry import joint_placements
 from wbc.rotations import rotation_from
 from wbc.view.live import controls
+from wbc.view.live.layers.layer import WORLD
 from wbc.view.live.messages import Play
 from wbc.view.live.telling import cast_of, told_of
 
@@ -40,9 +41,10 @@ def test_links_and_ellipsoid_are_where_the_robot_is(
     q = robot.integrate(robot.posture("standing"), 0.2 * rng.normal(size=robot.nv), 1.0)
     stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
     rotations, origins = joint_placements(robot, q)
-    joints = list(stage.server.scene._children_from_node_name["/robot"])
+    joints = list(stage.server.scene._children_from_node_name[f"{WORLD}/robot"])
     assert len(joints) > 10
-    for node in joints:
+    for joint in joints:
+        node = joint.removeprefix(WORLD)
         k = int(node.rsplit("/", 1)[1])
         np.testing.assert_allclose(stage.handle(node).position, origins[k], atol=1e-9)
         np.testing.assert_allclose(rotation_of(stage.handle(node)), rotations[k], atol=1e-9)
@@ -84,7 +86,7 @@ def test_a_layer_that_is_hidden_is_drawn_when_it_is_shown(
     stage.draw(frame_at(controller, moved, 0.1))
     np.testing.assert_array_equal(stage.handle("/ellipsoid/surface").position, there)
     stage.handle("/ellipsoid").visible = True
-    stage.page._layers_changed = True
+    stage.page._changed = True
     stage.draw()
     np.testing.assert_allclose(
         stage.handle("/ellipsoid/surface").position, there + [1.0, 0.0, 0.0], atol=1e-9

@@ -100,18 +100,24 @@ def tell_drag(
     )
 
 
-def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(grabbable: Stage, robot: Robot) -> None:
+@pytest.mark.parametrize("far", [0.0, 3.0])
+def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(
+    grabbable: Stage, robot: Robot, far: float
+) -> None:
     q = robot.integrate(robot.posture("standing"), np.full(robot.nv, 0.1), 1.0)
+    q[0] += far
     grabbable.draw(Frame(0.0, q, np.zeros(robot.nv)))
+    drawn = np.asarray(grabbable.handle("").position)  # at the page's origin plus this
+    assert np.linalg.norm(drawn) > 0.9 * far
     shape = shape_of(grabbable, HAND)
     rotations, origins = joint_placements(robot, q)
-    joint = int(shape.split("/")[2])
+    joint = int(shape.split("/")[3])
     grabbed = origins[joint] + rotations[joint] @ [0.01, 0.02, 0.03]
     pointer = grabbed + [0.1, 0.2, 0.3]
     with client_of(grabbable.url) as client:
-        tell_drag(client, "start", shape, grabbed, grabbed)
-        tell_drag(client, "update", shape, grabbed, pointer)
-        tell_drag(client, "end", shape, grabbed, pointer)
+        tell_drag(client, "start", shape, grabbed + drawn, grabbed + drawn)
+        tell_drag(client, "update", shape, grabbed + drawn, pointer + drawn)
+        tell_drag(client, "end", shape, grabbed + drawn, pointer + drawn)
         first, second, last = received(grabbable, 3)
     assert isinstance(first, PullRobot) and isinstance(second, PullRobot)
     assert last == LetGo()
@@ -130,6 +136,33 @@ def test_a_part_of_the_robot_is_grabbed_dragged_and_let_go(grabbable: Stage, rob
     assert f"{newtons:.3g} N at {second.frame}" in grabbable.page._panel._html.content
     grabbable.draw(Frame(0.2, q, np.zeros(robot.nv)))
     assert not arrow.visible
+
+
+def test_a_pointer_that_rests_goes_with_the_view(grabbable: Stage, robot: Robot) -> None:
+    """Even where the arrow is not shown; and once it is let go, no more."""
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    grabbable.handle("/pull").visible = False
+    grabbable.draw(Frame(0.0, q, v))
+    pointer = robot.snapshot(q).com + [0.1, 0.0, 0.2]
+    shape = shape_of(grabbable, HAND)
+    with client_of(grabbable.url) as client:
+        tell_drag(client, "start", shape, pointer, pointer)
+        (first,) = received(grabbable, 1)
+        q[0] += 3.0
+        grabbable.draw(Frame(0.1, q, v))
+        (second,) = received(grabbable, 1)
+        grabbable.draw(Frame(0.1, q, v))  # nothing has moved
+        drawn = np.asarray(grabbable.handle("").position)
+        tell_drag(client, "end", shape, pointer, pointer)
+        assert received(grabbable, 1) == [LetGo()]
+    assert isinstance(first, PullRobot) and isinstance(second, PullRobot)
+    assert drawn[0] < -0.5
+    np.testing.assert_allclose(first.target, pointer)
+    np.testing.assert_allclose(second.target, pointer - drawn)
+    np.testing.assert_array_equal(second.point, first.point)
+    q[0] += 3.0
+    grabbable.draw(Frame(0.2, q, v))
+    assert not grabbable.pipe.poll(0.2)
 
 
 def test_who_leaves_the_page_lets_go(grabbable: Stage, robot: Robot) -> None:

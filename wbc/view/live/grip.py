@@ -46,7 +46,7 @@ class Grip:
         self._shown: Shown | None = None
         self._link = ""  # what is grabbed; empty: nothing
         self._point = np.zeros(3)  # of the link, in its axes
-        self._pointer = np.zeros(3)  # (3,) [m], world axes
+        self._pointer = np.zeros(3)  # from the page's origin [m], world axes
         for link, mesh in links:
             self._make_grabbable(link, mesh)
 
@@ -61,19 +61,22 @@ class Grip:
                     self._grab(link, np.array(event.start_position), self._shown)
                 if self._link and self._shown is not None:
                     self._pointer = np.array(event.end_position)
-                    self._pull()
+                    self._pull(self._shown.followed)
 
         mesh.on_drag("left", modifier=KEY)(dragged)
 
     def _grab(self, link: str, place: Array, shown: Shown) -> None:
-        """Grab a link at a place (3,)."""
+        """Grab a link at a place (3,) from the page's origin."""
         R, p = shown.snapshot.rotation(link), shown.snapshot.position(link)
-        self._link, self._point = link, R.T @ (place - p)
+        self._link, self._point = link, R.T @ (place + shown.followed - p)
 
-    def _pull(self) -> None:
-        self._send(PullRobot(self._link, self._point, self._pointer, self._stiffness))
+    def _pull(self, followed: Array) -> None:
+        target = self._pointer + followed
+        self._send(PullRobot(self._link, self._point, target, self._stiffness))
 
     def show(self, shown: Shown) -> None:
-        """Take note of a frame."""
+        """Take note of a frame; a pointer that rests goes through the world with the view."""
         with self._changing:
-            self._shown = shown
+            before, self._shown = self._shown, shown
+            if self._link and before is not None and (shown.followed != before.followed).any():
+                self._pull(shown.followed)

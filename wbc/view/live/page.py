@@ -17,10 +17,11 @@ import numpy as np
 import viser
 
 from wbc.view.live.controls import Controls, PushControls
+from wbc.view.live.following import Following
 from wbc.view.live.grip import Grip
 from wbc.view.live.layers.forces import ForcesLayer
 from wbc.view.live.layers.ground import ComLayer, GroundLayer, SupportLayer
-from wbc.view.live.layers.layer import Layer
+from wbc.view.live.layers.layer import WORLD, Layer
 from wbc.view.live.layers.margins import MarginsLayer, ObstaclesLayer
 from wbc.view.live.layers.pendulum import EllipsoidLayer, LegLayer, MassesLayer, MomentumLayer
 from wbc.view.live.layers.pushes import PullLayer, PushLayer
@@ -65,7 +66,7 @@ class Page:
         self._cast: Cast | None = None
         self._drawn: tuple[Frame, Cast | None] | None = None
         self._drawn_cast: Cast | None = None
-        self._layers_changed = self._seen_forces = False
+        self._changed = self._seen_forces = False
         self._last: Shown | None = None
         self._panel_at = self._controls_at = 0.0
         self._awaited = setup.clock
@@ -92,6 +93,7 @@ class Page:
     def _build_gui(self, setup: Setup, shapes: RobotShapes, size: float) -> None:
         scene, gui = self.server.scene, self.server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        self._world = scene.add_frame(WORLD, show_axes=False)
         robot = RobotLayer(scene, size, self._robot, shapes)
         self._margins = MarginsLayer(scene, size, self._robot)
         self._layers: list[Layer] = [
@@ -114,6 +116,7 @@ class Page:
         self._grip: Grip | None = None
         with tabs.add_tab("Run"):
             self._controls = Controls(gui, self.send, setup.clock)
+            self._following = Following(gui, size, self._terrain, self._draw_again)
             if setup.push:
                 pushes = PushControls(gui, self.send, setup.push)
                 self._layers += [
@@ -136,9 +139,12 @@ class Page:
 
         def toggle(_: object) -> None:
             layer.root.visible = box.value
-            self._layers_changed = True
+            self._draw_again()
 
         box.on_update(toggle)
+
+    def _draw_again(self) -> None:
+        self._changed = True
 
     def send(self, request: Request) -> None:
         """Send on what the user wants."""
@@ -186,14 +192,17 @@ class Page:
             self._controls.show(self._recording, elapsed)
         past = self._controls.past
         wanted = latest if past is None else self._recording.at(past)
-        if wanted is None or (wanted is self._drawn and not self._layers_changed):
+        if wanted is None or (wanted is self._drawn and not self._changed):
             self._write_panel(now)
             return
-        self._drawn, self._layers_changed = wanted, False
+        self._drawn, self._changed = wanted, False
         frame, cast = wanted
         previous = None if self._last is None else self._last.state
         shown = Shown(self._robot, frame, cast, previous, self._terrain)
+        self._following.follow(shown.snapshot.com, frame.time)
+        shown.followed = self._following.point
         with self.server.atomic():
+            self._world.position = -shown.followed
             if cast is not None and cast is not self._drawn_cast:
                 self._drawn_cast = cast
                 for layer in self._layers:

@@ -19,7 +19,13 @@ FLAT = 2e-3  # m: a sole whose corners are this near to the ground stands on it
 
 
 class Shown:
-    """A frame with the robot's snapshot and its pendulum; computed when first asked for."""
+    """A frame with the robot's snapshot and its pendulum; computed when first asked for.
+
+    Attributes
+    ----------
+    followed:
+        (3,) [m]: which point of the world is shown at the page's origin.
+    """
 
     def __init__(
         self,
@@ -31,6 +37,7 @@ class Shown:
     ) -> None:
         self.robot, self.frame, self.cast, self.terrain = robot, frame, cast, terrain
         self._previous = previous
+        self.followed: Array = np.zeros(3)
 
     @cached_property
     def snapshot(self) -> Snapshot:

@@ -11,7 +11,7 @@ from wbc.problem.simulation_spec import turned_with
 from wbc.rotations import rotation_from
 from wbc.simulation import Step, Terrain
 from wbc.validate import Array
-from wbc.view.live.layers.layer import ORANGE
+from wbc.view.live.layers.layer import ORANGE, WORLD
 from wbc.view.live.messages import Frame
 from wbc.view.live.telling import cast_of
 
@@ -45,7 +45,7 @@ def test_the_grid_is_tilted_and_boards_are_where_they_are(hill: Stage) -> None:
 
 def test_level_ground_is_level(stage: Stage) -> None:
     np.testing.assert_allclose(stage.handle("/ground/grid").wxyz, (1.0, 0.0, 0.0, 0.0))
-    assert stage.server.scene.get_handle_by_name("/ground/board 0") is None
+    assert stage.server.scene.get_handle_by_name(f"{WORLD}/ground/board 0") is None
 
 
 def test_marks_lie_on_the_slope(hill: Stage, robot: wbc.Robot, start: Array) -> None:

@@ -77,6 +77,10 @@ def test_dragging_asks_for_targets(
     robot = controller.robot
     q = robot.posture("standing")
     stage.draw(cast_of(controller), frame_at(controller, q, 0.0))
+    # The view follows a robot far away, and handles are told in the world's axes all the same.
+    far = q + 3.0 * np.eye(robot.nq)[0]
+    stage.draw(frame_at(controller, far, 0.01))
+    assert stage.handle("").position[0] < -0.01
     with client_of(stage.url) as client:
         drag(client, hands[0], [0.1, 0.2, 0.3])
         first, second = (stage.pipe.recv() for _ in range(2))

@@ -6,6 +6,7 @@ import numpy as np
 from viser import SceneApi
 
 from wbc.robot import Robot
+from wbc.rotations import rotation_from
 from wbc.simulation.terrain import Terrain
 from wbc.view import palette
 from wbc.view.boards import board_surfaces
@@ -16,19 +17,23 @@ LIFTED = np.array([0.0, 0.0, 1e-3])  # m above the ground: what is drawn on it w
 
 
 class GroundLayer(Layer):
-    """A grid on the ground's plane, with the shadow of the robot, and boards on it."""
+    """A grid on the ground's plane, with the shadow of the robot, and boards on it.
+
+    The grid seems to have no end: it goes with the view, by whole sections.
+    """
 
     label = "Ground"
 
     def __init__(self, scene: SceneApi, size: float, terrain: Terrain) -> None:
         super().__init__(scene, size)
         cell = 0.1 if size > 0.8 else 0.05
-        scene.add_grid(
+        self._section = 5.0 * cell
+        self._grid = scene.add_grid(
             f"{self.path}/grid",
             width=8.0 * size,
             height=8.0 * size,
             cell_size=cell,
-            section_size=5.0 * cell,
+            section_size=self._section,
             cell_color=(222, 226, 230),
             section_color=(190, 196, 202),
             fade_distance=6.0 * size,
@@ -37,6 +42,7 @@ class GroundLayer(Layer):
             plane_opacity=1.0,
             wxyz=along(terrain.normal),
         )
+        self._axes = rotation_from(np.roll(self._grid.wxyz, -1))
         for number, surface in enumerate(board_surfaces(terrain)):
             scene.add_mesh_simple(
                 f"{self.path}/board {number}",
@@ -48,7 +54,9 @@ class GroundLayer(Layer):
             )
 
     def show(self, shown: Shown) -> None:
-        """Stay where it is."""
+        """Move the grid below what is followed; its lines stay where they are."""
+        sections = np.round(self._axes.T @ shown.followed / self._section)
+        self._grid.position = self._axes @ (*(self._section * sections[:2]), 0.0)
 
 
 class SupportLayer(Layer):

@@ -26,6 +26,7 @@ BLUE, VERMILION, PURPLE, GREY = (
 )
 PRINCIPAL = tuple(palette.rgb(one) for one in palette.PRINCIPAL)
 AROUND = 64  # points of a circle
+WORLD = "/world"  # the node above all layers: it moves so that the page follows the robot
 PLANE = 2.0  # m: side of what is drawn of a half-space
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -46,7 +47,7 @@ class Layer(ABC):
 
     def __init__(self, scene: SceneApi, size: float) -> None:
         self.scene, self.size = scene, size
-        self.path = "/" + self.label.lower().replace(" ", "_")
+        self.path = f"{WORLD}/" + self.label.lower().replace(" ", "_")
         self.root = scene.add_frame(self.path, show_axes=False, visible=self.begins_visible)
 
     def cast(self, cast: Cast) -> None:  # noqa: B027 - most layers do not care

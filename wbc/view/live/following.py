@@ -1,0 +1,74 @@
+"""The view follows the robot: which point of the ground is shown where the page has its origin.
+
+The scene is moved under the camera, not the camera over the scene: the page alone knows where its
+camera is while somebody turns it, so a camera that the server moved would jump back under the
+user's hand. What the page tells of the pointer is from its own origin; handles of targets, which
+are below the node that is moved, are told in the world's axes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from viser import GuiApi
+
+from wbc.simulation.terrain import Terrain
+from wbc.validate import Array
+
+SLACK = 0.15  # of the robot's size: a CoM this near, as over standing feet, moves nothing
+TIME_CONSTANT = 0.25  # s: of what is beyond that; steps sway the view by a third of the CoM's sway
+JUMP = 1.0  # s: what is further apart in time, or goes back, is not followed but begun with
+
+
+class Following:
+    """The point that is followed, and the box that turns it on and off.
+
+    A robot that stands about the world's origin leaves the view as it is without following.
+
+    Parameters
+    ----------
+    size:
+        Of the robot [m].
+    terrain:
+        The point is on its plane, below its steps.
+    changed:
+        Called when the user has changed the box.
+
+    Attributes
+    ----------
+    point:
+        (3,) [m], world axes; where it was when the box is not ticked.
+    """
+
+    def __init__(
+        self, gui: GuiApi, size: float, terrain: Terrain, changed: Callable[[], None]
+    ) -> None:
+        self.point: Array = np.zeros(3)
+        self._slack, self._slope = SLACK * size, np.array(terrain.slope)
+        self._time = math.nan  # of the last call [s]
+        self._box = gui.add_checkbox(
+            "Follow the robot", True, hint="Horizontally; the camera turns and zooms as before."
+        )
+
+        def toggle(_: object) -> None:
+            self._time = math.nan  # the robot may be far away by now
+            changed()
+
+        self._box.on_update(toggle)
+
+    def follow(self, com: Array, time: float) -> None:
+        """Move the point towards the CoM (3,) [m] of a frame, whose time is in s."""
+        if not self._box.value:
+            return
+        elapsed, self._time = time - self._time, time
+        here, com = self.point[:2], com[:2]
+        away = com - here
+        distance = float(np.linalg.norm(away))
+        if not 0.0 <= elapsed < JUMP:
+            here = np.zeros(2) if np.linalg.norm(com) <= self._slack else com
+        elif distance > self._slack:
+            part = -math.expm1(-elapsed / TIME_CONSTANT)
+            here = here + part * (1.0 - self._slack / distance) * away
+        self.point = np.append(here, self._slope @ here)
