@@ -47,9 +47,9 @@ class WalkingWeights:
 
     The angular momentum of a swinging leg is let go: held to zero it would move the pressure by
     more than the length of a sole. About the vertical only friction holds a foot, so that is
-    regulated, firmly, to what the whole body has when it turns as commanded: at a sixth of the
-    weight a G1's foot turned by 10 degrees in a step on ground with a friction of 0.4, and by 56
-    under a push that ended its walk.
+    regulated, firmly, to what the whole body has when it turns as commanded: on ground with a
+    friction of 0.4 a G1's foot turned by 5 degrees in a step at a twelfth of the weight, by 1.5 to
+    5 at half of it, and by 0.3 to 1.2 with it.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class WalkingWeights:
     trunk: float = 6.0
     posture: float = 0.3
     spin: float = 0.4
-    yaw: float = 60.0
+    yaw: float = 120.0
     stiff_height: float = 100.0
     stiff_trunk: float = 100.0
     stiff_posture: float = 30.0
