@@ -47,7 +47,7 @@ from wbc.simulation import SimulationError, SimulationTick, Terrain, simulate
 JOURNAL = Path(__file__).with_suffix(".jsonl")
 VARIANTS = ("free", "regulated", "planned")
 FIRM, IGNORED = 30.0, 1e-9  # weights: of the CoM's rows, in M kg m/s; of what is let go
-YAW = (10.0, 60.0, 120.0, 240.0)  # weights tried
+YAW = (10.0, 60.0, 90.0, 180.0)  # weights tried
 SPEED = {"g1": 0.8, "talos": 0.5, "hoap2_like": 0.15}  # m/s
 TURN = 0.4  # rad/s, at half the speed
 SLIPPERY = 0.4  # friction: on rougher ground no foot turns

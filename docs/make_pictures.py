@@ -127,7 +127,9 @@ def exposures_picture(name: str, moments: Mapping[str, float], view: str) -> Non
     rows = np.searchsorted(result.arrays["time"], list(moments.values()))
     poses, way = dict(zip(moments, result.arrays["q"][rows], strict=True)), result.arrays["com"]
     look = View.of(view, "robot,ground,soles,com")
-    plot_exposures(result.robot, poses, place(name), way=way, terrain=result.terrain, view=look)
+    plot_exposures(
+        result.robot, poses, place(name), path_of_com=way, terrain=result.terrain, view=look
+    )
     smaller(name, width=1400, shades=True)
 
 

@@ -1,6 +1,7 @@
 """Tasks whose rows are worked out in Python, in QPs of the native core."""
 
 import itertools
+from time import sleep
 
 import numpy as np
 import pytest
@@ -55,6 +56,24 @@ class Wide(Task):
 
     def drift(self, snapshot):
         return np.zeros(1)
+
+
+class Pair(Task):
+    """Two rows, of whose error and bias one entry is missing if ``shortened``."""
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot, "pair", ("a", "b"))
+        self.shortened, self.asked, self.wait = False, 0, 0.0
+
+    def residual(self, snapshot):
+        self.asked += 1
+        sleep(self.wait)
+        J = np.eye(self.robot.nv)[6:8]
+        short = np.zeros(1 if self.shortened else 2)
+        return Residual(short + 0.1, J, short)
+
+    def drift(self, snapshot):
+        return np.zeros(2)
 
 
 def own_tasks(robot: Robot, rng: np.random.Generator, here) -> list:
@@ -187,6 +206,15 @@ def test_what_one_s_own_task_returns_is_judged_as_in_python(level, native) -> No
     own.spoilt = np.zeros(2)
     with pytest.raises(InvalidInputError, match="sum"):
         controller.step(here)
+    # What would be one error for two rows is refused as well.
+    pair = Pair(robot)
+    controller = level(
+        robot, [pair, PostureTask(robot, here.q, weight=0.1)], contacts=support(here, "double")
+    )
+    assert controller.step(here).ok
+    pair.shortened = True
+    with pytest.raises(InvalidInputError, match="pair"):
+        controller.step(here)
 
 
 def test_what_is_no_plain_cost_is_left_to_python(native) -> None:
@@ -224,3 +252,33 @@ def test_a_tick_keeps_what_python_worked_out(native) -> None:
             np.testing.assert_allclose(tick.errors["com"], 0.5 * shift * np.ones(3), atol=1e-12)
         for one, other in itertools.pairwise(ticks):
             assert not np.array_equal(one.qp.g, other.qp.g)
+
+
+@pytest.mark.parametrize("level", [KinematicController, TorqueController])
+def test_times_of_a_tick_count_what_python_works_out(level, native) -> None:
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"), np.zeros(robot.nv))
+    pair = Pair(robot)
+    controller = level(robot, [pair], contacts=support(here, "double"))
+    controller.step(here)
+    pair.wait, pair.asked = 0.01, 0
+    tick = controller.step(here)
+    assert pair.asked == 1 and tick.times.tasks >= 0.01
+
+
+def test_one_s_own_task_is_not_asked_again_for_the_plan_without_margins(native) -> None:
+    """Where an answer would lead inside a margin: once for the core, once for the Python tick."""
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    pair = Pair(robot)
+    apart = SelfCollision(robot, margin=0.01, pairs=10)
+    beyond = np.array(q)
+    beyond[10] = robot.limits.upper[3] + 0.01  # is done in Python
+    controller = KinematicController(
+        robot, [pair], contacts=support(here, "double"), constraints=[apart], solver="daqp"
+    )
+    controller.step(here)
+    pair.asked = 0
+    controller.step(robot.snapshot(beyond))
+    assert pair.asked <= 2

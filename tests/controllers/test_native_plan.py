@@ -600,3 +600,44 @@ def test_threads_may_share_a_controller(native, rng) -> None:
     finally:
         sys.setswitchinterval(before)
     assert not wrong
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_position_limits_hold_where_speed_and_acceleration_have_none(moving, native, rng) -> None:
+    """The box is that of Python: at 10 mrad from a limit and anywhere, from rest and in motion."""
+    robot = native("g1_27")
+    q = robot.posture("standing")
+    limits = Limits(robot, velocity=None)
+    assert np.isinf(limits.speed).all() and np.isinf(limits.acceleration).all()
+    far = PostureTask(
+        robot, robot.limits.clamped(robot.integrate(q, rng.normal(size=robot.nv), 1.0))
+    )
+    controller = controller_of(robot, [far], limits=limits)
+    near = q.copy()
+    near[7:] = robot.limits.upper - 0.01
+    for k in range(20):
+        state = near if k == 0 else random_state(robot, rng)[0]
+        here = robot.snapshot(state, rng.normal(size=robot.nv) if moving else None)
+        found = controller._native_problem(controller._native, here)
+        if found is None:  # outside its limits
+            continue
+        lower, upper = limits.box(here, controller.dt)
+        np.testing.assert_allclose(found.qp.lower, lower, rtol=1e-12)
+        np.testing.assert_allclose(found.qp.upper, upper, rtol=1e-12)
+        reached = robot.integrate(state, controller.step(here).velocity, controller.dt)
+        assert limits.signed_distance(robot.snapshot(reached)).min() > -1e-9
+
+
+def test_copies_keep_what_the_plan_was_made_with(native) -> None:
+    robot = native("hoap2_like")
+    here = robot.snapshot(robot.posture("standing"))
+    box = PositionBox(robot, "left_palm", [-1, -1, -1], [1, 1, 1])
+    tasks = [ComTask(robot, here.com), PostureTask(robot, here.q)]
+    shared = controller_of(robot, tasks, support(here, "double"), constraints=[box])
+    bounded = controller_of(robot, tasks, support(here, "double"), budget=400.0)
+    assert shared.native.shares_state and not bounded.native.shares_state
+    for one in (pickle.loads(pickle.dumps(shared)), copy.deepcopy(shared)):
+        assert one.native.shares_state
+    first, second = (plan.native.memory._settings for plan in (bounded, copy.deepcopy(bounded)))
+    limits = [daqp_direct.iteration_limit(one)[0] for one in (first, second)]
+    assert limits[0] == limits[1] < Daqp().max_iterations

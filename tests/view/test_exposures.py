@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wbc.errors import InvalidInputError
 from wbc.problem.simulation_spec import turned_with
 from wbc.robot import Robot
 from wbc.simulation import Step, Terrain
@@ -58,7 +59,7 @@ def test_names_stand_above_the_robots_in_their_order(
     robot: Robot, walk: dict[str, Array], tmp_path: Path
 ) -> None:
     way = np.column_stack((np.linspace(0.0, 1.0, 50), np.zeros(50), np.full(50, 0.4)))
-    figure = exposures_figure(robot, walk, way=way, terrain=TERRAIN, view=FROM_THE_LEFT)
+    figure = exposures_figure(robot, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
     (axes,) = figure.axes
     places = {text.get_text(): text.get_position() for text in axes.texts}
     # From the left, ahead is to the left; uphill is higher, and rows count downwards.
@@ -75,7 +76,7 @@ def test_the_way_of_the_com_is_on_the_ground(robot: Robot, walk: dict[str, Array
     """Seen from the side, it is as steep as the slope, and jumps up and down at the board."""
     x = np.linspace(0.0, 1.0, 101)
     way = np.column_stack((x, np.zeros(101), np.full(101, 0.4)))
-    figure = exposures_figure(robot, walk, way=way, terrain=TERRAIN, view=FROM_THE_LEFT)
+    figure = exposures_figure(robot, walk, path_of_com=way, terrain=TERRAIN, view=FROM_THE_LEFT)
     lines = max(figure.axes[0].collections, key=lambda one: len(one.get_segments()))
     points = np.array([line[0] for line in lines.get_segments()])
     metre = (points[0, 0] - points[-1, 0]) / (x[-2] - x[0])  # pixels, nearly: a long lens
@@ -84,3 +85,10 @@ def test_the_way_of_the_com_is_on_the_ground(robot: Robot, walk: dict[str, Array
     on_slope = (x[:-1] < 0.29) | (x[:-1] > 0.71)
     np.testing.assert_allclose(risen[on_slope], 0.1 * x[:-1][on_slope], atol=4e-3)
     np.testing.assert_allclose(risen[on_board], 0.05, atol=4e-3)
+
+
+@pytest.mark.parametrize("path", [[[0.0, 0.0]], [0.0, 0.0, 0.0], [["x", 0, 0]], [[np.nan, 0, 0]]])
+def test_a_path_that_is_none_is_a_typed_error(path) -> None:
+    robot = Robot.load("hoap2_like")
+    with pytest.raises(InvalidInputError, match="path_of_com"):
+        exposures_figure(robot, {"stands": robot.posture("standing")}, path_of_com=path)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from wbc.constraints.collision import SelfCollision
 from wbc.controllers.levels import Outcome
-from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.native_tick import NativeController
 from wbc.controllers.plan import NO_PHYSICS, Physics
 from wbc.controllers.slack import slacks_of
 from wbc.controllers.tick import Tick
 from wbc.laws import Residual, Rows
-from wbc.qp.backend import Backend
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.work import Work
 from wbc.robot import Snapshot
@@ -32,11 +31,8 @@ class KinematicController(NativeController):
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return task.law.rows(residual, task.weight, self.dt)
 
-    def _native_plan(
-        self, backend: Backend | None, margin: SelfCollision | None
-    ) -> NativePlan | None:
-        tasks = self.robot, self.tasks, self.plan
-        return NativePlan.of(*tasks, self.limits, self.dt, backend, None, margin)
+    def _native_parts(self) -> tuple[Sequence[Task], None]:
+        return self.tasks, None
 
     def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
         known = self._known_errors(found, snapshot) if self._deviating else None

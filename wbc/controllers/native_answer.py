@@ -10,7 +10,7 @@ from wbc.validate import Array
 
 
 class Answer(NamedTuple):
-    """What the core wrote: fresh memory, views on one block.
+    """What the core wrote: views on one block of memory that nobody else holds.
 
     Attributes
     ----------

@@ -65,8 +65,11 @@ class GivenPart(Part):
         (k, n), (place,) = self._shape, self._places
         matrix, target, told, damping = place.rest[2:]
         width = rows.matrix.shape[-1]
-        if rows.curvature is not None or rows.matrix.shape != (k, width) or width > n:
+        shapes = rows.matrix.shape, rows.target.shape, rows.weight.shape
+        if rows.curvature is not None or shapes != ((k, width), (k,), (k,)) or width > n:
             return False
+        if residual is not None and residual.error.shape != (k,):
+            return False  # the Python tick says what is wrong
         matrix = matrix.reshape(k, n)
         matrix[:, :width] = rows.matrix
         matrix[:, width:] = 0.0

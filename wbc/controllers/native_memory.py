@@ -29,8 +29,6 @@ from wbc.robot.names import BASE
 from wbc.validate import Array
 
 REDUCED = 7  # of what the core says, as UNSOLVED: enum handed_over of source/core.h
-# References to an answer that nobody keeps: the memory's, a local name, the count's own.
-_UNSHARED = 3
 
 
 class _Plan(ctypes.Structure):
@@ -135,6 +133,7 @@ class NativeMemory:
         self._iterations, self._proximal = self.answer.found.stop - 1, 0
         self.out = np.zeros(self.answer.size)
         self.struct.out = address(self.out)
+        self._unshared = getrefcount(self.out)  # of a call's own references Pythons count 1 or 2
         self._reduced: dict[int, QP] = {}  # by its number of rows
 
     def _point(self, solver: Daqp | ProxQP | None) -> None:
@@ -167,10 +166,10 @@ class NativeMemory:
         if state is not None:
             self.state[:] = state[: self.state.size]
             known = self._state_address
+        if getrefcount(self.out) > self._unshared:  # a tick is kept, or a view of its QP
+            self.out = np.empty(self.answer.size)
+            self.struct.out = address(self.out)
         out = self.out
-        if getrefcount(out) > _UNSHARED:  # a tick that is kept, or a view of its QP, still needs it
-            self.out = out = np.empty(self.answer.size)
-            self.struct.out = address(out)
         out[self._iterations] = self._proximal = 0
         self._asked = measured
         self.said = said = self._call(self._plan_address, known, measured, None, moving)

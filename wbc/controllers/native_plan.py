@@ -9,6 +9,7 @@ snapshot then goes through the Python tick.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Mapping, Sequence
 from time import perf_counter
@@ -56,10 +57,8 @@ class NativePlan:
     given:
         Tasks about motion whose rows are worked out in Python; all about forces are.
     shares_state:
-        Whether others in the tick look at what the core finds at a state: it is kept then.
+        See :meth:`of`.
     """
-
-    shares_state = False
 
     def __init__(
         self,
@@ -73,6 +72,8 @@ class NativePlan:
         rows: TorqueRows | None,
         constraint: SelfCollision | None,
         margin: NativeMargin | None,
+        shares_state: bool,
+        units: float,
     ) -> None:
         tasks = [part.task for part in parts if not part.held]
         self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
@@ -89,6 +90,9 @@ class NativePlan:
         names = [task.name for task in tasks]
         errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
         self._layout = Layout(self.memory, self.memory.answer, errors, plan.labels[0])
+        self.shares_state, self._units = shares_state, units
+        if solver is not None and units < math.inf:
+            self.memory.bound(units)
 
     @classmethod
     def of(
@@ -101,6 +105,8 @@ class NativePlan:
         backend: Backend | None = None,
         rows: TorqueRows | None = None,
         constraint: SelfCollision | None = None,
+        shares_state: bool = False,
+        units: float = math.inf,
     ) -> NativePlan | None:
         """Return the plan of plain ticks, or None: the core is not there, or does not know all.
 
@@ -112,6 +118,10 @@ class NativePlan:
             What the torque level adds; None at the velocity level.
         constraint:
             What is kept apart by the core itself, which solves the QP then; None: nothing is.
+        shares_state:
+            Whether others in the tick look at what the core finds at a state: it is kept then.
+        units:
+            Of work that DAQP may take in the core.
         """
         passes = robot.native
         if passes is None or len(plan.levels) > 1 or plan.soft:
@@ -134,10 +144,12 @@ class NativePlan:
         margin = None if constraint is None else NativeMargin.of(constraint, passes.tree)
         if constraint is not None and margin is None:
             return None
-        return cls(robot, passes.tree, plan, parts, limits, dt, backend, rows, constraint, margin)
+        made_of = robot, passes.tree, plan, parts, limits, dt, backend, rows, constraint, margin
+        return cls(*made_of, shares_state, units)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self).of, self._made_of  # a copy has memory of its own
+        # A copy has memory of its own.
+        return type(self).of, (*self._made_of, self.shares_state, self._units)
 
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
@@ -153,6 +165,7 @@ class NativePlan:
         snapshot: Snapshot,
         ramps: Mapping[str, float] = NO_RAMPS,
         given: Sequence[GivenRows] = (),
+        begun: float | None = None,
     ) -> NativeProblem | None:
         """Return the QP at ``snapshot``, maybe solved; None: to be done in Python.
 
@@ -162,8 +175,11 @@ class NativePlan:
             The largest normal forces [N] of contacts that come or go.
         given:
             The rows of the tasks ``given``, and behind them of those about forces, in their order.
+        begun:
+            When the tick began [s]; None: now.
         """
-        begun = perf_counter()
+        if begun is None:
+            begun = perf_counter()
         if self.shares_state:
             known = snapshot.native_state
         else:
@@ -199,11 +215,6 @@ class NativePlan:
     def spent(self) -> float:
         """Units of work of solvers that the last problem took."""
         return 0.0 if self._solver is None else self.memory.spent
-
-    def bound(self, units: float) -> None:
-        """Bound the iterations of DAQP in the core by what it may take."""
-        if self._solver is not None:
-            self.memory.bound(units)
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""

@@ -59,7 +59,7 @@ class NativeProblem:
     Parameters
     ----------
     out:
-        What the core wrote: nobody else's.
+        What the core wrote, in memory that nobody else holds.
     begun, called, done:
         When the tick began, when the core was called, and when it was done [s].
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
+from collections.abc import Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from wbc.constraints.collision import SelfCollision
 from wbc.controllers.controller import Controller
 from wbc.controllers.level_problem import LevelProblem
 from wbc.controllers.look_ahead import Attempt
+from wbc.controllers.native_forces import TorqueRows
 from wbc.controllers.native_given import GivenRows
 from wbc.controllers.native_margin import only_self_collision
 from wbc.controllers.native_plan import NativePlan, solves
@@ -79,7 +80,8 @@ class NativeController(Controller):
             # Where an answer leads inside, rows are added by Python.
             if self._second is None:
                 return _Unsolved(work)
-            found = self._native_problem(self._second, snapshot)
+            given = None if found is None else found.given
+            found = self._native_problem(self._second, snapshot, given)
             if found is not None and found.solved:
                 return self._native_tick(found, snapshot)
             work.spent += self._second.spent
@@ -124,23 +126,38 @@ class NativeController(Controller):
             first = self._native_plan(self.backend, margin)
             if first is not None:
                 self._native, self._second = first, self._native
-        for plan in (self._native, self._second):
-            if plan is not None and plan.margin is None:
-                plan.shares_state = bool(self.constraints)  # margins look at it too
-        if self._native is not None and self.budget < math.inf:
-            self._native.bound(0.5 * self.budget)
 
-    # ------------------------------------------------------------------ what a level says
-
-    @abstractmethod
     def _native_plan(
         self, backend: Backend | None, margin: SelfCollision | None
     ) -> NativePlan | None:
         """Return the plan for the core; None: its ticks are not plain."""
+        tasks, rows = self._native_parts()
+        return NativePlan.of(
+            self.robot,
+            tasks,
+            self.plan,
+            self.limits,
+            self.dt,
+            backend,
+            rows,
+            margin,
+            shares_state=margin is None and bool(self.constraints),  # margins look at it too
+            units=0.5 * self.budget,
+        )
 
-    def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
-        """Return the QP of a tick."""
-        return plan.problem(snapshot, given=self._given_rows(plan, snapshot))
+    # ------------------------------------------------------------------ what a level says
+
+    @abstractmethod
+    def _native_parts(self) -> tuple[Sequence[Task], TorqueRows | None]:
+        """Return the tasks, and what the torque level adds."""
+
+    def _native_problem(
+        self, plan: NativePlan, snapshot: Snapshot, given: Sequence[GivenRows] | None = None
+    ) -> NativeProblem | None:
+        """Return the QP of a tick; ``given`` are rows that were worked out before, for another."""
+        begun = perf_counter()
+        rows = self._given_rows(plan, snapshot) if given is None else given
+        return plan.problem(snapshot, given=rows, begun=begun)
 
     def _given_rows(self, plan: NativePlan, snapshot: Snapshot) -> list[GivenRows]:
         """Return the rows of tasks that the core does not know, those about forces last."""

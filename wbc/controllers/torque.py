@@ -12,11 +12,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from functools import partial
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.closed_loop import ticks_of
@@ -248,16 +248,17 @@ class TorqueController(NativeController):
         forces = [task.force_rows(dynamics) for task in self._force_tasks]
         return Physics([held], bounds, forces=forces, rest=rest, dynamics=dynamics)
 
-    def _native_plan(
-        self, backend: Backend | None, margin: SelfCollision | None
-    ) -> NativePlan | None:
+    def _native_parts(self) -> tuple[Sequence[Task], TorqueRows]:
         limits = self._bounded, self._most, self._torque_labels
         rows = TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
-        tasks = self.robot, (*self._motion, *self._force_tasks), self.plan
-        return NativePlan.of(*tasks, self.limits, self.dt, backend, rows, margin)
+        return (*self._motion, *self._force_tasks), rows
 
-    def _native_problem(self, plan: NativePlan, snapshot: Snapshot) -> NativeProblem | None:
-        return plan.problem(snapshot, self._ramps.most, self._given_rows(plan, snapshot))
+    def _native_problem(
+        self, plan: NativePlan, snapshot: Snapshot, given: Sequence[GivenRows] | None = None
+    ) -> NativeProblem | None:
+        begun = perf_counter()
+        rows = self._given_rows(plan, snapshot) if given is None else given
+        return plan.problem(snapshot, self._ramps.most, rows, begun)
 
     def _given_rows(self, plan: NativePlan, snapshot: Snapshot) -> list[GivenRows]:
         found = super()._given_rows(plan, snapshot)
@@ -283,7 +284,7 @@ class TorqueController(NativeController):
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         known = found.matrix, found.offset
         dynamics = TickDynamics(snapshot, self.contact_forces, self._last_wrenches(), known)
-        forces = [task.force_rows(dynamics) for task in self._force_tasks]
+        forces = [one.rows for one in found.given if one.residual is None]
         return Physics(bounds=found.bounds, forces=forces, dynamics=dynamics)
 
     def _dynamics(self, snapshot: Snapshot) -> TickDynamics:

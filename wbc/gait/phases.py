@@ -95,7 +95,8 @@ class SingleSupport:
     elapsed: float  # since it began [s]
     left: float  # until the other foot lands; below zero if that is late [s]
     goal: Array  # where it lands (2,) [m]
-    offset: Array  # that the DCM should have from there, when that foot alone begins to bear [m]
+    # That the DCM should have from there (2,), when that foot alone begins to bear [m].
+    offset: Array
     foothold: Foothold  # of the foot that bears
     # The footstep that it is asked to make, and those after it, if any.
     given: tuple[Footstep, ...] = ()

@@ -31,15 +31,32 @@ def native_tree(name: str, work: Workspace) -> NativeTree | None:
     found = core()
     if found is None:
         return None
-    tree = NativeTree(found, work.model)
-    worst = disagreement(tree, work)
-    if worst <= AGREEMENT:  # NaN is not
-        return tree
-    said = f"the native core and Pinocchio differ by {worst:.1e} on {name}; it is not used for it"
+    if is_depth_first(work.model):
+        tree = NativeTree(found, work.model)
+        worst = disagreement(tree, work)
+        if worst <= AGREEMENT:  # NaN is not
+            return tree
+        said = f"the native core and Pinocchio differ by {worst:.1e} on {name}"
+    else:
+        said = f"the joints of {name} do not come branch by branch, as the native core reads them"
+    said += "; it is not used for it"
     if mode() == "require":
         raise NativeCoreError(said)
     logging.getLogger(__name__).warning("%s", said)
     return None
+
+
+def is_depth_first(model: pin.Model) -> bool:
+    """Whether all that a joint carries follows it, in q and v too: as Pinocchio reads files."""
+    carriers = list[int]()
+    for j in range(2, model.njoints):
+        while carriers and carriers[-1] != model.parents[j]:
+            carriers.pop()
+        if not carriers and model.parents[j] != 1:
+            return False
+        carriers.append(j)
+    ordered = all(list(part) == sorted(part) for part in (model.idx_qs, model.idx_vs))
+    return ordered and all(size == 1 for size in list(model.nvs)[2:])
 
 
 def disagreement(tree: NativeTree, work: Workspace, states: int = 2, seed: int = 0) -> float:

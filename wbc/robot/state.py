@@ -83,7 +83,7 @@ class KinematicState:
         object.__setattr__(self, name, value)
 
     def __getstate__(self) -> dict[str, object]:  # elsewhere the native core may be another one
-        known = {"com": self.com, "inertia": self.inertia}
+        known = {"com": self.com, "inertia": self.inertia, "gyration_radius": self.gyration_radius}
         return self.__dict__ | known | {"native_state": None, "_motion": None}
 
     def __repr__(self) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from wbc.errors import InvalidInputError
 from wbc.robot import Robot
 from wbc.simulation.terrain import LEVEL, Terrain
-from wbc.validate import Array
+from wbc.validate import Array, finite_array, real_array
 from wbc.view import style
 from wbc.view.camera import Camera, viewing_axes
 from wbc.view.options import View
@@ -34,7 +35,7 @@ from wbc.view.scene import Scene
 WIDTH, ABOVE = 12.0, 0.22  # inches, of the picture and of the names above the robots
 SHAPE = (0.2, 0.8)  # its height to width, at least and at most
 NOWHERE: Array = np.empty((0, 3))
-WAY = "black: path of the CoM on the ground"
+PATH = "black: path of the CoM on the ground"
 SHOWN = View.of(show="robot,ground,soles,com")
 
 
@@ -43,7 +44,7 @@ def plot_exposures(
     configurations: Mapping[str, ArrayLike],
     path: str | Path,
     *,
-    way: Array = NOWHERE,
+    path_of_com: ArrayLike = NOWHERE,
     terrain: Terrain = LEVEL,
     view: View = SHOWN,
 ) -> Path:
@@ -55,7 +56,7 @@ def plot_exposures(
         What is written above each robot, and its configuration q (nq,).
     path:
         The file: png, svg or pdf by its suffix.
-    way:
+    path_of_com:
         Where the CoM went (n, 3) [m]; drawn on the ground below.
     terrain:
         What the robot stands on.
@@ -70,7 +71,9 @@ def plot_exposures(
         The robot's meshes cannot be read.
     """
     path = style.picture_file(path)
-    figure = exposures_figure(robot, configurations, way=way, terrain=terrain, view=view)
+    figure = exposures_figure(
+        robot, configurations, path_of_com=path_of_com, terrain=terrain, view=view
+    )
     style.save(figure, path)
     return path
 
@@ -79,11 +82,17 @@ def exposures_figure(
     robot: Robot,
     configurations: Mapping[str, ArrayLike],
     *,
-    way: Array = NOWHERE,
+    path_of_com: ArrayLike = NOWHERE,
     terrain: Terrain = LEVEL,
     view: View = SHOWN,
 ) -> Figure:
     """Return the figure that :func:`plot_exposures` writes."""
+    way = real_array("exposures, path_of_com", path_of_com)
+    if way.ndim != 2 or way.shape[1] != 3:
+        raise InvalidInputError(
+            f"exposures, path_of_com: expected points (n, 3), got shape {way.shape}"
+        )
+    way = finite_array("exposures, path_of_com", way, way.shape)
     poses = {name: Pose(q, terrain=terrain) for name, q in configurations.items()}
     portraits = portraits_of(robot, poses, view)
     points = np.concatenate([extent_of(one) + one.scene.below_centre for one in portraits])
@@ -91,7 +100,7 @@ def exposures_figure(
     high = WIDTH * float(np.clip(along / across, *SHAPE))
     caption = captions(portraits, WIDTH)
     if len(way):
-        caption[-1:] = [*(f"{told}; {WAY}" for told in caption[-1:])]
+        caption[-1:] = [*(f"{told}; {PATH}" for told in caption[-1:])]
     below = LINE * len(caption)
     figure = style.sheet(WIDTH, high + ABOVE + below)
     axes = style.place(figure, 0.0, below, WIDTH, high)

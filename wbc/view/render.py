@@ -45,9 +45,10 @@ def render(scene: Scene, camera: Camera) -> Picture:
     relief = _relief(depth, scene.size, fine.magnification(scene.centre))
     image[rows, columns][robot] = lit(scene.corners, scene.colours, fine)[triangle[robot]]
     image[rows, columns][robot] *= relief[robot, None]
-    lay_solids(image, raster.depth, scene, fine)
+    solid = np.minimum(raster.depth, boards)
+    lay_solids(image, solid, scene, fine)
     if scene.glass:
-        lay_ellipsoid(image, raster.depth, scene, fine)
+        lay_ellipsoid(image, solid, scene, fine)
     shape = (camera.height, SAMPLES, camera.width, SAMPLES)
     colours = image.reshape(*shape, 3).mean(axis=(1, 3))
     nearest = np.minimum(raster.depth, boards + LYING).reshape(shape).min(axis=(1, 3))

@@ -45,8 +45,7 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     qp->chosen = at;
 }
 
-/* P += J' J on and above the diagonal, g -= J' wanted, rows (nv) weighted already */
-WIDE static void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
+WIDE void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
                    double *restrict P, int64_t n, double *restrict g) {
     for (int64_t r = 0; r < rows; r += 3) {
         const double *a = J + r * nv, *b = r + 1 < rows ? a + nv : 0, *c = r + 2 < rows ? b + nv : 0;
@@ -129,7 +128,8 @@ static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t
                 if (most[side] > limit) most[side] = limit;
             }
             const double reach = left[side] < 0.0 ? 0.0 : left[side];
-            if (left[side] <= FAR && reach < stops_within(most[side], slow[k], dt)) {
+            /* Without limits on speed and acceleration that distance is not a number. */
+            if (left[side] <= FAR && !(reach >= stops_within(most[side], slow[k], dt))) {
                 const double slowed = stopping(reach, slow[k], dt);
                 if (most[side] > slowed) most[side] = slowed;
             }
@@ -265,25 +265,6 @@ WIDE static int add_block(const wbc_plan *plan, const wbc_block *block, const wb
     }
     if (!block->held && !is_diagonal) square(nv, k, J, wanted, qp->P, n, qp->g);
     return 1;
-}
-
-/* The same of rows that others worked out, for all unknowns. */
-WIDE static void add_given(const wbc_plan *plan, const wbc_block *block, double *J,
-                           const wbc_qp *qp) {
-    const int64_t n = qp->n, k = block->rows;
-    const double *weight = plan->number + block->number + WEIGHTS, *matrix = weight + 3 * k;
-    const double *target = matrix + k * n, *error = target + k, *damping = error + k;
-    double *wanted = J + k * n;
-    for (int64_t i = 0; i < k; i++) {
-        double *row = J + i * n;
-        for (int64_t c = 0; c < n; c++) row[c] = weight[i] * matrix[i * n + c];
-        wanted[i] = weight[i] * target[i];
-        qp->errors[block->first + i] = error[i];
-        const double size = dot(n, row, row);
-        if (size > *qp->heaviest) *qp->heaviest = size;
-    }
-    square(n, k, J, wanted, qp->P, n, qp->g);
-    for (int64_t c = 0; c < plan->tree->nv; c++) qp->P[c * n + c] += damping[c];
 }
 
 INLINE int is_sound(const double *values, int64_t n) {

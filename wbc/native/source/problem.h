@@ -28,6 +28,17 @@ void residuals(const wbc_qp *qp, const double *give, double *gradient);
  * stride apart; by Cholesky factors in triangle (n, padded n + 1). False: H is not positive definite. */
 int least(int64_t n, const double *H, int64_t stride, const double *f, double *triangle, double *x);
 
+/* P += J' J on and above the diagonal, g -= J' wanted: rows (nv) that are weighted already, P and g of
+ * n unknowns. */
+void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
+            double *restrict P, int64_t n, double *restrict g);
+
+/* Add a block of GIVEN rows to the costs; J holds rows (n) and as many numbers more. */
+void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp);
+
+/* Write the errors of GIVEN rows that are about the answer itself. */
+void decide_errors(const wbc_plan *plan, const wbc_qp *qp);
+
 /* A measured state, and what was found at it. */
 typedef struct {
     const double *state, *q, *v, *frames, *motion, *accelerations;

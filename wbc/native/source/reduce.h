@@ -22,7 +22,7 @@ typedef struct {
     double *low, *up;      /* (left + m + k): bounds, C, then the bounded x_d */
     double *rows;          /* (m + k, left) */
     double *multipliers, *answer;
-    double *factor;        /* (2 k) */
+    double *factor;        /* (k) */
     double *gradient;      /* (n), of the full QP */
     double *triangle;      /* (left, padded left + 1): see least */
     double *end;           /* of the memory */

@@ -38,20 +38,6 @@ static void command(const wbc_plan *plan, const wbc_qp *qp) {
     }
 }
 
-/* Errors of rows that are about the answer itself. */
-static void decide_errors(const wbc_plan *plan, const wbc_qp *qp) {
-    const int64_t n = qp->n, nv = plan->tree->nv;
-    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
-        const double *number = plan->number + block->number;
-        if (block->kind != GIVEN || number[DECIDED] == 0.0) continue;
-        const double *row = number + WEIGHTS + 3 * block->rows, *target = row + block->rows * n;
-        for (int64_t i = 0; i < block->rows; i++, row += n) {
-            const double got = dot(nv, row, qp->exact) + dot(n - nv, row + nv, qp->x + nv);
-            qp->errors[block->first + i] = number[DECIDED] * (got - target[i]);
-        }
-    }
-}
-
 /* Whether the optimum of the cost alone keeps all bounds and rows: then it is the optimum. */
 WIDE static int is_kept(const reduced *r, int64_t bounded) {
     if (!least(r->left, r->H, r->left, r->f, r->triangle, r->answer)) return 0;
