@@ -3,9 +3,11 @@
 The job: a humanoid on both feet under the torque controller at 500 Hz with CoM, momentum, inertia,
 torso and posture tasks, friction cones, torque bounds and joint limits; 1 ms physics; pushed once.
 Times are thread CPU time, which other processes disturb least; the physics alone is what
-``Plant.step`` takes.
+``Plant.step`` takes. With --walk the robot walks in place of that: footsteps and goals, the tick
+that follows, and the physics, by tick.
 
     python benchmarks/simulation.py [--robots g1 talos] [--solvers daqp proxqp] [--seconds 10]
+        [--walk]
 """
 
 import os
@@ -18,6 +20,7 @@ from time import perf_counter, thread_time
 import numpy as np
 
 import wbc
+from wbc.gait import Walker
 from wbc.simulation import Plant, simulate
 
 DT = 0.002
@@ -75,12 +78,41 @@ def measure(name: str, solver: str, seconds: float) -> str:
     return f"| {' | '.join(row)} | {relaxed} of {len(ticks)} | {now.verdict} |"
 
 
+def walked(name: str, seconds: float) -> str:
+    """Return one line of the table of walks, at a third of the speed that the legs admit."""
+    robot = wbc.Robot.load(name)
+    plant, walker = Plant(robot, dt=DT), Walker(robot, dt=DT)
+    walker.command(walker.limits.forwards / 3.0)
+    times, native = [], 0
+    while plant.time < seconds:
+        snapshot, forces = plant.snapshot(), plant.contact_forces
+        clock = [thread_time()]
+        controller = walker.prepare(snapshot, forces)
+        clock.append(thread_time())
+        tick = controller.step(snapshot)
+        clock.append(thread_time())
+        plant.step(tick.torque)
+        times.append(np.diff([*clock, thread_time()]))
+        native += tick.solution.solver in ("cholesky", "daqp") and controller.native is not None
+    medians = (f"{1e6 * one:.0f}" for one in np.median(times, axis=0))
+    worst = f"{1e6 * np.percentile(np.sum(times, axis=1), 99):.0f}"
+    return f"| {name} | {' | '.join(medians)} | {worst} | {native} of {len(times)} |"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", nargs="+", default=["g1", "talos", "hoap2_like"])
     parser.add_argument("--solvers", nargs="+", default=["daqp", "proxqp"])
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--walk", action="store_true", help="walk in place of standing")
     options = parser.parse_args()
+    if options.walk:
+        print("us of a tick of a walk, medians; p99 of all three.\n")
+        print("| robot | footsteps and goals | tick | physics | p99 | plans of the core |")
+        print("|---|---|---|---|---|---|")
+        for name in options.robots:
+            print(walked(name, options.seconds), flush=True)
+        return
     print("Seconds for 10 simulated seconds; a tick with its snapshot in us.\n")
     print("| robot | solver | wall | CPU | physics | ticks | rest | median | p99 | relaxed | |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
