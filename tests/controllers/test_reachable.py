@@ -8,7 +8,7 @@ import pytest
 from wbc.constraints import Limits, support
 from wbc.constraints.limits import Box
 from wbc.constraints.rows import Bounds
-from wbc.controllers.effort_bounds import stance_decelerations
+from wbc.controllers.effort_bounds import StanceBraking
 from wbc.controllers.reachable import (
     ARRIVAL,
     BRAKING,
@@ -96,7 +96,8 @@ def test_legs_that_stand_brake_what_they_carry(robot_named: Callable[[str], Robo
     torques = robot.limits.effort
     limits = Limits(robot).within_torques(torques)
     held = support(start, "double")
-    found = stance_decelerations(limits, torques, held)
+    braking = StanceBraking(robot, torques)
+    found = braking.decelerations(limits, held)
     J = np.concatenate([contact.residual(start).jacobian for contact in held])
     for name in ("left_ankle_pitch_joint", "right_ankle_roll_joint", "left_knee_joint"):
         k = robot.joint_index(name)
@@ -110,9 +111,15 @@ def test_legs_that_stand_brake_what_they_carry(robot_named: Callable[[str], Robo
     pitch, roll = (robot.joint_index(f"left_ankle_{axis}_joint") - 6 for axis in ("pitch", "roll"))
     assert 20.0 < found[pitch] < 0.5 * limits.acceleration[pitch]  # the motor's
     assert 10.0 < found[roll] < 20.0  # the ground's
-    np.testing.assert_array_equal(stance_decelerations(limits, torques, ()), limits.acceleration)
+    np.testing.assert_array_equal(braking.decelerations(limits, ()), limits.acceleration)
     given = Limits(robot, acceleration=5.0)
-    np.testing.assert_array_equal(stance_decelerations(given, torques, held), 5.0)
+    np.testing.assert_array_equal(braking.decelerations(given, held), 5.0)
+    # What was found for other contacts is not mixed up with it.
+    one = braking.decelerations(limits, held[:1])
+    assert not np.array_equal(one, found)
+    np.testing.assert_array_equal(braking.decelerations(limits, held), found)
+    anew = StanceBraking(robot, torques).decelerations(limits, held[:1])
+    np.testing.assert_array_equal(anew, one)
 
 
 def test_margins_ask_for_what_braking_can_reach() -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from wbc.constraints.limits import TORQUE_SHARE, Limits
-from wbc.robot import Robot
+from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NV
 from wbc.robot.model import check_robot
 from wbc.robot.postures import STANDING
@@ -18,6 +19,7 @@ from wbc.validate import Array, finite_number, read_only
 # What is held twice, by its part of the stiffest row; joints that contacts hold fast still have
 # a braking distance [rad/s^2 or m/s^2].
 HELD, LEAST = 1e-9, 0.1
+MOST = 64  # sets of contacts that are remembered
 
 
 def limits_within(limits: Limits | None, torques: Array) -> Limits | None:
@@ -25,8 +27,8 @@ def limits_within(limits: Limits | None, torques: Array) -> Limits | None:
     return limits.within_torques(torques) if isinstance(limits, Limits) else limits
 
 
-def stance_decelerations(limits: Limits | None, torques: Array, held: Sequence[Task]) -> Array:
-    """Return how hard joints (nv - 6,) can brake while what is ``held`` stays where it is.
+class StanceBraking:
+    """How hard joints can brake while what is held stays where it is.
 
     By half of a joint's own torque in the standing posture, as the limits' default accelerations,
     which bound them; but a leg that stands carries the robot, not its foot: the ankles of a G1
@@ -34,22 +36,52 @@ def stance_decelerations(limits: Limits | None, torques: Array, held: Sequence[T
     the ground does that pushes with the robot's weight: g by the distance of the CoM, 15 rad/s^2 on
     a G1. By 4 the roll of a walking one was held from 0.2 of its 0.26 rad off the limit on: pushed
     sideways, it fell. Accelerations that were given to the limits stay.
+
+    Parameters
+    ----------
+    torques:
+        (nv - 6,) largest torques [N m or N].
     """
-    if limits is None:
-        return read_only(np.zeros(torques.size))
-    if not held or not limits.by_default:
-        return limits.acceleration
-    snapshot = limits.robot.snapshot(limits.robot.postures[STANDING])
-    J = np.concatenate([contact.residual(snapshot).jacobian for contact in held])
-    freely = np.linalg.inv(snapshot.mass_matrix)
-    moved = J @ freely
-    yielding = np.diagonal(freely - moved.T @ np.linalg.pinv(moved @ J.T, HELD, True) @ moved)
-    able = np.maximum(TORQUE_SHARE * yielding[BASE_NV:], 0.0)
-    able = np.multiply(torques, able, out=np.full(able.size, LEAST), where=able > 0.0)
-    joints = np.array([snapshot.position(name) for name in limits.robot.joint_names])
-    away = np.linalg.norm(joints - snapshot.com, axis=1)
-    able = np.maximum(able, limits.robot.gravity / np.maximum(away, HELD))
-    return read_only(np.maximum(np.minimum(able, limits.acceleration), LEAST))
+
+    def __init__(self, robot: Robot, torques: Array) -> None:
+        self._robot, self._torques = robot, torques
+        # By what is held: feet come and go, and a change of contacts must be quick.
+        self._able: dict[bytes, Array] = {}
+
+    def decelerations(self, limits: Limits | None, held: Sequence[Task]) -> Array:
+        """Return how hard joints (nv - 6,) can brake [rad/s^2 or m/s^2], within the limits."""
+        if limits is None:
+            return read_only(np.zeros(self._torques.size))
+        if not held or not limits.by_default:
+            return limits.acceleration
+        J = np.concatenate([contact.residual(self._standing).jacobian for contact in held])
+        able = self._able.get(key := J.tobytes())
+        if able is None:
+            if len(self._able) == MOST:
+                self._able.clear()
+            able = self._able[key] = self._able_against(J)
+        return read_only(np.maximum(np.minimum(able, limits.acceleration), LEAST))
+
+    @cached_property
+    def _standing(self) -> Snapshot:
+        return self._robot.snapshot(self._robot.postures[STANDING])
+
+    @cached_property
+    def _freely(self) -> tuple[Array, Array]:
+        """Accelerations by forces where nothing is held, and what the ground does at most."""
+        standing, robot = self._standing, self._robot
+        joints = np.array([standing.position(name) for name in robot.joint_names])
+        away = np.linalg.norm(joints - standing.com, axis=1)
+        return np.linalg.inv(standing.mass_matrix), robot.gravity / np.maximum(away, HELD)
+
+    def _able_against(self, J: Array) -> Array:
+        """Return what joints are able to, before limits, while rows J (k, nv) of contacts rest."""
+        freely, by_ground = self._freely
+        moved = J @ freely
+        yielding = np.diagonal(freely - moved.T @ np.linalg.pinv(moved @ J.T, HELD, True) @ moved)
+        able = np.maximum(TORQUE_SHARE * yielding[BASE_NV:], 0.0)
+        able = np.multiply(self._torques, able, out=np.full(able.size, LEAST), where=able > 0.0)
+        return np.maximum(able, by_ground)
 
 
 def effort_bounds(robot: Robot, factor: float | None) -> Array:

@@ -22,7 +22,7 @@ from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
 from wbc.controllers.dynamics import TickDynamics
-from wbc.controllers.effort_bounds import effort_bounds, limits_within, stance_decelerations
+from wbc.controllers.effort_bounds import StanceBraking, effort_bounds, limits_within
 from wbc.controllers.force_ramps import ForceRamps
 from wbc.controllers.joint_weights import JointWeights
 from wbc.controllers.level_problem import Box, LevelProblem
@@ -125,6 +125,7 @@ class TorqueController(NativeController):
         self.force_damping = finite_number("controller, force_damping", force_damping, above=0.0)
         self.force_ramp = finite_number("controller, force_ramp", force_ramp, least=0.0)
         self.torque_bounds = effort_bounds(robot, torque_limits)
+        self._braking = StanceBraking(robot, self.torque_bounds)
         self._last: Reaction | None = None
         self._ramps = ForceRamps(robot.weight)
         super().__init__(
@@ -201,7 +202,7 @@ class TorqueController(NativeController):
         robot = self.robot
         self._unit = robot.mass / self.dt  # N per unit of a force unknown
         self.contact_forces = forces = ContactForces(robot, self.contacts, self._unit)
-        self._deceleration = stance_decelerations(self.limits, self.torque_bounds, self.contacts)
+        self._deceleration = self._braking.decelerations(self.limits, self.contacts)
         followers = [robot.joint_index(name) for name in robot.couplings]
         bounded = np.isfinite(self.torque_bounds)
         bounded[[k - 6 for k in followers]] = False
