@@ -9,6 +9,7 @@ from wbc.gait.swing import turned
 from wbc.validate import Array
 
 HALF, WEIGHT = np.array((0.08, 0.03)), 300.0
+UP = np.array((0.0, 0.0, 1.0))
 
 
 def tipped(about: Array, angle: float) -> Array:
@@ -29,7 +30,7 @@ def pressed_at(point: tuple[float, float], R: Array, load: float = WEIGHT) -> Ar
 def test_who_tips_over_an_edge_is_pressed_this_side_of_it(
     axis: int, sign: int, point: tuple[float, float]
 ) -> None:
-    stood = Foothold.whole(tipped(np.zeros(3), 0.0), HALF)
+    stood = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
     # ahead is over the axis to the left, to the left is over the one that points back
     about = sign * (np.array((0.0, 1.0, 0.0)), np.array((-1.0, 0.0, 0.0)))[axis]
     R = tipped(about, 0.05)
@@ -48,9 +49,32 @@ def test_who_tips_over_an_edge_is_pressed_this_side_of_it(
     assert sign * again.nearest(way[:2])[axis] == pytest.approx(-0.1 * HALF[axis])
 
 
+def test_who_goes_on_tipping_is_pressed_this_side_of_its_edge_all_the_time() -> None:
+    """Pressed on its own edge for as long as it takes to turn back, a sole keeps the rest of it."""
+    R = tipped(np.array((0.0, 1.0, 0.0)), 0.05)
+    known = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
+    for _ in range(20):
+        known = known.felt(R, pressed_at((HALF[0], 0.0), R), WEIGHT)
+    np.testing.assert_allclose(known.upper, (0.9 * HALF[0], HALF[1]), atol=1e-12)
+    np.testing.assert_array_equal(known.lower, -HALF)
+
+
+def test_who_settles_from_a_tilted_landing_does_not_tip() -> None:
+    """From 0.12 rad back to the ground it turns the other way; farther from it, it tips."""
+    about = np.array((0.0, 1.0, 0.0))
+    landed = Foothold.whole(tipped(about, 0.12), UP, HALF)
+    for angle in (0.1, 0.05, 0.0, -0.02):
+        R = tipped(about, angle)
+        assert landed.felt(R, pressed_at((0.07, 0.0), R), WEIGHT) is landed
+    for angle, way in ((0.16, 1.0), (-0.05, -1.0)):
+        R = tipped(about, angle)
+        known = landed.felt(R, pressed_at((way * 0.07, 0.0), R), WEIGHT)
+        assert way * known.nearest(way * HALF)[0] == pytest.approx(0.07 - 0.1 * HALF[0])
+
+
 def test_what_turns_little_or_bears_little_tells_nothing() -> None:
     flat, about = tipped(np.zeros(3), 0.0), np.array((0.0, 1.0, 0.0))
-    stood = Foothold.whole(flat, HALF)
+    stood = Foothold.whole(flat, UP, HALF)
     for angle, load in ((0.02, WEIGHT), (0.2, 0.05 * WEIGHT)):
         R = tipped(about, angle)
         assert stood.felt(R, pressed_at((0.02, 0.0), R, load), WEIGHT) is stood
@@ -59,7 +83,7 @@ def test_what_turns_little_or_bears_little_tells_nothing() -> None:
 
 
 def test_something_is_left_of_a_sole_that_tips_all_ways() -> None:
-    known = Foothold.whole(tipped(np.zeros(3), 0.0), HALF)
+    known = Foothold.whole(tipped(np.zeros(3), 0.0), UP, HALF)
     for about, point in (((0.0, 1.0, 0.0), (-0.06, 0.0)), ((0.0, -1.0, 0.0), (0.07, 0.0))):
         R = tipped(np.array(about), 0.1)
         known = known.felt(R, pressed_at(point, R), WEIGHT)

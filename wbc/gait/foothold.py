@@ -27,10 +27,15 @@ class Foothold:
     Wiedebach et al., "Walking on partial footholds including line contacts with the humanoid robot
     Atlas", Humanoids 2016.
 
+    A sole that landed in a hurry stands on an edge at first, and turns as it settles. So it tips
+    where it turns both from how it stood and from level ground.
+
     Attributes
     ----------
     normal:
-        (3,) of the sole as it stood flat, a unit vector.
+        (3,) of the sole as the other foot left the ground, a unit vector.
+    level:
+        (3,) of the ground, as far as it is known, a unit vector.
     lower, upper:
         (2,) corners of that part in the sole's axes, from its middle [m].
     half:
@@ -38,14 +43,15 @@ class Foothold:
     """
 
     normal: Array
+    level: Array
     lower: Array
     upper: Array
     half: Array
 
     @classmethod
-    def whole(cls, rotation: Array, half: Array) -> Self:
-        """Return that of a sole that stands flat now, with axes (3, 3) and half sizes (2,)."""
-        return cls(rotation[:, 2], -half, half, half)
+    def whole(cls, rotation: Array, level: Array, half: Array) -> Self:
+        """Return all of a sole with axes (3, 3) and half sizes (2,), on ground of a normal (3,)."""
+        return cls(rotation[:, 2], level, -half, half, half)
 
     def felt(self, rotation: Array, wrench: Array, weight: float) -> Self:
         """Return what is known of it now.
@@ -59,18 +65,19 @@ class Foothold:
         weight:
             Of the robot [N].
         """
-        # What of the flat normal points ahead and aside: a sole that tips ahead leans back from it.
-        ahead = rotation[:, :2].T @ self.normal
+        # What of a normal points ahead and aside: a sole that tips ahead leans back from it.
+        ahead, level = rotation[:, :2].T @ self.normal, rotation[:, :2].T @ self.level
+        way = np.sign(ahead)
+        tips = np.minimum(way * ahead, way * level) > TIPPED
         force, moment = rotation.T @ wrench[:3], rotation.T @ wrench[3:]
-        if force[2] < LEAST_LOAD * weight or np.abs(ahead).max() < TIPPED:
+        if force[2] < LEAST_LOAD * weight or not tips.any():
             return self
         pressed = np.array((-moment[1], moment[0])) / force[2]
-        inside = np.clip(pressed, self.lower, self.upper)
-        upper = np.where(ahead < -TIPPED, inside - BACK * self.half, self.upper)
-        lower = np.where(ahead > TIPPED, inside + BACK * self.half, self.lower)
-        # Not past the other side.
-        upper, lower = np.maximum(upper, self.lower), np.minimum(lower, self.upper)
-        return replace(self, lower=lower, upper=upper)
+        upper = np.where(tips & (way < 0.0), pressed - BACK * self.half, self.upper)
+        lower = np.where(tips & (way > 0.0), pressed + BACK * self.half, self.lower)
+        # Less than before, and not past the other side.
+        upper = np.clip(upper, self.lower, self.upper)
+        return replace(self, lower=np.clip(lower, self.lower, upper), upper=upper)
 
     def nearest(self, point: Array) -> Array:
         """Return the point (2,) of it that is nearest to one in the sole's axes [m]."""

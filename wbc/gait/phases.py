@@ -120,7 +120,7 @@ class SingleSupport:
         descent = DESCENT * gait.height * gait.omega
         swing = SwingFoot.begun(pose, height, normal, gait.clearance, gait.single, descent)
         single = given[0].single(gait) if given else gait.single
-        stands = Foothold.whole(now.rotations[other(foot)], half)
+        stands = Foothold.whole(now.rotations[other(foot)], normal, half)
         return cls(other(foot), swing, 0.0, single, pose[:2], np.zeros(2), stands, given)
 
     def felt(self, now: Measured, wrench: Array, weight: float) -> Self:
