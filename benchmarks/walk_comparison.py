@@ -55,7 +55,7 @@ STEPS, STEADY = 16, 4  # of a walk; before that nothing is measured
 # A push: while a G1 walks at so many m/s, after so many steps and with so many to come.
 PUSHED, BEFORE, AFTER, LASTING = 0.5, 6, 8, 0.2
 DIRECTIONS = (0, 90, 180, 270)  # degrees, from ahead to the left
-MOST, STEP = 48.0, 3.0  # N s
+MOST, STEP = 96.0, 3.0  # N s
 MADE_OF = {"dt": DT, "armature": ARMATURE, "push": (PUSHED, BEFORE, AFTER, LASTING), "steps": STEPS}
 
 
