@@ -1,4 +1,4 @@
-"""What is measured: native ProxQP and DAQP in several ways, and all that qpsolvers knows here.
+"""What is measured: ProxQP in several ways, the core's method, and all that qpsolvers knows here.
 
 A candidate is timed from a QP in our form to a point with multipliers in our form, conversion
 included; the check of its answer is not part of its time.
@@ -9,19 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-import numpy as np
-
 from wbc.errors import UnknownNameError
 from wbc.qp import QP, ProxQP
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.backend import qpsolvers_names
-from wbc.qp.daqp import Daqp, KeptDaqp
-from wbc.qp.elimination import eliminate
-from wbc.qp.kkt import kkt_residuals
-from wbc.qp.native import DEFAULTS, Workspace
+from wbc.qp.proxqp_workspace import DEFAULTS, Workspace
 from wbc.qp.qpsolvers_backend import QpsolversBackend
-from wbc.qp.solution import RawSolution, Solution, Status
+from wbc.qp.solution import RawSolution, Status
 
-CHANGES = 1000  # of DAQP's active set, at most
+CHANGES = 1000  # of the active set, at most
 ITERATIONS = 20  # outer ones of ProxQP with the settings of this package
 PREFIX = "qpsolvers:"
 
@@ -68,7 +64,7 @@ class WarmProxQp:
 
 
 class CheckedProxQp:
-    """What a controller has by ``solver="proxqp"``: answers checked, failures retried by DAQP."""
+    """What a controller has by ``solver="proxqp"``: checked, failures retried by the core."""
 
     def __init__(self, eps: float) -> None:
         self._backend = ProxQP(eps)
@@ -81,45 +77,21 @@ class CheckedProxQp:
         )
 
 
-class ReducedDaqp:
-    """DAQP on what is left when the equality rows are eliminated."""
-
-    def __init__(self, eps: float) -> None:
-        self._daqp = Daqp(eps, CHANGES)
-
-    def answer(self, qp: QP) -> RawSolution:
-        """Return the solver's answer, unchecked."""
-        elimination = eliminate(qp)
-        reduced = elimination.reduced
-        raw = self._daqp.answer(reduced)
-        solution = Solution(
-            x=raw.x, y=np.zeros(0), z=raw.z, z_box=raw.z_box, status=raw.claim,
-            residuals=kkt_residuals(reduced, raw.x, np.zeros(0), raw.z, raw.z_box),
-            iterations=raw.iterations, solve_time=0.0, solver="daqp",
-        )  # fmt: skip
-        lifted = elimination.lift(solution)
-        return raw._replace(x=lifted.x, y=lifted.y, z=lifted.z, z_box=lifted.z_box)
-
-
 CANDIDATES: Mapping[str, Callable[[float], Candidate]] = {
     "proxqp_checked": CheckedProxQp,
     "proxqp": WarmProxQp,
     "proxqp_cold": lambda eps: WarmProxQp(eps, warm=False),
     "proxqp_refreshed": lambda eps: WarmProxQp(eps, refresh=True),
     "proxqp_defaults": lambda eps: WarmProxQp(eps, **DEFAULTS, eps_abs=eps),
-    "daqp": lambda eps: Daqp(eps, CHANGES),
-    "daqp_kept": lambda eps: KeptDaqp(eps, CHANGES),
-    "daqp_reduced": ReducedDaqp,
+    "active_set": lambda eps: ActiveSet(eps, CHANGES),
 }
 ABOUT = {
-    "proxqp_checked": "what controllers have: checked, DAQP where it fails; its checks are timed",
+    "proxqp_checked": "what controllers have: checked, the core if it fails; checks are timed",
     "proxqp": "kept warm, settings of this package",
     "proxqp_cold": "a new workspace for each QP",
     "proxqp_refreshed": "kept warm, preconditioner computed anew",
     "proxqp_defaults": "kept warm, ProxQP's own settings",
-    "daqp": "called directly, cold",
-    "daqp_kept": "one model, its data and active set kept",
-    "daqp_reduced": "equality rows eliminated first",
+    "active_set": "the core's method, equality rows eliminated first, cold",
 }
 
 

@@ -92,12 +92,12 @@ def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: i
         raise InvalidInputError("a problem is written into a folder of its own: give --output")
     made = export_problem(path, folder, overrides_of(assign), ticks)
     if made.solver is not None:
-        print_note(f"solved by daqp, as C is, not by {made.solver}")
+        print_note(f"solved by active_set, as C is, not by {made.solver}")
     for reason, count in made.recording.left_out.items():
         print_note(f"in {count} ticks, left out, C gives no command: {reason}")
     count = len(made.recording.ticks)
     typer.echo(f"written  {folder}: the controller, and {count} ticks of Python to compare with")
-    typer.echo(f"now try  make -C {folder} run DAQP=/path/to/daqp")
+    typer.echo(f"now try  make -C {folder} run")
 
 
 def _pendulum(

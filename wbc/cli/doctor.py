@@ -10,7 +10,7 @@ import typer
 from wbc import __version__
 from wbc.cli.errors import errors_in_one_line
 
-PACKAGES = ("pin", "coal", "proxsuite", "daqp", "casadi", "numpy", "scipy", "mujoco")
+PACKAGES = ("pin", "coal", "proxsuite", "casadi", "numpy", "scipy", "mujoco")
 
 
 def doctor() -> None:
@@ -45,7 +45,6 @@ def native_lines() -> list[str]:
     except NativeCoreError as error:
         lines.append(f"compiler: {error}")
     if found.core is not None:
-        from wbc.qp.daqp_direct import direct_daqp
         from wbc.robot import Robot
         from wbc.robot.kernel import NativeTree
         from wbc.robot.kernel_check import disagreement
@@ -54,7 +53,6 @@ def native_lines() -> list[str]:
         tree = NativeTree(found.core, robot.model)
         worst = disagreement(tree, robot.workspace)
         lines.append(f"against Pinocchio on {robot.name}: {worst:.1e}")
-        lines.append(f"solver in the core: {direct_daqp().reason}")
     if found.core is None and wanted == "require":
         lines.append("robots cannot be used: the core is required")
     return lines

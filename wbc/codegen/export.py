@@ -12,6 +12,7 @@ from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.native.fingerprint import FLAGS
 from wbc.native.fingerprint import SOURCE as CORE
 from wbc.problem import Problem, load_problem
+from wbc.qp.active_set import NAME
 
 SOURCE = Path(__file__).parent / "source"
 SOLVER = "controller.solver"
@@ -22,7 +23,7 @@ class Export(NamedTuple):
 
     folder: Path
     recording: Recording
-    solver: str | None  # the problem's own, if that is not DAQP, which the C calls
+    solver: str | None  # the problem's own, if that is not the core's, which the C has
 
 
 def export_problem(
@@ -51,8 +52,8 @@ def export_problem(
     overrides = overrides or {}
     problem = _load(path, overrides)
     solver = str(problem.spec.controller.model_dump()["solver"])
-    if solver != "daqp":
-        problem = _load(path, {**overrides, SOLVER: "daqp"})
+    if solver != NAME:
+        problem = _load(path, {**overrides, SOLVER: NAME})
     recording = record(problem, ticks)
     title = _title(problem, recording)
     texts = {
@@ -67,7 +68,7 @@ def export_problem(
     (folder / "core").mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    return Export(folder, recording, None if solver == "daqp" else solver)
+    return Export(folder, recording, None if solver == NAME else solver)
 
 
 def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:

@@ -11,8 +11,7 @@ from wbc.controllers.native_tick import NativeController
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
 from wbc.native import status
-from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.active_set import NAME, ActiveSet
 from wbc.tasks import InertiaTask
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
@@ -26,7 +25,7 @@ class Known(NamedTuple):
     """What the core computes ticks by, and the settings that it solves QPs with."""
 
     plan: NativePlan
-    solver: Daqp
+    solver: ActiveSet
 
 
 def known(controller: Controller) -> Known:
@@ -38,7 +37,11 @@ def known(controller: Controller) -> Known:
         It does not know all parts of it.
     """
     reason, solver = _unknown(controller), controller.backend
-    if reason is None and isinstance(controller, NativeController) and isinstance(solver, Daqp):
+    if (
+        reason is None
+        and isinstance(controller, NativeController)
+        and isinstance(solver, ActiveSet)
+    ):
         plan = controller.native
         if plan is not None:
             return Known(plan, solver)
@@ -50,10 +53,8 @@ def _unknown(controller: Controller) -> str | None:
     """Return what the core does not know, in words; None if nothing is found."""
     if controller.robot.native is None:
         raise CodegenError(f"the export is made by the native core, and it does not run: {_why()}")
-    if not direct_daqp().address:
-        raise CodegenError(f"the exported C calls DAQP, and {direct_daqp().reason}")
-    if type(controller.backend) is not Daqp:
-        return f"the solver {controller.backend.name!r}; set controller.solver to daqp"
+    if type(controller.backend) is not ActiveSet:
+        return f"the solver {controller.backend.name!r}; set controller.solver to {NAME}"
     if controller.formulation != "equality":
         return f"the formulation {controller.formulation!r}; leave it out"
     if len(controller.plan.levels) > 1:

@@ -15,12 +15,13 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.problem import Problem
 from wbc.problem.controller_spec import QpSpec, TorqueSpec
 from wbc.problem.walk import WalkSpec
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
 # Why the core hands a tick over: enum handed_over of wbc/native/source/core.h.
 _REASONS = {
+    -2: "its QP has no solution: rows contradict each other",
     -1: "its QP has no solution that is accurate enough",
     1: "a joint is outside its limits",
     2: "a rotation is off by nearly half a turn",
@@ -58,7 +59,7 @@ class Recording:
         self._most = most
         self.controller: Controller
         self.plan: NativePlan
-        self.solver: Daqp
+        self.solver: ActiveSet
         self.numbers: Array
         self.ticks: list[RecordedTick] = []
         self.left_out = Counter[str]()

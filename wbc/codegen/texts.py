@@ -16,7 +16,7 @@ from wbc.codegen.targets import contact_parts, task_parts
 
 _PER_LINE = 6
 # What belongs to each controller in C, not to the plan.
-_OWN = ("state", "out", "scratch", "order", "quadprog", "settings")
+_OWN = ("state", "out", "scratch", "order")
 
 
 def plan_header(recording: Recording, title: str) -> str:
@@ -39,7 +39,6 @@ def plan_header(recording: Recording, title: str) -> str:
         "OUT": memory.answer.size,
         "SCRATCH": memory.arrays["scratch"].size,
         "ORDER": memory.arrays["order"].size,
-        "MOST_ITERATIONS": solver.max_iterations,
     }
     lines = [
         f"/* {title} */",

@@ -31,12 +31,10 @@ from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
-from wbc.controllers.work import USUAL, units_of
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.solution import Status
-from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
@@ -80,10 +78,6 @@ class Controller(Fixed, ABC):
         The command when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"`` (half the
         measured velocity, within limits), ``"closest"`` (within limits, least violation of all
         else; some milliseconds) or ``"raise"`` (:class:`~wbc.errors.ControllerFailure`).
-    budget:
-        Work that a tick may take, counted in units of about a microsecond of a quiet core: see
-        :mod:`wbc.controllers.work`. What it does not afford is left out (``tick.left_out``).
-        ``"usual"``: 2400, and more for many levels and joints. None: nothing is ever left out.
 
     Raises
     ------
@@ -94,7 +88,6 @@ class Controller(Fixed, ABC):
     tasks: tuple[Task, ...]
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
-    budget: float  # units of work of a tick
 
     _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES
@@ -123,7 +116,6 @@ class Controller(Fixed, ABC):
         damping: float = 1e-6,
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
-        budget: float | str | None = USUAL,
     ) -> None:
         contacts, slack = parts.held_by(robot, contacts), NO_SLACK if slack is None else slack
         self.robot, self.limits = robot, limits
@@ -133,7 +125,6 @@ class Controller(Fixed, ABC):
         self.joint_weights = weights_of(robot, joint_weights)
         self.backend = backend_of(solver)
         self.formulation = parts.one_of("formulation", formulation, FORMULATIONS)
-        self._budget = budget
         self.on_failure = parts.one_of("failure policy", on_failure, self._policies)
         self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
         self._plan(tuple(contacts))
@@ -192,9 +183,9 @@ class Controller(Fixed, ABC):
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command."""
-        return self._step_within(Work(self.budget), snapshot)
+        return self._step_within(snapshot)
 
-    def _step_within(self, work: Work, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
+    def _step_within(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
         """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
         start = perf_counter()
         # Goals: rows of tasks, then of contacts that may give way.
@@ -214,18 +205,18 @@ class Controller(Fixed, ABC):
         rows += physics.forces
         singular: dict[str, Singularity] = {}
         if reduce:
-            rows, singular = self._solver.reduce_singular(rows, contacts, level=0, work=work)
+            rows, singular = self._solver.reduce_singular(rows, contacts, level=0)
         # Safe: limits as a box, margins as rows.
         box, recovery = self._limits_at(snapshot)
-        problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery, work)
+        problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery)
         margins = None
         if self.constraints and tried is None:
-            margins = self._margins(snapshot, work)
+            margins = self._margins(snapshot)
         ready = perf_counter()
         attempt = tried or self._attempt(problem, margins)
         if attempt.outcome.solution.status is not Status.SOLVED:
             attempt = self._settle(problem, attempt)
-        tick = self._tick(snapshot, physics, residuals, attempt, singular, work, start, ready)
+        tick = self._tick(snapshot, physics, residuals, attempt, singular, start, ready)
         if tick.policy == "raise":
             raise ControllerFailure(tick.report(), tick)
         return tick
@@ -279,10 +270,10 @@ class Controller(Fixed, ABC):
             return self._no_box, None
         return self.limits.box_and_recovery(snapshot, self.dt)
 
-    def _margins(self, snapshot: Snapshot, work: Work) -> MarginRows:
+    def _margins(self, snapshot: Snapshot) -> MarginRows:
         """Return the rows of the constraints."""
         given = self.constraints, self.slacks, self.dt
-        return MarginRows.at(snapshot, *given, work, self._bears)
+        return MarginRows.at(snapshot, *given, self._bears)
 
     def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
         """Return the optimum with everything kept, if there is one."""
@@ -311,7 +302,6 @@ class Controller(Fixed, ABC):
         self._solver = LevelSolver(
             self.plan, names, self.backend, limits, self.dt, root, reduced, quick=self._relaxes
         )
-        self.__dict__["budget"] = units_of(self._budget, self._solver.once)
 
     def _tick(
         self,
@@ -320,7 +310,6 @@ class Controller(Fixed, ABC):
         residuals: Mapping[str, Residual],
         attempt: Attempt,
         singular: dict[str, Singularity],
-        work: Work,
         start: float,
         ready: float,
     ) -> Tick:
@@ -330,7 +319,7 @@ class Controller(Fixed, ABC):
         slack: dict[str, float] = {}
         policy = None if solved else self.on_failure
         if not solved:
-            velocity, slack = self._fallback(snapshot, outcome, work)
+            velocity, slack = self._fallback(snapshot, outcome)
         else:
             velocity = outcome.solution.x[: self.robot.nv]
             if outcome.given_way is not None:
@@ -357,7 +346,6 @@ class Controller(Fixed, ABC):
             step_scale=step_scale,
             slack=slack,
             singular=singular | outcome.singular,
-            left_out=work.left_out,
         )
         if outcome.giving is None:
             tick.__dict__["qp"] = outcome.qp
@@ -366,7 +354,5 @@ class Controller(Fixed, ABC):
         return tick
 
     @abstractmethod
-    def _fallback(
-        self, snapshot: Snapshot, outcome: Outcome, work: Work
-    ) -> tuple[Array, dict[str, float]]:
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the command of the declared policy, within the limits, and the slack it needs."""

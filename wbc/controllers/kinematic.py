@@ -14,7 +14,6 @@ from wbc.controllers.slack import slacks_of
 from wbc.controllers.tick import Tick
 from wbc.laws import Residual, Rows
 from wbc.qp.least_infeasible import least_infeasible
-from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
 from wbc.tasks.task import Task
@@ -41,16 +40,14 @@ class KinematicController(NativeController):
     def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
         return NO_PHYSICS
 
-    def _fallback(
-        self, snapshot: Snapshot, outcome: Outcome, work: Work
-    ) -> tuple[Array, dict[str, float]]:
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         nv = self.robot.nv
         if self.on_failure == "closest":
             most = np.full(outcome.first.g.size, np.inf)
             most[:nv] = LARGEST  # where there are no limits
             lower, upper = np.fmax(outcome.first.lower, -most), np.fmin(outcome.first.upper, most)
             qp = outcome.first._replace(lower=lower, upper=upper)
-            found = least_infeasible(qp, work=work)
+            found = least_infeasible(qp)
             return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, *outcome.box), {}

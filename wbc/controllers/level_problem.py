@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from wbc.controllers.plan import Assembled, Physics
 from wbc.laws import Rows
-from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -26,12 +25,8 @@ class LevelProblem(NamedTuple):
         Bounds (nv,), (nv,) on the velocity.
     recovery:
         Rows that move joints back into range, or None.
-    work:
-        Of the tick; what its budget does not afford is left out.
     assembled:
         The QP of the only level in ``box``, where the native core made it: no rows then.
-    refused:
-        Whether DAQP found no answer to that, margins included.
     """
 
     snapshot: Snapshot
@@ -40,6 +35,4 @@ class LevelProblem(NamedTuple):
     physics: Physics
     box: Box
     recovery: Rows | None
-    work: Work
     assembled: Assembled | None = None
-    refused: bool = False

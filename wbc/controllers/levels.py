@@ -28,15 +28,11 @@ from wbc.controllers.plan import Plan, assemble, outweighing
 from wbc.controllers.relaxation import given_way, relaxed_qp
 from wbc.controllers.singular import Singularity, reduce_singular
 from wbc.controllers.slack import GivingQP
-from wbc.controllers.work import likely_work
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
-from wbc.qp.daqp import Daqp
 from wbc.qp.elimination import Elimination, eliminate
-from wbc.qp.native_daqp import refused
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
-from wbc.qp.work import Work, otherwise
 from wbc.robot.tree import LARGEST
 from wbc.validate import Array
 
@@ -44,11 +40,6 @@ from wbc.validate import Array
 FORMULATIONS = ("equality", "reduced")
 # A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
 TOLERANCE = 1e-6
-# Units of work, for each unknown: a level's assembly, gains lowered to brake, singular rows, an
-# elimination, and all but the solver of a level below the first.
-ASSEMBLE, BRAKE, SINGULAR, ELIMINATE, BELOW = 2.0, 2.5, 5.0, 4.5, 11.0
-# Units that the first level may take beyond the budget.
-FIRST = 600.0
 
 
 class Outcome(NamedTuple):
@@ -151,12 +142,6 @@ class LevelSolver:
         self.plan = plan
         self._names = tuple(names)
         self._solvers = Solvers(backend, quick)
-        # Units of work of a level below the first, and of all of them.
-        self._below = (ASSEMBLE + BELOW) * plan.decision.size
-        self._rest = (len(plan.levels) - 1) * self._below
-        # And of all levels, solved once.
-        self.once = ASSEMBLE * plan.decision.size + self._rest
-        self.once += len(plan.levels) * likely_work("daqp")
         self._limits = limits
         self._dt = dt
         self._root = root
@@ -177,36 +162,30 @@ class LevelSolver:
             bounds = stack([problem.physics.bounds, margins])
         if problem.physics.equalities:
             held = [*problem.physics.equalities, *held]
-        work = problem.work
         qp = self._assemble(problem, problem.rows, held, bounds, box, 0)
-        if problem.refused:
-            return Outcome(qp, refused(qp, 0.0, Daqp.name), qp, self.plan.decision.nv, 0.0, {})
-        work.least = FIRST  # without an answer of the first level there is none
         limits = self._limits
         if limits is not None and limits.braking != "bounded":
             limits = None  # a box that always has room needs no second look
         # Other rows than in the round before: there is no warm start, and will be none.
-        solution = self._solve_first(qp, work, once=again, quick=limits is not None)
+        solution = self._solve_first(qp, once=again, quick=limits is not None)
         spent = solution.solve_time
         if solution.status is not Status.SOLVED and limits is not None:
-            gently = partial(self._solvers.solve, work=work, workspace=None, quick=True)
+            gently = partial(self._solvers.solve, workspace=None, quick=True)
             qp = relax_box(qp, limits, problem.snapshot, self._dt, gently) or qp
-            solution = self._solve_first(qp, work, once=True)
+            solution = self._solve_first(qp, once=True)
             spent += solution.solve_time
-        work.least = 0.0
         outcome = Outcome(qp, solution, qp, self.plan.decision.nv, spent, {})
         if len(self.plan.levels) > 1:
             outcome = self._descend(problem, held, bounds, outcome)
         return outcome.within_limits(self.plan.decision.names)
 
     def reduce_singular(
-        self, rows: list[Rows], held: Sequence[Rows], level: int, work: Work
+        self, rows: list[Rows], held: Sequence[Rows], level: int
     ) -> tuple[list[Rows], dict[str, Singularity]]:
         """Return all rows, singular ones of a level asking for less, and what they are, by task."""
         members = self.plan.levels[level]
         if not any(rows[k].singular_threshold for k in members):
             return rows, {}
-        work.spent += SINGULAR * self.plan.decision.size
         soft = [rows[k] for k in members if k >= len(self._names)]
         eased, found = reduce_singular([rows[k] for k in members], [*held, *soft], self._root)
         rows = list(rows)
@@ -218,7 +197,7 @@ class LevelSolver:
         """Return the optimum with all but physics giving way: :mod:`wbc.controllers.relaxation`."""
         rows, contacts, physics = problem.rows, problem.contacts, problem.physics
         relaxed = relaxed_qp(self.plan, rows, contacts, problem.box, margins, physics)
-        solution = self._solvers.solve_giving(relaxed, problem.work)
+        solution = self._solvers.solve_giving(relaxed)
         missed = given_way(self.plan, contacts, relaxed, solution.x) if solution.solved else None
         qp, spent = relaxed.slackless, solution.solve_time
         return Outcome(qp, solution, qp, self.plan.decision.nv, spent, {}, missed, relaxed)
@@ -227,15 +206,11 @@ class LevelSolver:
         self, problem: LevelProblem, held: list[Rows], bounds: Bounds | None, first: Outcome
     ) -> Outcome:
         """Solve the levels below the first."""
-        outcome, rows, work = first, problem.rows, problem.work
+        outcome, rows = first, problem.rows
         active: ActiveSet | None = None
         for level in range(1, len(self.plan.levels)):
             if not outcome.solved:
                 break
-            name = f"level {level}: {', '.join(self._names_of(level))}"
-            if not work.affords(self._below + likely_work("daqp"), name):
-                break
-            work.spent += BELOW * self.plan.decision.size
             x = outcome.solution.x
             achieved = achieved_rows([rows[k] for k in self.plan.levels[level - 1]], x)
             held = [*held, *achieved]
@@ -243,17 +218,13 @@ class LevelSolver:
                 outcome.qp, outcome.solution, achieved, self.plan.decision
             ).union(active)
             above = held[len(problem.physics.equalities) :]
-            rows, found = self.reduce_singular(rows, above, level, work)
+            rows, found = self.reduce_singular(rows, above, level)
             below = self._assemble(problem, rows, held, bounds, first.box, level)
             elimination = eliminate(active.as_equalities(below))
             singular = outcome.singular | found
             if elimination.reduced.g.size == 0:  # the levels above have left nothing to decide
                 return outcome._replace(singular=singular)
-            hurried = work.short or not work.has_room(otherwise(elimination.reduced))
-            solution = self._solve_reduced(elimination, work, once=True)
-            if (hurried or work.short) and not solution.solved:  # not all was tried
-                work.leave_out(name)
-                break
+            solution = self._solve_reduced(elimination, once=True)
             outcome = outcome._replace(
                 qp=elimination.full,
                 solution=solution,
@@ -275,8 +246,7 @@ class LevelSolver:
         if problem.assembled is not None:
             plain = bounds is None and box is problem.box
             return problem.assembled.qp if plain else problem.assembled.bounded(bounds, box)
-        plan, work = self.plan, problem.work
-        work.spent += ASSEMBLE * plan.decision.size
+        plan = self.plan
         costs = rows if len(plan.levels) == 1 else [rows[k] for k in plan.levels[level]]
         if level == 0:
             dominating = [] if problem.recovery is None else [problem.recovery]
@@ -289,40 +259,27 @@ class LevelSolver:
         qp = assemble(plan.decision, costs, held, box, bounds, labels, rest)
         if self._limits is None or self._limits.braking == "free":
             return qp
-        work.spent += BRAKE * qp.g.size
         return scale_gains_to_brake(qp, costs, self._limits, problem.snapshot, self._dt)
 
-    def _solve_first(self, qp: QP, work: Work, once: bool, quick: bool = False) -> Solution:
+    def _solve_first(self, qp: QP, once: bool, quick: bool = False) -> Solution:
         """Solve the first level in the chosen formulation.
 
         ``once``: without a warm start. ``quick``: what has no solution is relaxed and solved again.
         """
         if self._reduced:
-            work.spent += ELIMINATE * qp.g.size
             elimination = eliminate(qp)
             if elimination.reduced.g.size > 0:
-                return self._solve_reduced(elimination, work, once, quick, self._rest)
-        return self._solvers.solve(qp, work, None if once else self._workspace, quick, self._rest)
+                return self._solve_reduced(elimination, once, quick)
+        return self._solvers.solve(qp, None if once else self._workspace, quick)
 
-    def _solve_reduced(
-        self,
-        elimination: Elimination,
-        work: Work,
-        once: bool,
-        quick: bool = False,
-        below: float = 0.0,
-    ) -> Solution:
+    def _solve_reduced(self, elimination: Elimination, once: bool, quick: bool = False) -> Solution:
         """Solve without the equalities; the answer is that of the full QP, and judged by it."""
         workspace = None if once else self._workspace
-        reduced = self._solvers.solve(elimination.reduced, work, workspace, quick, below)
+        reduced = self._solvers.solve(elimination.reduced, workspace, quick)
         lifted = elimination.lift(reduced)
         if lifted.status is Status.SOLVED and not elimination.admits(lifted):
-            return self._solvers.solve(elimination.full, work, None, quick)
+            return self._solvers.solve(elimination.full, None, quick)
         return lifted
-
-    def _names_of(self, level: int) -> Sequence[str]:
-        """Return the names of the tasks of a level."""
-        return [self._names[k] for k in self.plan.levels[level] if k < len(self._names)]
 
 
 def _heaviest(rows: Sequence[Rows]) -> float:

@@ -11,13 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
 from wbc.controllers.levels import TOLERANCE, Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
-from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
@@ -26,11 +23,6 @@ from wbc.validate import Array
 ROUNDS = 1
 # Parts of a step that are tried; each is looked at for up to a millisecond.
 SCALES = (1.0, 0.25, 0.0625)
-# Units of work: to look where a command leads, for each row, and for each pair of bodies inside.
-LOOK, ROW, INSIDE = 100.0, 3.0, 30.0
-# And to solve the first level again with cuts, for each unknown.
-AGAIN = 10.0
-CUTS = "rows of margins where the command leads"
 
 Box = tuple[Array, Array]
 Solve = Callable[[Bounds | None, Box | None], Outcome]
@@ -52,17 +44,6 @@ class MarginRows(NamedTuple):
     snapshot: Snapshot
     dt: float
     parts: Sequence[Bounds]
-    work: Work
-
-    @property
-    def look(self) -> float:
-        """Units of work that it takes to look at margins once."""
-        work = LOOK
-        for part in self.parts:
-            work += ROW * part.lower.size
-            if part.distances is not None:
-                work += INSIDE * np.count_nonzero(part.distances.clearance < 0.0)
-        return work
 
     @classmethod
     def at(
@@ -71,31 +52,22 @@ class MarginRows(NamedTuple):
         constraints: Sequence[Constraint],
         slacks: Slacks,
         dt: float,
-        work: Work | None = None,
         braked: bool = False,
     ) -> MarginRows:
         """Evaluate the constraints at ``snapshot``; ``braked``: nothing stops at once."""
-        work = Work() if work is None else work
         found = [(one.braked_rows if braked else one.rows)(snapshot, dt) for one in constraints]
         parts = [slacks.soften(*both) for both in zip(constraints, found, strict=True)]
-        margins = cls(constraints, slacks, snapshot, dt, parts, work)
-        work.spent += margins.look
-        return margins
+        return cls(constraints, slacks, snapshot, dt, parts)
 
     def violated(self, v: Array) -> list[Bounds]:
         """Return the rows of margins that are violated where ``v`` leads."""
         return [cut for _, cut in self._cuts(v, self._doubtful(v))]
 
     def step_scale(self, v: Array, scales: Sequence[float] = SCALES) -> float:
-        """Return the part of ``v`` that leads to no violation: one of ``scales``, or rest.
-
-        Where there is no time to look, one that bounds on the curvature show to be safe.
-        """
+        """Return the part of ``v`` that leads to no violation: one of ``scales``, or rest."""
         suspect: tuple[int, Bounds] | None = None
         for scale in scales:
             doubtful = self._doubtful(scale * v)
-            if doubtful and not self.work.affords(self.look, f"a look at {scale:.0%} of the step"):
-                continue
             suspect = next(self._cuts(scale * v, doubtful, suspect), None)
             if suspect is None:
                 return scale
@@ -118,7 +90,6 @@ class MarginRows(NamedTuple):
         """
         if not doubtful:
             return
-        self.work.spent += self.look
         robot, step = self.snapshot.robot, (v, self.dt)
         there = robot.snapshot(robot.integrate(self.snapshot.q, *step))
         if suspect is not None:
@@ -159,7 +130,6 @@ def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows
         Rows of the contacts: if a QP has no solution, margins are relaxed by what these need.
     """
     outcome, rows, scales = solve_with_cuts(solve, margins)
-    margins.work.kept = 0.0
     if not outcome.solved:
         conflict = outcome.solution.conflict
         # It is not for want of room if a level above had it, or if the solver came to a point in
@@ -183,8 +153,7 @@ def solve_with_cuts(
     torque level no part of a command is safer than the whole. The last thing returned is which
     parts of the outcome are to be looked at: none if it was, and violates no margin.
     """
-    rows, work = list(margins.parts), margins.work
-    work.kept = margins.look  # by levels below: where nobody looks, rest is all that is safe
+    rows = list(margins.parts)
     outcome = solve(stack(rows), None)
     for _ in range(ROUNDS):
         if not outcome.solved:
@@ -192,11 +161,6 @@ def solve_with_cuts(
         found = margins.violated(outcome.velocity)
         if not found:
             return outcome, rows, ()
-        if not work.affords(AGAIN * outcome.qp.g.size, CUTS):
-            return outcome, rows, SCALES[1:]
-        again = solve(stack([*rows, *found]), outcome.box)
-        if work.short and not again.solved:  # not all was tried: a part of the first answer
-            work.leave_out(CUTS)
-            return outcome, rows, SCALES[1:]
-        outcome, rows = again, rows + found
+        rows = rows + found
+        outcome = solve(stack(rows), outcome.box)
     return outcome, rows, SCALES

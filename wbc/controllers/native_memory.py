@@ -17,18 +17,15 @@ from wbc.controllers.native_margin import NativeMargin
 from wbc.controllers.native_parts import Block, Part
 from wbc.controllers.plan import Plan
 from wbc.native import address
-from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp, iteration_limit
-from wbc.qp.native_daqp import UNSOLVED, iterations_of, scratch_sizes
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
-from wbc.qp.work import ACTIVE_SET, COLD
 from wbc.robot import Robot
 from wbc.robot.kernel import NativeTree, frame_places
 from wbc.robot.names import BASE
 from wbc.validate import Array
 
-REDUCED = 7  # of what the core says, as UNSOLVED: enum handed_over of source/core.h
+REDUCED = 7  # of what the core says: enum handed_over of source/core.h
 
 
 class _Plan(ctypes.Structure):
@@ -40,11 +37,11 @@ class _Plan(ctypes.Structure):
             for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
             + ("start", "damping", "limit", "force", "corner", "passive", "with_bound")
             + ("torque_bound", "cone", "force_bound", "joint_damping", "state", "out", "scratch")
-            + ("order", "margin", "quadprog", "settings")
+            + ("order", "margin")
         ),
         *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
         *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
-        *((name, ctypes.c_int64) for name in ("bounded", "cones", "outside")),
+        *((name, ctypes.c_int64) for name in ("bounded", "cones", "outside", "always", "most")),
         *((name, ctypes.c_double) for name in ("dt", "mass", "unit", "eps")),
     ]
 
@@ -59,7 +56,7 @@ class NativeMemory:
     margin:
         Between the robot's bodies; None: no rows of it.
     solver:
-        Of the QP: DAQP is called by the core itself, ProxQP gets it reduced. None: no one's.
+        Of the QP: the core itself, or ProxQP, which gets it reduced. None: no one's.
 
     Attributes
     ----------
@@ -81,7 +78,7 @@ class NativeMemory:
         dt: float,
         rows: TorqueRows | None,
         margin: NativeMargin | None,
-        solver: Daqp | ProxQP | None,
+        solver: ActiveSet | ProxQP | None,
     ) -> None:
         self.tree, self.margin = tree, margin
         frames, index, blocks = self._plan_blocks(parts)
@@ -100,7 +97,9 @@ class NativeMemory:
         self._size(plan, sum(block.rows for block in blocks if block.held))
         costs = sum(block.rows for block in blocks if not block.held)
         largest = max((block.rows for block in blocks), default=0)
-        solving, integers = scratch_sizes(self.n, self.k, self.m)
+        sizes = np.empty(2, dtype=np.int64)
+        tree.core.wbc_sizes(self.n, self.k, self.m, address(sizes))
+        solving, integers = sizes.tolist()
         looking = 0 if margin is None else self._margin_scratch_size(margin)
         scratch = np.zeros(max(self._scratch_size(len(frames), largest), solving + looking))
         integers += self.k + (0 if margin is None else margin.pairs)
@@ -130,13 +129,13 @@ class NativeMemory:
         self._plan_address = ctypes.addressof(self.struct)
         self._state_address = address(self.state)
         self._asked = b""  # q and v
-        self._iterations, self._proximal = self.answer.found.stop - 1, 0
+        self._iterations = self.answer.found.stop - 1
         self.out = np.zeros(self.answer.size)
         self.struct.out = address(self.out)
         self._unshared = getrefcount(self.out)  # of a call's own references Pythons count 1 or 2
         self._reduced: dict[int, QP] = {}  # by its number of rows
 
-    def _point(self, solver: Daqp | ProxQP | None) -> None:
+    def _point(self, solver: ActiveSet | ProxQP | None) -> None:
         """Let the struct point at all that it needs, of both levels."""
         struct = self.struct
         struct.tree, struct.block = self.tree.address, ctypes.addressof(self.blocks)
@@ -146,15 +145,10 @@ class NativeMemory:
             struct.margin = self.margin.address
         for name, array in self.arrays.items():
             setattr(struct, name, address(array))
-        self._settings = None
         if solver is not None:
-            daqp = solver if isinstance(solver, Daqp) else solver.active_set
-            # Where what has no solution is relaxed, in bounded time.
-            most = daqp.max_iterations if self.forces is None else daqp.quick_iterations
-            self._settings = direct_daqp().settings(daqp.eps, most)
-            struct.eps, struct.outside = daqp.eps, daqp is not solver
-            struct.quadprog = direct_daqp().address
-            struct.settings = ctypes.addressof(self._settings)
+            own = solver if isinstance(solver, ActiveSet) else solver.active_set
+            struct.eps, struct.most, struct.outside = own.eps, own.max_iterations, own is not solver
+            struct.always = isinstance(solver, ProxQP) and solver.always
 
     def call(self, measured: bytes, moving: bool, state: Array | None) -> tuple[int, Array]:
         """Run the core; return what it said and what it wrote.
@@ -170,7 +164,7 @@ class NativeMemory:
             self.out = np.empty(self.answer.size)
             self.struct.out = address(self.out)
         out = self.out
-        out[self._iterations] = self._proximal = 0
+        out[self._iterations] = 0
         self._asked = measured
         self.said = said = self._call(self._plan_address, known, measured, None, moving)
         return said, out
@@ -180,8 +174,9 @@ class NativeMemory:
         limit = self.arrays["limit"]
         limit[:] = _limit_array(limits, self._slow, limits.speed.size)
 
-    def reduced(self) -> QP:
-        """Return what the core left to be solved, a QP without equalities: views on its memory."""
+    @property
+    def qp(self) -> QP:
+        """What the core left to be solved, a QP without equalities: views on its memory."""
         rows = int(self.out[self.answer.found.start])
         found = self._reduced.get(rows)
         if found is None:
@@ -189,11 +184,12 @@ class NativeMemory:
         return found
 
     def _reduced_qp(self, rows: int) -> QP:
-        begin, left = np.zeros(5, dtype=np.int64), self.n - self.k
+        begin = np.zeros(6, dtype=np.int64)
         self.tree.core.wbc_reduced(self._plan_address, address(begin))
+        left = int(begin[5])
         sizes = left * left, left, left + rows, left + rows, rows * left
         memory = self.arrays["scratch"]
-        P, g, low, up, C = (memory[b : b + k] for b, k in zip(begin.tolist(), sizes, strict=True))
+        P, g, low, up, C = (memory[b : b + k] for b, k in zip(begin.tolist(), sizes, strict=False))
         ends = low[left:], up[left:], low[:left], up[:left]
         none, labels = np.zeros(0), Labels.numbered(left, 0, rows)
         shaped = P.reshape(left, left), g, none.reshape(0, left), none, C.reshape(rows, left)
@@ -204,31 +200,15 @@ class NativeMemory:
         """Of the last answer."""
         return int(self.out[self._iterations])
 
-    @property
-    def spent(self) -> float:
-        """Units of work of the solvers that were asked after the last call."""
-        n, asked = self.n - self.k, self._proximal
-        steps = iterations_of(self.out[self.answer.found])
-        spent = ACTIVE_SET.call + ACTIVE_SET.step(n) * steps
-        return spent + COLD.call + COLD.step(n) * asked if asked else spent
-
-    def bound(self, units: float) -> None:
-        """Bound DAQP's iterations by ``units`` of work."""
-        steps = (units - ACTIVE_SET.call) / ACTIVE_SET.step(max(self.n - self.k, 1))
-        if self._settings is not None:
-            limit = iteration_limit(self._settings)
-            limit[0] = min(limit[0], max(int(steps), 1))
-
-    def takes(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
-        """Whether an answer of the reduced QP makes one of the whole: see :class:`Judge`."""
-        self._proximal = iterations
+    def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
+        """Whether an answer of the reduced QP makes one of the whole: see :class:`Reduced`."""
         self.said = self._answer(self._plan_address, self._asked, None, x, z, scale, iterations)
-        return self.said != UNSOLVED
+        return bool(self.said >= 0)
 
-    def solves(self) -> bool:
-        """Whether DAQP's does."""
+    def solve(self) -> bool:
+        """Whether the core's active-set method does."""
         self.said = self._answer(self._plan_address, self._asked, None, None, None, 1.0, 0)
-        return self.said != UNSOLVED
+        return bool(self.said >= 0)
 
     def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
         """Return frames, entries and blocks; numbers get their places."""

@@ -9,7 +9,6 @@ snapshot then goes through the Python tick.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Mapping, Sequence
 from time import perf_counter
@@ -28,11 +27,9 @@ from wbc.controllers.native_memory import REDUCED, NativeMemory
 from wbc.controllers.native_parts import Part
 from wbc.controllers.native_problem import IN_CORE, Layout, NativeProblem
 from wbc.controllers.plan import Plan
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.backend import Backend
-from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp
-from wbc.qp.judge import Answered
-from wbc.qp.proxqp import ProxQP
+from wbc.qp.proxqp import Answered, ProxQP
 from wbc.robot import Robot, Snapshot
 from wbc.robot.kernel import NativeTree
 from wbc.tasks.force_task import ForceTask
@@ -73,7 +70,6 @@ class NativePlan:
         constraint: SelfCollision | None,
         margin: NativeMargin | None,
         shares_state: bool,
-        units: float,
     ) -> None:
         tasks = [part.task for part in parts if not part.held]
         self._made_of = robot, tasks, plan, limits, dt, backend, rows, constraint
@@ -90,9 +86,7 @@ class NativePlan:
         names = [task.name for task in tasks]
         errors = dict(zip(names, map(slice, ends, ends[1:]), strict=False))
         self._layout = Layout(self.memory, self.memory.answer, errors, plan.labels[0])
-        self.shares_state, self._units = shares_state, units
-        if solver is not None and units < math.inf:
-            self.memory.bound(units)
+        self.shares_state = shares_state
 
     @classmethod
     def of(
@@ -106,7 +100,6 @@ class NativePlan:
         rows: TorqueRows | None = None,
         constraint: SelfCollision | None = None,
         shares_state: bool = False,
-        units: float = math.inf,
     ) -> NativePlan | None:
         """Return the plan of plain ticks, or None: the core is not there, or does not know all.
 
@@ -120,8 +113,6 @@ class NativePlan:
             What is kept apart by the core itself, which solves the QP then; None: nothing is.
         shares_state:
             Whether others in the tick look at what the core finds at a state: it is kept then.
-        units:
-            Of work that DAQP may take in the core.
         """
         passes = robot.native
         if passes is None or len(plan.levels) > 1 or plan.soft:
@@ -145,11 +136,11 @@ class NativePlan:
         if constraint is not None and margin is None:
             return None
         made_of = robot, passes.tree, plan, parts, limits, dt, backend, rows, constraint, margin
-        return cls(*made_of, shares_state, units)
+        return cls(*made_of, shares_state)
 
     def __reduce__(self) -> tuple[object, ...]:
         # A copy has memory of its own.
-        return type(self).of, (*self._made_of, self.shares_state, self._units)
+        return type(self).of, (*self._made_of, self.shares_state)
 
     def serves(self, limits: Limits | None, dt: float) -> bool:
         """Whether limits and time step are still those that the plan was made for."""
@@ -198,8 +189,8 @@ class NativePlan:
             answered = _BY_CORE
             if said == REDUCED and isinstance(self._solver, ProxQP):
                 memory = self.memory
-                qp, quick = memory.reduced(), memory.forces is not None
-                found = self._solver.solve_for(memory, qp, self._workspace, quick)
+                bounded = memory.forces is not None
+                found = self._solver.solve_reduced(memory, self._workspace, bounded)
                 said, answered = self.memory.said, found or answered
             done = perf_counter()
             if said > 0:
@@ -210,11 +201,6 @@ class NativePlan:
             if given:
                 problem.given = given
             return problem
-
-    @property
-    def spent(self) -> float:
-        """Units of work of solvers that the last problem took."""
-        return 0.0 if self._solver is None else self.memory.spent
 
     def _write(self, ramps: Mapping[str, float]) -> bool:
         """Write what has changed since the last tick; False if that needs another plan."""
@@ -234,15 +220,14 @@ class NativePlan:
         return forces is None or forces.write(ramps)
 
 
-def solves(backend: Backend | None) -> TypeGuard[Daqp | ProxQP]:
-    """Whether a tick stays with the core until it is solved: it calls DAQP itself, or ProxQP's aid.
+def solves(backend: Backend | None) -> TypeGuard[ActiveSet | ProxQP]:
+    """Whether a tick stays with the core until it is solved: by itself, or with ProxQP's aid.
 
     A command may exceed limits by no more than its residuals.
     """
-    if not isinstance(backend, Daqp | ProxQP) or backend.eps > TOLERANCE:
+    if not isinstance(backend, ActiveSet | ProxQP) or backend.eps > TOLERANCE:
         return False
-    known = type(backend) is Daqp or (type(backend) is ProxQP and backend.warm)
-    return known and bool(direct_daqp().address)
+    return type(backend) is ActiveSet or (type(backend) is ProxQP and backend.warm)
 
 
 def _rates(limits: Limits | None) -> tuple[Array | None, Array | None]:

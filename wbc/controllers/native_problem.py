@@ -20,16 +20,15 @@ from wbc.controllers.plan import Assembled
 from wbc.controllers.singular import Singularity
 from wbc.controllers.tick import Times
 from wbc.laws import Residual
-from wbc.qp.daqp import Daqp
-from wbc.qp.judge import Answered
-from wbc.qp.native_daqp import UNASKED, solution_of
+from wbc.qp.active_set import NAME
 from wbc.qp.problem import QP, Labels
-from wbc.qp.solution import Solution, Status
+from wbc.qp.proxqp import Answered
+from wbc.qp.solution import KktResiduals, Solution, Status
 from wbc.validate import Array, read_only
 
 _NONE: Array = read_only(np.zeros(0))
-# Who answered in the call that made the QP: DAQP, or, where the optimum of the cost alone keeps all
-# bounds and rows, no solver; by the iterations it is told which.
+# Who answered in the call that made the QP: the active-set method, or, where the optimum of the
+# cost alone keeps all bounds and rows, no solver; by the iterations it is told which.
 IN_CORE = "core"
 NO_SOLVER = "cholesky"
 
@@ -96,11 +95,6 @@ class NativeProblem:
         self._forced = None if forces is None else forces.labels  # these of this tick
         self._answered, self._asked = answered, asked
         self.solved = answered is not None
-
-    @property
-    def refused(self) -> bool:
-        """Whether DAQP was asked, and found no answer."""
-        return self._asked and not self.solved and UNASKED < self._answer.found.item(3) < 0.0
 
     @cached_property
     def _answer(self) -> Answer:
@@ -173,9 +167,12 @@ class NativeProblem:
         if by is None:
             return None
         if by.solver == IN_CORE:
-            by = Answered(Daqp.name if a.found[-1] else NO_SOLVER, 1)
-        parts = (part.copy() for part in (a.x, a.y, a.z, a.z_box))
-        return solution_of(parts, a.found, self._done - self._called, *by)
+            by = Answered(NAME if a.found[-1] else NO_SOLVER, 1)
+        *residuals, iterations = a.found.tolist()
+        x, y, z, z_box = (part.copy() for part in (a.x, a.y, a.z, a.z_box))
+        known, spent = KktResiduals(*residuals), self._done - self._called
+        done = Status.SOLVED, known, int(iterations), spent, by.solver, None, by.attempts
+        return Solution(x, y, z, z_box, *done)
 
     @property
     def velocity(self) -> Array:

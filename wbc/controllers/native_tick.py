@@ -20,7 +20,6 @@ from wbc.controllers.plan import Physics
 from wbc.controllers.tick import Tick
 from wbc.laws import Rows
 from wbc.qp.backend import Backend
-from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
 
@@ -30,13 +29,10 @@ class _Unsolved(NamedTuple):
 
     Attributes
     ----------
-    work:
-        That it took.
     attempt:
         Its failed attempt, if the QP is not to be solved again.
     """
 
-    work: Work
     attempt: Attempt | None = None
 
 
@@ -55,7 +51,7 @@ class NativeController(Controller):
         """Return the command; what the core does not know goes through the Python tick."""
         plan = self._native
         if plan is None or not plan.serves(self.limits, self.dt):
-            return self._step_within(Work(self.budget), snapshot)
+            return self._step_within(snapshot)
         found = self._native_problem(plan, snapshot)
         if found is not None and found.solved:
             # The core kept the box to the accuracy promised, far below what a command may exceed.
@@ -63,7 +59,7 @@ class NativeController(Controller):
         attempted = self._native_attempt(plan, found, snapshot)
         if isinstance(attempted, Tick):
             return attempted
-        return self._step_within(attempted.work, snapshot, attempted.attempt)
+        return self._step_within(snapshot, attempted.attempt)
 
     def _native_attempt(
         self, plan: NativePlan, found: NativeProblem | None, snapshot: Snapshot
@@ -73,39 +69,31 @@ class NativeController(Controller):
         ``found`` is the problem; None: the tick is not plain.
         """
         start = perf_counter() if found is None else found.begun
-        work = Work(self.budget)
-        work.spent += plan.spent
-        refused = found is not None and found.refused  # DAQP found no answer
         if plan.margin is not None:
             # Where an answer leads inside, rows are added by Python.
             if self._second is None:
-                return _Unsolved(work)
+                return _Unsolved()
             given = None if found is None else found.given
             found = self._native_problem(self._second, snapshot, given)
             if found is not None and found.solved:
                 return self._native_tick(found, snapshot)
-            work.spent += self._second.spent
         if found is None:
-            return _Unsolved(work)
+            return _Unsolved()
         physics, qp, nv = self._native_physics(found, snapshot), found.qp, self.robot.nv
         # Met exactly: weights are not read.
         held = [Rows(qp.A, qp.b, weight=qp.b)] if qp.b.size else []
         box = qp.lower[:nv], qp.upper[:nv]
-        refused = self._relaxes and (refused or found.refused)
-        problem = LevelProblem(
-            snapshot, [], held, physics, box, None, work, found.assembled, refused
-        )
+        problem = LevelProblem(snapshot, [], held, physics, box, None, found.assembled)
         margins = None
         if self.constraints:
-            margins = self._margins(snapshot, work)
+            margins = self._margins(snapshot)
         ready = perf_counter()
         attempt = self._attempt(problem, margins)
         if not attempt.outcome.solved:
-            # The same QP, to rounding, need not be solved again where the level relaxes it, or
-            # work is counted; else the Python tick finds out why, and what is best then.
-            return _Unsolved(work, attempt if self._relaxes or work.is_limited else None)
+            # The same QP, to rounding, need not be solved again where the level relaxes it.
+            return _Unsolved(attempt if self._relaxes else None)
         residuals = {name: found.residual(name) for name in found.errors}
-        return self._tick(snapshot, physics, residuals, attempt, {}, work, start, ready)
+        return self._tick(snapshot, physics, residuals, attempt, {}, start, ready)
 
     def _known_errors(self, found: NativeProblem, snapshot: Snapshot) -> dict[str, Any]:
         """Return the errors where tasks report others than their residuals': of targets of now."""
@@ -142,7 +130,6 @@ class NativeController(Controller):
             rows,
             margin,
             shares_state=margin is None and bool(self.constraints),  # margins look at it too
-            units=0.5 * self.budget,
         )
 
     # ------------------------------------------------------------------ what a level says

@@ -20,7 +20,7 @@ from wbc.tasks.task import Task
 # What is worked into a controller's plan, and what to do instead of assigning it.
 ANOTHER = "make another controller"
 PLANNED = dict.fromkeys(("tasks", "contacts", "constraints"), "call change()") | dict.fromkeys(
-    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation", "budget"),
+    ("robot", "limits", "dt", "damping", "joint_weights", "backend", "formulation"),
     ANOTHER,
 )
 

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.constraints.mechanics import mechanics_of
 from wbc.controllers.contact_forces import ContactForces, Reaction, displaced
 from wbc.errors import InvalidInputError, WbcError, shown
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Status
 from wbc.robot import Snapshot
@@ -141,7 +141,7 @@ def stance_torques(
     most[[robot.joint_index(name) - 6 for name in robot.couplings]] = 0.0  # they have no motor
     known, by_force = rest.bias / weight, forces.generalized(rest)
     qp = _statics(forces, known, by_force, most / weight)
-    solution = Daqp().solve(qp, quick=True)
+    solution = ActiveSet().solve(qp, quick=True)
     if solution.status is not Status.SOLVED:
         raise WbcError(f"stance: its QP was not solved: {solution.message or solution.status}")
     f = solution.x[: forces.size]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from wbc.controllers.singular import Singularity
-from wbc.qp.conflict import irreducible
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
 from wbc.validate import Array
@@ -146,9 +145,5 @@ class Tick:
 
     @property
     def conflict(self) -> Conflict | None:
-        """Rows that contradict each other, each of them to blame, or None; takes milliseconds.
-
-        See :func:`wbc.qp.conflict.irreducible`; ``solution.conflict`` holds them all.
-        """
-        found = self.solution.conflict
-        return None if found is None else irreducible(self.qp, found)
+        """Rows that contradict each other, each of them to blame, or None: the solution's."""
+        return self.solution.conflict

@@ -41,7 +41,6 @@ from wbc.controllers.torque_tick import TorqueTick
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.qp.solution import Status
-from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
@@ -141,7 +140,6 @@ class TorqueController(NativeController):
             damping=damping,
             joint_weights=joint_weights,
             on_failure=on_failure,
-            budget=None,  # what cannot be kept is relaxed, in one more QP
         )
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
@@ -351,9 +349,7 @@ class TorqueController(NativeController):
             ramps=self._ramps.most,
         )
 
-    def _fallback(
-        self, snapshot: Snapshot, outcome: Outcome, work: Work
-    ) -> tuple[Array, dict[str, float]]:
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the velocity of a robot whose joints come to rest: the last resort."""
         velocity = snapshot.v.copy()
         velocity[6:] *= max(0.0, 1.0 - self.dt / REST_TIME)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.gait.dcm import shift_gain
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.solution import Status
 from wbc.validate import Array
@@ -201,7 +201,7 @@ def adapt_step(
     nominal one within its bounds, without a claim to catch the robot: ``adapted`` says so.
     """
     qp = step_qp(dcm, nominal, bounds, omega, double, weights)
-    solution = Daqp().solve(qp, quick=True)
+    solution = ActiveSet().solve(qp, quick=True)
     if solution.status is not Status.SOLVED:
         place = np.clip(nominal.place, bounds.lower, bounds.upper)
         left = min(max(nominal.left, bounds.least), bounds.most)

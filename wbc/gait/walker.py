@@ -131,7 +131,7 @@ class Walker:
         constraints: Sequence[Constraint] = (),
         limits: Limits | None = None,
         dt: float = 0.002,
-        solver: str | Backend = "daqp",
+        solver: str | Backend = "active_set",
         **settings: Any,
     ) -> None:
         legs = Legs.of(robot)

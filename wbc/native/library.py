@@ -16,7 +16,7 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 8  # WBC_CORE_VERSION of source/core.h
+VERSION = 9  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long. An address
 # of what is only read may be given as bytes: array.tobytes() takes a tenth of address(array).
 _FUNCTIONS = {
@@ -30,8 +30,8 @@ _FUNCTIONS = {
     "wbc_tick": 5,
     "wbc_reduced": 2,
     "wbc_answer": 7,
+    "wbc_sizes": 4,
     "wbc_solve_qp": 5,
-    "wbc_solve_giving": 5,
     "wbc_nearest": 7,
     "wbc_measure": 6,
     "wbc_pair_rows": 8,
@@ -79,7 +79,7 @@ class Core:
         self.wbc_reduced: Any = library.wbc_reduced
         self.wbc_answer: Any = library.wbc_answer
         self.wbc_solve_qp: Any = library.wbc_solve_qp
-        self.wbc_solve_giving: Any = library.wbc_solve_giving
+        self.wbc_sizes: Any = library.wbc_sizes
         self.wbc_nearest: Any = library.wbc_nearest
         self.wbc_measure: Any = library.wbc_measure
         self.wbc_pair_rows: Any = library.wbc_pair_rows

@@ -16,7 +16,7 @@ from wbc.controllers.levels import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.friction import Friction, cone
-from wbc.problem.section import Forms, Name, NonNegative, Positive, Section, Words, default_of
+from wbc.problem.section import Name, NonNegative, Positive, Section, Words, default_of
 from wbc.qp.backend import Backend, make_backend
 from wbc.robot import Robot
 from wbc.tasks import Task
@@ -71,7 +71,7 @@ class SolverSettings(ControllerSpec):
     """What methods that solve a quadratic program per tick have in common, at both levels."""
 
     solver: Name = default_of(KinematicController, "solver")
-    """The QP solver: proxqp, daqp, or any that qpsolvers finds installed."""
+    """The QP solver: proxqp, active_set, or any that qpsolvers finds installed."""
     eps: Positive | None = None
     """Accuracy asked of the solver; null: its default here."""
     formulation: Annotated[str, Words(FORMULATIONS)] = default_of(
@@ -98,16 +98,10 @@ class QpSettings(SolverSettings):
     on_failure: Annotated[str, Words(POLICIES)] = default_of(KinematicController, "on_failure")
     """When a QP has no solution: stand still, slow down, miss the rows by as little as can be, or
     end the run."""
-    budget: Annotated[Positive | Literal["usual"], Forms("a number, usual, or null")] | None = (
-        default_of(KinematicController, "budget")
-    )
-    """Work that a tick may take, in about microseconds of a quiet core, counted and not clocked;
-    what it does not afford is left out, levels of lower priority first, and told. usual: 2400, and
-    more for many levels and joints; null: nothing is left out, however long it takes."""
 
     def build(self, robot: Robot, tasks: Sequence[Task], **parts: Any) -> KinematicController:
         """Return a new controller."""
-        keys = {"dt", "joint_weights", "damping", "formulation", "on_failure", "budget"}
+        keys = {"dt", "joint_weights", "damping", "formulation", "on_failure"}
         settings = self.model_dump(include=keys)
         return KinematicController(robot, tasks, solver=self.backend(), **settings, **parts)
 
@@ -122,7 +116,7 @@ class QpSpec(QpSettings):
 class TorqueSpec(SolverSettings):
     """Inverse dynamics by one quadratic program per tick: for ``wbc sim``."""
 
-    elsewhere: ClassVar[Mapping[str, str]] = {"budget": "the velocity level"} | dict.fromkeys(
+    elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("starts", "patience", "seconds", "workers", "seed", "support_margin", "attempts",
          "tolerance"),
         "the method global, of the velocity level",

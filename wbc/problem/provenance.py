@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc import __version__
 from wbc.problem.source import Source
-from wbc.qp.native import BUILD
+from wbc.qp.proxqp_workspace import BUILD
 
 PACKAGES = ("numpy", "pin", "proxsuite", "qpsolvers")
 

@@ -140,7 +140,7 @@ class WalkSpec(ProblemSpec):
     """What the robot should do besides walking; targets are relative to the start, in the world."""
     phases: None = None
     """A walk has none: it is led by commands."""
-    controller: TorqueSpec = TorqueSpec(level="torque", solver="daqp")
+    controller: TorqueSpec = TorqueSpec(level="torque", solver="active_set")
     """How the tasks are turned into torques."""
 
 

@@ -5,25 +5,26 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
+import logging
 from collections.abc import Callable, Hashable
 from typing import Any, Protocol
 
 from wbc.errors import InvalidInputError, SolverError, UnknownNameError
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.pseudo_inverse import PseudoInverse
 from wbc.qp.solution import Solution
 
 # What to install for the solvers that are known but optional.
-_EXTRAS = dict.fromkeys(("clarabel", "osqp", "piqp"), "wbc[bench]")
+_EXTRAS = dict.fromkeys(("clarabel", "daqp", "osqp", "piqp"), "wbc[bench]")
 _EXTRAS |= {
     name: f"qpsolvers[{name}]" for name in ("cvxopt", "ecos", "highs", "qpalm", "quadprog", "scs")
 }
 
 _NATIVE: dict[str, Callable[..., Backend]] = {
     "proxqp": ProxQP,
-    "daqp": Daqp,
+    "active_set": ActiveSet,
     "proxqp_cold": functools.partial(ProxQP, warm=False),
 }
 # Baselines that do not promise an optimum: known by name, but no choice among solvers.
@@ -59,15 +60,16 @@ class SolverNotInstalledError(UnknownNameError, SolverError):
 def make_backend(name: str, **settings: Any) -> Backend:
     """Return the backend of that name.
 
-    ``"proxqp"`` is the native default, ``"proxqp_cold"`` the same without warm start, ``"daqp"``
-    DAQP called directly, ``"pseudo_inverse"`` the baseline of the paper's eq. 38; any other name
-    is looked up in qpsolvers.
+    ``"proxqp"`` is the default, ``"proxqp_cold"`` the same without warm start, ``"active_set"`` the
+    core's own method, ``"pseudo_inverse"`` the baseline of the paper's eq. 38; any other name is
+    looked up in qpsolvers. ``"daqp"`` is of the kind of ``"active_set"``, which answers in its
+    place where that package is not installed: a log says so.
 
     Parameters
     ----------
     settings:
-        ``eps`` (accuracy promised) for every backend, ``max_iterations`` for proxqp and daqp;
-        through qpsolvers also the solver's own settings.
+        ``eps`` (accuracy promised) for every backend, ``max_iterations`` for proxqp and active_set,
+        ``always`` for proxqp; through qpsolvers also the solver's own settings.
 
     Raises
     ------
@@ -124,6 +126,11 @@ def _maker(name: str) -> Callable[..., Backend]:
         return (_NATIVE | _BASELINES)[name]
     installed = installed_solvers()
     if name not in installed:
+        if name == "daqp":
+            logging.getLogger(__name__).warning(
+                "QP solver 'daqp' is not installed; 'active_set', of the same kind, answers"
+            )
+            return ActiveSet
         if name in _EXTRAS:
             raise SolverNotInstalledError(name, installed)
         raise UnknownNameError("QP solver", name, installed)

@@ -17,7 +17,6 @@ import numpy as np
 from wbc.qp.conflict import find_conflict
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
-from wbc.qp.work import Work
 from wbc.validate import Array
 
 # Part of the cost's terms that an accepted point may cost too much by the look of its multipliers.
@@ -210,38 +209,13 @@ def _largest(vector: Array) -> float:
 class SolveCheck(NamedTuple):
     """One call of a backend: which solver, what accuracy is promised, and when it started.
 
-    ``explain``: whether rows in conflict are looked for where there is no solution; ``work``: of
-    the tick, which affords it or not.
+    ``explain``: whether rows in conflict are looked for where there is no solution.
     """
 
     solver: str
     eps: float
     started: float  # perf_counter() at the call
     explain: bool = True
-    work: Work | None = None
-
-    def certify(
-        self, qp: Stacked, x: Array, multipliers: Array, iterations: int
-    ) -> Solution | None:
-        """Return the solution of ``qp`` when its KKT residuals are below eps, else None.
-
-        x and multipliers are copies of those in ``qp``, which is solved again.
-        """
-        residuals = qp.residuals()
-        if not is_accurate(residuals, self.eps):
-            return None
-        n, equalities = x.size, qp.inequalities
-        return Solution(
-            x,
-            multipliers[equalities:],
-            multipliers[n:equalities],
-            multipliers[:n],
-            Status.SOLVED,
-            residuals,
-            iterations,
-            perf_counter() - self.started,
-            self.solver,
-        )
 
     def accept(self, qp: QP, raw: RawSolution, attempts: int = 1) -> Solution | None:
         """Return the solution when its KKT residuals are small, else None."""
@@ -261,7 +235,7 @@ class SolveCheck(NamedTuple):
         residuals = self._residuals(qp, raw)
         if residuals.primal <= self.eps:
             return None
-        conflict = find_conflict(qp, guess=raw.x, work=self.work)
+        conflict = find_conflict(qp, guess=raw.x)
         if conflict is None:
             return None
         return self._solution(raw, Status.INFEASIBLE, residuals, attempts, conflict)

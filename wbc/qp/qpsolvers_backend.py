@@ -102,13 +102,13 @@ class QpsolversBackend:
         matrix = self._matrix
         problem = qpsolvers.Problem(
             matrix(qp.P),
-            qp.g,
+            qp.g.copy(),  # Cython's solvers ask for writable arrays
             matrix(rows.G) if rows.h.size else None,
             rows.h if rows.h.size else None,
             matrix(qp.A) if qp.b.size else None,
-            qp.b if qp.b.size else None,
-            qp.lower if keep_box else None,
-            qp.upper if keep_box else None,
+            qp.b.copy() if qp.b.size else None,
+            qp.lower.copy() if keep_box else None,
+            qp.upper.copy() if keep_box else None,
         )
         try:
             with warnings.catch_warnings():
@@ -207,4 +207,4 @@ def _sparse(matrix: Array) -> csc_matrix:
 
 
 def _dense(matrix: Array) -> Array:
-    return matrix
+    return matrix.copy()

@@ -4,30 +4,11 @@
 
 #include <string.h>
 
-/* DAQP 0.11.0; its header is not needed. */
-void daqp_quadprog(void *result, void *problem, void *settings);
-void daqp_default_settings(void *settings);
-/* Where its limit of iterations is among the settings, read as int, and what it is by default; the
- * first setting is the tolerance. As in wbc/qp/daqp_direct.py. */
-enum { ITERATIONS = 11, DEFAULT_ITERATIONS = 10000 };
-static const double DEFAULT_TOLERANCE = 1e-6;
-
 int wbc_start(wbc_controller *c) {
-    void (*quadprog)(void *, void *, void *) = daqp_quadprog;
-    char *limit = (char *)c->settings + ITERATIONS * sizeof(int);
-    const int most = WBC_MOST_ITERATIONS;
-    int found;
     memset(c, 0, sizeof *c);
-    daqp_default_settings(c->settings);
-    memcpy(&found, limit, sizeof found);
-    if (c->settings[0] != DEFAULT_TOLERANCE || found != DEFAULT_ITERATIONS) return OTHER_DAQP;
-    c->settings[0] = 0.1 * WBC_EPS;
-    memcpy(limit, &most, sizeof most);
     c->plan = wbc_planned;
     memcpy(c->number, wbc_planned.number, sizeof c->number);
-    memcpy(&c->plan.quadprog, &quadprog, sizeof quadprog); /* ISO C has no cast of a function */
-    c->plan.number = c->number, c->plan.settings = c->settings;
-    c->plan.state = c->state, c->plan.out = c->out;
+    c->plan.number = c->number, c->plan.state = c->state, c->plan.out = c->out;
     c->plan.scratch = c->scratch, c->plan.order = c->order;
     return DONE;
 }

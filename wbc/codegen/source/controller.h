@@ -17,7 +17,7 @@
 /* A controller and its memory. It points into itself: start it where it stays, do not copy it. */
 typedef struct {
     wbc_plan plan;
-    double number[WBC_NUMBERS], state[WBC_STATE], out[WBC_OUT], scratch[WBC_SCRATCH], settings[64];
+    double number[WBC_NUMBERS], state[WBC_STATE], out[WBC_OUT], scratch[WBC_SCRATCH];
     int64_t order[WBC_ORDER];
 } wbc_controller;
 
@@ -27,10 +27,9 @@ typedef struct {
 } wbc_command;
 
 /* Besides core.h's enum handed_over: UNSOLVED, OUTSIDE_LIMITS and so on. */
-enum { OTHER_DAQP = -2, NO_TARGET = -3 };
+enum { NO_TARGET = -3 };
 
-/* Begin with the targets that the problem had in its first tick. OTHER_DAQP: what is linked is not
- * the version that the core knows. */
+/* Begin with the targets that the problem had in its first tick. Returns DONE. */
 int wbc_start(wbc_controller *c);
 
 /* Say what a task, or where a contact, should be, and at which rate and acceleration; 0: zeros.

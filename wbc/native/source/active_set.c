@@ -10,7 +10,6 @@
  * factorisation that rows are added to and taken from (Gill et al., Math. Comp. 28, 1974).
  */
 #include "active_set.h"
-
 #include "linear.h"
 
 #include <math.h>
@@ -21,8 +20,11 @@ static const double MET = 1e-10, DEPENDENT = 1e-13, NOTHING = 1e-13;
 static const double ROUNDED = 1e-15; /* part of the largest multiplier that a row may be missed by */
 static const double ROUNDING = 1e-7; /* of a direction in which dependent rows outweigh each other */
 static const double SHORTEST = 1e-12; /* rows below this, where the cost is of unit curvature */
+/* By how much all rows that contradict each other, of unit length as they were given, would have to
+ * give way, by their largest end: less may be rounding. */
+static const double CONTRADICTED = 1e-7;
 
-/* Left out, and looked at again so often; at last it is judged with the answer. */
+/* Missed by rounding: left out, and looked at again so often; at last it is judged with the answer. */
 enum { DOUBTED = 3, AGAIN = 5 };
 
 /* Rows are looked at again if they are missed by more than this part of the worst; so many beside the
@@ -277,6 +279,40 @@ static void add_more(active_set *a) {
     }
 }
 
+/* Whether what is wanted of an active row points away from the side that it is held on: by rounding, as
+ * go has seen. */
+static int against(const active_set *a, int64_t j) {
+    const int64_t side = a->side[a->active[j]];
+    return side != 2 && side * a->wanted[j] < 0.0;
+}
+
+/* Whether the active rows contradict each other: what is wanted of them adds up to no row, and to an
+ * end below 0. Then it is written to z (m), a certificate by the rows as they were given. */
+static int contradict(const active_set *a, const double *rows, const double *low, const double *up,
+                      double *z) {
+    double sum = 0.0, all = 0.0, largest = 0.0;
+    for (int64_t j = 0; j < a->size; j++) {
+        const int64_t i = a->active[j];
+        const double *row = rows + (i - a->n) * a->n;
+        const double norm = i < a->n ? 1.0 : sqrt(dot(a->n, row, row));
+        if (against(a, j)) continue;
+        const double weight = a->wanted[j] / a->length[i], end = weight < 0.0 ? low[i] : up[i];
+        sum += weight * end, all += fabs(weight) * norm;
+        if (norm > 0.0 && fabs(end) / norm > largest) largest = fabs(end) / norm;
+    }
+    if (!(-sum > CONTRADICTED * (1.0 + largest) * all)) return 0;
+    memset(z, 0, a->m * sizeof *z);
+    for (int64_t j = 0; j < a->size; j++) {
+        const int64_t i = a->active[j];
+        z[i] = against(a, j) ? 0.0 : a->wanted[j] / a->length[i];
+    }
+    return 1;
+}
+
+int64_t active_set_numbers(int64_t n, int64_t m) {
+    return 2 * n + 10 * m + 2 * n * n + m * n + m * (m - 1) / 2;
+}
+
 int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
                          const double *rows, const double *low, const double *up,
                          const double *give, int64_t most, double *scratch, int64_t *order,
@@ -289,7 +325,7 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
     a.U = scratch, a.inverse = a.U + n * n, a.M = a.inverse + n * n, a.L = a.M + m * n;
     memset(a.side, 0, m * sizeof *a.side);
     memcpy(a.give, give, m * sizeof *give);
-    if (!transform(&a, H, f, rows, low, up)) return -1;
+    if (!transform(&a, H, f, rows, low, up)) return NO_ANSWER;
     int depends = 0, doubted = 0, again = AGAIN;
     for (int64_t iterations = 1; iterations <= most; iterations++) {
         if (depends) {
@@ -307,6 +343,7 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
             continue;
         }
         if (depends) { /* no point meets it, or it is missed by rounding, at a corner of many rows */
+            if (contradict(&a, rows, low, up, z)) return NO_POINT;
             a.side[a.active[--a.size]] = DOUBTED;
             if (a.size < a.known) a.known = a.size;
             doubted = 1, depends = 0;
@@ -332,9 +369,9 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
             }
             return iterations;
         }
-        if (a.size > n && a.size >= m) return -1;
+        if (a.size > n && a.size >= m) return NO_ANSWER;
         depends = add(&a, row, side);
         if (!depends) add_more(&a);
     }
-    return -1;
+    return NO_ANSWER;
 }

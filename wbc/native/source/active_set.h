@@ -1,4 +1,4 @@
-/* Who solves QPs in which rows may give way. */
+/* Who solves QPs, also those in which rows may give way. */
 #ifndef WBC_ACTIVE_SET_H
 #define WBC_ACTIVE_SET_H
 
@@ -7,14 +7,20 @@
 /* Not of the library's interface. */
 #pragma GCC visibility push(hidden)
 
+/* In place of iterations. NO_POINT: no point meets all rows, and here is a certificate. */
+static const int64_t NO_POINT = -1, NO_ANSWER = -100;
+
 /* Minimise 1/2 x'H x + f'x + 1/2 sum s^2 / give subject to low <= (x, R x) - s <= up, s = 0 where
  * give is 0. n unknowns, m - n rows R; low, up, give and the multipliers z (m) are of x, then of
- * R x. Returns the number of iterations, at most most; -1: no answer. scratch holds 2 n + 10 m + 2 n^2
- * + m n + m (m - 1) / 2 numbers, order 3 m. */
+ * R x. Returns the number of iterations, at most most, or one of the above. After NO_POINT z is a
+ * Farkas certificate: z'(x, R x) is 0 for all x, the sum of z by the ends that they point at (up where
+ * positive, low where negative) is below 0, and without any one of its rows it would be none. scratch
+ * holds active_set_numbers(n, m), order 3 m. */
 int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
                          const double *rows, const double *low, const double *up,
                          const double *give, int64_t most, double *scratch, int64_t *order,
                          double *x, double *z);
+int64_t active_set_numbers(int64_t n, int64_t m);
 
 #pragma GCC visibility pop
 

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 8
+#define WBC_CORE_VERSION 9
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -164,13 +164,13 @@ typedef struct {
     double *state;               /* what is found at a state that nobody has looked at */
     double *out;
     double *scratch;
-    int64_t *order;       /* (2 n + m) to work in, (k) to keep, (pairs) of a margin */
+    int64_t *order;       /* the second of wbc_sizes, and (k) to keep, (pairs) of a margin */
     const wbc_margin *margin; /* rows behind all others, or 0 */
-    const void *quadprog; /* DAQP's function, or 0 */
-    void *settings;       /* and its settings */
     int64_t blocks, frames, costs, held, limited;
     int64_t torque, forces, bearing, passives, bounded, cones;
     int64_t outside; /* whether the reduced QP is solved by others */
+    int64_t always;  /* whether a solver is asked where the optimum of the cost alone would do, too */
+    int64_t most;    /* iterations of the active-set method */
     double dt, mass, unit, eps; /* unit: newtons per unit of a force; eps: as in wbc_qp */
 } wbc_plan;
 
@@ -187,10 +187,11 @@ typedef struct {
     double *clearance, *chosen; /* of the margin's rows, and numbers of their pairs */
 } wbc_qp;
 
-/* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer. NOT_MEASURED: of
+/* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer; INFEASIBLE: no point
+ * meets all its rows, and y, z and z_box are a certificate: see wbc_solve_qp. NOT_MEASURED: of
  * some pair; LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. MORE_ROWS: of pairs
  * that could not stop in time, than the plan has. REDUCED: to who solves it, outside. */
-enum handed_over { UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
+enum handed_over { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
                    NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
 /* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
  * without frames, or 0: then it is found here. v may be 0, here and below: it lies behind q then. */
@@ -198,26 +199,23 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
                 int64_t moving);
 /* The same and its answer: x, y, z, z of the box; primal, dual and complementarity residuals,
  * iterations. The equalities are eliminated; where the optimum of the cost alone keeps all bounds and
- * rows, that is the answer, in 0 iterations. Else what is left is solved by DAQP; or, if it is to be
- * solved outside, REDUCED is returned, and how many rows C there are is the first residual. */
+ * rows, that is the answer, in 0 iterations. Else what is left is solved by the active-set method; or, if
+ * it is to be solved outside, REDUCED is returned, and how many rows C there are is the first residual. */
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
              int64_t moving);
 /* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
- * x and then of C x, C (rows, left). Returns 0. */
+ * x and then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);
 /* After that: the tick's answer from the reduced QP's, x (left) and multipliers of rows, then of
- * bounds, times scale; x 0: by DAQP. May be called again. */
+ * bounds, times scale; x 0: by the active-set method. May be called again. */
 int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
                const double *z, double scale, int64_t iterations);
-/* The same for any QP, by DAQP; where it has no answer, its exit flag stands for the iterations.
- * scratch holds k (n + k + 5) + 2 k (left + 3) + left^2 + 3 n + 3 (n + m) + (k + m) left
- * + left (left + 4) numbers, left = n - k; order 2 n + m. */
-int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
-                 void *settings);
-/* The same, at the cost of 1/2 s^2 / give (m) with rows l <= C x - s <= u, s = 0 where give is 0; by
- * source/active_set.c in at most most iterations. With p = n + m rows and bounds at most, scratch
- * holds 2 left + 10 p + left^2 + p left + p^2 / 2 numbers more, order 3 p. */
-int wbc_solve_giving(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
-                     int64_t *order);
+/* Write how many numbers and integers a QP of n unknowns, k equalities and m rows is solved in. */
+int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes);
+/* Solve any QP by the active-set method, in at most most iterations. give (m), or 0: rows are
+ * l <= C x - s <= u at the cost of 1/2 s^2 / give, s = 0 where give is 0. INFEASIBLE: y, z, z_box are a
+ * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */
+int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
+                 int64_t *order);
 
 #endif

@@ -10,10 +10,10 @@
 /* Behind each other in plan->out, in the order in which wbc/controllers/native_memory.py reads. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
 
-/* In plan->order, behind what solving works in: the columns that were eliminated (k), which last from
- * tick to tick, then numbers of pairs. */
+/* In plan->order, behind what reduce works in: the columns that were eliminated (k), which last from
+ * tick to tick, then numbers of pairs, then what the active-set method works in. */
 static inline int64_t *usual_columns(const wbc_plan *plan, const wbc_qp *qp) {
-    return plan->order + 2 * qp->n + qp->m;
+    return plan->order + 2 * qp->n + qp->k + 1;
 }
 
 /* Whether its numbers are finite, and lower bounds below upper ones. */

@@ -8,6 +8,7 @@
  * has no equalities and a third fewer unknowns. Multipliers of A follow from the gradient.
  */
 #include "reduce.h"
+#include "active_set.h"
 #include "linear.h"
 
 #include <math.h>
@@ -15,39 +16,53 @@
 
 static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
 static const double CONTRADICTED = 1e-5; /* by what such a row misses: no x of less than 1e4 meets it */
-static const double NO_BOUND = 1e30;  /* DAQP's infinity */
-/* As in wbc/qp/elimination.py. */
+/* Unknowns without bounds are preferred as dependent ones: eliminating them adds no inequality row. */
 static const double PREFERENCE = 10.0;
 /* So is what a row had in the last tick, where others solve the reduced QP: they start from there. */
 static const double USUAL = 4.0;
-
-static double clamp(double value) {
-    return value > NO_BOUND ? NO_BOUND : value < -NO_BOUND ? -NO_BOUND : value;
-}
 
 static int is_free(const wbc_qp *qp, int64_t i) {
     return qp->upper[i] == INFINITY && qp->lower[i] == -INFINITY;
 }
 
 void place(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = n - k, most = left + qp->m + k;
-    r->left = left, r->stride = PADDED(left), r->order = order, r->sense = (int *)(order + n);
+    const int64_t n = qp->n, k = qp->k;
+    r->rank = k, r->order = order, r->touched = order + n, r->row = r->touched + n;
     r->W = scratch;
     r->inverse = r->W + k * PADDED(n + 1);
     r->h = r->inverse + k * k;
-    r->G = r->h + k;
-    r->half = r->G + k * r->stride;
-    r->H = r->half + k * r->stride;
+    r->gradient = r->h + k;
+    r->factor = r->gradient + n;
+    r->G = r->factor + k;
+}
+
+/* The rest, once it is known how many unknowns are left. */
+static void place_rest(const wbc_qp *qp, reduced *r) {
+    const int64_t left = r->left = qp->n - r->rank, most = left + qp->m + r->rank;
+    r->stride = PADDED(left);
+    r->half = r->G + r->rank * r->stride;
+    r->H = r->half + r->rank * r->stride;
     r->f = r->H + left * left;
     r->low = r->f + left;
     r->up = r->low + most;
     r->rows = r->up + most;
-    r->multipliers = r->rows + (qp->m + k) * left;
+    r->multipliers = r->rows + (qp->m + r->rank) * left;
     r->answer = r->multipliers + most;
-    r->factor = r->answer + left;
-    r->gradient = r->factor + k;
-    r->triangle = r->gradient + n;
+    r->triangle = r->answer + left;
     r->end = r->triangle + left * PADDED(left + 1);
+}
+
+int64_t reduced_numbers(int64_t n, int64_t k, int64_t m) {
+    const int64_t most = n + m, w = PADDED(n + 1);
+    return k * w + k * k + 2 * k + n + 2 * k * w + n * n + 2 * n + 3 * most + (m + k) * n + n * w;
+}
+
+int64_t reduced_integers(int64_t n, int64_t k) { return 2 * n + k + 1; }
+
+void resume(const wbc_qp *qp, double *scratch, int64_t *order, reduced *r) {
+    place(qp, scratch, order, r);
+    r->rank = order[2 * qp->n + qp->k];
+    place_rest(qp, r);
 }
 
 /* Columns of A that are not zero, into touched; returns how many. Arms, say, are not in the rows of
@@ -63,56 +78,102 @@ INLINE int64_t touched_columns(const wbc_qp *qp, double *restrict sum, int64_t *
     return count;
 }
 
-/* W = [A b] of the touched columns reduced until the columns place[0..k) would be those of the
- * identity: in their place stands the inverse of what they were. 0, or NO_ANSWER if dependent rows
- * leave next to nothing of one, NO_POINT if it contradicts them. liking: the factors by which pivots
- * are preferred. usual, or 0: of each row the column that it had, plus one. */
-WIDE static int64_t eliminate(int64_t k, int64_t count, const int64_t *touched,
-                              const double *liking, double *W, int64_t *place, int64_t *usual) {
+/* By how much row i of W is bound by a pivot; of the columns that are not pivots yet its best. */
+INLINE double best_pivot(const reduced *of, int64_t i, int64_t r, int64_t count,
+                         const int64_t *place, const int64_t *usual, int64_t *chosen) {
+    const double *row = of->W + i * PADDED(count + 1), *liking = of->gradient;
+    double most = -1.0;
+    for (int64_t c = r; c < count; c++) {
+        double size = fabs(row[place[c]]) * liking[place[c]];
+        if (usual && usual[of->row[i]] == of->touched[place[c]] + 1) size *= USUAL;
+        if (size > most) most = size, *chosen = c;
+    }
+    return most;
+}
+
+static void swap_rows(reduced *of, int64_t i, int64_t j, int64_t width) {
+    double *one = of->W + i * width, *other = of->W + j * width;
+    const int64_t number = of->row[i];
+    of->row[i] = of->row[j], of->row[j] = number;
+    for (int64_t c = 0; c < width && i != j; c++) {
+        const double entry = one[c];
+        one[c] = other[c], other[c] = entry;
+    }
+}
+
+/* A row of which the rows above leave next to nothing but an end contradicts them: y, the combination
+ * of rows of A that is 0, but of b below 0. */
+static void contradict(const wbc_qp *qp, const reduced *of, int64_t r, int64_t count,
+                       const int64_t *place) {
+    const double *row = of->W + r * PADDED(count + 1);
+    const double sign = row[count] > 0.0 ? -1.0 : 1.0;
+    memset(qp->y, 0, qp->k * sizeof *qp->y);
+    for (int64_t s = 0; s < r; s++) qp->y[of->row[s]] = sign * row[place[s]];
+    qp->y[of->row[r]] = sign;
+}
+
+/* W = [A b] of the touched columns reduced until the columns place[0..rank) would be those of the
+ * identity: in their place stands the inverse of what they were. Rows that depend on those above are
+ * left out; NO_POINT if one contradicts them. usual, or 0: of each row the column that it had, plus
+ * one. pivoted: rows in the order of their pivots, as they may nearly repeat each other. */
+WIDE static int64_t eliminate(const wbc_qp *qp, reduced *of, int64_t count, int64_t *usual,
+                              int pivoted) {
     const int64_t width = PADDED(count + 1);
+    int64_t *place = of->order;
+    double *W = of->W;
     for (int64_t c = 0; c < count; c++) place[c] = c;
-    for (int64_t r = 0; r < k; r++) {
-        double *restrict top = W + r * width, most = -1.0;
-        int64_t chosen = r;
-        for (int64_t c = r; c < count; c++) {
-            double size = fabs(top[place[c]]) * liking[place[c]];
-            if (usual && usual[r] == touched[place[c]] + 1) size *= USUAL;
-            if (size > most) most = size, chosen = c;
+    for (int64_t r = 0; r < of->rank;) {
+        int64_t chosen = r, best = r, column = r;
+        double most = best_pivot(of, r, r, count, place, usual, &chosen);
+        for (int64_t i = r + 1; pivoted && i < of->rank; i++) {
+            const double size = best_pivot(of, i, r, count, place, usual, &column);
+            if (size > most) most = size, best = i, chosen = column;
         }
-        if (r >= count || !(fabs(top[place[chosen]]) > DEPENDENT))
-            return fabs(top[count]) > CONTRADICTED ? NO_POINT : NO_ANSWER;
+        swap_rows(of, r, best, width);
+        double *restrict top = W + r * width;
+        if (r >= count || !(fabs(top[place[chosen]]) > DEPENDENT)) {
+            if (fabs(top[count]) > CONTRADICTED) {
+                contradict(qp, of, r, count, place);
+                return NO_POINT;
+            }
+            swap_rows(of, r, --of->rank, width);
+            continue;
+        }
         const int64_t pivot = place[chosen];
         place[chosen] = place[r], place[r] = pivot;
-        if (usual) usual[r] = touched[pivot] + 1;
+        if (usual) usual[of->row[r]] = of->touched[pivot] + 1;
         const double scale = 1.0 / top[pivot];
         top[pivot] = 1.0;
         for (int64_t c = 0; c < width; c++) top[c] *= scale;
-        for (int64_t i = 0; i < k; i++) {
+        for (int64_t i = 0; i < of->rank; i++) {
             double *restrict to = W + i * width;
             const double factor = to[pivot];
             if (i == r || factor == 0.0) continue;
             to[pivot] = 0.0;
             for (int64_t c = 0; c < width; c++) to[c] -= factor * top[c];
         }
+        r++;
     }
     return 0;
 }
 
 /* order, G, h and the inverse of A_d. Returns as eliminate does. */
-WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual) {
-    const int64_t n = qp->n, k = qp->k;
+WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usual, int pivoted) {
+    const int64_t n = qp->n;
     double *W = of->W, *liking = of->gradient;
-    int64_t *order = of->order, *touched = order + n; /* where senses are written later */
+    int64_t *order = of->order, *touched = of->touched;
     const int64_t count = touched_columns(qp, liking, touched), width = PADDED(count + 1);
     for (int64_t c = 0; c < count; c++) liking[c] = is_free(qp, touched[c]) ? PREFERENCE : 1.0;
-    for (int64_t r = 0; r < k; r++) {
+    for (int64_t r = 0; r < qp->k; r++) {
         double *row = W + r * width;
         for (int64_t c = 0; c < count; c++) row[c] = qp->A[r * n + touched[c]];
         row[count] = qp->b[r];
         for (int64_t c = count + 1; c < width; c++) row[c] = 0.0;
+        of->row[r] = r;
     }
-    const int64_t said = eliminate(k, count, touched, liking, W, order, usual);
+    const int64_t said = eliminate(qp, of, count, usual, pivoted), k = of->rank;
     if (said < 0) return said;
+    place_rest(qp, of);
     of->coupled = count - k;
     for (int64_t d = 0; d < k; d++) {
         const double *row = W + d * width;
@@ -133,7 +194,7 @@ WIDE static int64_t solve_equalities(const wbc_qp *qp, reduced *of, int64_t *usu
 
 /* H = P_ii + G' half + half' G with half = P_di + 1/2 P_dd G; f = g_i + P_id h + G' (..) */
 WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left, coupled = r->coupled, stride = r->stride;
+    const int64_t n = qp->n, k = r->rank, left = r->left, coupled = r->coupled, stride = r->stride;
     const int64_t *dependent = r->order, *free = r->order + k;
     const double *P = qp->P, *h = r->h;
     double *restrict factor = r->factor, *restrict pull = r->multipliers;
@@ -175,11 +236,11 @@ WIDE static void reduce_cost(const wbc_qp *qp, const reduced *r) {
 
 /* Bounds of x_i, then C, then the bounds of x_d, where there are some; returns how many. */
 WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left;
+    const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
     int64_t bounded = left;
     for (int64_t i = 0; i < left; i++)
-        r->up[i] = clamp(qp->upper[free[i]]), r->low[i] = clamp(qp->lower[free[i]]);
+        r->up[i] = qp->upper[free[i]], r->low[i] = qp->lower[free[i]];
     for (int64_t m = 0; m < qp->m; m++, bounded++) {
         const double *row = qp->C + m * n;
         double *restrict to = r->rows + m * left, known = 0.0;
@@ -189,50 +250,64 @@ WIDE static int64_t reduce_bounds(const wbc_qp *qp, const reduced *r) {
             known += r->factor[d] * r->h[d];
         }
         add_rows(r->coupled, k, r->factor, r->G, r->stride, to);
-        r->up[bounded] = clamp(qp->u[m] - known), r->low[bounded] = clamp(qp->l[m] - known);
+        r->up[bounded] = qp->u[m] - known, r->low[bounded] = qp->l[m] - known;
     }
     for (int64_t s = 0; s < k; s++) {
         const int64_t d = dependent[s];
         if (is_free(qp, d)) continue;
-        r->up[bounded] = clamp(qp->upper[d] - r->h[s]);
-        r->low[bounded] = clamp(qp->lower[d] - r->h[s]);
+        r->up[bounded] = qp->upper[d] - r->h[s];
+        r->low[bounded] = qp->lower[d] - r->h[s];
         memcpy(r->rows + (bounded++ - left) * left, r->G + s * r->stride, left * sizeof *r->rows);
     }
     return bounded;
 }
 
-WIDE void lift(const wbc_qp *qp, const reduced *r) {
-    const int64_t n = qp->n, k = qp->k, left = r->left;
+/* z, z of the box, and y by the rows of x_d: that P x + g + z + C'z, in gradient but for z, is -A'y. */
+WIDE static void lift_multipliers(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = r->rank, left = r->left;
     const int64_t *dependent = r->order, *free = r->order + k;
-    double *x = qp->x, *y = qp->y, *z = qp->z_box;
+    double *y = qp->y, *z = qp->z_box, *restrict gradient = r->gradient;
     int64_t bounded = left + qp->m;
-    for (int64_t i = 0; i < left; i++) x[free[i]] = r->answer[i], z[free[i]] = r->multipliers[i];
+    for (int64_t i = 0; i < left; i++) z[free[i]] = r->multipliers[i];
+    for (int64_t s = 0; s < k; s++)
+        z[dependent[s]] = is_free(qp, dependent[s]) ? 0.0 : r->multipliers[bounded++];
     memcpy(qp->z, r->multipliers + left, qp->m * sizeof *qp->z);
-    for (int64_t s = 0; s < k; s++) {
-        const int64_t d = dependent[s];
-        x[d] = r->h[s] + dot(left, r->G + s * r->stride, r->answer);
-        z[d] = is_free(qp, d) ? 0.0 : r->multipliers[bounded++];
-        y[s] = 0.0;
-    }
-    double *restrict gradient = r->gradient; /* P x + g + z + C'z = -A'y: y by the rows of x_d */
-    for (int64_t i = 0; i < n; i++) gradient[i] = qp->g[i] + z[i];
-    add_rows(n, n, x, qp->P, n, gradient); /* P is symmetric */
+    memset(y, 0, qp->k * sizeof *y);
+    for (int64_t i = 0; i < n; i++) gradient[i] += z[i];
     for (int64_t m = 0; m < qp->m; m++)
         for (int64_t i = 0; i < n && qp->z[m] != 0.0; i++) gradient[i] += qp->C[m * n + i] * qp->z[m];
     for (int64_t s = 0; s < k; s++)
         for (int64_t t = 0; t < k; t++)
-            y[t] -= r->inverse[s * k + t] * gradient[dependent[s]];
+            y[r->row[t]] -= r->inverse[s * k + t] * gradient[dependent[s]];
+}
+
+WIDE void lift(const wbc_qp *qp, const reduced *r) {
+    const int64_t n = qp->n, k = r->rank, left = r->left;
+    const int64_t *dependent = r->order, *free = r->order + k;
+    double *x = qp->x, *restrict gradient = r->gradient;
+    for (int64_t i = 0; i < left; i++) x[free[i]] = r->answer[i];
+    for (int64_t s = 0; s < k; s++)
+        x[dependent[s]] = r->h[s] + dot(left, r->G + s * r->stride, r->answer);
+    memcpy(gradient, qp->g, n * sizeof *gradient);
+    add_rows(n, n, x, qp->P, n, gradient); /* P is symmetric */
+    lift_multipliers(qp, r);
+}
+
+void lift_certificate(const wbc_qp *qp, const reduced *r) {
+    memset(r->gradient, 0, qp->n * sizeof *r->gradient);
+    lift_multipliers(qp, r);
 }
 
 int64_t bounds_left(const wbc_qp *qp, const reduced *r) {
     int64_t bounded = r->left + qp->m;
-    for (int64_t s = 0; s < qp->k; s++) bounded += !is_free(qp, r->order[s]);
+    for (int64_t s = 0; s < r->rank; s++) bounded += !is_free(qp, r->order[s]);
     return bounded;
 }
 
-int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual) {
-    const int64_t said = r->left < 1 ? NO_ANSWER : solve_equalities(qp, r, usual);
+int64_t reduce(const wbc_qp *qp, reduced *r, int64_t *usual, int pivoted) {
+    const int64_t said = solve_equalities(qp, r, usual, pivoted);
     if (said < 0) return said;
+    r->row[qp->k] = r->rank; /* for resume */
     reduce_cost(qp, r);
     return reduce_bounds(qp, r);
 }

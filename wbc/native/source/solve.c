@@ -1,5 +1,6 @@
-/* The QP of a plain tick solved by DAQP, its equalities eliminated first (reduce.c), and the answer
- * checked: the KKT residuals are those of the full QP, what wbc/qp/kkt.py computes.
+/* A QP solved: its equalities eliminated (reduce.c), what is left by the active-set method unless the
+ * optimum of the cost alone keeps all bounds, and the answer judged by the KKT residuals of the full QP,
+ * those that wbc/qp/kkt.py computes. And the QP of a plain tick, with what a command needs besides.
  */
 #include "active_set.h"
 #include "linear.h"
@@ -8,20 +9,6 @@
 #include "tree.h"
 
 #include <string.h>
-
-/* As in DAQP's types.h and api.h; wbc/qp/daqp_direct.py knows for which versions. */
-typedef struct {
-    int n, m, simple;
-    double *H, *f, *A, *upper, *lower;
-    int *sense, *breaks;
-    int hierarchy, kind;
-} daqp_problem;
-typedef struct {
-    double *x, *multipliers, value, slack;
-    int flag, iterations, nodes;
-    double solve_time, setup_time, reserve[8];
-} daqp_result;
-typedef void daqp_quadprog(daqp_result *, daqp_problem *, void *);
 
 /* The velocity at x with a base's that meets its dynamics to rounding, and the torques at that. */
 static void command(const wbc_plan *plan, const wbc_qp *qp) {
@@ -51,22 +38,28 @@ WIDE static int is_kept(const reduced *r, int64_t bounded) {
     return 1;
 }
 
-/* Solve what is left by DAQP; returns its iterations, or its exit flag below 0: no answer. The
- * iterations are the first thing found either way. */
-static int64_t ask(const reduced *r, int64_t bounded, const void *address, void *settings,
-                   double *found) {
-    daqp_quadprog *quadprog;
-    memcpy(&quadprog, &address, sizeof quadprog); /* ISO C has no cast to a function */
-    if (!quadprog) return NO_ANSWER;
-    memset(r->sense, 0, bounded * sizeof *r->sense);
-    daqp_problem problem = {(int)r->left, (int)bounded, (int)r->left, r->H, r->f, r->rows,
-                            r->up,        r->low,       r->sense,     0,    0,    0};
-    daqp_result result;
-    memset(&result, 0, sizeof result);
-    result.x = r->answer, result.multipliers = r->multipliers;
-    quadprog(&result, &problem, settings);
-    *found = result.iterations;
-    return result.flag == 1 ? result.iterations : result.flag < 0 ? result.flag : NO_ANSWER;
+/* Solve what is left; give (m), or 0: how far rows C give way by their multipliers. Returns the
+ * iterations, or why there is no answer. */
+static int64_t ask(const reduced *r, int64_t bounded, const double *give, int64_t rows,
+                   int64_t most, int64_t *order) {
+    double *every = r->end; /* of bounds, which do not give way, and rows */
+    memset(every, 0, bounded * sizeof *every);
+    if (give) memcpy(every + r->left, give, rows * sizeof *give);
+    return active_set_solve(r->left, bounded, r->H, r->f, r->rows, r->low, r->up, every, most,
+                            every + bounded, order, r->answer, r->multipliers);
+}
+
+/* Why there is no answer, with a certificate where no point meets all rows. */
+static int fail(const wbc_qp *qp, const reduced *r, int64_t said, int reduced) {
+    qp->found[3] = (double)said;
+    if (said != NO_POINT) return UNSOLVED;
+    if (reduced)
+        lift_certificate(qp, r);
+    else { /* of the equalities alone, which wrote y */
+        memset(qp->z, 0, qp->m * sizeof *qp->z);
+        memset(qp->z_box, 0, qp->n * sizeof *qp->z_box);
+    }
+    return INFEASIBLE;
 }
 
 /* x, y, z, z of the box, the three residuals and the number of iterations of a QP. */
@@ -88,22 +81,28 @@ static int finish(const wbc_plan *plan, const double *q, const double *v, const 
     return plan->margin && leads_inside(plan, q, v, qp, r->end, pairs) ? LEADS_INSIDE : DONE;
 }
 
+/* Where the active-set method works: behind the columns that were eliminated and the pairs. */
+static int64_t *active_columns(const wbc_plan *plan, const wbc_qp *qp) {
+    return usual_columns(plan, qp) + qp->k + (plan->margin ? plan->margin->of->pairs : 0);
+}
+
 int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
                const double *z, double scale, int64_t iterations) {
     wbc_qp qp;
     reduced r;
     v = velocity_of(plan->tree, q, v);
     lay_out(plan, &qp);
-    place(&qp, plan->scratch, plan->order, &r);
+    resume(&qp, plan->scratch, plan->order, &r);
     const int64_t bounded = bounds_left(&qp, &r), rows = bounded - r.left;
     if (x) {
         memcpy(r.answer, x, r.left * sizeof *x);
         for (int64_t i = 0; i < r.left; i++) r.multipliers[i] = z[rows + i] / scale;
         for (int64_t i = 0; i < rows; i++) r.multipliers[r.left + i] = z[i] / scale;
-    } else
-        iterations = ask(&r, bounded, plan->quadprog, plan->settings, qp.found);
-    qp.found[3] = (double)iterations;
-    if (iterations < 0 || conclude(&qp, &r, 0, iterations) != DONE) return UNSOLVED;
+    } else {
+        iterations = ask(&r, bounded, 0, 0, plan->most, active_columns(plan, &qp));
+        if (iterations < 0) return fail(&qp, &r, iterations, 1);
+    }
+    if (conclude(&qp, &r, 0, iterations) != DONE) return UNSOLVED;
     return finish(plan, q, v, &qp, &r);
 }
 
@@ -116,12 +115,10 @@ int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const d
     reduced r;
     lay_out(plan, &qp);
     place(&qp, plan->scratch, plan->order, &r);
-    const int64_t bounded = reduce(&qp, &r, plan->outside ? usual_columns(plan, &qp) : 0);
-    if (bounded < 0) {
-        qp.found[0] = 0.0, qp.found[3] = (double)bounded;
-        return UNSOLVED;
-    }
-    if (is_kept(&r, bounded) && conclude(&qp, &r, 0, 0) == DONE) return finish(plan, q, v, &qp, &r);
+    const int64_t bounded = reduce(&qp, &r, plan->outside ? usual_columns(plan, &qp) : 0, 0);
+    if (bounded < 0) return fail(&qp, &r, bounded, 0);
+    if (!plan->always && is_kept(&r, bounded) && conclude(&qp, &r, 0, 0) == DONE)
+        return finish(plan, q, v, &qp, &r);
     qp.found[0] = (double)(bounded - r.left);
     return plan->outside ? REDUCED : wbc_answer(plan, q, v, 0, 0, 1.0, 0);
 }
@@ -130,35 +127,27 @@ int wbc_reduced(const wbc_plan *plan, int64_t *begin) {
     wbc_qp qp;
     reduced r;
     lay_out(plan, &qp);
-    place(&qp, plan->scratch, plan->order, &r);
+    resume(&qp, plan->scratch, plan->order, &r);
     const double *every[] = {r.H, r.f, r.low, r.up, r.rows};
     for (int i = 0; i < 5; i++) begin[i] = every[i] - plan->scratch;
+    begin[5] = r.left;
     return DONE;
 }
 
-int wbc_solve_qp(const wbc_qp *qp, double *scratch, int64_t *order, const void *quadprog,
-                 void *settings) {
-    if (!is_qp(qp)) return NOT_FINITE;
-    reduced r;
-    place(qp, scratch, order, &r);
-    const int64_t bounded = reduce(qp, &r, 0);
-    const int64_t iterations = bounded < 0 ? bounded : ask(&r, bounded, quadprog, settings, qp->found);
-    qp->found[3] = (double)iterations;
-    return iterations < 0 ? UNSOLVED : conclude(qp, &r, 0, iterations);
+int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes) {
+    sizes[0] = reduced_numbers(n, k, m) + n + m + active_set_numbers(n, n + m);
+    sizes[1] = reduced_integers(n, k) + 3 * (n + m);
+    return DONE;
 }
 
-int wbc_solve_giving(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
-                     int64_t *order) {
+int wbc_solve_qp(const wbc_qp *qp, const double *give, int64_t most, double *scratch,
+                 int64_t *order) {
     if (!is_qp(qp)) return NOT_FINITE;
     reduced r;
     place(qp, scratch, order, &r);
-    const int64_t bounded = reduce(qp, &r, 0);
-    if (bounded < 0) return UNSOLVED;
-    double *every = r.end; /* of bounds, which do not give way, and rows */
-    memset(every, 0, bounded * sizeof *every);
-    memcpy(every + r.left, give, qp->m * sizeof *give);
+    const int64_t bounded = reduce(qp, &r, 0, 1);
+    if (bounded < 0) return fail(qp, &r, bounded, 0);
     const int64_t iterations =
-        active_set_solve(r.left, bounded, r.H, r.f, r.rows, r.low, r.up, every, most,
-                         every + bounded, order + 2 * qp->n + qp->m, r.answer, r.multipliers);
-    return iterations < 0 ? UNSOLVED : conclude(qp, &r, give, iterations);
+        ask(&r, bounded, give, qp->m, most, order + reduced_integers(qp->n, qp->k));
+    return iterations < 0 ? fail(qp, &r, iterations, 1) : conclude(qp, &r, give, iterations);
 }

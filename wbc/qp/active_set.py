@@ -1,0 +1,175 @@
+"""The core's own active-set method: quick, cold every time, and with a proof where no point exists.
+
+A dual active-set method for strictly convex QPs (Goldfarb & Idnani 1983; in the form of Arnstrom,
+Bemporad & Axehall, IEEE Trans. Automatic Control 67(8), 2022) behind an elimination of the equality
+rows, in one call of the core (native/source/active_set.c, reduce.c). Where rows contradict each
+other the last active set says which: a Farkas certificate (:mod:`wbc.qp.conflict`).
+
+A row that gives way at the cost of 1/2 w s^2 has the slack s = z / w, by its multiplier z: slacks
+are no unknowns, and relaxed QPs no larger than others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from time import perf_counter
+from typing import Final
+
+import numpy as np
+
+from wbc.qp.conflict import conflict_of, find_conflict
+from wbc.qp.core import DONE, INFEASIBLE, CoreAnswer, solve_in_core
+from wbc.qp.kkt import SolveCheck
+from wbc.qp.problem import QP
+from wbc.qp.solution import Conflict, KktResiduals, RawSolution, Solution, Status
+from wbc.validate import Array, finite_number
+
+NAME: Final = "active_set"
+# How far above eps the residuals of a last resort may be.
+NEARLY = 100.0
+# Steps of the proximal-point method for costs that are not strictly convex, and its weight by the
+# largest curvature: what a step leaves of the error shrinks by curvature / (curvature + weight).
+_STEPS, _PROXIMAL = 30, 1e-6
+NO_RESIDUALS = KktResiduals(np.inf, np.inf, np.inf)
+
+
+class ActiveSet:
+    """The core's active-set method, its answers checked; nothing is kept between calls.
+
+    Parameters
+    ----------
+    eps:
+        Accuracy promised, as in :class:`wbc.qp.proxqp.ProxQP`.
+    max_iterations:
+        Cap on changes of the active set.
+
+    Raises
+    ------
+    InvalidInputError
+        eps or max_iterations out of range.
+    """
+
+    name: str = NAME
+
+    def __init__(self, eps: float = 1e-8, max_iterations: int = 1000) -> None:
+        self.eps, self.max_iterations = checked_settings(NAME, eps, max_iterations)
+
+    def solve(self, qp: QP, workspace: Hashable = "default", quick: bool = False) -> Solution:
+        """Return the checked solution of ``qp``; ``workspace`` is ignored.
+
+        ``quick``: if there is none, no further search for the rows in conflict.
+
+        Raises
+        ------
+        InvalidInputError
+            See :func:`wbc.qp.problem.check_qp`.
+        """
+        return self._solve(qp, None, perf_counter(), quick)
+
+    def solve_soft(self, qp: QP, weights: Array, eps: float | None = None) -> Solution:
+        """Return the checked solution of a QP in which rows may give way.
+
+        Parameters
+        ----------
+        qp:
+            Without the slacks, which are no unknowns here.
+        weights:
+            (mi,) of 1/2 slack^2, infinite for rows that may not give way.
+        eps:
+            Accuracy, if not the promised one.
+
+        Returns
+        -------
+        Solution
+            x and z_box have the slacks of the rows that may give way behind them (zeros in z_box).
+        """
+        give = np.ascontiguousarray(1.0 / weights)
+        found = self._solve(qp, give, perf_counter(), True, eps)
+        soft = np.isfinite(weights)
+        slack = (give * found.z)[soft]
+        x, z_box = (np.concatenate(both) for both in ((found.x, slack), (found.z_box, 0.0 * slack)))
+        return found._replace(x=x, z_box=z_box)
+
+    def answer(self, qp: QP) -> RawSolution:
+        """Return the core's answer as if it were unchecked: for benchmarks."""
+        said, x, y, z, z_box, _, iterations = solve_in_core(qp, self.eps, self.max_iterations)
+        if iterations < 0:
+            claim = Status.INFEASIBLE if said == INFEASIBLE else Status.ITERATION_LIMIT
+            return RawSolution.none(qp, claim, "")
+        return RawSolution(x, y, z, z_box, Status.SOLVED, iterations)
+
+    def _solve(
+        self, qp: QP, give: Array | None, start: float, quick: bool, eps: float | None = None
+    ) -> Solution:
+        eps = self.eps if eps is None else eps
+        found = solve_in_core(qp, eps, self.max_iterations, give)
+        if found.said == DONE:
+            return _solution(found, Status.SOLVED, start)
+        if found.said == INFEASIBLE:
+            conflict = conflict_of(qp, found.y, found.z, found.z_box)
+            if conflict is not None:
+                nowhere = found._replace(x=np.full(qp.g.size, np.nan), residuals=NO_RESIDUALS)
+                return _solution(nowhere, Status.INFEASIBLE, start, conflict)
+        elif give is None:
+            for accuracy, point in self._points(qp, found, eps):
+                check = SolveCheck(NAME, accuracy, start, explain=False)
+                settled = check.accept(qp, point)
+                if settled is not None:
+                    return settled
+        conflict = None if quick or give is not None else find_conflict(qp)
+        claim = Status.FAILED if conflict is None else Status.INFEASIBLE
+        message = "" if conflict else "no answer whose residuals are small, and no proof of none"
+        none = RawSolution.none(qp, claim, message)
+        return Solution(
+            *none[:4], claim, NO_RESIDUALS, 0, perf_counter() - start, NAME, conflict, 1, message
+        )
+
+    def _points(self, qp: QP, found: CoreAnswer, eps: float) -> Sequence[tuple[float, RawSolution]]:
+        """Return what may do in place of an accurate answer, and how accurate it has to be."""
+        if found.iterations >= 0:  # relative to the QP's numbers it may be accurate
+            raw = RawSolution(found.x, found.y, found.z, found.z_box, Status.SOLVED)
+            raw = raw._replace(iterations=found.iterations)
+            return [(eps, raw), (NEARLY * eps, raw)]
+        near = proximal(qp, eps, self.max_iterations)
+        return [] if near is None else [(eps, near), (NEARLY * eps, near)]
+
+
+def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:
+    """Return the solution of a QP whose cost is convex, but not strictly; None: none was found.
+
+    The proximal-point method (Rockafellar 1976): each step is a QP with a little curvature about
+    the point of the last one.
+    """
+    n = qp.g.size
+    weight = _PROXIMAL * max(float(qp.P.diagonal().max(initial=0.0)), 1.0)
+    x: Array = np.clip(np.zeros(n), qp.lower, qp.upper)
+    steps = 0
+    curved = qp._replace(P=qp.P + weight * np.eye(n))
+    raw = None
+    for _ in range(_STEPS):
+        found = solve_in_core(curved._replace(g=qp.g - weight * x), eps, max_iterations)
+        if found.iterations < 0:
+            return raw
+        steps += found.iterations
+        moved = weight * float(np.abs(found.x - x).max(initial=0.0))
+        x = found.x
+        raw = RawSolution(x, found.y, found.z, found.z_box, Status.SOLVED, steps)
+        if moved <= 0.1 * eps:
+            break
+    return raw
+
+
+def _solution(
+    found: CoreAnswer, status: Status, start: float, conflict: Conflict | None = None
+) -> Solution:
+    point, spent = (found.x, found.y, found.z, found.z_box), perf_counter() - start
+    iterations = max(found.iterations, 0)
+    return Solution(*point, status, found.residuals, iterations, spent, NAME, conflict)
+
+
+def checked_settings(solver: str, eps: float, max_iterations: int) -> tuple[float, int]:
+    """Return the accuracy that a solver promises, and its cap on iterations, both in range."""
+    return (
+        finite_number(f"eps of {solver}", eps, least=1e-12),
+        int(finite_number(f"max_iterations of {solver}", max_iterations, least=1)),
+    )
