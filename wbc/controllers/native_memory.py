@@ -156,7 +156,7 @@ class NativeMemory:
             struct.quadprog = direct_daqp().address
             struct.settings = ctypes.addressof(self._settings)
 
-    def call(self, measured: bytes, moving: bool, state: Array | None) -> tuple[int, Array]:
+    def call(self, measured: bytes, state: Array | None) -> tuple[int, Array]:
         """Run the core; return what it said and what it wrote.
 
         ``measured`` is q, and v behind it; ``state`` what the core found there before; None: it
@@ -172,7 +172,7 @@ class NativeMemory:
         out = self.out
         out[self._iterations] = self._proximal = 0
         self._asked = measured
-        self.said = said = self._call(self._plan_address, known, measured, None, moving)
+        self.said = said = self._call(self._plan_address, known, measured, None)
         return said, out
 
     def write_limits(self, limits: Limits) -> None:

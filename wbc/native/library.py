@@ -16,7 +16,7 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 8  # WBC_CORE_VERSION of source/core.h
+VERSION = 9  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long. An address
 # of what is only read may be given as bytes: array.tobytes() takes a tenth of address(array).
 _FUNCTIONS = {
@@ -26,8 +26,8 @@ _FUNCTIONS = {
     "wbc_move": 5,
     "wbc_motion": 5,
     "wbc_drifts": 7,
-    "wbc_problem": 5,
-    "wbc_tick": 5,
+    "wbc_problem": 4,
+    "wbc_tick": 4,
     "wbc_reduced": 2,
     "wbc_answer": 7,
     "wbc_solve_qp": 5,
