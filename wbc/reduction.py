@@ -237,7 +237,5 @@ def _reaction_masses(
 
 
 def _axes_rate(snapshot: Snapshot, axes: Array) -> Array:
-    if not snapshot.moving:
-        return np.zeros(3)
     inertia_rate = vech_inverse(snapshot.inertia_jacobian @ snapshot.v)
     return turning_rate(snapshot.inertia, inertia_rate, axes)

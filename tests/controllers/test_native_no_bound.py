@@ -94,7 +94,7 @@ def test_a_solver_is_asked_exactly_where_something_is_active(level, native) -> N
     options = {"limits": Limits(robot), "constraints": kept, "solver": "daqp"}
     controller = level(robot, tasks, contacts=support(here, "double"), **options)
     rng, told = np.random.default_rng(3), []
-    for size in np.geomspace(0.01, 1.0, 40):
+    for size in np.geomspace(1e-3, 1.0, 40):
         turn = np.concatenate((np.zeros(6), size * rng.normal(size=robot.nv - 6)))
         posture.set_target(robot.limits.clamped(robot.integrate(here.q, turn, 1.0)))
         tick = controller.step(here)

@@ -86,7 +86,7 @@ class Recording:
         self._last = seen
         found = self.plan.problem(seen)
         if found is None or not found.solved:
-            said, _ = self.plan.memory.call(seen.measured, seen.moving, None)
+            said, _ = self.plan.memory.call(seen.measured, None)
             self.left_out[_REASONS.get(said, _REASONS[-1])] += 1
             return
         if not self.ticks:

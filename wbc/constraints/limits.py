@@ -7,7 +7,9 @@ Three facts shape the box of a joint at position q moving at v, with limits q_ma
 * speeding up is bounded by ``a_max dt`` per tick, but slowing down to rest is always possible, and
   from there to speed up the other way: with several limits and closed kinematic chains, a hard
   bound on deceleration can contradict the contacts, and standing still must remain possible (and a
-  little more: a foot put down while moving takes back what it has drifted). With ``braking:
+  little more: a foot put down while moving takes back what it has drifted). A joint that turns
+  round so changes its velocity by up to ``|v| + a_max dt`` in a tick: ``tick.braked`` names it.
+  With ``braking:
   bounded`` slowing down is bounded by ``a_max dt`` as well, unless a limit of the joint itself asks
   for more; where contacts or margins do, the controller opens this box towards the other one, see
   :mod:`wbc.controllers.braking`;
@@ -66,7 +68,9 @@ class Limits(Fixed):
         torque controller then counts on no more than half of what the joint's torque gives it, see
         :meth:`within_torques`.
     braking:
-        ``"free"``: a joint may stop in one tick if tasks ask for it. ``"bounded"``: it slows down
+        ``"free"``: a joint may stop in one tick if tasks ask for it, and speed up the other way in
+        the same; ``tick.braked`` names those that change their velocity by more than the
+        acceleration allows. ``"bounded"``: it slows down
         by no more than the acceleration, except where limits, contacts or margins leave nothing
         else. Far from their targets the tasks of a level then pull with lower gains, all by the
         same factor, so that no joint comes to its end faster than it can brake. A target that moves
@@ -217,17 +221,16 @@ class Limits(Fixed):
         if self._has_free_joints:
             most[reach > FAR] = np.inf
         np.minimum(most, sides.speed, out=most)
-        if snapshot.moving:
-            change = _SIGNS * snapshot.v[BASE_NV:]
-            if bounded:
-                # Where a joint's own limit asks for harder braking than its acceleration, it wins.
-                change += sides.change
-                most = np.maximum(np.minimum(most, change), -most[::-1])
-            else:
-                # A joint that stops may start the other way in the same tick: contacts need that.
-                np.maximum(change, sides.zero, out=change)
-                change += sides.change
-                np.minimum(most, change, out=most)
+        change = _SIGNS * snapshot.v[BASE_NV:]
+        if bounded:
+            # Where a joint's own limit asks for harder braking than its acceleration, it wins.
+            change += sides.change
+            most = np.maximum(np.minimum(most, change), -most[::-1])
+        else:
+            # A joint that stops may start the other way in the same tick: contacts need that.
+            np.maximum(change, sides.zero, out=change)
+            change += sides.change
+            np.minimum(most, change, out=most)
         box = self._box_of_base.copy()
         np.multiply(_SIGNS, most, out=box[:, BASE_NV:])
         return box[0], box[1]

@@ -27,10 +27,11 @@ from wbc.controllers.joint_weights import JointWeights, weights_of
 from wbc.controllers.level_problem import Box, LevelProblem
 from wbc.controllers.levels import FORMULATIONS, LevelSolver, Outcome
 from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
+from wbc.controllers.missing_velocity import MissingVelocity
 from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
-from wbc.controllers.tick import POLICIES, RELAX, Tick, Times
+from wbc.controllers.tick import POLICIES, RELAX, Began, Tick, Times
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
@@ -126,6 +127,8 @@ class Controller(Fixed, ABC):
         self.backend = backend_of(solver)
         self.formulation = parts.one_of("formulation", formulation, FORMULATIONS)
         self.on_failure = parts.one_of("failure policy", on_failure, self._policies)
+        self._rest = bytes(8 * robot.nv)  # a velocity of 0
+        self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
         self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
         self._plan(tuple(contacts))
 
@@ -172,10 +175,16 @@ class Controller(Fixed, ABC):
             self._verify(snapshot, own=False)
             self._verified = True
         try:
-            return self._step(snapshot)
+            tick = self._step(snapshot)
         except (AttributeError, IndexError, TypeError, ValueError):
             self._verify(snapshot, own=True)
             raise
+        measured, limits = snapshot.measured, self.limits
+        if limits is not None:
+            tick.__dict__["_began"] = Began(limits, measured, limits.acceleration, self.dt)
+        if measured.endswith(self._rest):
+            self._missing_velocity.watch(snapshot, tick.velocity, limits)
+        return tick
 
     def _verify(self, snapshot: Snapshot, own: bool) -> None:
         given = self._motion, self.contacts, self.constraints

@@ -150,7 +150,7 @@ class NativeMemory:
             struct.eps, struct.most, struct.outside = own.eps, own.max_iterations, own is not solver
             struct.always = isinstance(solver, ProxQP) and solver.always
 
-    def call(self, measured: bytes, moving: bool, state: Array | None) -> tuple[int, Array]:
+    def call(self, measured: bytes, state: Array | None) -> tuple[int, Array]:
         """Run the core; return what it said and what it wrote.
 
         ``measured`` is q, and v behind it; ``state`` what the core found there before; None: it
@@ -166,7 +166,7 @@ class NativeMemory:
         out = self.out
         out[self._iterations] = 0
         self._asked = measured
-        self.said = said = self._call(self._plan_address, known, measured, None, moving)
+        self.said = said = self._call(self._plan_address, known, measured, None)
         return said, out
 
     def write_limits(self, limits: Limits) -> None:

@@ -185,7 +185,7 @@ class NativePlan:
                 if not part.fill(rows):
                     return None
             called = perf_counter()
-            said, out = self.memory.call(snapshot.measured, snapshot.moving, state)
+            said, out = self.memory.call(snapshot.measured, state)
             answered = _BY_CORE
             if said == REDUCED and isinstance(self._solver, ProxQP):
                 memory = self.memory

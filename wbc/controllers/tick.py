@@ -6,9 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+import numpy as np
+
+from wbc.constraints.limits import Limits
 from wbc.controllers.singular import Singularity
 from wbc.qp.problem import QP
 from wbc.qp.solution import Conflict, Solution, Status
+from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
 POLICIES = ("hold", "damp", "closest", "raise")
@@ -28,6 +32,38 @@ class Times(NamedTuple):
     def total(self) -> float:
         """The whole tick without the snapshot [s]."""
         return self.tasks + self.assembly + self.solve
+
+
+# A change of velocity beyond that of the acceleration limit by less is what solvers leave.
+ROUNDED = 1e-3
+
+
+class Began(NamedTuple):
+    """Where a tick began: what its command is compared with.
+
+    Attributes
+    ----------
+    limits:
+        That were kept.
+    measured:
+        The bytes of q, and of v behind it.
+    acceleration:
+        (nv - 6,) limits of the joints in this tick; they may be assigned later.
+    dt:
+        Time step [s].
+    """
+
+    limits: Limits
+    measured: bytes
+    acceleration: Array
+    dt: float
+
+    def braked(self, velocity: Array) -> dict[str, float]:
+        """Return how much harder joints brake than their limit, by name: see :class:`Tick`."""
+        v = np.frombuffer(self.measured)[-velocity.size :]
+        part = np.abs(velocity - v)[BASE_NV:] / (self.dt * self.acceleration)
+        names = self.limits.robot.joint_names
+        return {names[k]: float(part[k]) for k in np.flatnonzero(part > 1.0 + ROUNDED)}
 
 
 # What a tick of the native core reads when it is asked for.
@@ -61,6 +97,10 @@ class Tick:
     singular:
         Of each task with ``singular_threshold``, by name: its rank and least singular value, and
         by how much its wanted rate was reduced.
+    braked:
+        Joints that brake, or turn round, harder than their acceleration limit, by name: their
+        change of velocity in this tick over the limit's. Limits with ``braking="free"`` allow it;
+        with ``"bounded"`` it takes a position limit, a contact or a margin, or a policy.
     left_out:
         What the budget of work did not afford, in words: see :mod:`wbc.controllers.work`. Levels
         of lower priority that are not in the command, smaller steps that were not looked at.
@@ -77,6 +117,7 @@ class Tick:
     slack: Mapping[str, float] = field(default_factory=dict)
     singular: Mapping[str, Singularity] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+    braked: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def reading(cls, evidence: object, velocity: Array, known: Mapping[str, Any] | None) -> Self:
@@ -91,6 +132,10 @@ class Tick:
     if not TYPE_CHECKING:  # a misspelt attribute is an error
 
         def __getattr__(self, name):
+            if name == "braked":
+                began = self.__dict__.get("_began")
+                self.__dict__[name] = found = began.braked(self.velocity) if began else {}
+                return found
             evidence = self.__dict__.get("_evidence")
             if evidence is None or name not in _LATER:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -130,9 +175,11 @@ class Tick:
 
     def report(self) -> str:
         """Return what went wrong, or was left out, in one or two sentences, or ``"solved"``."""
+        braked = ", ".join(f"{name} by {by:.3g} times" for name, by in self.braked.items())
+        braked = f"; brakes harder than its acceleration limit: {braked}" if braked else ""
         if self.ok:
             left_out = "; ".join(self.left_out)
-            return f"solved, but no time for {left_out}" if left_out else "solved"
+            return ("solved" + f", but no time for {left_out}" * bool(left_out)) + braked
         conflict = self.conflict
         reason = self.solution.message or str(self.solution.residuals)
         if conflict is not None:
@@ -141,6 +188,7 @@ class Tick:
         return (
             f"QP {self.status.value} ({self.solution.solver}): {reason}; command by {self.policy!r}"
             + (f", which misses {missed}" if missed else "")
+            + braked
         )
 
     @property

@@ -209,7 +209,10 @@ class Robot(KinematicTree):
         return grounded(self.model, q, self.feet) if on_ground else q
 
     def snapshot(self, q: ArrayLike, v: ArrayLike | None = None) -> Snapshot:
-        """Return everything known at configuration ``q`` moving at ``v`` (at rest if None).
+        """Return everything known at configuration ``q`` moving at ``v``.
+
+        Without ``v`` the robot is at rest: ``v`` is 0, and acceleration limits count from there. A
+        loop passes the measured velocity, or that of the last tick where it is integrated.
 
         Raises
         ------
@@ -220,9 +223,8 @@ class Robot(KinematicTree):
         if native is not None and (plain := native.measured(q, v)) is not None:
             return Snapshot.of_measured(self, plain)
         q = read_only(self.check_configuration(q))
-        if v is None:
-            return Snapshot(self, q, read_only(np.zeros(self.nv)), moving=False)
-        return Snapshot(self, q, read_only(self.check_velocity(v)))
+        v = np.zeros(self.nv) if v is None else self.check_velocity(v)
+        return Snapshot(self, q, read_only(v))
 
 
 def _read(

@@ -47,17 +47,14 @@ class KinematicState:
     ----------
     robot:
         Whose state it is.
-    moving:
-        False if no velocity was measured (``v`` is then zero).
     """
 
     robot: KinematicTree
-    moving: bool
     _whole: Array  # CoM and entries of the inertia about it (9,), where there is no native state
 
-    def __init__(self, robot: KinematicTree, q: Array, v: Array, moving: bool = True) -> None:
+    def __init__(self, robot: KinematicTree, q: Array, v: Array) -> None:
         own = self.__dict__  # past __setattr__, which would take as long as all the rest
-        own.update(robot=robot, q=q, v=v, moving=moving, _placements={}, _jacobians={})
+        own.update(robot=robot, q=q, v=v, _placements={}, _jacobians={})
         own["_sealed"] = True
         if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
             whole = read_only(self._workspace().composites.whole())
@@ -71,7 +68,7 @@ class KinematicState:
         """Return the state of a checked configuration with a velocity behind it: the core's way."""
         state = object.__new__(cls)
         own = state.__dict__
-        own["robot"], own["measured"], own["moving"], own["_sealed"] = robot, measured, True, True
+        own["robot"], own["measured"], own["_sealed"] = robot, measured, True
         return state
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -88,7 +85,7 @@ class KinematicState:
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
-        return f"{type(self).__name__}({self.robot.name}, com={com}, moving={self.moving})"
+        return f"{type(self).__name__}({self.robot.name}, com={com})"
 
     @lazy
     def measured(self) -> bytes:
@@ -102,7 +99,7 @@ class KinematicState:
 
     @lazy
     def v(self) -> Array:
-        """Velocity (nv,): base linear and angular in base axes, joint rates; 0 if not measured."""
+        """Velocity (nv,): base linear and angular in base axes, joint rates; 0 if none given."""
         return np.frombuffer(self.measured, offset=8 * self.robot.nq)
 
     @lazy

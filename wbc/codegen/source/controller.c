@@ -76,7 +76,7 @@ int wbc_control(wbc_controller *c, const double q[WBC_NQ], const double *v, wbc_
     static const double still[WBC_NV] = {0.0};
     const wbc_plan *plan = &c->plan;
     wbc_qp qp;
-    const int said = wbc_tick(plan, 0, q, v ? v : still, v != 0);
+    const int said = wbc_tick(plan, 0, q, v ? v : still);
     if (said != DONE) return said;
     lay_out(plan, &qp);
     memset(command, 0, sizeof *command);

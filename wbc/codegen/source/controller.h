@@ -49,7 +49,7 @@ int wbc_set_target(wbc_controller *c, int part, const double *target, const doub
 /* How many numbers each of these has; NO_TARGET as above. */
 int wbc_target_sizes(int part, int sizes[3]);
 
-/* Compute the command at a measured state; v may be 0: no velocity was measured. Its KKT residuals
+/* Compute the command at a measured state; v may be 0: at rest. Its KKT residuals
  * were checked against WBC_EPS. All but DONE: there is no command, and the caller must have one. */
 int wbc_control(wbc_controller *c, const double q[WBC_NQ], const double *v, wbc_command *command);
 

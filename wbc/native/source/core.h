@@ -195,14 +195,12 @@ enum handed_over { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1,
                    NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
 /* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
  * without frames, or 0: then it is found here. v may be 0, here and below: it lies behind q then. */
-int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
-                int64_t moving);
+int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v);
 /* The same and its answer: x, y, z, z of the box; primal, dual and complementarity residuals,
  * iterations. The equalities are eliminated; where the optimum of the cost alone keeps all bounds and
  * rows, that is the answer, in 0 iterations. Else what is left is solved by the active-set method; or, if
  * it is to be solved outside, REDUCED is returned, and how many rows C there are is the first residual. */
-int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
-             int64_t moving);
+int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v);
 /* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
  * x and then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);

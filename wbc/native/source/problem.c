@@ -105,8 +105,8 @@ static double arriving(double distance, double towards, double speed, double fas
 }
 
 /* The box on v+ of wbc.constraints.Limits with free braking, at the torque level of arrival_box. */
-static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t moving,
-                 double *lower, double *upper) {
+static int bound(const wbc_plan *plan, const double *q, const double *v, double *lower,
+                 double *upper) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
     const double dt = plan->dt, *braked = slow + n, *base = braked + n;
@@ -122,11 +122,9 @@ static int bound(const wbc_plan *plan, const double *q, const double *v, int64_t
                 continue;
             }
             if (left[side] < -AT_LIMIT) return OUTSIDE_LIMITS;
-            most[side] = speed[k];
-            if (moving) { /* it may stop, and start the other way in the same tick */
-                const double change = towards + start, limit = change > start ? change : start;
-                if (most[side] > limit) most[side] = limit;
-            }
+            /* It may stop, and start the other way in the same tick. */
+            const double change = towards + start, limit = change > start ? change : start;
+            most[side] = speed[k] > limit ? limit : speed[k];
             const double reach = left[side] < 0.0 ? 0.0 : left[side];
             /* Without limits on speed and acceleration that distance is not a number. */
             if (left[side] <= FAR && !(reach >= stops_within(most[side], slow[k], dt))) {
@@ -285,8 +283,7 @@ WIDE int is_qp(const wbc_qp *qp) {
            is_sound(qp->g, n) && is_sound(qp->b, qp->k);
 }
 
-int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v,
-                int64_t moving) {
+int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v) {
     const int64_t nv = plan->tree->nv;
     v = velocity_of(plan->tree, q, v);
     if (!state) {
@@ -327,7 +324,6 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     for (int64_t i = 0; i < nv; i++) {
         qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
     }
-    if (plan->limited && bound(plan, q, v, moving, qp.lower, qp.upper) != DONE)
-        return OUTSIDE_LIMITS;
+    if (plan->limited && bound(plan, q, v, qp.lower, qp.upper) != DONE) return OUTSIDE_LIMITS;
     return is_qp(&qp) ? DONE : NOT_FINITE;
 }

@@ -106,10 +106,9 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
     return finish(plan, q, v, &qp, &r);
 }
 
-int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v,
-             int64_t moving) {
+int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v) {
     v = velocity_of(plan->tree, q, v);
-    const int found = wbc_problem(plan, state, q, v, moving);
+    const int found = wbc_problem(plan, state, q, v);
     if (found != DONE) return found;
     wbc_qp qp;
     reduced r;

@@ -1,0 +1,74 @@
+"""Loops that never pass the velocity: said once, for each of their ticks begins at rest.
+
+From rest a joint gets no faster than its acceleration limit times dt, in the hundredth tick as in
+the first: at the velocity level the robot creeps, at the torque level nothing is damped.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+
+from wbc.constraints.limits import Limits
+from wbc.robot import Snapshot
+from wbc.robot.limits import BASE_NV
+from wbc.validate import Array
+
+TICKS = 3  # at rest in a row, the robot moving between them as commanded
+# A motion is the one commanded if it is at least this part of it, in a direction of this cosine.
+LEAST, ALIKE = 0.1, 0.7
+AT_LIMIT = 0.99  # part of a velocity's bound
+
+
+class MissingVelocity:
+    """Looks out for ticks at rest between which the robot moves.
+
+    Parameters
+    ----------
+    dt:
+        Time step [s].
+    damped:
+        Whether the tasks' laws read the velocity: at the torque level.
+    """
+
+    def __init__(self, dt: float, damped: bool) -> None:
+        self._dt, self._damped = dt, damped
+        self._ticks, self._said = 0, False
+        self._q: Array | None = None  # of the last tick at rest
+        self._step: Array = np.empty(0)  # (nv - 6,) that its command makes of the joints
+
+    def watch(self, snapshot: Snapshot, velocity: Array, limits: Limits | None) -> None:
+        """Take note of a tick at rest; log the third in a row that does not begin there."""
+        if self._said:
+            return
+        before, self._q = self._q, snapshot.joint_positions
+        step, self._step = self._step, self._dt * velocity[BASE_NV:]
+        follows = before is not None and _follows(self._q - before, step)
+        holds = self._damped or (limits is not None and self._at_limit(velocity, limits))
+        self._ticks = self._ticks + 1 if follows and holds else 1
+        if self._ticks >= TICKS:
+            self._said = True
+            why = (
+                "without it nothing is damped"
+                if self._damped
+                else "each tick begins at rest, so the acceleration limits let no joint get faster"
+                " than in the first"
+            )
+            logging.getLogger(__name__).warning(
+                "controller: v is 0 in %d ticks in a row, though %s moves: %s; give the measured"
+                " velocity, or the last command where it is integrated:"
+                " snapshot = robot.snapshot(q, tick.velocity)",
+                *(TICKS, snapshot.robot.name, why),
+            )
+
+    def _at_limit(self, velocity: Array, limits: Limits) -> bool:
+        most = self._dt * limits.acceleration
+        return bool((np.abs(velocity[BASE_NV:]) >= AT_LIMIT * np.minimum(most, 1e9)).any())
+
+
+def _follows(moved: Array, step: Array) -> bool:
+    """Whether joints moved as commanded, roughly."""
+    along, size = float(moved @ step), float(step @ step)
+    return 0.0 < LEAST * size <= along and along >= ALIKE * math.sqrt(size * float(moved @ moved))
