@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from wbc.controllers import Controller
-from wbc.controllers.native_parts import described
-from wbc.controllers.native_plan import NativePlan
-from wbc.controllers.native_tick import NativeController
+from wbc.controllers.blocks import described
+from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
-from wbc.native import status
 from wbc.qp.active_set import NAME, ActiveSet
 from wbc.tasks import InertiaTask
 from wbc.tasks.force_task import ForceTask
@@ -24,7 +22,7 @@ class CodegenError(WbcError):
 class Known(NamedTuple):
     """What the core computes ticks by, and the settings that it solves QPs with."""
 
-    plan: NativePlan
+    plan: CorePlan
     solver: ActiveSet
 
 
@@ -37,26 +35,15 @@ def known(controller: Controller) -> Known:
         It does not know all parts of it.
     """
     reason, solver = _unknown(controller), controller.backend
-    if (
-        reason is None
-        and isinstance(controller, NativeController)
-        and isinstance(solver, ActiveSet)
-    ):
-        plan = controller.native
-        if plan is not None:
-            return Known(plan, solver)
-        reason = "one of its contacts or joints"
+    if reason is None and isinstance(solver, ActiveSet):
+        return Known(controller.core, solver)
     raise CodegenError(f"the exported C does not know {reason}")
 
 
 def _unknown(controller: Controller) -> str | None:
     """Return what the core does not know, in words; None if nothing is found."""
-    if controller.robot.native is None:
-        raise CodegenError(f"the export is made by the native core, and it does not run: {_why()}")
     if type(controller.backend) is not ActiveSet:
         return f"the solver {controller.backend.name!r}; set controller.solver to {NAME}"
-    if controller.formulation != "equality":
-        return f"the formulation {controller.formulation!r}; leave it out"
     if len(controller.plan.levels) > 1:
         lower = [repr(task.name) for task in controller.tasks if task.priority > 0]
         return f"levels of priority ({', '.join(lower)}); give weights instead"
@@ -77,8 +64,7 @@ def _unknown(controller: Controller) -> str | None:
 
 def _kept_apart(controller: Controller) -> bool:
     """Whether the only constraint is a self-collision that the core knows."""
-    plan = controller.native if isinstance(controller, NativeController) else None
-    return plan is not None and plan.margin is not None
+    return controller.core.margin is not None
 
 
 def _of_task(task: Task, torque: bool) -> str:
@@ -93,7 +79,3 @@ def _of_task(task: Task, torque: bool) -> str:
     if task.native() is None:
         return f"{what}, a {type(task).__name__} of a kind that is computed in Python"
     return f"the law of {what}"
-
-
-def _why() -> str:
-    return f"{status().reason} (see wbc doctor)"

@@ -10,7 +10,7 @@ from wbc.codegen.known import CodegenError, known
 from wbc.codegen.targets import targets_of, task_parts
 from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick
-from wbc.controllers.native_plan import NativePlan
+from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.problem import Problem
 from wbc.problem.controller_spec import QpSpec, TorqueSpec
@@ -23,8 +23,6 @@ from wbc.validate import Array
 _REASONS = {
     -2: "its QP has no solution: rows contradict each other",
     -1: "its QP has no solution that is accurate enough",
-    1: "a joint is outside its limits",
-    2: "a rotation is off by nearly half a turn",
     3: "a number is not finite",
     4: "a distance of two bodies could not be measured",
     5: "it leads two bodies inside their margin, which takes another round of the QP",
@@ -58,7 +56,7 @@ class Recording:
     def __init__(self, most: int) -> None:
         self._most = most
         self.controller: Controller
-        self.plan: NativePlan
+        self.plan: CorePlan
         self.solver: ActiveSet
         self.numbers: Array
         self.ticks: list[RecordedTick] = []
@@ -84,10 +82,9 @@ class Recording:
             self.controller = controller
             self.plan, self.solver = known(controller)
         self._last = seen
-        found = self.plan.problem(seen)
+        found = self.plan.tick(seen)
         if found is None or not found.solved:
-            said, _ = self.plan.memory.call(seen.measured, None)
-            self.left_out[_REASONS.get(said, _REASONS[-1])] += 1
+            self.left_out[_REASONS.get(self.plan.memory.said, _REASONS[-1])] += 1
             return
         if not self.ticks:
             self.numbers = self.plan.memory.number.copy()

@@ -16,7 +16,7 @@ from wbc.codegen.targets import contact_parts, task_parts
 
 _PER_LINE = 6
 # What belongs to each controller in C, not to the plan.
-_OWN = ("state", "out", "scratch", "order")
+_OWN = ("state", "out", "scratch", "order", "rows", "below", "given", "push")
 
 
 def plan_header(recording: Recording, title: str) -> str:
@@ -36,7 +36,7 @@ def plan_header(recording: Recording, title: str) -> str:
         "PARTS": len(tasks) + len(contacts),
         "NUMBERS": memory.number.size,
         "STATE": memory.state.size,
-        "OUT": memory.answer.size,
+        "OUT": memory.layout.out,
         "SCRATCH": memory.arrays["scratch"].size,
         "ORDER": memory.arrays["order"].size,
     }

@@ -56,36 +56,34 @@ Box = tuple[Array, Array]
 
 def scale_gains_to_brake(
     qp: QP, rows: Sequence[Rows], limits: Limits, snapshot: Snapshot, dt: float
-) -> QP:
-    """Return the QP of one level with all gains lowered by one factor, as far as joints need it.
+) -> None:
+    """Lower the gains of one level's QP by one factor, as far as joints need it: in its g.
 
     Parameters
     ----------
     qp:
-        The QP that was assembled of ``rows``.
+        The QP, whose g is changed.
     rows:
-        Costs of the level, one task's at least; those that are not of the velocity law, which
-        move joints back into range or bodies out of margins, are left as they are.
+        Costs of the level; those without a rate, which are not of the velocity law, stay as they
+        are.
     """
     nv = snapshot.v.size
-    fastest = max(row.rate for row in rows)
-    slope, later = -qp.g[:nv], np.zeros(nv)
+    fastest = max((row.rate for row in rows), default=0.0)
+    if fastest == 0.0:
+        return
+    slope, later = np.zeros(nv), np.zeros(nv)
     for row in rows:
-        if row.bias is None or row.rate == 0.0:
-            slope -= _slope(row, row.target)
+        if row.rate == 0.0:
             continue
-        if row.bias.any():
-            slope += _slope(row, row.bias)
+        pulled = _slope(row, row.target if row.bias is None else row.target + row.bias)
+        slope += pulled
         if row.rate < fastest:  # what is asked for in a second is a smaller part of the distance
-            later += (1.0 / row.rate - 1.0 / fastest) * _slope(row, row.target + row.bias)
+            later += (1.0 / row.rate - 1.0 / fastest) * pulled
     later += slope / fastest
     newton = _newton(qp.P[:nv, :nv], qp.A[:, :nv], np.array((slope, later)))
     factor = _factor(newton[:, 6:], fastest, limits, snapshot, dt)
-    if factor >= 1.0:
-        return qp
-    g = qp.g.copy()
-    g[:nv] += (1.0 - factor) * slope
-    return qp._replace(g=g)
+    if factor < 1.0:
+        qp.g[:nv] += (1.0 - factor) * slope
 
 
 def _slope(row: Rows, wanted: Array) -> Array:

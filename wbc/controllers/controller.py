@@ -13,33 +13,46 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
+from wbc.constraints.collision import SelfCollision
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
-from wbc.constraints.rows import Constraint
+from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import parts
+from wbc.controllers.blocks import PythonRows
+from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.conditioning import Conditioning, conditioning
+from wbc.controllers.contact_forces import NO_RAMPS
+from wbc.controllers.core_memory import DONE, LEADS_INSIDE, MORE_ROWS, NOT_FINITE, NOT_MEASURED
+from wbc.controllers.core_plan import CorePlan, solves
+from wbc.controllers.core_tick import CoreTick
+from wbc.controllers.first_level import FirstLevel
+from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights, weights_of
-from wbc.controllers.level_problem import Box, LevelProblem
-from wbc.controllers.levels import FORMULATIONS, LevelSolver, Outcome
-from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_look_ahead
+from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
+from wbc.controllers.margin_rows import only_self_collision
 from wbc.controllers.missing_velocity import MissingVelocity
-from wbc.controllers.plan import NO_PHYSICS, Decision, Physics, Plan
-from wbc.controllers.singular import Singularity
-from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
-from wbc.controllers.tick import POLICIES, RELAX, Began, Tick, Times
-from wbc.errors import ControllerFailure
+from wbc.controllers.outcome import Box, Outcome
+from wbc.controllers.plan import Decision, Plan
+from wbc.controllers.singular import reduce_singular
+from wbc.controllers.slack import NO_SLACK, Slacks
+from wbc.controllers.tick import POLICIES, Began, Tick
 from wbc.laws import Residual, Rows
+from wbc.qp.active_set import NAME, NO_RESIDUALS
 from wbc.qp.backend import Backend, backend_of
-from wbc.qp.solution import Status
+from wbc.qp.problem import check_qp
+from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only, time_step
+
+# How contacts are treated: as equality rows, which the core eliminates; both are the same now.
+FORMULATIONS = ("equality", "reduced")
 
 
 class Controller(Fixed, ABC):
@@ -96,6 +109,7 @@ class Controller(Fixed, ABC):
     _bears = False  # whether the level decides forces
     _verified = False  # whether the parts were seen to return what they should
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
+    _ramped: Mapping[str, float] = NO_RAMPS  # largest normal forces of those that come or go
 
     def __repr__(self) -> str:
         counts = f"{len(self.tasks)} tasks, {len(self.contacts)} contacts"
@@ -129,7 +143,6 @@ class Controller(Fixed, ABC):
         self.on_failure = parts.one_of("failure policy", on_failure, self._policies)
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
-        self._no_box = np.full(robot.nv, -np.inf), np.full(robot.nv, np.inf)
         self._plan(tuple(contacts))
 
     def change(
@@ -191,44 +204,188 @@ class Controller(Fixed, ABC):
         parts.verify_parts(snapshot, self.dt, *given, own=own)
 
     def _step(self, snapshot: Snapshot) -> Tick:
-        """Return the command."""
-        return self._step_within(snapshot)
+        """Return the command: the tick, from top to bottom."""
+        begun = perf_counter()
+        if not self._core.serves(self.limits, self.dt):
+            self._plan(self.contacts)
+        if self._margins_in_core or not self.constraints:
+            outcome = self._solve(snapshot, self._core, None, None, begun)
+            if outcome.solved or not self._margins_in_core:
+                return self._answer(snapshot, outcome, [])
+        # Constraints in Python; or the core's margin has no answer, or one that leads inside.
+        margins = self._margins(snapshot)
+        plan = self._core if self._second is None else self._second
+        outcome, rows = self._solve_kept_apart(snapshot, plan, margins, begun)
+        return self._answer(snapshot, outcome, rows)
 
-    def _step_within(self, snapshot: Snapshot, tried: Attempt | None = None) -> Tick:
-        """Return the command: the tick, from top to bottom; ``tried`` is what came of its QP."""
-        start = perf_counter()
-        # Goals: rows of tasks, then of contacts that may give way.
-        residuals, rows, reduce = {}, [], False
-        for task in self._motion:
+    def _solve(
+        self,
+        snapshot: Snapshot,
+        plan: CorePlan,
+        bounds: Bounds | None,
+        box: Box | None,
+        begun: float,
+    ) -> Outcome:
+        """Return what comes of all levels, with inequality rows of constraints in Python.
+
+        ``box``: on v+, of an earlier round of this tick; None in the first.
+        """
+        if not self._braked:
+            box = None  # that of the limits, in each round
+        given = self._python_rows(plan, snapshot) if plan.python_tasks or plan.force_tasks else ()
+        simple = box is None and not self._looked_into
+        found = self._ask(plan, snapshot, given, bounds, begun, simple)
+        said: int | None = plan.memory.said
+        if found.solved:
+            return Outcome(found)
+        if not simple:
+            if box is not None:
+                for there, bound in zip(found.box, box, strict=True):
+                    there[:] = bound
+            said = self._solve_levels(plan, found, snapshot)
+            if found.solved:
+                return Outcome(found).within_limits(self.plan.decision.names)
+        elif not plan.solves:
+            said = None
+        if said in (NOT_MEASURED, MORE_ROWS, LEADS_INSIDE):
+            return Outcome(found, self._nobody(found))
+        if said == NOT_FINITE:
+            check_qp(found.qp_of(0))
+        workspace = None if box is not None else self._workspace
+        solution = self._first.solve(found, said, workspace)
+        if not solution.solved and box is None and self._braked:
+            qp = found.qp_of(0)
+            solve = self._first.solve_once
+            relaxed = relax_box(qp, self.limits, snapshot, self.dt, solve)  # type: ignore[arg-type]
+            if relaxed is not None:
+                nv = self.robot.nv
+                return self._solve(
+                    snapshot, plan, bounds, (relaxed.lower[:nv], relaxed.upper[:nv]), begun
+                )
+        if not solution.solved:
+            return Outcome(found, solution)
+        self._take_answer(plan, found, solution)
+        return Outcome(found).within_limits(self.plan.decision.names)
+
+    def _ask(
+        self,
+        plan: CorePlan,
+        snapshot: Snapshot,
+        given: Sequence[PythonRows],
+        bounds: Bounds | None,
+        begun: float,
+        solve: bool,
+    ) -> CoreTick:
+        """Return what the core makes of a snapshot; the plan is made anew where it has to be."""
+        found = plan.tick(snapshot, given, bounds, self._ramped, begun, solve)
+        while found is None:
+            curved = [one.task.name for one in given if one.rows.curvature is not None]
+            second = plan is self._second
+            self._plan(self.contacts, frozenset(curved))
+            again = self._second if second and self._second is not None else self._core
+            found = again.tick(snapshot, given, bounds, self._ramped, begun, solve)
+            plan = again
+        return found
+
+    def _solve_levels(self, plan: CorePlan, found: CoreTick, snapshot: Snapshot) -> int | None:
+        """Solve level by level what others look into; return what the core said of the first."""
+        memory = plan.memory
+        for level in range(len(self.plan.levels)):
+            if level and memory.pose_level(level) != DONE:
+                break
+            self._look_into(plan, found, level, snapshot)
+            if plan.solve_level(found, level):
+                continue
+            if level:
+                break
+            said = memory.said if plan.solves else None
+            solution = self._first.solve(found, said, self._workspace)
+            if not solution.solved:
+                return said
+            self._put(found, solution)
+        found.solved = memory.finish() == DONE
+        found.done = perf_counter()
+        return DONE
+
+    def _look_into(self, plan: CorePlan, found: CoreTick, level: int, snapshot: Snapshot) -> None:
+        """Let singular rows ask for less, and gains be such that joints can stop."""
+        if not self._looked_into:
+            return
+        rows = plan.rows_of(found, level)
+        qp = found.qp_of(level)
+        if any(row.singular_threshold for _, row in rows):
+            held = Rows(qp.A, qp.b, np.ones(qp.b.size))
+            soft = [row for task, row in rows if task in self.plan.soft]
+            eased = [row for task, row in rows if task not in self.plan.soft]
+            names = [task.name for task, _ in rows if task not in self.plan.soft]
+            less, singular = reduce_singular(eased, [held, *soft], np.sqrt(self.joint_weights))
+            for before, after in zip(eased, less, strict=True):
+                if after.target is not before.target:
+                    lost = before.target - after.target
+                    qp.g[:] += (np.square(before.weight) * lost) @ before.matrix
+                    before.target[:] = after.target
+            found.singular |= {names[k]: one for k, one in singular.items()}
+        if self._braked and self.limits is not None:
+            scale_gains_to_brake(qp, [row for _, row in rows], self.limits, snapshot, self.dt)
+
+    def _put(self, found: CoreTick, solution: Solution) -> None:
+        """Let a first level's answer from outside the core be that of the tick."""
+        a, n = found.views, found.views.x.size
+        a.x[:], a.y[:], a.z[:] = solution.x[:n], solution.y, solution.z
+        a.z_box[:] = solution.z_box[:n]
+        a.found[:3], a.found[3:] = solution.residuals, (solution.iterations, 1.0)
+        found.first = solution
+
+    def _take_answer(self, plan: CorePlan, found: CoreTick, solution: Solution) -> None:
+        """Solve the levels below a first one that was answered outside the core."""
+        self._put(found, solution)
+        found.solved = plan.memory.descend() in (DONE, LEADS_INSIDE)
+        found.done = perf_counter()
+
+    def _nobody(self, found: CoreTick) -> Solution:
+        """Return what is said where the core has no QP to solve."""
+        none = RawSolution.none(found.qp_of(0), Status.FAILED, "not measured by the core")
+        return Solution(*none[:4], none.claim, NO_RESIDUALS, 0, 0.0, NAME, message=none.message)
+
+    def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
+        """Return the rows of tasks and contacts that the core does not know."""
+        rows = []
+        for task in plan.python_tasks:
             residual = task.residual(snapshot)
-            row = self._law(task, residual, snapshot)
-            residuals[task.name] = residual
-            rows.append(row)
-            reduce = reduce or row.singular_threshold > 0.0
-        for contact in self.plan.soft:
-            row = self._law(contact, contact.residual(snapshot), snapshot)
-            rows.append(self.slacks.cost(contact, row))
-        # Held: contacts, and the physics of what is behind the velocity.
-        contacts = self.plan.held.rows(snapshot, self._law)
-        physics = self._physics(snapshot)
-        rows += physics.forces
-        singular: dict[str, Singularity] = {}
-        if reduce:
-            rows, singular = self._solver.reduce_singular(rows, contacts, level=0)
-        # Safe: limits as a box, margins as rows.
-        box, recovery = self._limits_at(snapshot)
-        problem = LevelProblem(snapshot, rows, contacts, physics, box, recovery)
-        margins = None
-        if self.constraints and tried is None:
-            margins = self._margins(snapshot)
-        ready = perf_counter()
-        attempt = tried or self._attempt(problem, margins)
-        if attempt.outcome.solution.status is not Status.SOLVED:
-            attempt = self._settle(problem, attempt)
-        tick = self._tick(snapshot, physics, residuals, attempt, singular, start, ready)
-        if tick.policy == "raise":
-            raise ControllerFailure(tick.report(), tick)
-        return tick
+            rows.append(PythonRows(task, self._law(task, residual, snapshot), residual))
+        return rows
+
+    def _known(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
+        """Return what a tick does not read from the core."""
+        known: dict[str, Any] = {}
+        if outcome.step_scale < 1.0:
+            known["step_scale"] = outcome.step_scale
+        if self._deviating:  # errors other than the residuals': of targets of now
+            errors = dict(outcome.found.errors)
+            for task in self._deviating:
+                errors[task.name] = task.deviation(snapshot, outcome.found.residual(task.name))
+            known["errors"] = errors
+        return known
+
+    def _failed(self, outcome: Outcome, snapshot: Snapshot) -> dict[str, Any]:
+        """Return what a tick without a solution is made of, by the declared policy."""
+        velocity, slack = self._fallback(snapshot, outcome)
+        velocity.setflags(write=False)
+        known = self._known(outcome, snapshot) | {"errors": outcome.found.errors}
+        solution = outcome.solution
+        return known | {
+            "velocity": velocity,
+            "status": solution.status,
+            "policy": self.on_failure,
+            "solution": solution,
+            "slack": slack,
+            "singular": outcome.found.singular,
+        }
+
+    @property
+    def core(self) -> CorePlan:
+        """What the core computes ticks by."""
+        return self._core
 
     def conditioning(self, tick: Tick) -> Conditioning:
         """Return how well the tasks determined a tick of this controller: rank and condition."""
@@ -259,45 +416,52 @@ class Controller(Fixed, ABC):
 
     @abstractmethod
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        """Return the rows on v+ by which the level drives a task."""
+        """Return the rows on v+ by which the level drives a task in Python."""
 
     def _decision(self) -> Decision:
         """Return the unknowns."""
         return Decision.velocity(self.robot, read_only(self.damping * self.joint_weights))
 
     def _physics_names(self) -> tuple[str, ...]:
-        """Return the names of the equality rows of :meth:`_physics`."""
+        """Return the names of the equality rows that physics puts before the contacts'."""
         return ()
 
-    def _physics(self, snapshot: Snapshot) -> Physics:
-        """Return the equations that tie the unknowns behind v+ to it."""
-        return NO_PHYSICS
-
-    def _limits_at(self, snapshot: Snapshot) -> tuple[Box, Rows | None]:
-        """Return the bounds on v+, and rows that move joints back into range, or None."""
-        if self.limits is None:
-            return self._no_box, None
-        return self.limits.box_and_recovery(snapshot, self.dt)
+    def _force_rows(self) -> TorqueRows | None:
+        """Return what the torque level adds."""
+        return None
 
     def _margins(self, snapshot: Snapshot) -> MarginRows:
         """Return the rows of the constraints."""
         given = self.constraints, self.slacks, self.dt
         return MarginRows.at(snapshot, *given, self._bears)
 
-    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
-        """Return the optimum with everything kept, if there is one."""
-        if margins is None:
-            return Attempt(self._solver.solve(problem), [])
-        solve = partial(self._solver.solve, problem)
-        return solve_with_look_ahead(solve, margins, problem.contacts)
+    def _solve_kept_apart(
+        self, snapshot: Snapshot, plan: CorePlan, margins: MarginRows, begun: float
+    ) -> tuple[Outcome, list[Bounds]]:
+        """Return the outcome with margins kept where it leads, and the rows that it took."""
 
-    def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
-        """Return the best attempt where not everything can be kept: here, the one given."""
-        return attempt
+        def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
+            return self._solve(snapshot, plan, bounds, box, begun)
 
-    # ------------------------------------------------------------------ parts of the tick
+        def held() -> list[Rows]:
+            qp = plan.tick(snapshot, self._python_rows(plan, snapshot), solve=False)
+            if qp is None:
+                return []
+            return [Rows(qp.views.A, qp.views.b, np.ones(qp.views.b.size))]
 
-    def _plan(self, contacts: tuple[Task, ...]) -> None:
+        return solve_with_look_ahead(solve, margins, held), []
+
+    @abstractmethod
+    def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
+        """Return the command; ``rows`` of margins are those that the outcome took."""
+
+    @abstractmethod
+    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
+        """Return the command of the declared policy, within the limits, and the slack it needs."""
+
+    # ------------------------------------------------------------------ the plan
+
+    def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         """Work out what does not change between ticks."""
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
         self._verified = False
@@ -305,63 +469,27 @@ class Controller(Fixed, ABC):
         self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
-        self.plan = Plan.of(decision, self._motion, contacts, self.slacks, physics, forces)
-        names, root = [task.name for task in self._motion], np.sqrt(self.joint_weights)
-        limits, reduced = None if self._relaxes else self.limits, self.formulation == "reduced"
-        self._solver = LevelSolver(
-            self.plan, names, self.backend, limits, self.dt, root, reduced, quick=self._relaxes
-        )
+        self.plan = plan = Plan.of(decision, self._motion, contacts, self.slacks, physics, forces)
+        limits = self.limits
+        self._braked = limits is not None and limits.braking == "bounded" and not self._bears
+        singular = any(task.singular_threshold > 0.0 for task in self._motion)
+        self._looked_into = self._braked or (singular and not self._bears)
+        self._workspace = False, *plan.workspace
+        self._first = FirstLevel(self.backend, self._bears)
+        kept_apart = None
+        if not self._looked_into and solves(self.backend):
+            kept_apart = only_self_collision(self.constraints, self.slacks)
+        self._margins_in_core, self._second = False, None
+        self._core = self._core_plan(None, curved)
+        if kept_apart is not None and kept_apart.watched() is not None:
+            self._margins_in_core, self._second = True, self._core
+            self._core = self._core_plan(kept_apart, curved)
 
-    def _tick(
-        self,
-        snapshot: Snapshot,
-        physics: Physics,
-        residuals: Mapping[str, Residual],
-        attempt: Attempt,
-        singular: dict[str, Singularity],
-        start: float,
-        ready: float,
-    ) -> Tick:
-        """Turn the attempt into a command, by the declared policy if there is no solution."""
-        outcome, _, step_scale = attempt
-        solved = outcome.solution.status is Status.SOLVED
-        slack: dict[str, float] = {}
-        policy = None if solved else self.on_failure
-        if not solved:
-            velocity, slack = self._fallback(snapshot, outcome)
-        else:
-            velocity = outcome.solution.x[: self.robot.nv]
-            if outcome.given_way is not None:
-                policy, slack = RELAX, outcome.given_way
-            elif outcome.qp.g.size > self.plan.decision.size:
-                slack = slacks_of(outcome.qp, outcome.solution.x)
-            if step_scale < 1.0:
-                velocity = step_scale * velocity
-        velocity.setflags(write=False)
-        errors = {}
-        for name, residual in residuals.items():
-            errors[name] = residual.error
-        for task in self._deviating:
-            errors[task.name] = task.deviation(snapshot, residuals[task.name])
-        solve = outcome.solve_time
-        tick = object.__new__(Tick)
-        tick.__dict__.update(  # past __init__, which assigns one frozen field after the other
-            velocity=velocity,
-            status=outcome.solution.status,
-            policy=policy,
-            errors=errors,
-            solution=outcome.solution,
-            times=Times(ready - start, perf_counter() - ready - solve, solve),
-            step_scale=step_scale,
-            slack=slack,
-            singular=singular | outcome.singular,
+    def _core_plan(self, constraint: SelfCollision | None, curved: frozenset[str]) -> CorePlan:
+        return CorePlan(
+            *(self.robot, self._motion, self._force_tasks, self.plan, self.limits, self.dt),
+            *(self.backend, self._force_rows(), constraint, self._looked_into),
+            constraint is None and bool(self.constraints),  # margins look at the state, too
+            self.slacks.weights,
+            curved,
         )
-        if outcome.giving is None:
-            tick.__dict__["qp"] = outcome.qp
-        else:
-            tick.__dict__["_evidence"] = outcome.giving
-        return tick
-
-    @abstractmethod
-    def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
-        """Return the command of the declared policy, within the limits, and the slack it needs."""

@@ -10,11 +10,10 @@ makes the base forces and torques an affine expression of x.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lapack
 
 from wbc.controllers.contact_forces import ContactForces
 from wbc.robot import Snapshot
@@ -28,49 +27,18 @@ class TickDynamics:
 
     Attributes
     ----------
+    matrix, offset:
+        Base forces and torques (nv, n) by the unknowns, in units of ``unit``, and (nv,) at zero
+        unknowns: as the core found them.
     last:
         Wrenches of the last tick by contact; None if there was none.
-    known:
-        ``matrix`` and ``offset``, where they were found already; None: when they are asked for.
     """
 
     snapshot: Snapshot
     forces: ContactForces
+    matrix: Array
+    offset: Array
     last: Mapping[str, Array] | None
-    known: tuple[Array, Array] | None = None
-
-    @cached_property
-    def _found(self) -> tuple[Array, Array]:
-        if self.known is not None:
-            return self.known
-        nv = self.snapshot.robot.nv
-        return self._written(np.empty((nv, self.size)))
-
-    @property
-    def matrix(self) -> Array:
-        """Base forces and torques (nv, n) by the unknowns, in units of ``unit``."""
-        return self._found[0]
-
-    @property
-    def offset(self) -> Array:
-        """The same (nv,) at zero unknowns."""
-        return self._found[1]
-
-    def filling(self, matrix: Array) -> TickDynamics:
-        """Return the same with its matrix in memory (nv, n) of the caller's."""
-        return replace(self, known=self._written(matrix))
-
-    def _written(self, matrix: Array) -> tuple[Array, Array]:
-        """Write the matrix; return it with the offset."""
-        snapshot, unit = self.snapshot, self.forces.unit
-        robot, nv = snapshot.robot, snapshot.robot.nv
-        inertia = np.multiply(snapshot.mass_matrix, 1.0 / robot.mass, out=matrix[:, :nv])
-        offset = snapshot.bias / unit
-        offset -= inertia.dot(snapshot.v)
-        diagonal = matrix.reshape(-1)[:: matrix.shape[1] + 1]
-        diagonal[6:] += robot.damping / unit
-        np.negative(self.forces.generalized(snapshot), out=matrix[:, nv:])
-        return matrix, offset
 
     def torques(self, x: Array) -> Array:
         """Return the torques (nv - 6,) of all joints [N m] at x (n,)."""
@@ -78,14 +46,6 @@ class TickDynamics:
         torques += self.offset[6:]
         torques *= self.unit
         return torques
-
-    def exact(self, x: Array) -> Array:
-        """Return x (n,) with a base velocity that meets its dynamics to rounding, not to eps."""
-        met, base = x.copy(), self.matrix[:6]
-        missed = base.dot(x)
-        missed += self.offset[:6]
-        met[:6] -= lapack.dposv(base[:, :6], missed)[1]
-        return met
 
     @property
     def size(self) -> int:

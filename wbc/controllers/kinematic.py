@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.controllers.levels import Outcome
-from wbc.controllers.native_problem import NativeProblem
-from wbc.controllers.native_tick import NativeController
-from wbc.controllers.plan import NO_PHYSICS, Physics
-from wbc.controllers.slack import slacks_of
+from wbc.constraints.rows import Bounds
+from wbc.controllers.controller import Controller
+from wbc.controllers.outcome import Outcome
 from wbc.controllers.tick import Tick
+from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.robot import Snapshot
@@ -20,7 +19,7 @@ from wbc.tasks.task import Task
 from wbc.validate import Array
 
 
-class KinematicController(NativeController):
+class KinematicController(Controller):
     """Inverse kinematics by one QP per tick; the unknown is the velocity v.
 
     Tasks are driven by their :class:`~wbc.laws.VelocityLaw`. See
@@ -30,25 +29,31 @@ class KinematicController(NativeController):
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         return task.law.rows(residual, task.weight, self.dt)
 
-    def _native_parts(self) -> tuple[Sequence[Task], None]:
-        return self.tasks, None
-
-    def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
-        known = self._known_errors(found, snapshot) if self._deviating else None
-        return Tick.reading(found, found.velocity, known)
-
-    def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
-        return NO_PHYSICS
+    def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
+        found = outcome.found
+        if outcome.solved:
+            known = self._known(outcome, snapshot) if self._deviating or rows else None
+            velocity = found.velocity
+            if outcome.step_scale < 1.0:
+                known = self._known(outcome, snapshot)
+                velocity = outcome.step_scale * velocity
+                velocity.setflags(write=False)
+            return Tick.reading(found, velocity, known)
+        known = self._failed(outcome, snapshot)
+        tick = Tick.reading(found, known["velocity"], known)
+        if tick.policy == "raise":
+            raise ControllerFailure(tick.report(), tick)
+        return tick
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
-        nv = self.robot.nv
+        nv, found = self.robot.nv, outcome.found
         if self.on_failure == "closest":
-            most = np.full(outcome.first.g.size, np.inf)
+            qp = found.qp_of(0)
+            most = np.full(qp.g.size, np.inf)
             most[:nv] = LARGEST  # where there are no limits
-            lower, upper = np.fmax(outcome.first.lower, -most), np.fmin(outcome.first.upper, most)
-            qp = outcome.first._replace(lower=lower, upper=upper)
-            found = least_infeasible(qp)
-            return found.x[:nv], {**slacks_of(outcome.first, found.x), **found.slack}
+            lower, upper = np.fmax(qp.lower, -most), np.fmin(qp.upper, most)
+            least = least_infeasible(qp._replace(lower=lower, upper=upper))
+            return least.x[:nv], dict(least.slack)
         if self.on_failure == "damp":
             return np.clip(0.5 * snapshot.v, *outcome.box), {}
         return np.zeros(nv), {}

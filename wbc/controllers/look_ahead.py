@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
-from wbc.controllers.levels import TOLERANCE, Outcome
+from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.robot import Snapshot
@@ -24,7 +24,6 @@ ROUNDS = 1
 # Parts of a step that are tried; each is looked at for up to a millisecond.
 SCALES = (1.0, 0.25, 0.0625)
 
-Box = tuple[Array, Array]
 Solve = Callable[[Bounds | None, Box | None], Outcome]
 
 
@@ -103,23 +102,9 @@ class MarginRows(NamedTuple):
                 yield k, found
 
 
-class Attempt(NamedTuple):
-    """What came of a tick's QP with everything kept.
-
-    Attributes
-    ----------
-    rows:
-        Of the margins in it, cutting planes too.
-    step_scale:
-        The part of the solution that is safe to command.
-    """
-
-    outcome: Outcome
-    rows: list[Bounds]
-    step_scale: float = 1.0
-
-
-def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows]) -> Attempt:
+def solve_with_look_ahead(
+    solve: Solve, margins: MarginRows, held: Callable[[], Sequence[Rows]]
+) -> Outcome:
     """Return the outcome with margins kept where it leads, and the part of it to command.
 
     Parameters
@@ -127,40 +112,38 @@ def solve_with_look_ahead(solve: Solve, margins: MarginRows, held: Sequence[Rows
     solve:
         Solves all levels with some inequality rows, in a box on v+ (None: the limits').
     held:
-        Rows of the contacts: if a QP has no solution, margins are relaxed by what these need.
+        Returns the rows of the contacts: if a QP has no solution, margins are relaxed by what these
+        need.
     """
-    outcome, rows, scales = solve_with_cuts(solve, margins)
+    outcome, rows, looked = solve_with_cuts(solve, margins)
     if not outcome.solved:
         conflict = outcome.solution.conflict
-        # It is not for want of room if a level above had it, or if the solver came to a point in
-        # it, only not to the best: weights stall it then, with margins relaxed as well.
-        room = outcome.qp is not outcome.first or outcome.solution.residuals.primal <= TOLERANCE
-        if room or (conflict is not None and not conflict.has_inequalities):
-            return Attempt(outcome, rows)
-        relaxed = solve(relax_for_contacts(stack(rows), held), outcome.box)
+        if conflict is not None and not conflict.has_inequalities:
+            return outcome
+        relaxed = solve(relax_for_contacts(stack(rows), held()), outcome.box)
         # Of two without a solution the one that is proved to have none.
         proved = conflict is not None and relaxed.solution.conflict is None
-        return Attempt(outcome if proved and not relaxed.solved else relaxed, rows)
-    return Attempt(outcome, rows, margins.step_scale(outcome.velocity, scales) if scales else 1.0)
+        return outcome if proved and not relaxed.solved else relaxed
+    if looked:
+        return outcome
+    return outcome._replace(step_scale=margins.step_scale(outcome.velocity))
 
 
-def solve_with_cuts(
-    solve: Solve, margins: MarginRows
-) -> tuple[Outcome, list[Bounds], Sequence[float]]:
+def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bounds], bool]:
     """Return the outcome with margins kept where it leads, and the rows that this took.
 
     After the last round, or when a QP has no solution, the outcome is returned as it is: at the
-    torque level no part of a command is safer than the whole. The last thing returned is which
-    parts of the outcome are to be looked at: none if it was, and violates no margin.
+    torque level no part of a command is safer than the whole. The last thing returned is whether
+    the outcome was seen to violate no margin.
     """
     rows = list(margins.parts)
     outcome = solve(stack(rows), None)
     for _ in range(ROUNDS):
         if not outcome.solved:
-            return outcome, rows, ()
+            return outcome, rows, False
         found = margins.violated(outcome.velocity)
         if not found:
-            return outcome, rows, ()
+            return outcome, rows, True
         rows = rows + found
         outcome = solve(stack(rows), outcome.box)
-    return outcome, rows, SCALES
+    return outcome, rows, False

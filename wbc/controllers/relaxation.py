@@ -16,16 +16,17 @@ gave way, and by how much, is reported by name.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.constraints.mechanics import BoltedBase, Gear
 from wbc.constraints.rows import Bounds, stack, take
-from wbc.controllers.plan import IDLE, Physics, Plan, assemble
+from wbc.controllers.plan import Plan
 from wbc.controllers.slack import GivingQP
-from wbc.laws import Rows
-from wbc.qp.problem import Labels
+from wbc.laws import stacked
+from wbc.qp.problem import QP, Labels
 from wbc.robot.limits import BASE_NV
 from wbc.validate import Array
 
@@ -38,70 +39,92 @@ CONTACT, LIMIT = 1.0, 1.0
 BODIES = 100.0
 # m: levers count as no shorter; with 0.01 three of 1,000 wild QPs were beyond the solver.
 SHORTEST = 0.03
+# Squared weight assumed for the heaviest row, for when all tasks are switched off.
+IDLE = 1e-6
 # A velocity missed by less [m/s or rad/s] is what solvers and these costs leave.
 NEGLIGIBLE = 1e-5
 
 
+class Physical(NamedTuple):
+    """What stays hard in a relaxed QP.
+
+    Attributes
+    ----------
+    equalities:
+        How many of the QP's equality rows, the first, are the dynamics'; the contacts' follow.
+    rows:
+        How many of its inequality rows, the first, are torque bounds and friction cones.
+    normal_forces:
+        Which of these are the ranges of normal forces, whose lower ends are dropped.
+    """
+
+    equalities: int
+    rows: int
+    normal_forces: slice
+
+
 def relaxed_qp(
     plan: Plan,
-    rows: Sequence[Rows],
-    contacts: Sequence[Rows],
-    box: tuple[Array, Array],
+    qp: QP,
+    physical: Physical,
     margins: Sequence[Bounds],
-    physics: Physics,
+    unit: float,
 ) -> GivingQP:
     """Return the QP in which only physics is hard.
 
     Parameters
     ----------
-    rows:
-        Of all tasks and soft contacts.
-    contacts:
-        Of those that are met exactly while the tick can.
-    box:
-        Bounds (nv,), (nv,) on the velocity.
+    qp:
+        With the costs of all levels, equalities and box of the first, and only physics' rows.
     margins:
         Rows of each constraint, with cutting planes where there are some.
-    physics:
-        What stays hard, but for its slack.
+    unit:
+        Square of the heaviest row's weight.
     """
-    hard, decision, n = physics.bounds, plan.decision, plan.decision.size
-    heaviest = max(float(np.square(row.weight).max(initial=0.0)) for row in rows)
-    unit = max(heaviest, IDLE)
-    costs, held = list(rows), list(physics.equalities)
-    for contact, row in zip(plan.held.contacts, contacts, strict=True):
-        if isinstance(contact, Gear | BoltedBase):
-            held.append(row)
-        else:
-            costs.append(row._replace(weight=np.sqrt(CONTACT * unit) * np.ones(len(row.target))))
-    parts = [] if hard is None else [hard]
+    n, nv = plan.decision.size, plan.decision.nv
+    unit = max(unit, IDLE)
+    hard = np.zeros(qp.b.size, dtype=bool)
+    hard[: physical.equalities] = True
+    begin = physical.equalities
+    for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
+        end = begin + (len(contact.rows) if kept is None else kept.size)
+        hard[begin:end] = isinstance(contact, Gear | BoltedBase)
+        begin = end
+    A, b = qp.A[~hard], qp.b[~hard]
+    P, g = qp.P + (CONTACT * unit) * A.T @ A, qp.g - (CONTACT * unit) * b @ A
+    lower = qp.l[: physical.rows].copy()
+    lower[physical.normal_forces] = -np.inf
+    names, count = qp.labels.inequality[: physical.rows], physical.rows
+    parts = [Bounds(names, qp.C[:count], lower, qp.u[:count])] if count else []
     parts += [_soft(part, _cost(part) * unit) for part in margins if part.lower.size]
-    limits = _as_rows(box, decision.names, n)
+    limits = _as_rows((qp.lower[:nv], qp.upper[:nv]), plan.decision.names, n)
     if limits is not None:
         parts.append(_soft(limits, LIMIT * unit))
-    free = np.full(decision.nv, np.inf)
-    physical = sum(len(row.target) for row in held)
-    labels = Labels(plan.labels[0].equality[:physical], (), decision.names)
-    bounds, weights = stack(parts) if parts else None, None
-    if bounds is not None:
-        bounds, weights = bounds._replace(slack=None), bounds.slack
-    qp = assemble(decision, costs, held, (-free, free), bounds, labels, physics.rest)
-    return GivingQP(qp, weights)
+    free = np.full(nv, np.inf)
+    low, high = np.concatenate((-free, qp.lower[nv:])), np.concatenate((free, qp.upper[nv:]))
+    labels = tuple(name for name, one in zip(qp.labels.equality, hard, strict=True) if one)
+    if not parts:
+        none = np.zeros(0)
+        rows, weights = Bounds((), np.zeros((0, n)), none, none), None
+    else:
+        rows = stack(parts)
+        weights = np.full(rows.lower.size, np.inf) if rows.slack is None else rows.slack
+    C = stacked([rows.matrix], n)
+    made = QP(
+        P, g, qp.A[hard], qp.b[hard], C, rows.lower, rows.upper, low, high,
+        Labels(labels, rows.labels, plan.decision.names),
+    )  # fmt: skip
+    return GivingQP(made, weights)
 
 
 def given_way(
-    plan: Plan, contacts: Sequence[Rows], relaxed: GivingQP, x: Array
+    plan: Plan, qp: QP, physical: Physical, relaxed: GivingQP, x: Array
 ) -> dict[str, float]:
     """Return what a relaxed QP's solution misses, by the name of contact row, limit or margin."""
-    missed = dict(_contacts_missed(plan, contacts, x)) | relaxed.given(x)
-    return {name: by for name, by in missed.items() if abs(by) > NEGLIGIBLE}
-
-
-def _contacts_missed(plan: Plan, contacts: Sequence[Rows], x: Array) -> Iterator[tuple[str, float]]:
-    labels = iter(plan.held.labels)
-    for row in contacts:
-        values = row.matrix @ x[: row.matrix.shape[1]] - row.target
-        yield from ((name, value) for value, name in zip(values.tolist(), labels, strict=False))
+    begin = physical.equalities
+    missed = qp.A[begin:] @ x[: qp.g.size] - qp.b[begin:]
+    found = dict(zip(plan.held.labels, missed.tolist(), strict=True)) | relaxed.given(x)
+    return {name: by for name, by in found.items() if abs(by) > NEGLIGIBLE}
 
 
 def _cost(margin: Bounds) -> float | Array:

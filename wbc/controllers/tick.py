@@ -67,7 +67,9 @@ class Began(NamedTuple):
 
 
 # What a tick of the native core reads when it is asked for.
-_LATER = frozenset(("status", "policy", "errors", "solution", "qp", "times", "slack", "singular"))
+_LATER = frozenset(
+    ("status", "policy", "errors", "solution", "qp", "times", "slack", "singular", "left_out")
+)
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,8 @@ class Tick:
         change of velocity in this tick over the limit's. Limits with ``braking="free"`` allow it;
         with ``"bounded"`` it takes a position limit, a contact or a margin, or a policy.
     left_out:
-        What the budget of work did not afford, in words: see :mod:`wbc.controllers.work`. Levels
-        of lower priority that are not in the command, smaller steps that were not looked at.
+        Levels of lower priority that are not in the command, in words: their QPs were not solved,
+        or the deadline was over.
     """
 
     velocity: Array
@@ -116,7 +118,7 @@ class Tick:
     step_scale: float = 1.0
     slack: Mapping[str, float] = field(default_factory=dict)
     singular: Mapping[str, Singularity] = field(default_factory=dict)
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = field(default_factory=tuple)
     braked: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod

@@ -11,36 +11,34 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from functools import partial
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds, Constraint
+from wbc.controllers.blocks import PythonRows
 from wbc.controllers.closed_loop import ticks_of
 from wbc.controllers.contact_forces import ContactForces, Reaction
+from wbc.controllers.controller import Controller
+from wbc.controllers.core_plan import CorePlan
+from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.dynamics import TickDynamics
 from wbc.controllers.effort_bounds import StanceBraking, effort_bounds, limits_within
 from wbc.controllers.force_ramps import ForceRamps
+from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights
-from wbc.controllers.level_problem import Box, LevelProblem
-from wbc.controllers.levels import Outcome
-from wbc.controllers.look_ahead import Attempt, MarginRows, solve_with_cuts
-from wbc.controllers.native_forces import TorqueRows
-from wbc.controllers.native_given import GivenRows
-from wbc.controllers.native_plan import NativePlan
-from wbc.controllers.native_problem import NativeProblem
-from wbc.controllers.native_tick import NativeController
+from wbc.controllers.look_ahead import MarginRows, solve_with_cuts
+from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.parts import ANOTHER, PLANNED, check_parts
-from wbc.controllers.plan import Decision, Physics
-from wbc.controllers.reachable import arrival_box, reachable_rows
-from wbc.controllers.tick import Tick
+from wbc.controllers.plan import Decision
+from wbc.controllers.reachable import reachable_rows
+from wbc.controllers.relaxation import Physical, given_way, relaxed_qp
+from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
+from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
-from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
@@ -53,7 +51,7 @@ RAMP = 0.05
 REST_TIME = 0.05
 
 
-class TorqueController(NativeController):
+class TorqueController(Controller):
     """Inverse dynamics by one QP per tick; commands torques.
 
     Tasks are driven by their :class:`~wbc.laws.AccelerationLaw` (``kp``, ``kd``).
@@ -94,7 +92,6 @@ class TorqueController(NativeController):
 
     _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping"), ANOTHER)
     _policies = POLICIES
-    _relaxes = True
     _bears = True
 
     def __init__(
@@ -167,12 +164,13 @@ class TorqueController(NativeController):
         self._plan(self._next_contacts(tuple(contacts), ramp))
 
     def _step(self, snapshot: Snapshot) -> Tick:
-        """Return the command: the tick of every controller, once what has gone is dropped."""
+        """Return the command of every controller, once what has gone is dropped."""
         gone = self._ramps.advance()
         if gone:
             left = tuple(one for one in self.contacts if one.name not in gone)
             self._keep_slack([one for one in left if one.name in self._going_slack])
             self._plan(left)
+        self._ramped = self._ramps.most
         return super()._step(snapshot)
 
     # ------------------------------------------------------------------ what the level says
@@ -208,14 +206,7 @@ class TorqueController(NativeController):
         # Base, and joints without a motor of their own: no torque there.
         self._passive = np.array([*range(6), *followers])
         self._most = self.torque_bounds[bounded] / self._unit
-        self._ends = np.stack((-self._most, self._most))
         self._torque_labels = tuple(f"{robot.joint_names[k - 6]} torque" for k in self._bounded)
-        # As slices where it can be: what a tick takes by them is not copied.
-        first = robot.nv - self._bounded.size
-        every = self._bounded.tolist() == [*range(first, robot.nv)]
-        self._torque_rows = slice(first, robot.nv) if every else self._bounded
-        self._base_rows = self._passive if followers else slice(0, 6)
-        self._met = read_only(np.ones(self._passive.size))
         velocity = Decision.velocity(robot, read_only(self.damping * self.joint_weights))
         damping = np.full(forces.size, self.force_damping)
         return velocity.extended(forces.names, forces.lower, forces.upper, damping)
@@ -224,130 +215,97 @@ class TorqueController(NativeController):
         followers = tuple(f"dynamics {name}" for name in self.robot.couplings)
         return BASE_FORCES + followers
 
-    def _physics(self, snapshot: Snapshot) -> Physics:
-        cones = self.contact_forces.bounds(self._ramps.most)
-        nv, count = self.robot.nv, self._most.size
-        # The torques' rows above those of the cones.
-        rows = np.empty((nv + cones.lower.size, nv + self.contact_forces.size))
-        rows[nv:, :nv] = 0.0
-        rows[nv:, nv:] = cones.matrix
-        dynamics = self._dynamics(snapshot).filling(rows[:nv])
-        offset, bounded = dynamics.offset, self._torque_rows
-        held = Rows(rows[self._base_rows], -offset[self._base_rows], self._met)
-        ends = np.empty((2, count + cones.lower.size))
-        np.subtract(self._ends, offset[bounded], out=ends[:, :count])
-        ends[0, count:], ends[1, count:] = cones.lower, cones.upper
-        if isinstance(bounded, slice):
-            limited = rows[bounded.start :]
-        else:
-            limited = np.concatenate((rows[bounded], rows[nv:]))
-        bounds = Bounds(self._torque_labels + cones.labels, limited, *ends)
-        rest = np.zeros(rows.shape[1])
-        rest[:nv] = snapshot.v
-        forces = [task.force_rows(dynamics) for task in self._force_tasks]
-        return Physics([held], bounds, forces=forces, rest=rest, dynamics=dynamics)
-
-    def _native_parts(self) -> tuple[Sequence[Task], TorqueRows]:
+    def _force_rows(self) -> TorqueRows:
         limits = self._bounded, self._most, self._torque_labels
-        rows = TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
-        return (*self._motion, *self._force_tasks), rows
+        return TorqueRows(self.contact_forces, self._passive, *limits, self._deceleration)
 
-    def _native_problem(
-        self, plan: NativePlan, snapshot: Snapshot, given: Sequence[GivenRows] | None = None
-    ) -> NativeProblem | None:
-        begun = perf_counter()
-        rows = self._given_rows(plan, snapshot) if given is None else given
-        return plan.problem(snapshot, self._ramps.most, rows, begun)
+    def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
+        rows = super()._python_rows(plan, snapshot)
+        if not self._force_tasks:
+            return rows
+        # What forces and torques are by the unknowns is the core's: it is asked for that first.
+        found = plan.tick(snapshot, rows, None, self._ramped, solve=False)
+        if found is not None:
+            dynamics = self._dynamics(found, snapshot)
+            rows += [PythonRows(one, one.force_rows(dynamics), None) for one in self._force_tasks]
+        return rows
 
-    def _given_rows(self, plan: NativePlan, snapshot: Snapshot) -> list[GivenRows]:
-        found = super()._given_rows(plan, snapshot)
-        if self._force_tasks:
-            dynamics = self._dynamics(snapshot)
-            for task in self._force_tasks:
-                found.append(GivenRows(task.name, task.force_rows(dynamics), None))
-        return found
+    def _dynamics(self, found: CoreTick, snapshot: Snapshot) -> TickDynamics:
+        """Return what forces and torques are by the unknowns."""
+        last = None if self._last is None else self._last.wrenches()
+        a = found.views
+        return TickDynamics(snapshot, self.contact_forces, a.D, a.offset, last)
 
-    def _native_tick(self, found: NativeProblem, snapshot: Snapshot) -> Tick:
-        velocity, torque, bounds = found.velocity, found.torque, self.torque_bounds
+    # ------------------------------------------------------------------ parts of the tick
+
+    def _solve_kept_apart(
+        self, snapshot: Snapshot, plan: CorePlan, margins: MarginRows, begun: float
+    ) -> tuple[Outcome, list[Bounds]]:
+        within_reach = [reachable_rows(part, snapshot.v, self.dt) for part in margins.parts]
+
+        def solve(bounds: Bounds | None, box: Box | None) -> Outcome:
+            return self._solve(snapshot, plan, bounds, box, begun)
+
+        # No part of a step is safer than all of it.
+        outcome, rows, _ = solve_with_cuts(solve, margins._replace(parts=within_reach))
+        return outcome, rows
+
+    def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
+        found = outcome.found
+        known: dict[str, Any] = {}
+        if outcome.solved:
+            if self._deviating:
+                known = self._known(outcome, snapshot)
+        else:
+            known = self._relaxed(snapshot, outcome, rows)
+        velocity, torque, f = found.velocity, found.torque, found.forces
+        if known.get("policy") not in (None, RELAX):  # joints come to rest, on no sure ground
+            velocity, f = known.pop("velocity"), np.zeros(self.contact_forces.size)
+            x = np.concatenate((velocity, f))
+            torque = self._dynamics(found, snapshot).torques(x)
+        bounds = self.torque_bounds
         np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
-        self._last = Reaction(self.contact_forces, snapshot, found.forces)
-        known: dict[str, Any] = self._known_errors(found, snapshot) if self._deviating else {}
+        self._last = Reaction(self.contact_forces, snapshot, f)
         known |= {
             "torque": read_only(torque),
             "acceleration": read_only((velocity - snapshot.v) / self.dt),
             "reaction": self._last,
-            "ramps": self._ramps.most,
+            "ramps": self._ramped,
         }
-        return TorqueTick.reading(found, velocity, known)
+        tick = TorqueTick.reading(found, velocity, known)
+        if known.get("policy") == "raise":
+            raise ControllerFailure(tick.report(), tick)
+        return tick
 
-    def _native_physics(self, found: NativeProblem, snapshot: Snapshot) -> Physics:
-        known = found.matrix, found.offset
-        dynamics = TickDynamics(snapshot, self.contact_forces, self._last_wrenches(), known)
-        forces = [one.rows for one in found.given if one.residual is None]
-        return Physics(bounds=found.bounds, forces=forces, dynamics=dynamics)
-
-    def _dynamics(self, snapshot: Snapshot) -> TickDynamics:
-        """Return what forces and torques are by the unknowns."""
-        return TickDynamics(snapshot, self.contact_forces, self._last_wrenches())
-
-    def _last_wrenches(self) -> Mapping[str, Array] | None:
-        """Return what contacts bore in the last tick, if anyone may ask for it."""
-        return self._last.wrenches() if self._force_tasks and self._last is not None else None
-
-    # ------------------------------------------------------------------ parts of the tick
-
-    def _limits_at(self, snapshot: Snapshot) -> tuple[Box, Rows | None]:
-        if self.limits is None:
-            return self._no_box, None
-        return arrival_box(self.limits, snapshot, self._deceleration, self.dt), None
-
-    def _attempt(self, problem: LevelProblem, margins: MarginRows | None) -> Attempt:
-        if margins is None:
-            return super()._attempt(problem, None)
-        parts = [reachable_rows(part, problem.snapshot.v, self.dt) for part in margins.parts]
-        solve, margins = partial(self._solver.solve, problem), margins._replace(parts=parts)
-        outcome, rows, _ = solve_with_cuts(solve, margins)  # no part of a step is safer than all
-        return Attempt(outcome, rows)
-
-    def _settle(self, problem: LevelProblem, attempt: Attempt) -> Attempt:
-        outcome = attempt.outcome
-        relaxed = self._solver.solve_relaxed(self._without_least(problem), attempt.rows)
-        spent = outcome.solve_time + relaxed.solve_time
-        return Attempt(relaxed._replace(solve_time=spent), attempt.rows)
-
-    def _without_least(self, problem: LevelProblem) -> LevelProblem:
-        """Return the problem without least normal forces."""
-        if (bounds := problem.physics.bounds) is None:
-            return problem
-        lower, begin = bounds.lower.copy(), self._bounded.size
-        lower[begin : begin + len(self.contact_forces.surfaces)] = -np.inf
-        physics = problem.physics._replace(bounds=bounds._replace(lower=lower))
-        return problem._replace(physics=physics)
-
-    def _tick(self, snapshot: Snapshot, physics: Physics, *parts: Any) -> TorqueTick:
-        tick = super()._tick(snapshot, physics, *parts)
-        dynamics = physics.dynamics or self._dynamics(snapshot)
-        if tick.status is Status.SOLVED:
-            x = dynamics.exact(tick.solution.x[: dynamics.size])
-        else:  # joints come to rest, on no ground that one could count on
-            x = np.concatenate((tick.velocity, np.zeros(self.contact_forces.size)))
-        torque, bounds = dynamics.torques(x), self.torque_bounds
-        np.minimum(np.maximum(torque, -bounds, out=torque), bounds, out=torque)
-        velocity, f = x[: self.robot.nv], x[self.robot.nv :]
-        errors = {  # of this decision: no state has a force
-            task.name: self._unit * (row.matrix @ x - row.target)
-            for task, row in zip(self._force_tasks, physics.forces, strict=True)
-        }
-        self._last = Reaction(self.contact_forces, snapshot, f)
-        return TorqueTick.extending(
-            tick,
-            velocity=read_only(velocity),
-            errors={**tick.errors, **errors},
-            torque=read_only(torque),
-            acceleration=read_only((velocity - snapshot.v) / self.dt),
-            reaction=self._last,
-            ramps=self._ramps.most,
-        )
+    def _relaxed(
+        self, snapshot: Snapshot, failed: Outcome, margins: Sequence[Bounds]
+    ) -> dict[str, Any]:
+        """Return the answer of the relaxed QP, where not everything can be kept, by field."""
+        plan = self._core if self._second is None else self._second
+        given = self._python_rows(plan, snapshot)
+        found = self._ask(plan, snapshot, given, None, failed.found.begun, False)
+        qp = found.qp_of(0)
+        if len(self.plan.levels) > 1:
+            P, g = plan.memory.cost(-1)
+            qp = qp._replace(P=P, g=g)
+        surfaces, begin = len(self.contact_forces.surfaces), self._bounded.size
+        physical = Physical(self._passive.size, qp.u.size, slice(begin, begin + surfaces))
+        relaxed = relaxed_qp(self.plan, qp, physical, margins, plan.heaviest)
+        solution = self._first.solve_relaxed(relaxed.slackless, relaxed.weights)
+        found.relaxed = relaxed
+        failed.found.take_over(found)
+        known: dict[str, Any] = {"solution": solution, "status": solution.status}
+        known |= {"refuted": failed.solution}
+        known |= {"singular": {}, "left_out": ()}
+        if not solution.solved:
+            known |= self._failed(failed._replace(failed=solution), snapshot)
+            return known
+        found.views.x[:] = solution.x[: found.views.x.size]
+        found.views.found[4] = 1.0
+        plan.memory.finish()
+        errors = self._known(Outcome(found), snapshot).get("errors", found.errors)
+        missed = given_way(self.plan, qp, physical, relaxed, solution.x)
+        return known | {"errors": errors, "policy": RELAX, "slack": missed}
 
     def _fallback(self, snapshot: Snapshot, outcome: Outcome) -> tuple[Array, dict[str, float]]:
         """Return the velocity of a robot whose joints come to rest: the last resort."""

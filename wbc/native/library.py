@@ -16,7 +16,7 @@ from wbc.native.fingerprint import fingerprint
 VARIABLE = "WBC_NATIVE"
 SHIPPED = Path(__file__).parent  # where a wheel has the core
 MODES = ("auto", "off", "require")
-VERSION = 9  # WBC_CORE_VERSION of source/core.h
+VERSION = 10  # WBC_CORE_VERSION of source/core.h
 # Functions by the number of their arguments: addresses and integers, which are as long. An address
 # of what is only read may be given as bytes: array.tobytes() takes a tenth of address(array).
 _FUNCTIONS = {
@@ -26,6 +26,12 @@ _FUNCTIONS = {
     "wbc_move": 5,
     "wbc_motion": 5,
     "wbc_drifts": 7,
+    "wbc_layout": 3,
+    "wbc_cost": 6,
+    "wbc_pose": 4,
+    "wbc_solve": 2,
+    "wbc_descend": 3,
+    "wbc_finish": 3,
     "wbc_problem": 4,
     "wbc_tick": 4,
     "wbc_reduced": 2,
@@ -74,6 +80,12 @@ class Core:
         self.wbc_move: Any = library.wbc_move
         self.wbc_motion: Any = library.wbc_motion
         self.wbc_drifts: Any = library.wbc_drifts
+        self.wbc_layout: Any = library.wbc_layout
+        self.wbc_cost: Any = library.wbc_cost
+        self.wbc_pose: Any = library.wbc_pose
+        self.wbc_solve: Any = library.wbc_solve
+        self.wbc_descend: Any = library.wbc_descend
+        self.wbc_finish: Any = library.wbc_finish
         self.wbc_problem: Any = library.wbc_problem
         self.wbc_tick: Any = library.wbc_tick
         self.wbc_reduced: Any = library.wbc_reduced

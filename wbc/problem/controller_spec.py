@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from wbc.constraints.contact import DEFAULT_FRICTION
 from wbc.constraints.friction import FrictionCone
 from wbc.controllers import Controller, KinematicController, TorqueController
-from wbc.controllers.levels import FORMULATIONS
+from wbc.controllers.controller import FORMULATIONS
 from wbc.controllers.tick import POLICIES
 from wbc.controllers.torque import POLICIES as TORQUE_POLICIES
 from wbc.problem.friction import Friction, cone

@@ -136,8 +136,8 @@ class InertiaTask(Task):
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
 
     def native(self) -> tuple[NativeRows, ...] | None:
-        """Return the rows in axes of the world or the base, the second order left out."""
-        if self.second_order or self.frame not in (WORLD, BASE):
+        """Return the rows in axes of the world or the base."""
+        if self.frame not in (WORLD, BASE):
             return None
         frame = None if self.frame == WORLD else BASE
         rates, numbers = (self._bias, self._drift), (self._factors, self._wanted)

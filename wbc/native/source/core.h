@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 /* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 9
+#define WBC_CORE_VERSION 10
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -119,15 +119,16 @@ typedef struct {
 enum row_kind { POINT = 0, ORIENTATION = 1, INERTIA_ENTRIES = 2, JOINTS = 3, MOMENTUM_ENTRIES = 4,
                 CONTACT = 5, LINEAR = 6, GIVEN = 7 };
 /* A block of rows: what they are, where they stand among the costs or the contacts, where their
- * selection begins in index and their numbers in number, and which frame they are about (-1: the
- * CoM, or the world). */
+ * selection begins in index and their numbers in number, which frame they are about (-1: the CoM, or
+ * the world), their level among the costs, and whether the curvature that they leave out is in the cost
+ * (second: of INERTIA_ENTRIES), or damped. */
 typedef struct {
-    int64_t kind, held, rows, first, frame, index, number;
+    int64_t kind, held, rows, first, frame, index, number, level, second;
 } wbc_block;
 /* Numbers of a block: those of its law; weights (rows); biases (rows); what the target's motion adds
  * to the drifts (rows); then those of its kind. GIVEN rows were worked out by others: matrix (rows, n),
- * target (rows), error (rows) and damping (nv); DECIDED is not 0 where the error is what the answer
- * misses, times this. */
+ * target (rows), error (rows), damping (nv) and, if second, curvature (nv, nv); at the torque level DECIDED
+ * is not 0 where the error is what the answer misses, times this. */
 enum { RATE = 0, HALF_GAIN = 1, LM_DAMPING = 2, STIFFNESS = 0, DAMPING = 1, DECIDED = 0, WEIGHTS = 3 };
 
 /* What a contact bears, as unknowns: forces at corners, or (corners 0) one along each of its rows. */
@@ -140,8 +141,8 @@ typedef struct {
     int64_t aligned; /* whether forces are in the world's axes, not the frame's */
 } wbc_force;
 
-/* A plain tick: one level, contacts met exactly, a box; made once, its numbers follow the tasks.
- * The unknowns are v+ (nv) and, at the torque level, contact forces. */
+/* A tick: levels of costs, contacts met exactly, a box, inequality rows; made once, its numbers follow
+ * the tasks. The unknowns are v+ (nv) and, at the torque level, contact forces. */
 typedef struct {
     const wbc_tree *tree;
     const wbc_block *block;
@@ -161,6 +162,14 @@ typedef struct {
     const double *cone;          /* (cones, forces), lower (cones), upper (cones) */
     const double *force_bound;   /* (2, forces): lower, upper */
     const double *joint_damping; /* (nv - 6) [N m s/rad] */
+    const double *given; /* inequality rows on v+ that were worked out by others: matrix (given_rows, nv),
+                          * lower, upper, and how far they give way by their multipliers (given_rows) */
+    const double *push;  /* what they push at, as a cost that outweighs all others: matrix (pushes, nv),
+                          * target, weight (pushes) */
+    double *rows; /* of all costs: matrix (costs, n), target (costs), bias (costs); of each level, what it is
+                   * damped by (nv); if curved, the curvature that its rows leave out (nv, nv). 0 where
+                   * there is one level that nobody looks into. */
+    double *below; /* the QP of the last level below the first: see source/levels.c */
     double *state;               /* what is found at a state that nobody has looked at */
     double *out;
     double *scratch;
@@ -168,10 +177,14 @@ typedef struct {
     const wbc_margin *margin; /* rows behind all others, or 0 */
     int64_t blocks, frames, costs, held, limited;
     int64_t torque, forces, bearing, passives, bounded, cones;
+    int64_t levels, curved, given_rows, soft, pushes; /* soft: whether given rows give way */
+    int64_t braked;  /* whether a joint's acceleration bounds how it slows down, too */
     int64_t outside; /* whether the reduced QP is solved by others */
     int64_t always;  /* whether a solver is asked where the optimum of the cost alone would do, too */
     int64_t most;    /* iterations of the active-set method */
+    int64_t solving; /* where in scratch ends what QPs are solved in */
     double dt, mass, unit, eps; /* unit: newtons per unit of a force; eps: as in wbc_qp */
+    double recovery; /* part of what a joint is outside its limits that is taken back in a tick */
 } wbc_plan;
 
 /* minimise 1/2 x'P x + g'x subject to A x = b, l <= C x <= u, lower <= x <= upper; n unknowns, k
@@ -181,26 +194,38 @@ typedef struct {
     int64_t n, k, m;
     double eps; /* an answer of larger residuals is none */
     double *P, *A, *C, *g, *lower, *upper, *b, *l, *u;
-    double *x, *y, *z, *z_box, *found; /* the answer; residuals (3) and iterations */
+    double *x, *y, *z, *z_box, *found; /* the answer; residuals (3), iterations, levels solved */
     double *D, *offset, *errors, *heaviest;
-    double *exact, *torque; /* (nv), (nv - 6): see command in source/solve.c */
+    double *exact, *torque; /* (nv), (nv - 6): see command in source/levels.c */
     double *clearance, *chosen; /* of the margin's rows, and numbers of their pairs */
 } wbc_qp;
 
-/* What handed the tick over to Python. UNSOLVED: the QP is there, but no answer; INFEASIBLE: no point
- * meets all its rows, and y, z and z_box are a certificate: see wbc_solve_qp. NOT_MEASURED: of
- * some pair; LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. MORE_ROWS: of pairs
- * that could not stop in time, than the plan has. REDUCED: to who solves it, outside. */
-enum handed_over { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, OUTSIDE_LIMITS = 1, HALF_A_TURN = 2, NOT_FINITE = 3,
-                   NOT_MEASURED = 4, LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
-/* Write the QP of a plain tick, or say why it is not one. state is what wbc_state wrote at (q, v)
- * without frames, or 0: then it is found here. v may be 0, here and below: it lies behind q then. */
+/* What there is to say of a tick. UNSOLVED: the QP is there, but no answer; INFEASIBLE: no point meets
+ * all its rows, and y, z and z_box are a certificate: see wbc_solve_qp. NOT_MEASURED: of some pair;
+ * LEADS_INSIDE: a margin, or it cannot be seen where the answer leads. MORE_ROWS: of pairs that could not
+ * stop in time, than the plan has. REDUCED: to who solves it, outside. */
+enum said { INFEASIBLE = -2, UNSOLVED = -1, DONE = 0, NOT_FINITE = 3, NOT_MEASURED = 4,
+            LEADS_INSIDE = 5, MORE_ROWS = 6, REDUCED = 7 };
+/* Write the QP of the first level. state is what wbc_state wrote at (q, v) without frames, or 0: then it
+ * is found here. v may be 0, here and below: it lies behind q then. */
 int wbc_problem(const wbc_plan *plan, const double *state, const double *q, const double *v);
-/* The same and its answer: x, y, z, z of the box; primal, dual and complementarity residuals,
- * iterations. The equalities are eliminated; where the optimum of the cost alone keeps all bounds and
- * rows, that is the answer, in 0 iterations. Else what is left is solved by the active-set method; or, if
- * it is to be solved outside, REDUCED is returned, and how many rows C there are is the first residual. */
+/* The same and the answer of all levels: x, y, z, z of the box of each QP; primal, dual and complementarity
+ * residuals, iterations, and of the first how many levels were solved. The equalities are eliminated;
+ * where the optimum of the cost alone keeps all bounds and rows, that is the answer, in 0 iterations. Else
+ * what is left is solved by the active-set method; or, if it is to be solved outside, REDUCED is returned,
+ * and how many rows C there are is the first residual. */
 int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v);
+/* Write P (n, n) and g (n) of one level's costs and damping, or of all levels together (-1). */
+int wbc_cost(const wbc_plan *plan, const double *q, const double *v, int64_t level, double *P,
+             double *g);
+/* Step by step, for who changes the QPs of levels (their g, say) before they are solved: write the QP of
+ * a level below the first, from the answer of the level above; solve a level; write the command of the
+ * last one that was solved (wbc_finish). */
+int wbc_pose(const wbc_plan *plan, const double *q, const double *v, int64_t level);
+int wbc_solve(const wbc_plan *plan, int64_t level);
+int wbc_finish(const wbc_plan *plan, const double *q, const double *v);
+/* The levels below the first, whose answer was written by others, and the command. */
+int wbc_descend(const wbc_plan *plan, const double *q, const double *v);
 /* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
  * x and then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);
@@ -210,6 +235,11 @@ int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const dou
                const double *z, double scale, int64_t iterations);
 /* Write how many numbers and integers a QP of n unknowns, k equalities and m rows is solved in. */
 int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes);
+/* Write where a level's QP lies: n, k, m, and where in out (of levels below the first, what they have of
+ * their own: in below) P A C g lower upper b l u x y z z_box found D offset errors heaviest exact torque
+ * clearance chosen begin; last, how many numbers out and below hold. */
+enum { LAYOUT = 27 };
+int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at);
 /* Solve any QP by the active-set method, in at most most iterations. give (m), or 0: rows are
  * l <= C x - s <= u at the cost of 1/2 s^2 / give, s = 0 where give is 0. INFEASIBLE: y, z, z_box are a
  * Farkas certificate: y'A + z'C + z_box' = 0, and their sum by the ends that they point at is below 0. */

@@ -87,13 +87,14 @@ INLINE void add_sizes(int64_t nv, int64_t a, const double *restrict row, double 
     sum[a] += (own[0] + own[2]) + (own[1] + own[3]) - fabs(row[a]);
 }
 
-WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
-                            const double *frames, const double *e, double factor, double *work,
-                            double *P, int64_t n) {
-    const wbc_tree *tree = plan->tree;
-    const int64_t nv = tree->nv, k = block->rows, first = block->frame < 0 ? 0 : 6;
+/* The cost's slope by the inertia's entries, as a symmetric matrix G in the world's axes, and how columns
+ * of v pull at it; row (padded nv) is behind them. Returns the first column that counts: of axes of the
+ * base those of the base do not. */
+INLINE int64_t prepare(const wbc_plan *plan, const wbc_block *block, const double *state,
+                       const double *frames, const double *e, double *work) {
+    const int64_t nv = plan->tree->nv, k = block->rows;
     const double *weight = plan->number + block->number + WEIGHTS, *own = weight + 3 * k;
-    double pull[6] = {0.0}, G[6], *row = work + ROWS * PADDED(nv), *sum = row + PADDED(nv);
+    double pull[6] = {0.0}, G[6];
     for (int64_t i = 0; i < k; i++)
         for (int j = 0; j < 6; j++) pull[j] += weight[i] * weight[i] * e[i] * own[6 * i + j];
     pull[1] *= 0.5, pull[2] *= 0.5, pull[4] *= 0.5; /* these entries stand twice in the matrix */
@@ -102,14 +103,46 @@ WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const 
     else
         congruent(frames + block->frame * FRAME_SIZE(nv) + FRAME_ROTATION, pull, G);
     pulls(nv, state, plan->mass, G, work);
+    return block->frame < 0 ? 0 : 6;
+}
+
+/* Of joint j: its columns of v, and where those end that it carries. */
+INLINE void columns_of(const wbc_tree *tree, int64_t j, int64_t *begin, int64_t *behind, int64_t *end) {
+    const int64_t last = carried_until(tree, j) - 1;
+    *end = last < 2 ? 6 : tree->iv[last] + 1;
+    *begin = j == 1 ? 0 : tree->iv[j], *behind = j == 1 ? 6 : *begin + 1;
+}
+
+WIDE void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
+                            const double *frames, const double *e, double factor, double *work,
+                            double *to, int64_t stride) {
+    const wbc_tree *tree = plan->tree;
+    const int64_t nv = tree->nv, first = prepare(plan, block, state, frames, e, work);
+    double *row = work + ROWS * PADDED(nv), *sum = row + PADDED(nv);
+    int64_t begin, behind, end;
     memset(sum, 0, PADDED(nv) * sizeof *sum);
     for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
-        const int64_t last = carried_until(tree, j) - 1, end = last < 2 ? 6 : tree->iv[last] + 1;
-        const int64_t begin = j == 1 ? 0 : tree->iv[j], behind = j == 1 ? 6 : begin + 1;
+        columns_of(tree, j, &begin, &behind, &end);
         for (int64_t a = begin; a < behind; a++) {
             second_derivative_row(nv, state, work, a, end, row);
             add_sizes(nv, a, row, sum);
         }
     }
-    for (int64_t a = first; a < nv; a++) P[a * n + a] += factor * sum[a];
+    for (int64_t a = first; a < nv; a++) to[a * stride] += factor * sum[a];
+}
+
+WIDE void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
+                        const double *frames, const double *e, double *work, double *H) {
+    const wbc_tree *tree = plan->tree;
+    const int64_t nv = tree->nv, first = prepare(plan, block, state, frames, e, work);
+    double *row = work + ROWS * PADDED(nv);
+    int64_t begin, behind, end;
+    for (int64_t j = first ? 2 : 1; j < tree->joints; j++) {
+        columns_of(tree, j, &begin, &behind, &end);
+        for (int64_t a = begin; a < behind; a++) {
+            second_derivative_row(nv, state, work, a, end, row);
+            H[a * nv + a] += row[a];
+            for (int64_t b = a + 1; b < nv; b++) H[a * nv + b] += row[b], H[b * nv + a] += row[b];
+        }
+    }
 }

@@ -2,22 +2,39 @@
 #include "linear.h"
 #include "problem.h"
 
-WIDE void add_given(const wbc_plan *plan, const wbc_block *block, double *J,
-                           const wbc_qp *qp) {
-    const int64_t n = qp->n, k = block->rows;
+#include <string.h>
+
+WIDE void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp) {
+    const int64_t n = qp->n, nv = plan->tree->nv, k = block->rows;
     const double *weight = plan->number + block->number + WEIGHTS, *matrix = weight + 3 * k;
     const double *target = matrix + k * n, *error = target + k, *damping = error + k;
+    const double *curvature = damping + nv;
     double *wanted = J + k * n;
+    const wbc_costs kept = kept_costs(plan);
+    if (block->held) {
+        memcpy(qp->A + (plan->passives + block->first) * n, matrix, k * n * sizeof *matrix);
+        memcpy(qp->b + plan->passives + block->first, target, k * sizeof *target);
+        return;
+    }
     for (int64_t i = 0; i < k; i++) {
+        qp->errors[block->first + i] = error[i];
+        if (plan->rows) {
+            memcpy(kept.matrix + (block->first + i) * n, matrix + i * n, n * sizeof *matrix);
+            kept.target[block->first + i] = target[i];
+            kept.bias[block->first + i] = weight[k + i];
+            continue;
+        }
         double *row = J + i * n;
         for (int64_t c = 0; c < n; c++) row[c] = weight[i] * matrix[i * n + c];
         wanted[i] = weight[i] * target[i];
-        qp->errors[block->first + i] = error[i];
         const double size = dot(n, row, row);
         if (size > *qp->heaviest) *qp->heaviest = size;
     }
-    square(n, k, J, wanted, qp->P, n, qp->g);
-    for (int64_t c = 0; c < plan->tree->nv; c++) qp->P[c * n + c] += damping[c];
+    double *to = plan->rows ? kept.damping + block->level * nv : qp->P;
+    for (int64_t c = 0; c < nv; c++) to[c * (plan->rows ? 1 : n + 1)] += damping[c];
+    if (block->second)
+        for (int64_t i = 0; i < nv * nv; i++) kept.curvature[block->level * nv * nv + i] += curvature[i];
+    if (!plan->rows) square(n, k, J, wanted, qp->P, n, qp->g);
 }
 
 void decide_errors(const wbc_plan *plan, const wbc_qp *qp) {

@@ -17,6 +17,11 @@ static const double MARGIN_BRAKING = 20.0;
 /* As in wbc/controllers/plan.py. */
 static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
 
+/* Where the margin's rows begin among all. */
+static int64_t first_row(const wbc_plan *plan, const wbc_qp *qp) {
+    return qp->m - plan->given_rows - plan->margin->rows;
+}
+
 static double smaller(double a, double b) { return a < b ? a : b; }
 
 /* The speed at which a clearance may be used up: see stopping_speed in wbc/braking.py. */
@@ -76,12 +81,12 @@ static void add_twists(const wbc_plan *plan, const double *state, const double *
 int add_margin(const wbc_plan *plan, const double *state, const double *v, double *scratch,
                const wbc_qp *qp) {
     const wbc_margin *margin = plan->margin;
-    const int64_t nv = plan->tree->nv, n = qp->n, k = margin->rows, before = qp->m - k;
+    const int64_t nv = plan->tree->nv, n = qp->n, k = margin->rows, before = first_row(plan, qp);
     double *nearest = scratch, *rows = nearest + 7 * k, *twist = rows + k * nv;
     double *work = twist + 6 * plan->tree->joints;
     const wbc_closing closing = closing_at(plan, v, twist);
     const double now = plan->torque ? MARGIN_BRAKING * plan->dt : INFINITY;
-    int64_t *chosen = usual_columns(plan, qp) + qp->k;
+    int64_t *chosen = usual_columns(plan, qp) + most_equalities(plan);
     if (plan->torque) add_twists(plan, state, v, twist);
     const int said = soonest(margin->of, state, k, margin->kept, plan->torque ? &closing : 0, work,
                              chosen, nearest);
@@ -133,7 +138,7 @@ static double bend(const wbc_margin *margin, int64_t pair, const double *step,
 static int64_t watched(const wbc_plan *plan, const wbc_qp *qp, const double *v,
                        const double *step, double *turns, int64_t *pairs) {
     const wbc_margin *margin = plan->margin;
-    const int64_t nv = plan->tree->nv, k = margin->rows, before = qp->m - k;
+    const int64_t nv = plan->tree->nv, k = margin->rows, before = first_row(plan, qp);
     double farthest = -INFINITY, way = 0.0;
     int64_t count = 0;
     const wbc_closing closing = closing_at(plan, v, 0);

@@ -1,6 +1,6 @@
-/* The QP of a plain tick: what the laws of wbc/laws.py, Limits.box and assemble in
- * wbc/controllers/plan.py say, and at the torque level the dynamics, torque bounds and cones of
- * wbc/controllers/torque.py.
+/* The QP of a tick's first level: the rows of tasks and contacts by the laws of both control levels, the
+ * box of the limits, inequality rows, and at the torque level dynamics, torque bounds and cones. Other
+ * levels: levels.c.
  */
 #include "problem.h"
 #include "margin.h"
@@ -9,16 +9,21 @@
 
 #include <string.h>
 
-/* As in wbc/constraints/limits.py. */
+/* A joint this little outside its limit [rad or m] is at the limit: which side rounding leaves it on must
+ * not decide whether a cost that outweighs all tasks appears. FAR stands for no limit. */
 static const double AT_LIMIT = 1e-9, FAR = 1e12;
-/* As in wbc/controllers/reachable.py. */
+/* What limits ask of a joint beyond the braking that they count on, by that: the reserve. Joints come to
+ * their limits as exp(-t / ARRIVAL) at the end [s], and what they are too fast by goes as exp(-t / SETTLE). */
 static const double BRAKING = 2.0, ARRIVAL = 0.02, SETTLE = 0.02;
+/* Recovery outweighs the tasks by this (squared) factor, the heaviest of which counts as no less. */
+static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
 /* As in wbc/qp/problem.py. */
 static const double LARGEST = 1e150;
 
 void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->passives + plan->held;
-    const int64_t m = plan->bounded + plan->cones + margin_rows(plan), D = plan->torque ? nv : 0;
+    const int64_t m = plan->bounded + plan->cones + margin_rows(plan) + plan->given_rows;
+    const int64_t D = plan->torque ? nv : 0;
     double *at = plan->out;
     qp->n = n, qp->k = k, qp->m = m, qp->eps = plan->eps;
     qp->P = at, at += n * n;
@@ -38,7 +43,7 @@ void lay_out(const wbc_plan *plan, wbc_qp *qp) {
     qp->y = at, at += k;
     qp->z = at, at += m;
     qp->z_box = at, at += n;
-    qp->found = at, at += 4;
+    qp->found = at, at += 5;
     qp->exact = at, at += plan->torque ? nv : 0;
     qp->torque = at, at += plan->torque ? nv - 6 : 0;
     qp->clearance = at, at += margin_rows(plan);
@@ -88,8 +93,10 @@ static double braking_speed(double distance, double most, double deceleration, d
     return speed > most ? most : speed;
 }
 
-/* The bound on the speed towards one side, some distance away: arrival_box in
- * wbc/controllers/reachable.py. */
+/* The bound on the speed towards one side at the torque level, some distance away, so that joints arrive
+ * without chatter: u(x - v dt) + (1 - dt / S) (v - u(x)), where u(x) is the rate from which a joint stops
+ * within x. One at u(x) stays there, what it is faster by is lost with the time constant S, and what lies
+ * outside comes back with T: one law, without a switch. */
 static double arriving(double distance, double towards, double speed, double faster,
                        double deceleration, double dt) {
     const double wait = ARRIVAL > dt ? ARRIVAL : dt, left = distance > FAR ? FAR : distance;
@@ -98,19 +105,27 @@ static double arriving(double distance, double towards, double speed, double fas
     double most = braking_speed(left - dt * towards, speed, deceleration, wait);
     most += kept * (towards - now);
     if (most > speed || left >= FAR) most = speed;
-    const double start = (towards > 0.0 ? towards : 0.0) + faster;
-    if (most > start) most = start;
+    if (most > faster) most = faster;
     const double reach = towards - BRAKING * dt * deceleration;
     return most < reach ? reach : most;
 }
 
-/* The box on v+ of wbc.constraints.Limits with free braking, at the torque level of arrival_box. */
-static int bound(const wbc_plan *plan, const double *q, const double *v, double *lower,
-                 double *upper) {
+/* A joint outside its limits is moved back by a cost that outweighs all others. */
+static void recover(const wbc_plan *plan, int64_t c, double outside, double speed, const wbc_qp *qp) {
+    const double weight = RECOVERY_FACTOR * (*qp->heaviest > IDLE ? *qp->heaviest : IDLE);
+    double rate = -plan->recovery / plan->dt * outside;
+    rate = rate > speed ? speed : rate < -speed ? -speed : rate;
+    qp->P[c * qp->n + c] += weight;
+    qp->g[c] -= weight * rate;
+}
+
+/* The box on v+ of wbc.constraints.Limits: from where a joint can still stop, and how fast it speeds up (and
+ * slows down, if that is bounded); at the torque level how it arrives. */
+static void bound(const wbc_plan *plan, const double *q, const double *v, const wbc_qp *qp) {
     const int64_t n = plan->tree->nv - 6;
     const double *lo = plan->limit, *up = lo + n, *speed = up + n, *slow = speed + n;
     const double dt = plan->dt, *braked = slow + n, *base = braked + n;
-    for (int i = 0; i < 6; i++) lower[i] = base[i], upper[i] = base[6 + i];
+    for (int i = 0; i < 6; i++) qp->lower[i] = base[i], qp->upper[i] = base[6 + i];
     for (int64_t k = 0; k < n; k++) {
         const double position = joint_position(plan, q, k), start = slow[k] * dt;
         const double left[2] = {position - lo[k], up[k] - position};
@@ -118,27 +133,39 @@ static int bound(const wbc_plan *plan, const double *q, const double *v, double 
         for (int side = 0; side < 2; side++) {
             const double towards = side ? v[6 + k] : -v[6 + k];
             if (plan->torque) {
-                most[side] = arriving(left[side], towards, speed[k], start, braked[k], dt);
+                const double now = plan->braked || towards > 0.0 ? towards : 0.0;
+                most[side] = arriving(left[side], towards, speed[k], now + start, braked[k], dt);
                 continue;
             }
-            if (left[side] < -AT_LIMIT) return OUTSIDE_LIMITS;
-            /* It may stop, and start the other way in the same tick. */
-            const double change = towards + start, limit = change > start ? change : start;
-            most[side] = speed[k] > limit ? limit : speed[k];
+            most[side] = speed[k];
+            const double change = towards + start;
+            if (!plan->braked) { /* it may stop, and start the other way in the same tick */
+                const double limit = change > start ? change : start;
+                if (most[side] > limit) most[side] = limit;
+            }
             const double reach = left[side] < 0.0 ? 0.0 : left[side];
             /* Without limits on speed and acceleration that distance is not a number. */
             if (left[side] <= FAR && !(reach >= stops_within(most[side], slow[k], dt))) {
                 const double slowed = stopping(reach, slow[k], dt);
                 if (most[side] > slowed) most[side] = slowed;
             }
+            if (left[side] < -AT_LIMIT)
+                recover(plan, 6 + k, side ? -left[side] : left[side], speed[k], qp);
+        }
+        if (plan->braked && !plan->torque) { /* its own limits may ask for harder braking: they win */
+            const double other[2] = {-most[1], -most[0]};
+            for (int side = 0; side < 2; side++) {
+                const double change = (side ? v[6 + k] : -v[6 + k]) + start;
+                if (most[side] > change) most[side] = change;
+                if (most[side] < other[side]) most[side] = other[side];
+            }
         }
         if (plan->torque && most[0] + most[1] < 0.0) { /* contradicting: between them */
             const double between = 0.5 * (most[1] - most[0]);
             most[0] = -between, most[1] = between;
         }
-        lower[6 + k] = -most[0], upper[6 + k] = most[1];
+        qp->lower[6 + k] = -most[0], qp->upper[6 + k] = most[1];
     }
-    return DONE;
 }
 
 /* What the forces of contacts do to v: the columns of D behind v+, negative. */
@@ -215,40 +242,72 @@ static double wanted_rate(const wbc_plan *plan, const double *number, double err
     return moving + plan->dt * (-number[STIFFNESS] * error - number[DAMPING] * (moving + bias) - drift);
 }
 
-/* Add a block to the costs or to the equalities; false: handed over. The damping that it asks for
- * is added to damping, and heaviest is the largest square of a weighted row. */
-WIDE static int add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
-                     double *J, const wbc_qp *qp, double *damping) {
+/* Of the costs of a block what damps the step: curvature that they leave out, errors out of reach. */
+static void add_damping(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
+                        const double *error, double curved, double *work, const wbc_qp *qp,
+                        double *damping) {
+    const int64_t nv = plan->tree->nv, k = block->rows;
+    const double *number = plan->number + block->number, *weight = number + WEIGHTS;
+    double own = number[HALF_GAIN] * curved;
+    const wbc_costs kept = kept_costs(plan);
+    if (block->kind == INERTIA_ENTRIES && block->second)
+        add_curvature(plan, block, at->state, at->frames, error, work,
+                      kept.curvature + block->level * nv * nv);
+    else if (block->kind == INERTIA_ENTRIES && number[HALF_GAIN] > 0.0)
+        damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN], work,
+                          plan->rows ? kept.damping + block->level * nv : qp->P,
+                          plan->rows ? 1 : qp->n + 1);
+    if (number[LM_DAMPING] > 0.0) {
+        double sum = 0.0;
+        for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];
+        own += number[LM_DAMPING] * sqrt(sum);
+    }
+    if (plan->rows)
+        for (int64_t c = 0; c < nv; c++) kept.damping[block->level * nv + c] += own;
+    else
+        *damping += own;
+}
+
+/* Rows of a contact become equalities, those of a cost are kept for all levels. */
+static void keep_row(const wbc_plan *plan, const wbc_block *block, int64_t i, const double *row,
+                     double rate, double bias, const wbc_qp *qp) {
+    const int64_t nv = plan->tree->nv, n = qp->n, r = block->first + i;
+    const wbc_costs kept = kept_costs(plan);
+    double *to = block->held ? qp->A + (plan->passives + r) * n : kept.matrix + r * n;
+    if (block->kind == JOINTS && !block->held)
+        memset(to, 0, nv * sizeof *to), to[6 + plan->index[block->index + i]] = 1.0;
+    else
+        memcpy(to, row, nv * sizeof *to);
+    memset(to + nv, 0, (n - nv) * sizeof *to);
+    if (block->held)
+        qp->b[plan->passives + r] = rate;
+    else
+        kept.target[r] = rate, kept.bias[r] = bias;
+}
+
+/* Add a block to the costs or to the equalities. The damping that it asks for is added to damping, and
+ * heaviest is the largest square of a weighted row. */
+WIDE static void add_block(const wbc_plan *plan, const wbc_block *block, const wbc_state_at *at,
+                           double *J, const wbc_qp *qp, double *damping) {
     const int64_t nv = plan->tree->nv, n = qp->n, k = block->rows;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     double *e = J + k * nv, *bias = e + k, *drift = bias + k, *wanted = drift + k, curved;
     double *error = block->held ? e : qp->errors + block->first;
     const int is_diagonal = block->kind == JOINTS && !block->held;
-    if (!evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved)) return 0;
+    evaluate(plan, block, at->state, at->frames, at->q, J, error, bias, &curved);
     if (plan->torque)
         drift_of(plan, block, at->state, at->frames, at->motion, at->accelerations, error, drift);
     else {
         memset(drift, 0, k * sizeof *drift);
-        if (!block->held) *damping += number[HALF_GAIN] * curved;
-        if (!block->held && block->kind == INERTIA_ENTRIES && number[HALF_GAIN] > 0.0)
-            damp_by_curvature(plan, block, at->state, at->frames, error, number[HALF_GAIN],
-                              wanted + k, qp->P, n);
-        if (!block->held && number[LM_DAMPING] > 0.0) {
-            double sum = 0.0;
-            for (int64_t i = 0; i < k; i++) sum += weight[i] * error[i] * weight[i] * error[i];
-            *damping += number[LM_DAMPING] * sqrt(sum);
-        }
+        if (!block->held) add_damping(plan, block, at, error, curved, wanted + k, qp, damping);
     }
     for (int64_t i = 0; i < k; i++) {
         const int64_t c = 6 + plan->index[block->index + i];
         double *row = J + i * nv, moving = 0.0, size = weight[i] * weight[i];
         if (plan->torque) moving = is_diagonal ? at->v[c] : dot(nv, row, at->v);
         const double rate = wanted_rate(plan, number, error[i], bias[i], drift[i], moving);
-        if (block->held) {
-            double *to = qp->A + (plan->passives + block->first + i) * n;
-            memcpy(to, row, nv * sizeof *to);
-            memset(to + nv, 0, (n - nv) * sizeof *to);
-            qp->b[plan->passives + block->first + i] = rate;
+        if (block->held || plan->rows) {
+            keep_row(plan, block, i, row, rate, bias[i], qp);
             continue;
         }
         wanted[i] = weight[i] * rate;
@@ -261,8 +320,87 @@ WIDE static int add_block(const wbc_plan *plan, const wbc_block *block, const wb
         }
         if (size > *qp->heaviest) *qp->heaviest = size;
     }
-    if (!block->held && !is_diagonal) square(nv, k, J, wanted, qp->P, n, qp->g);
-    return 1;
+    if (!block->held && !plan->rows && !is_diagonal) square(nv, k, J, wanted, qp->P, n, qp->g);
+}
+
+WIDE int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
+                       double *heaviest) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces;
+    const wbc_costs kept = kept_costs(plan);
+    int64_t wide = nv;
+    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
+        if (block->held || (level >= 0 && block->level != level)) continue;
+        const double *weight = plan->number + block->number + WEIGHTS;
+        const int64_t k = block->rows, width = block->kind == GIVEN ? n : nv;
+        double *wanted = J + k * width;
+        if (width > wide) wide = width;
+        for (int64_t i = 0; i < k; i++) {
+            const double *from = kept.matrix + (block->first + i) * n;
+            const int64_t c = 6 + plan->index[block->index + i];
+            double *row = J + i * width, size = weight[i] * weight[i];
+            wanted[i] = weight[i] * kept.target[block->first + i];
+            if (block->kind == JOINTS)
+                P[c * n + c] += size, g[c] -= weight[i] * wanted[i];
+            else {
+                for (int64_t j = 0; j < width; j++) row[j] = weight[i] * from[j];
+                size = dot(width, row, row);
+            }
+            if (size > *heaviest) *heaviest = size;
+        }
+        if (block->kind != JOINTS) square(width, k, J, wanted, P, n, g);
+    }
+    return wide;
+}
+
+void close_cost(const wbc_plan *plan, int64_t level, int64_t wide, const double *v, double damping,
+                double *work, double *P, double *g) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces;
+    const int64_t first = level < 0 ? 0 : level, last = level < 0 ? plan->levels - 1 : level;
+    const wbc_costs kept = kept_costs(plan);
+    for (int64_t i = 0; i < wide; i++)
+        for (int64_t j = i + 1; j < wide; j++) P[j * n + i] = P[i * n + j];
+    if (plan->curved) {
+        double *H = work, largest = 0.0;
+        for (int64_t i = 0; i < nv; i++) memcpy(H + i * nv, P + i * n, nv * sizeof *H);
+        for (int64_t l = first; l <= last; l++)
+            for (int64_t i = 0; i < nv * nv; i++) {
+                const double entry = kept.curvature[l * nv * nv + i];
+                H[i] += entry;
+                if (fabs(entry) > largest) largest = fabs(entry);
+            }
+        if (largest > 0.0) {
+            convexify(nv, H, H + nv * nv);
+            for (int64_t i = 0; i < nv; i++) memcpy(P + i * n, H + i * nv, nv * sizeof *H);
+        }
+    }
+    for (int64_t l = first; plan->rows && l <= last; l++)
+        for (int64_t i = 0; i < nv; i++) P[i * n + i] += kept.damping[l * nv + i];
+    for (int64_t i = 0; i < n; i++) {
+        P[i * n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
+        if (plan->torque && i < nv) g[i] -= plan->damping[i] * v[i];
+    }
+}
+
+/* Inequality rows that were worked out by others, behind all others, and what they push at. */
+static void add_given_bounds(const wbc_plan *plan, const wbc_qp *qp) {
+    const int64_t nv = plan->tree->nv, n = qp->n, k = plan->given_rows, begin = qp->m - k;
+    const double *lower = plan->given + k * nv, *upper = lower + k;
+    for (int64_t r = 0; r < k; r++) {
+        double *to = qp->C + (begin + r) * n;
+        memcpy(to, plan->given + r * nv, nv * sizeof *to);
+        memset(to + nv, 0, (n - nv) * sizeof *to);
+        qp->l[begin + r] = lower[r], qp->u[begin + r] = upper[r];
+    }
+    const double most = *qp->heaviest > IDLE ? *qp->heaviest : IDLE;
+    const double *target = plan->push + plan->pushes * nv, *weight = target + plan->pushes;
+    for (int64_t r = 0; r < plan->pushes; r++) {
+        const double *row = plan->push + r * nv, size = RECOVERY_FACTOR * most * weight[r] * weight[r];
+        for (int64_t i = 0; i < nv; i++) {
+            if (row[i] == 0.0) continue;
+            for (int64_t j = i; j < nv; j++) qp->P[i * n + j] += size * row[i] * row[j];
+            qp->g[i] -= size * target[r] * row[i];
+        }
+    }
 }
 
 INLINE int is_sound(const double *values, int64_t n) {
@@ -301,6 +439,9 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     memset(qp.P, 0, qp.n * qp.n * sizeof *qp.P);
     memset(qp.g, 0, qp.n * sizeof *qp.g);
     *qp.heaviest = 0.0;
+    if (plan->rows)
+        memset(kept_costs(plan).damping, 0,
+               plan->levels * nv * (plan->curved ? 1 + nv : 1) * sizeof *plan->rows);
     wbc_frames(plan->tree, state, plan->frames, plan->frame_joint, plan->frame_placement, frames);
     if (plan->torque) {
         wbc_motion(plan->tree, state, v, motion, J);
@@ -311,19 +452,25 @@ int wbc_problem(const wbc_plan *plan, const double *state, const double *q, cons
     for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
         if (block->kind == GIVEN)
             add_given(plan, block, J, &qp), wide = qp.n;
-        else if (!add_block(plan, block, &at, J, &qp, &damping))
-            return HALF_A_TURN;
+        else
+            add_block(plan, block, &at, J, &qp, &damping);
+    if (plan->rows) wide = add_costs(plan, 0, J, qp.P, qp.g, qp.heaviest);
     const int kept = plan->margin ? add_margin(plan, state, v, J, &qp) : DONE;
     if (kept != DONE) return kept;
-    for (int64_t i = 0; i < qp.n; i++) {
-        qp.P[i * qp.n + i] += plan->damping[i] + (i < nv ? damping : 0.0);
-        if (plan->torque && i < nv) qp.g[i] -= plan->damping[i] * v[i];
-    }
-    for (int64_t i = 0; i < wide; i++)
-        for (int64_t j = i + 1; j < wide; j++) qp.P[j * qp.n + i] = qp.P[i * qp.n + j];
-    for (int64_t i = 0; i < nv; i++) {
-        qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
-    }
-    if (plan->limited && bound(plan, q, v, qp.lower, qp.upper) != DONE) return OUTSIDE_LIMITS;
+    add_given_bounds(plan, &qp);
+    for (int64_t i = 0; i < nv; i++) qp.lower[i] = -INFINITY, qp.upper[i] = INFINITY;
+    if (plan->limited) bound(plan, q, v, &qp);
+    close_cost(plan, 0, wide, v, damping, J, qp.P, qp.g);
     return is_qp(&qp) ? DONE : NOT_FINITE;
+}
+
+int wbc_cost(const wbc_plan *plan, const double *q, const double *v, int64_t level, double *P,
+             double *g) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces;
+    double heaviest = 0.0;
+    memset(P, 0, n * n * sizeof *P);
+    memset(g, 0, n * sizeof *g);
+    const int64_t wide = add_costs(plan, level, plan->scratch, P, g, &heaviest);
+    close_cost(plan, level, wide, velocity_of(plan->tree, q, v), 0.0, plan->scratch, P, g);
+    return DONE;
 }

@@ -10,10 +10,15 @@
 /* Behind each other in plan->out, in the order in which wbc/controllers/native_memory.py reads. */
 void lay_out(const wbc_plan *plan, wbc_qp *qp);
 
+/* Of a level's QP: those of the contacts and of physics, and what the levels above achieve. */
+static inline int64_t most_equalities(const wbc_plan *plan) {
+    return plan->passives + plan->held + (plan->levels > 1 ? plan->costs : 0);
+}
+
 /* In plan->order, behind what reduce works in: the columns that were eliminated (k), which last from
  * tick to tick, then numbers of pairs, then what the active-set method works in. */
-static inline int64_t *usual_columns(const wbc_plan *plan, const wbc_qp *qp) {
-    return plan->order + 2 * qp->n + qp->k + 1;
+static inline int64_t *usual_columns(const wbc_plan *plan, const wbc_qp *first) {
+    return plan->order + 2 * first->n + most_equalities(plan) + 1;
 }
 
 /* Whether its numbers are finite, and lower bounds below upper ones. */
@@ -33,11 +38,36 @@ int least(int64_t n, const double *H, int64_t stride, const double *f, double *t
 void square(int64_t nv, int64_t rows, const double *restrict J, const double *wanted,
             double *restrict P, int64_t n, double *restrict g);
 
+/* Write the cost of one level, or of all (-1), that was kept in plan->rows, to the upper half of P (n, n)
+ * and to g, and the largest square of a weighted row to heaviest. J holds the rows (n) of a block, and as
+ * many numbers more. Returns how many unknowns it speaks of. */
+int64_t add_costs(const wbc_plan *plan, int64_t level, double *J, double *P, double *g,
+                  double *heaviest);
+/* What is left to do for a cost: its lower half, curvature, damping. */
+void close_cost(const wbc_plan *plan, int64_t level, int64_t wide, const double *v, double damping,
+                double *work, double *P, double *g);
+
+/* What plan->rows holds. */
+typedef struct {
+    double *matrix, *target, *bias, *damping, *curvature;
+} wbc_costs;
+static inline wbc_costs kept_costs(const wbc_plan *plan) {
+    const int64_t nv = plan->tree->nv, n = nv + plan->forces, k = plan->costs;
+    wbc_costs at = {plan->rows, 0, 0, 0, 0};
+    at.target = at.matrix + k * n, at.bias = at.target + k, at.damping = at.bias + k;
+    at.curvature = at.damping + plan->levels * nv;
+    return at;
+}
+
 /* Add a block of GIVEN rows to the costs; J holds rows (n) and as many numbers more. */
 void add_given(const wbc_plan *plan, const wbc_block *block, double *J, const wbc_qp *qp);
 
 /* Write the errors of GIVEN rows that are about the answer itself. */
 void decide_errors(const wbc_plan *plan, const wbc_qp *qp);
+
+/* H (n, n) becomes the nearest matrix that a QP can use: its eigenvalues made positive, as in a
+ * saddle-free Newton method (Dauphin et al. 2014). work holds n (n + 3) numbers. */
+void convexify(int64_t n, double *H, double *work);
 
 /* A measured state, and what was found at it. */
 typedef struct {

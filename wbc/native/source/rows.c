@@ -5,14 +5,14 @@
 
 #include <string.h>
 
-/* Nearer to half a turn than this [rad] the logarithm is left to Pinocchio. */
+/* Nearer to half a turn than this [rad] the axis is taken from the symmetric part. */
 static const double TURN = 0.01;
 /* Below this angle [rad] series, which lose nothing. */
 static const double SMALL = 0.1;
 static const double PI = 3.14159265358979323846;
 
-/* Rotation vector of R; false too near to half a turn. */
-static int logarithm(const double *R, double *r) {
+/* Rotation vector of R; near half a turn its axis is that of R + R', since sines say little there. */
+static void logarithm(const double *R, double *r) {
     const double w[3] = {0.5 * (R[7] - R[5]), 0.5 * (R[2] - R[6]), 0.5 * (R[3] - R[1])};
     const double sine = sqrt(dot3(w, w)), cosine = 0.5 * (R[0] + R[4] + R[8] - 1.0);
     double factor;
@@ -22,11 +22,19 @@ static int logarithm(const double *R, double *r) {
                  s * (945.0 / 42240 + s * (10395.0 / 599040))))));
     } else {
         const double angle = atan2(sine, cosine);
-        if (!(angle < PI - TURN)) return 0;
+        if (!(angle < PI - TURN)) { /* the largest diagonal entry has the largest part of the axis */
+            const int i = R[0] >= R[4] ? (R[0] >= R[8] ? 0 : 2) : R[4] >= R[8] ? 1 : 2;
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            double part[3];
+            part[i] = 1.0 + R[4 * i] - R[4 * j] - R[4 * k];
+            part[j] = R[3 * i + j] + R[3 * j + i], part[k] = R[3 * i + k] + R[3 * k + i];
+            const double sign = w[i] < 0.0 ? -1.0 : 1.0, length = sqrt(dot3(part, part));
+            for (int m = 0; m < 3; m++) r[m] = sign * angle * part[m] / length;
+            return;
+        }
         factor = angle / sine;
     }
     for (int i = 0; i < 3; i++) r[i] = factor * w[i];
-    return 1;
 }
 
 /* J of d(log R)/dt = J w, w in R's own axes: 1 + [r]/2 + c [r]^2. */
@@ -81,9 +89,9 @@ WIDE static void combine(int64_t nv, const double *s, const double *R, double *r
     add_rows(nv, 6, s, R, nv, row);
 }
 
-int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
-             const double *frames, const double *q, double *J, double *e, double *bias,
-             double *bound) {
+void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
+              const double *frames, const double *q, double *J, double *e, double *bias,
+              double *bound) {
     const int64_t nv = plan->tree->nv, k = block->rows, *chosen = plan->index + block->index;
     const double *number = plan->number + block->number, *weight = number + WEIGHTS;
     const double *own = weight + 3 * k;
@@ -105,11 +113,11 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
         }
         for (int i = 0; i < 3; i++) arm[i] = position[i] - frames[i];
         *bound = sqrt(sum) * (sqrt(dot3(arm, arm)) + 1.5 * sqrt(trace / own[3]));
-        return 1;
+        return;
     }
     case ORIENTATION: /* own: target (3, 3), its angular velocity (3) and acceleration (3) */
         transposed_product3(own, R, relative);
-        if (!logarithm(relative, e)) return 0;
+        logarithm(relative, e);
         log_jacobian(e, matrix);
         for (int i = 0; i < 3; i++) times3(R, matrix + 3 * i, to_error + 3 * i);
         for (int i = 0; i < 3; i++) {
@@ -119,7 +127,7 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
                                 T[2] * jacobian[5 * nv + c];
             bias[i] = -dot3(T, own + 9);
         }
-        return 1;
+        return;
     case INERTIA_ENTRIES: { /* own: selection (k, 6), what it should give (k) */
         const double *I = state + INERTIA, *rates = state + INERTIA_JACOBIAN(nv);
         const double entries[6] = {I[0], I[1], I[2], I[4], I[5], I[8]};
@@ -145,7 +153,7 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
                 J[i * nv + c] = c < 6 ? 0.0 : sum;
             }
         }
-        return 1;
+        return;
     }
     case JOINTS: /* own: wanted positions (k); costs need no matrix: 1 at 6 + chosen */
         if (block->held) {
@@ -156,24 +164,24 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
             e[i] = joint_position(plan, q, chosen[i]) - own[i];
             if (is_continuous(plan, chosen[i])) e[i] = remainder(e[i], 2.0 * PI);
         }
-        return 1;
+        return;
     case MOMENTUM_ENTRIES:
         for (int64_t i = 0; i < k; i++) {
             e[i] = 0.0;
             copy_row(J + i * nv, state + CENTROIDAL_MAP + chosen[i] * nv, nv);
         }
-        return 1;
+        return;
     case CONTACT: { /* own: position (3), rotation (3, 3) */
         double drift[6], turn[3];
         for (int i = 0; i < 3; i++) drift[i] = frame[i] - own[i];
         transposed_product3(own + 3, R, relative);
-        if (!logarithm(relative, turn)) return 0;
+        logarithm(relative, turn);
         times3(R, turn, drift + 3);
         for (int64_t i = 0; i < k; i++) {
             e[i] = drift[chosen[i]];
             copy_row(J + i * nv, jacobian + chosen[i] * nv, nv);
         }
-        return 1;
+        return;
     }
     default: /* LINEAR in the joints; own: matrix (k, nv), offsets (k) */
         copy_row(J, own, k * nv);
@@ -183,7 +191,7 @@ int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
                 if (own[i * nv + c] != 0.0)
                     e[i] += own[i * nv + c] * joint_position(plan, q, c - 6);
         }
-        return 1;
+        return;
     }
 }
 

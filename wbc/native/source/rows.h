@@ -11,17 +11,20 @@
 /* Position of a joint [rad or m]; start is negative, and one less, where q holds (cos, sin). */
 double joint_position(const wbc_plan *plan, const double *q, int64_t joint);
 
-/* Errors e and matrix J (rows, nv) of a block, its bias, and what curvature it leaves out; false:
- * handed over. Joints among the costs get no matrix. */
-int evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
-             const double *frames, const double *q, double *J, double *e, double *bias,
-             double *bound);
+/* Errors e and matrix J (rows, nv) of a block, its bias, and what curvature it leaves out. Joints among
+ * the costs get no matrix. */
+void evaluate(const wbc_plan *plan, const wbc_block *block, const double *state,
+              const double *frames, const double *q, double *J, double *e, double *bias,
+              double *bound);
 
-/* Add to the diagonal of P (n, n) factor times the row sums of what curvature an inertia block of
- * errors e leaves out, which evaluate does not count; work holds nv (nv + 12) numbers. */
+/* What curvature an inertia block of errors e leaves out, which evaluate does not count: add factor times
+ * the sums of its rows' sizes to to (nv), stride apart; add it to H (nv, nv). work holds nv (nv + 12)
+ * numbers. */
 void damp_by_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
                        const double *frames, const double *e, double factor, double *work,
-                       double *P, int64_t n);
+                       double *to, int64_t stride);
+void add_curvature(const wbc_plan *plan, const wbc_block *block, const double *state,
+                   const double *frames, const double *e, double *work, double *H);
 
 /* Second derivatives of a block's errors e at zero acceleration of v; the accelerations (6) are
  * those of the plan's frames. */

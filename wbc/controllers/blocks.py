@@ -1,7 +1,9 @@
-"""Tasks and contacts as the native core reads them: blocks of rows, and the numbers of each.
+"""Tasks and contacts as the core reads them: blocks of rows, and the numbers of each.
 
 What a task is about is planned once; its numbers (targets, weights, gains) are written again when
-an attribute of the task was set, and where only its target was, those that move with it.
+an attribute of the task was set, and where only its target was, those that move with it. Tasks that
+do not describe their rows (one's own, those about forces, inertia in a frame's axes) work them out
+in Python in each tick, and the core takes them as they are: see :class:`PythonPart`.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.laws import AccelerationLaw, VelocityLaw
-from wbc.native.rows import NativeRows
+from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
+from wbc.native.rows import Kind, NativeRows
+from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -28,7 +31,7 @@ class Block(ctypes.Structure):
 
     _fields_ = [
         (name, ctypes.c_int64)
-        for name in ("kind", "held", "rows", "first", "frame", "index", "number")
+        for name in ("kind", "held", "rows", "first", "frame", "index", "number", "level", "second")
     ]
 
 
@@ -58,13 +61,27 @@ class Part:
     ----------
     kept:
         The rows of a contact that the QP gets; None for all.
+    held:
+        Whether its rows are met exactly.
     torque:
         Whether the task follows its second-order law.
+    level:
+        Of the costs, the most important is 0.
+    scale:
+        Factor on the weights: of a contact that may give way.
     """
 
-    def __init__(self, task: Task, kept: Sequence[int] | None, held: bool, torque: bool) -> None:
+    def __init__(
+        self,
+        task: Task,
+        kept: Sequence[int] | None,
+        held: bool,
+        torque: bool,
+        level: int = 0,
+        scale: float = 1.0,
+    ) -> None:
         self.task = task
-        self.held = held
+        self.held, self.level, self._scale = held, level, scale
         self.kept = None if kept is None else list(kept)
         self.torque = torque
         self.rows = described(task, torque)
@@ -77,6 +94,12 @@ class Part:
         self._motion_of = _reader(())  # what reads the latter
         self._motion: tuple[object, ...] = ()  # what they were when they were written
         self._law: VelocityLaw | AccelerationLaw | None = None
+        self._second = self.second
+
+    @property
+    def second(self) -> bool:
+        """Whether the curvature that its rows leave out is in the cost."""
+        return not self.torque and bool(getattr(self.task, "second_order", False))
 
     def chosen(self, rows: NativeRows) -> list[int]:
         """Return the rows of a block that are kept."""
@@ -119,6 +142,8 @@ class Part:
         found = described(task, self.torque)
         if found is None or planned is None or len(found) != len(planned):
             return False
+        if self.second != self._second:
+            return False
         for k, now in enumerate(found):
             if now[:3] != planned[k][:3] or not self._places[k].write(now, self.kept):
                 return False
@@ -134,9 +159,88 @@ class Part:
             if law is not self._law:
                 place.header[:] = _header(law, now, dt)
             own = task.weight[offset : offset + len(now.entries)]
-            place.weight[:] = own if self.kept is None else own[self.kept]
+            place.weight[:] = self._scale * (own if self.kept is None else own[self.kept])
             offset += len(now.entries)
         self._law = law
+
+
+class PythonRows(NamedTuple):
+    """The rows of a task at one snapshot, worked out in Python.
+
+    Attributes
+    ----------
+    residual:
+        Of a task about motion; None: of one about forces, whose error the tick decides.
+    """
+
+    task: Task
+    rows: Rows
+    residual: Residual | None
+
+
+class PythonPart(Part):
+    """One task or contact whose rows are worked out in Python, and where they go.
+
+    Parameters
+    ----------
+    n, nv:
+        How many unknowns there are, and how many of them are the velocity's.
+    unit:
+        Newtons per unit of a force unknown.
+    curved:
+        Whether its residual has a curvature, which goes into the cost.
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        n: int,
+        nv: int,
+        unit: float,
+        curved: bool,
+    ) -> None:
+        task = part.task
+        self._curved = curved and not part.held
+        super().__init__(task, part.kept, part.held, part.torque, part.level, part._scale)
+        chosen = list(range(len(task.rows))) if self.kept is None else self.kept
+        k, none = len(chosen), np.zeros(len(task.rows))
+        self._shape = k, n
+        sizes = (k * n, k, k, nv, *([nv * nv] if self._curved else []))
+        numbers = tuple(np.zeros(size) for size in sizes)
+        frame = getattr(task, "frame", None) if part.held else None
+        entries = tuple(range(len(task.rows)))
+        self.rows = (NativeRows(Kind.GIVEN, frame, entries, none, none, numbers),)
+        self._decided = unit if isinstance(task, ForceTask) else 0.0
+
+    @property
+    def second(self) -> bool:
+        """Whether there is a curvature behind its rows."""
+        return self._curved
+
+    def write(self, dt: float) -> bool:
+        """Take note of a change: all is written in each tick."""
+        self.changes, self.assigned = self.task._changes, self.task._assigned
+        return True
+
+    def fill(self, given: PythonRows) -> bool:
+        """Write the rows of a tick; False: they have a curvature that was not there before."""
+        rows, residual, (k, n), (place,) = given.rows, given.residual, self._shape, self._places
+        if rows.curvature is not None and not self._curved and not self.held:
+            return False
+        matrix, target, told, damping, *curvature = place.rest[2:]
+        matrix = matrix.reshape(k, n)
+        chosen = slice(None) if self.kept is None else self.kept
+        width = rows.matrix.shape[-1]
+        matrix[:, :width], matrix[:, width:] = rows.matrix[chosen], 0.0
+        target[:] = rows.target[chosen]
+        place.weight[:] = self._scale * rows.weight[chosen]
+        damping[:] = rows.damping
+        told[:] = 0.0 if residual is None else residual.error[chosen]
+        if curvature:
+            curvature[0][:] = 0.0 if rows.curvature is None else rows.curvature.ravel()
+        place.header[0] = self._decided if self.torque else rows.rate
+        place.rest[0][:] = 0.0 if rows.bias is None else rows.bias[chosen]
+        return True
 
 
 def _reader(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
@@ -154,7 +258,7 @@ def described(task: Task, torque: bool) -> Sequence[NativeRows] | None:
     if torque:
         return task.native() if type(task.acceleration_law) is AccelerationLaw else None
     law = task.law
-    if type(law) is not VelocityLaw or law.singular_threshold > 0.0:
+    if type(law) is not VelocityLaw:
         return None
     rows = task.native()
     if rows is not None and len(rows) > 1 and law.lm_damping > 0.0:

@@ -1,0 +1,452 @@
+"""The memory of a plan in the core: what is planned once, and where a tick's QPs lie."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Bounds
+from wbc.controllers.blocks import Block, Part
+from wbc.controllers.force_rows import NativeForces, TorqueRows
+from wbc.controllers.margin_rows import NativeMargin
+from wbc.controllers.plan import Plan
+from wbc.native import address
+from wbc.qp.active_set import ActiveSet
+from wbc.qp.problem import QP, Labels
+from wbc.qp.proxqp import ProxQP
+from wbc.robot import Robot
+from wbc.robot.kernel import NativeTree, frame_places
+from wbc.robot.names import BASE
+from wbc.validate import Array
+
+# What the core says: enum said of source/core.h.
+INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = -2, -1, 0, 3
+NOT_MEASURED, LEADS_INSIDE, MORE_ROWS, REDUCED = 4, 5, 6, 7
+_OWN = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u", "x", "y", "z", "z_box", "found")
+_SHARED = ("D", "offset", "errors", "heaviest", "exact", "torque", "clearance", "chosen")
+_LAYOUT = 27  # LAYOUT of source/core.h
+
+
+class _Plan(ctypes.Structure):
+    """``wbc_plan`` of wbc/native/source/core.h."""
+
+    _fields_ = [
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
+            + ("start", "damping", "limit", "force", "corner", "passive", "with_bound")
+            + ("torque_bound", "cone", "force_bound", "joint_damping", "given", "push", "rows")
+            + ("below", "state", "out", "scratch", "order", "margin")
+        ),
+        *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
+        *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
+        *((name, ctypes.c_int64) for name in ("bounded", "cones", "levels", "curved")),
+        *((name, ctypes.c_int64) for name in ("given_rows", "soft", "pushes", "braked")),
+        *((name, ctypes.c_int64) for name in ("outside", "always", "most", "solving")),
+        *((name, ctypes.c_double) for name in ("dt", "mass", "unit", "eps", "recovery")),
+    ]
+
+
+class LevelViews(NamedTuple):
+    """The QP of a level, its answer, and what else is known of a tick: views on its memory.
+
+    Attributes
+    ----------
+    found:
+        (5,) primal, dual and complementarity residual, iterations, levels solved.
+    D, offset:
+        (nv, n), (nv,): base forces and torques by the unknowns; empty at the velocity level.
+    errors:
+        Of all costs, one behind the other.
+    heaviest:
+        (1,) the largest square of a weighted row of the first level.
+    exact, torque:
+        v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
+    clearance, chosen:
+        Of the margin's rows, the last of C [m], and the numbers of their pairs.
+    """
+
+    P: Array
+    A: Array
+    C: Array
+    g: Array
+    lower: Array
+    upper: Array
+    b: Array
+    l: Array  # noqa: E741
+    u: Array
+    x: Array
+    y: Array
+    z: Array
+    z_box: Array
+    found: Array
+    D: Array
+    offset: Array
+    errors: Array
+    heaviest: Array
+    exact: Array
+    torque: Array
+    clearance: Array
+    chosen: Array
+
+
+class Layout:
+    """Where the arrays of a level lie in a tick's memory, as the core says.
+
+    Attributes
+    ----------
+    sizes:
+        n, k, m.
+    out, below:
+        How many numbers there are in all.
+    """
+
+    def __init__(self, at: Sequence[int], level: int, nv: int, torque: bool, costs: int) -> None:
+        n, k, m = self.sizes = tuple(at[:3])
+        self.out, self.below = at[25], at[26]
+        D, pairs = nv * torque, self.out - at[24]
+        counts = [n * n, k * n, m * n, n, n, n, k, m, m, n, k, m, n, 5]
+        counts += [D * n, D, costs, 1, nv * torque, (nv - 6) * torque, pairs, pairs]
+        self.places = [slice(b, b + c) for b, c in zip(at[3:25], counts, strict=True)]
+        self._below = [bool(level) and i < 14 and i != 2 for i in range(22)]
+        x, exact = self.places[9], self.places[18]
+        self.velocity = exact if torque else slice(x.start, x.start + nv)
+        self.contact_forces = slice(x.start + nv, x.start + n)
+        self.torque, self.found = self.places[19], self.places[13]
+
+    def read(self, out: Array, below: Array) -> LevelViews:
+        """Return views on what the core wrote."""
+        n = self.sizes[0]
+        memory = zip(self.places, self._below, strict=True)
+        parts = [(below if there else out)[place] for place, there in memory]
+        for i in (0, 1, 2, 14):
+            parts[i] = parts[i].reshape(-1, n)
+        return LevelViews(*parts)
+
+
+class CoreMemory:
+    """Arrays and structures that the core reads, and what it is called with.
+
+    Parameters
+    ----------
+    rows:
+        What the torque level adds; None at the velocity level.
+    margin:
+        Between the robot's bodies; None: no rows of it.
+    solver:
+        Of the first level: the core itself, or ProxQP, which gets its QP reduced. None: no one's.
+    kept:
+        Whether rows of costs are kept for who looks at them.
+
+    Attributes
+    ----------
+    arrays:
+        What it reads and works in, by the names of ``wbc_plan`` in source/core.h.
+    tree, blocks:
+        The structs that it reads besides, but for the forces'.
+    said:
+        What the core said last.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tree: NativeTree,
+        plan: Plan,
+        parts: Sequence[Part],
+        limits: Limits | None,
+        dt: float,
+        rows: TorqueRows | None,
+        margin: NativeMargin | None,
+        solver: ActiveSet | ProxQP | None,
+        kept: bool,
+    ) -> None:
+        self.tree, self.margin, self.levels = tree, margin, len(plan.levels)
+        self.kept = kept or self.levels > 1 or any(part.second for part in parts)
+        frames, index, blocks = self._plan_blocks(parts)
+        joint, placement = frame_places(robot.model, [robot.frame_id(name) for name in frames])
+        self.forces = None
+        if rows is not None:
+            contacts = (part.task for part in parts for _ in part.rows or ())
+            numbers = {task: number for number, task in enumerate(contacts)}
+            self.forces = NativeForces(rows, numbers, robot.damping)
+        starts = np.array(robot.limits.starts, dtype=np.int64)
+        starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
+        self._slow = None if rows is None else rows.deceleration
+        self.held = sum(block.rows for block in blocks if block.held)
+        self.costs = sum(block.rows for block in blocks if not block.held)
+        self.n, self.k = plan.decision.size, self.held
+        self._m = 0 if margin is None else margin.rows
+        if self.forces is not None:
+            self.k += self.forces.passive.size
+            self._m += self.forces.bounded.size + self.forces.cones
+        self._largest = max((block.rows for block in blocks), default=0)
+        self.curved = any(part.second for part in parts)
+        nv, levels = tree.nv, self.levels
+        kept_size = self.costs * (self.n + 2) + levels * nv * (1 + nv * self.curved)
+        self.blocks = (Block * len(blocks))(*blocks)
+        self.state = np.zeros(tree.frames)
+        self.arrays: dict[str, NDArray[Any]] = {  # the struct points at them
+            "index": np.array(index or [0], dtype=np.int64),
+            "number": self.number,
+            "frame_joint": joint,
+            "frame_placement": placement,
+            "start": starts,
+            "damping": np.array(plan.decision.damping, dtype=float),
+            "limit": _limit_array(limits, self._slow, robot.nv - 6),
+            "given": np.zeros(0),
+            "push": np.zeros(0),
+            "state": self.state,
+        }
+        if self.kept:
+            self.arrays["rows"] = np.zeros(kept_size)
+        counts = {"blocks": len(blocks), "frames": len(frames), "costs": self.costs}
+        self.struct = _Plan(
+            **counts, held=self.held, levels=levels, curved=self.curved, limited=limits is not None,
+            braked=limits is not None and limits.braking == "bounded", dt=dt, mass=robot.mass,
+            unit=1.0, eps=1e-8, most=1000, recovery=0.0 if limits is None else limits.recovery,
+        )  # fmt: skip
+        self._frames = len(frames)
+        self._point(solver)
+        core = tree.core
+        self._problem: Any = core.wbc_problem
+        self._tick: Any = core.wbc_problem if solver is None else core.wbc_tick
+        self._answer: Any = core.wbc_answer
+        self._plan_address = ctypes.addressof(self.struct)
+        self._state_address = address(self.state)
+        self.asked = b""  # q and v
+        self.layout_of = cache(self._layout_of)
+        self._reduced: dict[int, QP] = {}  # by its number of rows
+        self.said = DONE
+        self._fit(0)
+        self.begin()
+
+    def _point(self, solver: ActiveSet | ProxQP | None) -> None:
+        """Let the struct point at all that it needs, of both levels."""
+        struct = self.struct
+        struct.tree, struct.block = self.tree.address, ctypes.addressof(self.blocks)
+        if self.forces is not None:
+            self._add_level(self.forces)
+        if self.margin is not None:
+            struct.margin = self.margin.address
+        for name, array in self.arrays.items():
+            setattr(struct, name, address(array) if array.size else None)
+        if solver is not None:
+            own = solver if isinstance(solver, ActiveSet) else solver.active_set
+            struct.eps, struct.most, struct.outside = own.eps, own.max_iterations, own is not solver
+            struct.always = isinstance(solver, ProxQP) and solver.always
+
+    # ------------------------------------------------------------------ calls
+
+    def begin(self) -> None:
+        """Make memory for the next tick: that of the last is its evidence."""
+        layout = self.layout_of(0, self.struct.given_rows)
+        self.layout = layout
+        self.out, self.below = np.empty(layout.out), np.empty(layout.below)
+        self.struct.out = address(self.out)
+        if layout.below:
+            self.struct.below = address(self.below)
+
+    def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
+        """Run the core in memory that is the tick's own; return what it said.
+
+        Parameters
+        ----------
+        measured:
+            q, and v behind it.
+        state:
+            What the core found there before; None: it looks now.
+        solve:
+            Whether the QP is solved, if that is for the core.
+        """
+        known = None
+        if state is not None:
+            self.state[:] = state[: self.state.size]
+            known = self._state_address
+        self.begin()
+        self.out[self.layout.found] = 0.0
+        self.asked = measured
+        function = self._tick if solve else self._problem
+        self.said = said = function(self._plan_address, known, measured, None)
+        return int(said)
+
+    def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
+        """Whether an answer of the reduced QP makes one of the tick: see :class:`Reduced`."""
+        self.said = self._answer(self._plan_address, self.asked, None, x, z, scale, iterations)
+        return bool(self.said >= 0)
+
+    def solve(self) -> bool:
+        """Whether the core's active-set method does."""
+        self.said = self._answer(self._plan_address, self.asked, None, None, None, 1.0, 0)
+        return bool(self.said >= 0)
+
+    def pose_level(self, level: int) -> int:
+        """Write the QP of a level below the first."""
+        return int(self.tree.core.wbc_pose(self._plan_address, self.asked, None, level))
+
+    def solve_level(self, level: int) -> int:
+        """Solve a level's QP, in the core; of the first REDUCED may be said."""
+        self.said = int(self.tree.core.wbc_solve(self._plan_address, level))
+        return self.said
+
+    def descend(self) -> int:
+        """Solve the levels below the first, whose answer was written, and write the command."""
+        self.said = int(self.tree.core.wbc_descend(self._plan_address, self.asked, None))
+        return self.said
+
+    def finish(self) -> int:
+        """Write the command of the last level that was solved."""
+        self.said = int(self.tree.core.wbc_finish(self._plan_address, self.asked, None))
+        return self.said
+
+    def cost(self, level: int) -> tuple[Array, Array]:
+        """Return P (n, n) and g (n,) of one level, or of all (-1), from the rows that are kept."""
+        P, g = np.empty((self.n, self.n)), np.empty(self.n)
+        places = address(P), address(g)
+        self.tree.core.wbc_cost(self._plan_address, self.asked, None, level, *places)
+        return P, g
+
+    @property
+    def qp(self) -> QP:
+        """What the core left to be solved, a QP without equalities: views on its memory."""
+        rows = int(self.out[self.layout.found][0])
+        found = self._reduced.get(rows)
+        if found is None:
+            found = self._reduced[rows] = self._reduced_qp(rows)
+        return found
+
+    def _reduced_qp(self, rows: int) -> QP:
+        begin = np.zeros(6, dtype=np.int64)
+        self.tree.core.wbc_reduced(self._plan_address, address(begin))
+        left = int(begin[5])
+        memory = self.arrays["scratch"]
+        sizes = left * left, left, left + rows, left + rows, rows * left
+        P, g, low, up, C = (memory[b : b + k] for b, k in zip(begin.tolist(), sizes, strict=False))
+        ends = low[left:], up[left:], low[:left], up[:left]
+        none, labels = np.zeros(0), Labels.numbered(left, 0, rows)
+        shaped = P.reshape(left, left), g, none.reshape(0, left), none, C.reshape(rows, left)
+        return QP(*shaped, *ends, labels)
+
+    @property
+    def iterations(self) -> int:
+        """Of the last answer of the first level."""
+        return int(self.out[self.layout.found][3])
+
+    # ------------------------------------------------------------------ what is written
+
+    def write_limits(self, limits: Limits) -> None:
+        """Take over speeds and accelerations that were assigned."""
+        limit = self.arrays["limit"]
+        limit[:] = _limit_array(limits, self._slow, limits.speed.size)
+
+    def write_bounds(self, bounds: Bounds | None) -> None:
+        """Take over inequality rows that were worked out in Python, and what they push at."""
+        struct, nv = self.struct, self.tree.nv
+        count = 0 if bounds is None else bounds.lower.size
+        if count != struct.given_rows:
+            self._fit(count)
+        struct.given_rows, struct.pushes, struct.soft = count, 0, 0
+        if bounds is None:
+            return
+        give = np.zeros(count) if bounds.slack is None else 1.0 / bounds.slack
+        struct.soft = bounds.slack is not None and bool(give.any())
+        rows = bounds.matrix[:, :nv].ravel(), bounds.lower, bounds.upper, give
+        self._put("given", np.concatenate(rows))
+        if bounds.push is not None:
+            push = bounds.push
+            struct.pushes = push.target.size
+            self._put("push", np.concatenate((push.matrix.ravel(), push.target, push.weight)))
+
+    def _put(self, name: str, array: Array) -> None:
+        self.arrays[name] = array
+        setattr(self.struct, name, address(array) if array.size else None)
+
+    def _fit(self, given: int) -> None:
+        """Make room to work in for so many given rows."""
+        n, m, tree = self.n, self._m + given, self.tree
+        k = self.k + (self.costs if self.levels > 1 else 0)
+        sizes = np.empty(2, dtype=np.int64)
+        tree.core.wbc_sizes(n, k, m, address(sizes))
+        solving, integers = sizes.tolist()
+        solving += m
+        looking = 0 if self.margin is None else self._margin_scratch_size(self.margin)
+        scratch = max(self._scratch_size(), solving + looking)
+        integers += k + (0 if self.margin is None else self.margin.pairs)
+        self.struct.solving = solving
+        if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
+            self._put("scratch", np.zeros(scratch))
+            self._reduced.clear()
+        if "order" not in self.arrays or self.arrays["order"].size < integers:
+            self._put("order", np.zeros(integers, dtype=np.int64))
+        self._reduced.clear()
+
+    def _layout_of(self, level: int, given: int) -> Layout:
+        at = np.zeros(_LAYOUT, dtype=np.int64)
+        before, self.struct.given_rows = self.struct.given_rows, given
+        self.tree.core.wbc_layout(self._plan_address, level, address(at))
+        self.struct.given_rows = before
+        return Layout(at.tolist(), level, self.tree.nv, self.forces is not None, self.costs)
+
+    def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
+        """Return frames, entries and blocks; numbers get their places."""
+        frames, index, blocks = [BASE], list[int](), list[Block]()
+        begins: list[tuple[Part, int]] = []
+        size, counts = 0, [0, 0]  # rows of costs, of contacts
+        for part in parts:
+            for rows in part.rows or ():
+                kept = part.chosen(rows)
+                if rows.frame is not None and rows.frame not in frames:
+                    frames.append(rows.frame)
+                frame = -1 if rows.frame is None else frames.index(rows.frame)
+                first = counts[part.held]
+                places = first, frame, len(index), size, part.level, part.second
+                blocks.append(Block(rows.kind, part.held, len(kept), *places))
+                index += [rows.entries[i] for i in kept]
+                begins.append((part, size))
+                size += part.size(rows)
+                counts[part.held] += len(kept)
+        self.number = np.zeros(size)
+        for part, begin in begins:
+            part.place(self.number[begin:])
+        return frames, index, blocks
+
+    def _scratch_size(self) -> int:
+        """Return how many numbers setting up the QPs needs."""
+        tree, n = self.tree, self.n
+        work = max(self._largest * (n + 4) + tree.nv * (tree.nv + 12), 13 * tree.joints + 17 * n)
+        if self.curved:
+            work += 2 * tree.nv * (tree.nv + 3)
+        if self.margin is not None:
+            rows = self.margin.rows * tree.nv
+            work = max(work, rows + self._margin_scratch_size(self.margin))
+        motion = tree.motion_size if self.forces is not None else 0
+        return self._frames * (tree.frame_size + 6) + motion + work + n
+
+    def _margin_scratch_size(self, margin: NativeMargin) -> int:
+        """Return how many numbers looking where an answer leads needs."""
+        there = 3 * self.tree.nv + 6 * self.tree.joints + 7 * margin.rows
+        return there + 10 * (margin.bodies + margin.pairs)
+
+    def _add_level(self, forces: NativeForces) -> None:
+        """Add what the torque level needs to the arrays and to the struct."""
+        self.arrays |= forces.arrays
+        struct, layout = self.struct, forces.rows.forces
+        struct.force, struct.bearing = ctypes.addressof(forces.structs), forces.count
+        struct.torque, struct.forces, struct.unit = 1, layout.size, layout.unit
+        struct.passives, struct.bounded = forces.passive.size, forces.bounded.size
+        struct.cones = forces.cones
+
+
+def _limit_array(limits: Limits | None, slow: Array | None, n: int) -> Array:
+    """Return bounds, speeds, accelerations, decelerations (5 n) of joints, the base's (12)."""
+    if limits is None:
+        return np.zeros(5 * n + 12)
+    slow = limits.acceleration if slow is None else slow
+    joints = (limits.lower, limits.upper, limits.speed, limits.acceleration, slow)
+    return np.concatenate((*joints, -limits.base_twist, limits.base_twist))

@@ -1,0 +1,286 @@
+"""Ticks in the core: from a snapshot to the answers of all levels' QPs.
+
+A plan is what does not change between ticks. Tasks that do not describe their rows
+(:meth:`wbc.tasks.task.Task.native`) have theirs worked out in Python, and so have constraints but
+the margin between a robot's bodies; all else from the state to the QP is the core's.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import TypeGuard
+
+import numpy as np
+
+from wbc.constraints.collision import SelfCollision
+from wbc.constraints.limits import Limits
+from wbc.constraints.rows import Bounds
+from wbc.controllers.blocks import Part, PythonPart, PythonRows
+from wbc.controllers.contact_forces import NO_RAMPS
+from wbc.controllers.core_memory import DONE, REDUCED, CoreMemory
+from wbc.controllers.core_tick import CoreTick, Names
+from wbc.controllers.force_rows import TorqueRows
+from wbc.controllers.margin_rows import NativeMargin
+from wbc.controllers.plan import Plan
+from wbc.laws import Rows
+from wbc.qp.active_set import ActiveSet
+from wbc.qp.backend import Backend
+from wbc.qp.proxqp import ProxQP
+from wbc.robot import Robot, Snapshot
+from wbc.tasks.force_task import ForceTask
+from wbc.tasks.task import Task
+from wbc.validate import Array
+
+# A command may exceed a bound of its box by this [rad/s or m/s]: what accepted solutions leave.
+TOLERANCE = 1e-6
+_LATER = object()  # of a snapshot that was not asked for anything yet
+
+
+class CorePlan:
+    """What the core needs of a controller; made anew with each plan.
+
+    Its memory belongs to the controller; threads that share one take turns.
+
+    Parameters
+    ----------
+    tasks, forces:
+        Those about motion, and those about forces.
+    rows:
+        What the torque level adds; None at the velocity level.
+    constraint:
+        What is kept apart by the core itself; None: nothing is.
+    looked_into:
+        Whether others change the QPs of levels before they are solved.
+    shares_state:
+        Whether others in the tick look at what the core finds at a state: it is kept then.
+    curved:
+        Tasks in Python whose residuals have a curvature, by name.
+
+    Attributes
+    ----------
+    memory:
+        What the core reads and works in.
+    margin:
+        Between the robot's bodies, kept by the core; None: none is.
+    python_tasks:
+        Tasks about motion, soft contacts and contacts whose rows are worked out in Python.
+    force_tasks:
+        Those about forces, which all are.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Sequence[Task],
+        forces: Sequence[ForceTask],
+        plan: Plan,
+        limits: Limits | None,
+        dt: float,
+        backend: Backend,
+        rows: TorqueRows | None = None,
+        constraint: SelfCollision | None = None,
+        looked_into: bool = False,
+        shares_state: bool = False,
+        soft_weights: Mapping[str, float] | None = None,
+        curved: frozenset[str] = frozenset(),
+    ) -> None:
+        tree = robot.native.tree
+        self._made_of = (
+            *(robot, tasks, forces, plan, limits, dt, backend, rows, constraint),
+            *(looked_into, shares_state, soft_weights, curved),
+        )
+        torque, n = rows is not None, plan.decision.size
+        unit = 0.0 if rows is None else rows.forces.unit
+        weights = {} if soft_weights is None else soft_weights
+        self._parts: list[Part] = []
+        for k, task in enumerate((*tasks, *plan.soft, *forces)):
+            level = next(i for i, members in enumerate(plan.levels) if k in members)
+            scale = float(np.sqrt(weights[task.name])) if task in plan.soft else 1.0
+            self._parts.append(Part(task, None, False, torque, level, scale))
+        for contact, kept in zip(plan.held.contacts, plan.held.kept, strict=True):
+            chosen = None if kept is None else kept.tolist()
+            self._parts.append(Part(contact, chosen, held=True, torque=torque))
+        for k, part in enumerate(self._parts):
+            if part.rows is None:
+                is_curved = part.task.name in curved
+                self._parts[k] = PythonPart(part, n, robot.nv, unit, is_curved)
+        python = [part for part in self._parts if isinstance(part, PythonPart)]
+        self._python = {id(part.task): part for part in python}
+        given = (part.task for part in python)
+        self.python_tasks = tuple(task for task in given if not isinstance(task, ForceTask))
+        self.force_tasks, self.plan = tuple(forces), plan
+        self._dt, self._lock = dt, threading.Lock()
+        self._limits, self._rates = limits, _rates(limits)
+        self._workspace = False, *plan.workspace
+        self._solver = solver = backend if solves(backend) else None
+        self.margin = None if constraint is None else NativeMargin.of(constraint, tree)
+        self.memory = CoreMemory(
+            *(robot, tree, plan, self._parts, limits, dt, rows, self.margin, solver, looked_into)
+        )
+        costs = (*tasks, *plan.soft, *forces)
+        ends = np.cumsum([0, *(len(task.rows) for task in costs)]).tolist()
+        errors = {
+            task.name: slice(begin, end)
+            for task, begin, end in zip(costs, ends, ends[1:], strict=False)
+            if task not in plan.soft
+        }
+        called = [
+            f"level {k}: {', '.join(costs[i].name for i in members)}"
+            for k, members in enumerate(plan.levels)
+        ]
+        self._names = Names(errors, plan.labels, called)
+        self._costs, self._ends = costs, ends
+        self.shares_state, self._braking = shares_state, limits and limits.braking
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), self._made_of  # a copy has memory of its own
+
+    @property
+    def solves(self) -> bool:
+        """Whether the first level is solved in the core, or with its aid."""
+        return self._solver is not None
+
+    @property
+    def heaviest(self) -> float:
+        """Square of the heaviest weight of a cost."""
+        costs = (part for part in self._parts if not part.held)
+        weights = [place.weight for part in costs for place in part._places]
+        return max(float(np.square(weight).max(initial=0.0)) for weight in weights)
+
+    def serves(self, limits: Limits | None, dt: float) -> bool:
+        """Whether limits and time step are still those that the plan was made for."""
+        return (
+            dt == self._dt
+            and limits is self._limits
+            and (limits is None or limits.braking == self._braking)
+            and (self.margin is None or self.margin.serves())
+        )
+
+    def tick(
+        self,
+        snapshot: Snapshot,
+        given: Sequence[PythonRows] = (),
+        bounds: Bounds | None = None,
+        ramps: Mapping[str, float] = NO_RAMPS,
+        begun: float | None = None,
+        solve: bool = True,
+    ) -> CoreTick | None:
+        """Return the QPs at ``snapshot``, maybe solved; None: the plan has to be made anew.
+
+        Parameters
+        ----------
+        given:
+            The rows of tasks that were worked out in Python.
+        bounds:
+            Inequality rows of constraints that were.
+        ramps:
+            The largest normal forces [N] of contacts that come or go.
+        begun:
+            When the tick began [s]; None: now.
+        solve:
+            False: the first level's QP is set up, and nothing is solved.
+        """
+        if begun is None:
+            begun = perf_counter()
+        if self.shares_state:
+            known = snapshot.native_state
+        else:
+            known = snapshot.__dict__.get("native_state", _LATER)
+        state = None if known is _LATER or known is None else known.array
+        memory = self.memory
+        with self._lock:
+            if not self._write(ramps):
+                return None
+            for one in given:
+                if not self._python[id(one.task)].fill(one):
+                    return None
+            if bounds is not None or memory.struct.given_rows:
+                memory.write_bounds(bounds)
+            called = perf_counter()
+            said = memory.call(snapshot.measured, state, solve and self._solver is not None)
+            names = () if bounds is None else bounds.labels
+            slack = None if bounds is None else bounds.slack
+            found = CoreTick(memory, self._names, given, names, slack, begun, called)
+            if solve:
+                self._conclude(found, said)
+            found.done = perf_counter()
+            return found
+
+    def solve_level(self, found: CoreTick, level: int) -> bool:
+        """Solve a level of a tick that was set up, after others looked into its QP."""
+        with self._lock:
+            if level == 0 and self._solver is None:
+                return False
+            said = self.memory.solve_level(level)
+            if said == REDUCED and isinstance(self._solver, ProxQP):
+                bounded = self.memory.forces is not None
+                answered = self._solver.solve_reduced(self.memory, self._workspace, bounded)
+                found.answered = answered
+                return answered is not None
+            return said == DONE
+
+    def _conclude(self, found: CoreTick, said: int) -> None:
+        """Ask ProxQP for what it is to answer; note whether there is a command."""
+        if said == REDUCED and isinstance(self._solver, ProxQP):
+            bounded = self.memory.forces is not None
+            found.answered = self._solver.solve_reduced(self.memory, self._workspace, bounded)
+            said = self.memory.said
+        found.solved = said == DONE and self._solver is not None
+
+    def rows_of(self, found: CoreTick, level: int) -> list[tuple[Task, Rows]]:
+        """Return the rows of a level's costs: views on what the core keeps of them."""
+        memory, nv = self.memory, self.memory.tree.nv
+        n, costs, kept = memory.n, memory.costs, memory.arrays["rows"]
+        matrix = kept[: costs * n].reshape(costs, n)[:, :nv]
+        target, bias = kept[costs * n : costs * (n + 1)], kept[costs * (n + 1) : costs * (n + 2)]
+        rows = []
+        for k in self.plan.levels[level]:
+            task, where = self._costs[k], slice(self._ends[k], self._ends[k + 1])
+            places = self._parts[k]._places
+            weight = np.concatenate([place.weight for place in places])
+            rate = 0.0 if isinstance(task, ForceTask) else float(places[0].header[0])
+            threshold = task.law.singular_threshold
+            one = Rows(
+                matrix[where], target[where], weight, 0.0, None, threshold, rate, bias[where]
+            )
+            rows.append((task, one))
+        return rows
+
+    def _write(self, ramps: Mapping[str, float]) -> bool:
+        """Write what has changed since the last tick; False if that needs another plan."""
+        forces, limits = self.memory.forces, self._limits
+        if limits is not None:
+            speed, acceleration, recovery = self._rates
+            if limits.speed is not speed or limits.acceleration is not acceleration:
+                self.memory.write_limits(limits)
+                self._rates = _rates(limits)
+            if limits.recovery != recovery:
+                self.memory.struct.recovery = limits.recovery
+                self._rates = _rates(limits)
+        for part in self._parts:
+            task = part.task
+            if task._changes != part.changes or task._assigned != part.assigned:
+                if forces is not None and part.held:
+                    forces.stale = True
+                if not part.write(self._dt):
+                    return False
+        return forces is None or forces.write(ramps)
+
+
+def solves(backend: Backend | None) -> TypeGuard[ActiveSet | ProxQP]:
+    """Whether a tick stays with the core until it is solved: by itself, or with ProxQP's aid.
+
+    A command may exceed limits by no more than its residuals.
+    """
+    if not isinstance(backend, ActiveSet | ProxQP) or backend.eps > TOLERANCE:
+        return False
+    return type(backend) is ActiveSet or (type(backend) is ProxQP and backend.warm)
+
+
+def _rates(limits: Limits | None) -> tuple[Array | None, Array | None, float]:
+    """Return what the core was told of the limits that may be assigned, compared by identity."""
+    if limits is None:
+        return None, None, 0.0
+    return limits.speed, limits.acceleration, limits.recovery

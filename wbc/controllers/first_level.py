@@ -1,0 +1,87 @@
+"""Who solves a tick's first level: the backend that was chosen, or, where it fails, the core."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+
+from wbc.controllers.core_memory import INFEASIBLE
+from wbc.controllers.core_tick import CoreTick
+from wbc.qp.active_set import NAME, NO_RESIDUALS, ActiveSet
+from wbc.qp.backend import Backend
+from wbc.qp.conflict import conflict_of
+from wbc.qp.problem import QP
+from wbc.qp.proxqp import ProxQP
+from wbc.qp.solution import Solution, Status
+from wbc.validate import Array
+
+# How far above eps the residuals of a relaxed QP may be: the other choice is a robot that is only
+# brought to rest.
+ENOUGH = 1000.0
+
+
+class FirstLevel:
+    """A backend, and who is asked where it gives no answer.
+
+    Parameters
+    ----------
+    bounded:
+        Whether what has no solution is relaxed: no further search for the rows in conflict.
+    """
+
+    def __init__(self, backend: Backend, bounded: bool) -> None:
+        self._backend, self._bounded = backend, bounded
+        self._own = isinstance(backend, ActiveSet | ProxQP)
+        self._core = ActiveSet(backend.eps if isinstance(backend, ActiveSet | ProxQP) else 1e-8)
+        self._said = False
+
+    def solve(self, found: CoreTick, said: int | None, workspace: Hashable) -> Solution:
+        """Return the checked solution of a tick's first level.
+
+        Parameters
+        ----------
+        said:
+            What the core said of it, if it was asked.
+        workspace:
+            Names the warm start; None: there is none, and will be none.
+        """
+        qp, weights = found.qp_of(0), found.slack_weights
+        if said == INFEASIBLE and weights is None:
+            a = found.views
+            conflict = conflict_of(qp, a.y, a.z, a.z_box)
+            if conflict is not None:
+                nowhere = np.full(qp.g.size, np.nan)
+                parts = nowhere, a.y.copy(), a.z.copy(), a.z_box.copy(), Status.INFEASIBLE
+                return Solution(*parts, NO_RESIDUALS, 0, found.done - found.begun, NAME, conflict)
+        if weights is not None:
+            return self._core.solve_soft(qp, weights)
+        return self._asked(qp, workspace)
+
+    def solve_relaxed(self, qp: QP, weights: Array | None) -> Solution:
+        """Return the checked solution of a relaxed QP, its slacks behind the unknowns."""
+        if weights is None:
+            return self._asked(qp, None)
+        return self._core.solve_soft(qp, weights, ENOUGH * self._core.eps)
+
+    def solve_once(self, qp: QP) -> Solution:
+        """Return the checked solution of a QP that will not come again."""
+        return self._core.solve(qp, quick=True)
+
+    def _asked(self, qp: QP, workspace: Hashable) -> Solution:
+        options: dict[str, Any] = {"quick": True} if self._bounded else {}
+        solution = self._backend.solve(qp, workspace=workspace, **options)
+        if self._own or solution.solved or solution.status is Status.INFEASIBLE:
+            return solution
+        exact = self._core.solve(qp, quick=self._bounded)
+        if not self._said:
+            self._said = True
+            logging.getLogger(__name__).warning(
+                "controller: solver %r gave no answer to a tick (%s); the core's %r is asked then,"
+                " and tick.solution.solver says who answered",
+                *(self._backend.name, solution.message or solution.status.value, NAME),
+            )
+        spent = solution.solve_time + exact.solve_time
+        return exact._replace(attempts=solution.attempts + 1, solve_time=spent)

@@ -1,0 +1,215 @@
+/* A tick: strict priorities, level by level (lexicographic optimisation, Kanoun, Lamiraux & Wieber 2011),
+ * and the command of the last.
+ *
+ * What a level achieves for its rows, J x*, is an equality of the levels below; physics, contacts, limits
+ * and inequality rows hold on all, widened to where rounding left the level above, so that none is without
+ * a solution. A level that is not solved all the same leaves the command to the one above.
+ */
+#include "linear.h"
+#include "margin.h"
+#include "problem.h"
+#include "reduce.h"
+#include "solve.h"
+#include "tree.h"
+
+#include <string.h>
+
+/* The velocity at x with a base's that meets its dynamics to rounding, and the torques at that. */
+static void command(const wbc_plan *plan, const wbc_qp *qp) {
+    const int64_t n = qp->n, nv = plan->tree->nv;
+    double missed[6], turn[6], triangle[6 * PADDED(7)];
+    for (int i = 0; i < 6; i++) missed[i] = dot(n, qp->D + i * n, qp->x) + qp->offset[i];
+    least(6, qp->D, n, missed, triangle, turn); /* the base's inertia times turn = -missed */
+    for (int i = 0; i < 6; i++) qp->exact[i] = qp->x[i] + turn[i];
+    memcpy(qp->exact + 6, qp->x + 6, (nv - 6) * sizeof *qp->x);
+    for (int64_t i = 6; i < nv; i++) {
+        const double *row = qp->D + i * n;
+        const double sum = dot(6, row, qp->exact) + dot(n - 6, row + 6, qp->x + 6);
+        qp->torque[i - 6] = plan->unit * (sum + qp->offset[i]);
+    }
+}
+
+/* The QP of a level below the first, behind each other in plan->below; what does not change between levels
+ * is where it was. k grows by the rows that the levels above achieve. */
+static void lay_out_below(const wbc_plan *plan, const wbc_qp *first, wbc_qp *qp) {
+    const int64_t n = first->n, most = most_equalities(plan), m = first->m;
+    double *at = plan->below;
+    if (qp != first) *qp = *first;
+    qp->P = at, at += n * n;
+    qp->A = at, at += most * n;
+    qp->g = at, at += n;
+    qp->lower = at, at += n;
+    qp->upper = at, at += n;
+    qp->b = at, at += most;
+    qp->l = at, at += m;
+    qp->u = at, at += m;
+    qp->x = at, at += n;
+    qp->y = at, at += most;
+    qp->z = at, at += m;
+    qp->z_box = at, at += n;
+    qp->found = at;
+}
+
+/* How many equalities a level has: those of the first, and the rows that levels above achieve. */
+static int64_t equalities(const wbc_plan *plan, int64_t level) {
+    int64_t k = plan->passives + plan->held;
+    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++)
+        if (!block->held && block->level < level) k += block->rows;
+    return k;
+}
+
+/* The QP of a level as it lies in memory. */
+static void lay_out_level(const wbc_plan *plan, int64_t level, wbc_qp *qp) {
+    wbc_qp first;
+    lay_out(plan, &first);
+    if (level == 0) {
+        *qp = first;
+        return;
+    }
+    lay_out_below(plan, &first, qp);
+    qp->k = equalities(plan, level);
+}
+
+int wbc_layout(const wbc_plan *plan, int64_t level, int64_t *at) {
+    wbc_qp first, qp;
+    lay_out(plan, &first);
+    lay_out_level(plan, level, &qp);
+    const double *own[] = {qp.P, qp.A, qp.C, qp.g, qp.lower, qp.upper, qp.b, qp.l, qp.u, qp.x, qp.y,
+                           qp.z, qp.z_box, qp.found};
+    const double *shared[] = {first.D, first.offset, first.errors, first.heaviest, first.exact,
+                              first.torque, first.clearance, first.chosen};
+    at[0] = qp.n, at[1] = qp.k, at[2] = qp.m;
+    for (int i = 0; i < 14; i++) at[3 + i] = own[i] - (level && i != 2 ? plan->below : plan->out);
+    for (int i = 0; i < 8; i++) at[17 + i] = shared[i] - plan->out;
+    at[25] = first.chosen + margin_rows(plan) - plan->out;
+    lay_out_below(plan, &first, &qp);
+    at[26] = plan->levels > 1 ? qp.found + 5 - plan->below : 0;
+    return DONE;
+}
+
+/* How far inequality rows give way: only those that were given may. 0: none does. */
+static const double *given_give(const wbc_plan *plan, const wbc_qp *qp, double *give) {
+    if (!plan->soft) return 0;
+    const int64_t nv = plan->tree->nv, k = plan->given_rows;
+    memset(give, 0, qp->m * sizeof *give);
+    memcpy(give + qp->m - k, plan->given + k * nv + 2 * k, k * sizeof *give);
+    return give;
+}
+
+static solving how_to(const wbc_plan *plan, int64_t level, const wbc_qp *qp) {
+    int64_t *usual = usual_columns(plan, qp), *pairs = usual + most_equalities(plan);
+    double *give = plan->scratch + plan->solving - qp->m; /* the last of what solving works in */
+    solving how = {given_give(plan, qp, give), 0, pairs, plan->most, 1.0, level > 0, 0, 0};
+    if (plan->margin) how.work += plan->margin->of->pairs;
+    if (level == 0) {
+        how.usual = plan->outside ? usual : 0;
+        how.outside = plan->outside && !plan->soft;
+        how.always = (int)plan->always;
+    } else /* numbers of all levels meet in its rows */
+        for (int64_t i = 0; i < qp->n; i++)
+            if (fabs(qp->g[i]) + 1.0 > how.accuracy) how.accuracy = fabs(qp->g[i]) + 1.0;
+    return how;
+}
+
+int wbc_pose(const wbc_plan *plan, const double *q, const double *v, int64_t level) {
+    const int64_t n = plan->tree->nv + plan->forces;
+    const wbc_costs kept = kept_costs(plan);
+    wbc_qp first, above, qp;
+    lay_out(plan, &first);
+    lay_out_level(plan, level - 1, &above);
+    lay_out_level(plan, level, &qp);
+    double *x = plan->scratch, *J = x + n; /* of the level above, where this one is written */
+    memcpy(x, above.x, n * sizeof *x);
+    memcpy(qp.A, first.A, first.k * n * sizeof *qp.A);
+    int64_t k = first.k;
+    for (const wbc_block *block = plan->block; block < plan->block + plan->blocks; block++) {
+        const double *weight = plan->number + block->number + WEIGHTS;
+        for (int64_t i = 0; i < block->rows && !block->held && block->level < level; i++, k++)
+            if (weight[i] > 0.0)
+                memcpy(qp.A + k * n, kept.matrix + (block->first + i) * n, n * sizeof *qp.A);
+            else /* nobody asked for it */
+                memset(qp.A + k * n, 0, n * sizeof *qp.A);
+    }
+    for (int64_t r = 0; r < k; r++) qp.b[r] = dot(n, qp.A + r * n, x);
+    for (int64_t i = 0; i < n; i++) {
+        qp.lower[i] = first.lower[i] < x[i] ? first.lower[i] : x[i];
+        qp.upper[i] = first.upper[i] > x[i] ? first.upper[i] : x[i];
+    }
+    for (int64_t r = 0; r < qp.m; r++) {
+        const double value = dot(n, qp.C + r * n, x);
+        const int hard = !plan->soft || r < qp.m - plan->given_rows;
+        qp.l[r] = hard && value < first.l[r] ? value : first.l[r];
+        qp.u[r] = hard && value > first.u[r] ? value : first.u[r];
+    }
+    double heaviest = 0.0;
+    memset(qp.P, 0, n * n * sizeof *qp.P);
+    memset(qp.g, 0, n * sizeof *qp.g);
+    const int64_t wide = add_costs(plan, level, J, qp.P, qp.g, &heaviest);
+    close_cost(plan, level, wide, velocity_of(plan->tree, q, v), 0.0, J, qp.P, qp.g);
+    return is_qp(&qp) ? DONE : NOT_FINITE;
+}
+
+int wbc_solve(const wbc_plan *plan, int64_t level) {
+    wbc_qp first, qp;
+    lay_out(plan, &first);
+    lay_out_level(plan, level, &qp);
+    const solving how = how_to(plan, level, &qp);
+    const int said = solve(&qp, &how, plan->scratch, plan->order);
+    if (said == DONE) first.found[4] = (double)(level + 1);
+    return said;
+}
+
+/* What a tick is made of besides, and where it leads. */
+int wbc_finish(const wbc_plan *plan, const double *q, const double *v) {
+    wbc_qp first, qp;
+    v = velocity_of(plan->tree, q, v);
+    lay_out(plan, &first);
+    lay_out_level(plan, (int64_t)first.found[4] - 1, &qp);
+    if (!is_measured(qp.x, plan->tree->nv)) return UNSOLVED; /* no robot's velocity */
+    if (plan->torque) command(plan, &qp), decide_errors(plan, &qp);
+    int64_t *pairs = usual_columns(plan, &qp) + most_equalities(plan);
+    double *scratch = plan->scratch + plan->solving;
+    return plan->margin && leads_inside(plan, q, v, &qp, scratch, pairs) ? LEADS_INSIDE : DONE;
+}
+
+int wbc_descend(const wbc_plan *plan, const double *q, const double *v) {
+    wbc_qp first;
+    lay_out(plan, &first);
+    first.found[4] = 1.0;
+    for (int64_t level = 1; level < plan->levels; level++) {
+        if (wbc_pose(plan, q, v, level) == DONE && wbc_solve(plan, level) == DONE) continue;
+        const int64_t solved = level; /* its QP was written over: it is solved again, as before */
+        first.found[4] = 1.0;
+        for (int64_t l = 1; l < solved; l++)
+            if (wbc_pose(plan, q, v, l) != DONE || wbc_solve(plan, l) != DONE) return UNSOLVED;
+        break;
+    }
+    return wbc_finish(plan, q, v);
+}
+
+int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const double *v) {
+    int said = wbc_problem(plan, state, q, v);
+    if (said == DONE) said = wbc_solve(plan, 0);
+    return said == DONE ? wbc_descend(plan, q, v) : said;
+}
+
+int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
+               const double *z, double scale, int64_t iterations) {
+    wbc_qp qp;
+    lay_out(plan, &qp);
+    const solving how = how_to(plan, 0, &qp);
+    const int said =
+        solve_reduced(&qp, &how, plan->scratch, plan->order, x, z, scale, iterations);
+    return said == DONE ? wbc_descend(plan, q, v) : said;
+}
+
+int wbc_reduced(const wbc_plan *plan, int64_t *begin) {
+    wbc_qp qp;
+    reduced r;
+    lay_out(plan, &qp);
+    resume(&qp, plan->scratch, plan->order, &r);
+    const double *every[] = {r.H, r.f, r.low, r.up, r.rows};
+    for (int i = 0; i < 5; i++) begin[i] = every[i] - plan->scratch;
+    begin[5] = r.left;
+    return DONE;
+}
