@@ -1,0 +1,52 @@
+"""benchmarks/golden.py records ticks, finds nothing where nothing changed, and finds a change."""
+
+from pathlib import Path
+
+import golden
+import numpy as np
+import pytest
+
+SOME = ("plain", "three priorities", "own parts", "forces", "outside limits")
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(golden, "ROBOTS", ("hoap2_like",))
+    chosen = {name: golden.CATEGORIES[name] for name in SOME}
+    monkeypatch.setattr(golden, "CATEGORIES", chosen)
+    path = tmp_path / "golden.npz"
+    golden.record(path, ticks=36, seed=1)
+    return path
+
+
+@pytest.mark.slow
+def test_golden_compare_of_the_code_that_recorded_finds_all_the_same_to_the_bit(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert golden.compare(file, [], [], None) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert len(rows) == 9  # two levels, forces at one of them
+    for row in rows:
+        ticks, velocity, torque, bitwise, status = row[-8:-3]
+        assert (int(ticks), float(velocity), float(torque), int(status)) == (4, 0.0, 0.0, 0)
+        assert bitwise == ticks
+
+
+@pytest.mark.slow
+def test_golden_compare_with_a_recorded_number_or_status_changed_fails_and_says_where(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with np.load(file) as before:
+        arrays = {name: before[name] for name in before.files}
+    arrays["velocity"][3] += 1e-6  # of episode 0, tick 0
+    with file.open("wb") as out:
+        np.savez(out, **arrays)
+    assert golden.compare(file, ["plain"], [], None) == 1
+    assert "0 0 (hoap2_like)" in capsys.readouterr().out
+    arrays["velocity"][3] -= 1e-6
+    arrays["status"][1] = "failed"
+    with file.open("wb") as out:
+        np.savez(out, **arrays)
+    assert golden.compare(file, ["plain"], [], None) == 1
+    assert "episode 0 1 (hoap2_like): failed" in capsys.readouterr().out
