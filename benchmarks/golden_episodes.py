@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from golden_optimum import exact
 
 import wbc
 from wbc.errors import UnknownNameError
@@ -130,12 +131,13 @@ def replayed(replay: Replay, states: Iterator[tuple[Array, Array]]) -> Iterator[
     """Yield what a controller answers at given states; what it raises is an answer, too."""
     for k, (q, v) in enumerate(states):
         try:
-            yield answer_of(replay.step(k, q, v))
+            tick = replay.step(k, q, v)
+            yield answer_of(tick, exact(replay.controller, q, v, tick))
         except Exception as error:  # its name is compared as a status is
             yield {"status": f"raised {type(error).__name__}", "policy": "", "step_scale": 1.0}
 
 
-def answer_of(tick: wbc.Tick) -> dict[str, Any]:
+def answer_of(tick: wbc.Tick, optimum: Mapping[str, Array] | None) -> dict[str, Any]:
     """Return what the file keeps of a tick."""
     found = {
         "velocity": tick.velocity,
@@ -145,6 +147,8 @@ def answer_of(tick: wbc.Tick) -> dict[str, Any]:
     }
     if isinstance(tick, wbc.TorqueTick):
         found["torque"] = tick.torque
+    if optimum is not None:
+        found |= {f"exact_{name}": value for name, value in optimum.items()}
     return found
 
 
