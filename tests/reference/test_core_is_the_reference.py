@@ -307,7 +307,7 @@ def test_random_ticks_outside_limits_agree_with_the_textbook(name: str, level: s
     for seed in range(2):
         case = Case(load(name), LEVELS[level], np.random.default_rng([seed, 6]))
         on_one_foot(case)
-        case.compare(4, ONE_LEVEL, outside=0.05)
+        case.compare(4, ONE_LEVEL, outside=0.01)
 
 
 @pytest.mark.slow
