@@ -60,7 +60,7 @@ def make_backend(name: str, **settings: Any) -> Backend:
     """Return the backend of that name.
 
     ``"proxqp"`` is the native default, ``"proxqp_cold"`` the same without warm start, ``"daqp"``
-    DAQP called directly, ``"pseudo_inverse"`` the baseline of the paper's eq. 38; any other name
+    DAQP called directly, ``"pseudo_inverse"`` a damped pseudo-inverse, the baseline; any other name
     is looked up in qpsolvers.
 
     Parameters
