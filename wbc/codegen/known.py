@@ -13,6 +13,7 @@ from wbc.errors import WbcError
 from wbc.native import status
 from wbc.qp.daqp import Daqp
 from wbc.qp.daqp_direct import direct_daqp
+from wbc.robot.names import COM
 from wbc.tasks import InertiaTask
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
@@ -89,6 +90,8 @@ def _of_task(task: Task, torque: bool) -> str:
         return f"the singular_threshold of {what}; leave it out"
     if isinstance(task, InertiaTask) and task.second_order:
         return f"second_order of {what}; leave it out"
+    if isinstance(task, InertiaTask) and task.about != COM:
+        return f"an inertia about {task.about!r}, as {what} has it; leave about out"
     if task.native() is None:
         return f"{what}, a {type(task).__name__} of a kind that is computed in Python"
     return f"the law of {what}"
