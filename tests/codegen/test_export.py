@@ -155,6 +155,7 @@ PARTS = {
     },
     "per_mass: true": {
         "second_order: true": "second_order of task 'shape'",
+        "about: left_sole": "an inertia about 'left_sole', as task 'shape'",
         "frame: left_hand": "task 'shape', a InertiaTask of a kind",
     },
     "constraints: {bodies: {type: self_collision}}": {

@@ -78,7 +78,8 @@ class Pair(Task):
 
 def own_tasks(robot: Robot, rng: np.random.Generator, here) -> list:
     """Tasks of all kinds that the core does not know: one's own, patched, in other axes."""
-    left, right = (robot.frame_names[k] for k in rng.integers(10, len(robot.frame_names), size=2))
+    frames = [frame for frame in robot.frame_names[10:] if frame != "base"]  # which the core knows
+    left, right = rng.choice(frames, 2).tolist()
     patched = ComTask(robot, here.com + 0.1, name="patched", weight=0.5)
     patched.__dict__["residual"] = ComTask(robot, here.com).residual
     return [
@@ -86,6 +87,8 @@ def own_tasks(robot: Robot, rng: np.random.Generator, here) -> list:
         Wide(robot, 0.3, weight=2.0, gain=0.3),
         DampingTask(robot, weight=0.2),
         InertiaTask(robot, here.inertia, frame=left, name="turned", gain=0.2, weight=2.0),
+        InertiaTask(robot, here.inertia, about=left, name="about a frame", gain=0.2),
+        InertiaTask(robot, here.inertia, frame="base", about=[0, 1, 0], name="about a point"),
         DistanceTask(robot, left, right, 0.4, name="apart"),
         PoseTask(robot, left, here.com, np.eye(3), name="damped", lm_damping=1.0),
         patched,
@@ -104,7 +107,7 @@ def test_the_same_qp_and_errors(name: str, level, rng, native) -> None:
         contacts = support(robot.snapshot(robot.posture("standing")), "left")
         controller = level(robot, tasks, contacts=contacts, limits=None, solver="daqp")
         # Damping by the error of a pose is of the velocity level.
-        assert len(controller.native.given) == (7 if level is KinematicController else 6)
+        assert len(controller.native.given) == (9 if level is KinematicController else 8)
         if Controller._step(controller, snapshot).policy is None:
             assert_same_qp(controller, snapshot)
             compared += 1

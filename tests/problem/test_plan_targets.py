@@ -130,6 +130,7 @@ def test_tasks_have_the_targets_of_the_plan(folder: Path) -> None:
         ("kp: 60", "ramp: 0.2", "says itself how its target moves"),
         ("{type: cop,", "{type: cop, frame: left_sole,", "has the CoP of all contacts"),
         ("per_mass", "frame: base, per_mass", "inertia in world axes"),
+        ("per_mass", "about: left_sole, per_mass", "inertia about the CoM"),
         ("per_mass", "components: principal, per_mass", "give entries of the matrix"),
         ("duration: 0.5", "duration: 0.3", "the plan ends at 0.45 s, after the run"),
         ("support: double", "support: floating", "feet on the ground"),

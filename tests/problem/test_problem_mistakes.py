@@ -312,6 +312,7 @@ def test_rotations_need_length(file: Path) -> None:
             "frame: base, target: start",
             "tasks.shape.frame: principal moments are the same in every",
         ),
+        ("about: world, target: start", "tasks.shape.about: principal moments are those about"),
         (
             "weight: [1, 1, 1], target: start",
             "tasks.shape.weight: principal moments take one weight",

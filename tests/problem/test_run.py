@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.texts import CHEAP
+from wbc.cli.printing import print_result
 from wbc.errors import ProblemFileError
 from wbc.problem import Problem, RunStatus, load_problem
 from wbc.qp.proxqp import ProxQP
@@ -56,6 +57,26 @@ def test_floating_robot_grows(tmp_path: Path) -> None:
     np.testing.assert_allclose(result.q[:3], one.parts.start[:3], atol=1e-6)
     assert result.slip is None
     assert not result.failures
+
+
+def test_an_inertia_about_a_sole_is_told_as_such(tmp_path: Path, monkeypatch, capsys) -> None:
+    text = DOUBLE.replace(
+        "calm:",
+        "shape: {type: inertia, components: [zz], about: left_sole, target: {scale: 0.95}}\n"
+        "  calm:",
+    )
+    one = problem(tmp_path, text, {"stop.duration": 0.6})
+    result, robot = one.run(), one.parts.robot
+    reading = result.inertia["shape"]
+    assert (reading.axes, reading.about) == ("world", "left_sole")
+    for q, told in ((one.parts.start, reading.start), (result.q, reading.reached)):
+        expected = robot.snapshot(q).inertia_in("world", "left_sole")[2, 2]
+        np.testing.assert_allclose(told, [expected], rtol=1e-12)
+    np.testing.assert_allclose(reading.wanted, 0.95 * reading.start)
+    assert result.summary()["inertia"]["shape"]["about"] == "left_sole"
+    monkeypatch.setenv("COLUMNS", "200")
+    print_result(result, [])
+    assert "shape: zz in world axes about left_sole" in capsys.readouterr().out
 
 
 def test_history_is_the_run(tmp_path: Path) -> None:

@@ -80,6 +80,15 @@ def test_inertias(tmp_path: Path) -> None:
     assert wanted[[0, 3, 5]].sum() == pytest.approx(0.6, rel=1e-15)
 
 
+@pytest.mark.parametrize("about", ["world", "left_sole", "[0.1, 0, 0.3]"])
+def test_inertias_about_other_points(tmp_path: Path, about: str) -> None:
+    text = f"{{type: inertia, about: {about}, target: {{scale: 1.5}}}}"
+    task, start = built(tmp_path, text)
+    point = (0.1, 0.0, 0.3) if about.startswith("[") else about
+    assert task.about == point
+    np.testing.assert_allclose(task.target, 1.5 * vech(start.inertia_in("world", point)))
+
+
 def test_principal_moments(tmp_path: Path) -> None:
     task, start = built(tmp_path, "{type: inertia, components: principal, target: {scale: 2}}")
     np.testing.assert_allclose(task.target, 2 * np.linalg.eigvalsh(start.inertia), rtol=1e-12)

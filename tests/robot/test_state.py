@@ -120,6 +120,55 @@ def test_spatial_inertia_about_a_frame(robot: Robot, rng, random_snapshot) -> No
     np.testing.assert_allclose(here.inertia_about("base"), expected, atol=1e-11 * robot.mass)
 
 
+def test_nine_rows_are_the_links_about_the_spatial_origin(robot, rng, random_snapshot) -> None:
+    """Eqs. 24-28: entries and Jacobian against sums over links and their derivatives, the way v."""
+
+    def entries(P: np.ndarray) -> np.ndarray:
+        S = P[:3, :3]
+        return np.concatenate((vech(np.trace(S) * np.eye(3) - S), P[:3, 3]))
+
+    def seen_from(P: np.ndarray, point: np.ndarray) -> np.ndarray:
+        T = np.eye(4)
+        T[:3, 3] = -point
+        return T @ P @ T.T
+
+    here = random_snapshot(robot, rng)
+    frame = robot.frame_names[-1]
+    total, rate, _ = link_sums(robot, here)
+    point, ahead = np.array([0.3, -0.2, 0.7]), here.position(frame)
+    moved = np.zeros((4, 4))  # what the frame's own motion adds to the rate seen from it
+    moved[:3, 3] = -(here.jacobian(frame)[:3] @ here.v)
+    at_frame = seen_from(total, ahead)
+    cases = {
+        "world": (total, rate),
+        tuple(point): (seen_from(total, point), seen_from(rate, point)),
+        frame: (at_frame, seen_from(rate, ahead) + moved @ at_frame + at_frame @ moved.T),
+    }
+    for about, (P, dP) in cases.items():
+        for found, expected in (
+            (here.spatial_inertia_entries(about), entries(P)),
+            (here.spatial_inertia_jacobian(about) @ here.v, entries(dP)),
+        ):
+            np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+    assert here.spatial_inertia_jacobian().shape == (9, robot.nv)
+    np.testing.assert_array_equal(here.spatial_inertia_jacobian("com")[6:], 0.0)
+
+
+def test_nine_rows_column_by_column(robot_named, rng, random_snapshot) -> None:
+    """Central differences of the entries along each entry of v: 1e-10 and rounding of 1e-11."""
+    robot = robot_named("g1_27")
+    here = random_snapshot(robot, rng)
+    for about in ("world", "left_ankle_roll_link", (0.1, 0.2, 0.3)):
+
+        def at(step: np.ndarray, about=about) -> np.ndarray:
+            there = robot.snapshot(robot.integrate(here.q, step, 1.0))
+            return there.spatial_inertia_entries(about)
+
+        columns = [(at(1e-5 * e) - at(-1e-5 * e)) / 2e-5 for e in np.eye(robot.nv)]
+        found = here.spatial_inertia_jacobian(about)
+        np.testing.assert_allclose(found.T, columns, atol=1e-7 * np.abs(found).max())
+
+
 def test_mechanical_connection(robot: Robot, rng, random_snapshot) -> None:
     """Eq. 17: base momentum is I_0 (v_0 + A qdot); oracle: Pinocchio's centroidal momentum."""
     here = random_snapshot(robot, rng)
@@ -153,6 +202,9 @@ def everything(s: Snapshot, frame: str) -> list[np.ndarray]:
     return [
         s.com, s.inertia, s.inertia_jacobian, s.inertia_drift, s.base_inertia_jacobian,
         s.inertia_in(frame), s.inertia_jacobian_in(frame), s.inertia_drift_in(frame),
+        s.inertia_in(frame, frame), s.inertia_jacobian_in(frame, "world"),
+        s.inertia_drift_in("world", frame), s.inertia_drift_in(frame, (1.0, 2.0, 3.0)),
+        s.spatial_inertia_entries(), s.spatial_inertia_jacobian(frame),
         s.inertia_about(frame), s.com_jacobian, s.com_velocity, s.com_drift, s.centroidal_map,
         s.momentum, s.momentum_drift, s.average_angular_velocity, s.mechanical_connection,
         s.mass_matrix, s.bias, s.position(frame), s.rotation(frame), s.jacobian(frame),

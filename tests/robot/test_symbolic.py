@@ -79,6 +79,20 @@ def test_com_inertia_and_frames_are_pinocchios(robot: Robot, rng, random_snapsho
             assert_near(function(q), (R.T @ world @ R)[ROWS, COLUMNS])
 
 
+@pytest.mark.parametrize("about", ["world", "base", "last frame", (0.3, -0.4, 0.5)], ids=str)
+def test_inertia_about_other_points_is_the_snapshots(about, robot: Robot, rng, random_snapshot):
+    frame = last_frame(robot)
+    about = frame if about == "last frame" else about
+    q = ca.SX.sym("q", robot.nq)
+    symbolic = SymbolicPosture.at(robot, q)
+    axes = ("world", "base", frame)
+    outputs = [vech_symbolic(symbolic.inertia_in(one, about)) for one in axes]
+    function = ca.Function("f", [q], outputs)
+    here = random_snapshot(robot, rng)
+    for one, found in zip(axes, function(here.q), strict=True):
+        assert_near(found, here.inertia_in(one, about)[ROWS, COLUMNS])
+
+
 def test_first_and_second_derivatives_are_those_of_the_snapshot(
     robot: Robot, rng, random_snapshot
 ) -> None:

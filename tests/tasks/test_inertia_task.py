@@ -1,11 +1,12 @@
 """What the inertia tasks mean: norms, masks, frames, normalisation, curvature, equal moments."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot import Robot
 from wbc.spatial import vech_inverse
 from wbc.tasks import InertiaTask, PrincipalInertiaTask
@@ -75,14 +76,24 @@ def test_principal_moments_converge_to_equal_ones(robot_named) -> None:
     np.testing.assert_allclose(reached, wanted, rtol=1e-6)
 
 
+POINTS = ("com", "world", "frame", (0.4, -0.3, 0.8))
+
+
+def point_of(robot: Robot, about):
+    """A frame that many joints move, where any is meant."""
+    return robot.frame_names[-1] if about == "frame" else about
+
+
+@pytest.mark.parametrize("about", POINTS, ids=str)
 @pytest.mark.parametrize("frame", ["base", "world"])
 def test_curvature_is_the_hessian_gauss_newton_leaves_out(
-    frame, robot: Robot, rng, random_snapshot
+    frame, about, robot: Robot, rng, random_snapshot
 ):
     """Oracle: differences of the cost's gradient by the joints, the base at rest."""
     here = random_snapshot(robot, rng)
-    target = here.inertia + np.diag([0.5, -0.2, 0.3])
-    task = InertiaTask(robot, target, frame=frame, weight=2.0, second_order=True)
+    about = point_of(robot, about)
+    target = here.inertia_in("world", about) + np.diag([0.5, -0.2, 0.3])
+    task = InertiaTask(robot, target, frame=frame, about=about, weight=2.0, second_order=True)
     residual = task.residual(here)
 
     def gradient(step: np.ndarray) -> np.ndarray:
@@ -132,19 +143,24 @@ def test_targets_out_of_reach_do_not_make_it_chatter(name, factors, robot_named)
     assert (alternating[loud] < 0.2).all()
 
 
-@pytest.mark.parametrize("frame", ["base", "world"])
+@pytest.mark.parametrize(
+    ("frame", "about"),
+    [("base", "com"), ("world", "com"), ("base", "frame"), ("world", "frame"), ("world", "world")],
+)
 def test_the_damping_is_above_half_of_the_curvature_left_out(
-    frame, robot: Robot, rng, random_snapshot
+    frame, about, robot: Robot, rng, random_snapshot
 ) -> None:
     """Oracle: second differences of <G, I>, of both orders where turns do not commute."""
     here = random_snapshot(robot, rng)
-    task = InertiaTask(robot, here.inertia + np.diag([0.5, -0.2, 0.3]), frame=frame, weight=2.0)
+    about = point_of(robot, about)
+    target = here.inertia_in("world", about) + np.diag([0.5, -0.2, 0.3])
+    task = InertiaTask(robot, target, frame=frame, about=about, weight=2.0)
     residual = task.residual(here)
-    G = 4.0 * (here.inertia_in(frame) - task_target(task))
+    G = 4.0 * (here.inertia_in(frame, about) - task_target(task))
 
     def value(step: np.ndarray) -> float:
         there = robot.snapshot(robot.integrate(here.q, step, 1.0))
-        return float(np.sum(G * there.inertia_in(frame)))
+        return float(np.sum(G * there.inertia_in(frame, about)))
 
     first = 0 if frame == "world" else 6  # the base moves no inertia in its own axes
     steps = 1e-4 * np.eye(robot.nv)[first:]
@@ -237,3 +253,44 @@ def test_the_bound_on_curvature_in_axes_of_a_frame(robot: Robot, rng, random_sna
     rows = np.abs(here.base_inertia_hessian(G)).sum(axis=0)
     expected = rows + np.linalg.norm(slope) * np.trace(here.inertia)
     np.testing.assert_allclose(residual.curvature_bound(), expected, rtol=1e-9)
+
+
+def test_about_a_point_a_robot_pulls_its_mass_in_and_a_foot_stands(robot_named) -> None:
+    """A hoap2_like on one foot makes the inertia about that sole's origin what was asked."""
+    robot = robot_named("hoap2_like")
+    q = robot.posture("standing")
+    here = robot.snapshot(q)
+    wanted = 0.93 * np.trace(here.inertia_in("world", "left_sole"))
+    task = InertiaTask(robot, wanted, components=("trace",), about="left_sole", gain=0.1)
+    controller = KinematicController(
+        robot, [task], contacts=support(here, "left"), limits=Limits(robot), damping=1e-6
+    )
+    v = np.zeros(robot.nv)
+    for _ in range(300):
+        tick = controller.step(robot.snapshot(q, v))
+        assert tick.ok, tick.report()
+        v = tick.velocity
+        q = robot.integrate(q, v, 0.005)
+    # Oracle: sums over the links, of Pinocchio's placements.
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, q)
+    arms = [
+        place.act(Y.lever) - here.position("left_sole")
+        for place, Y in zip(data.oMi, robot.model.inertias, strict=True)
+    ]
+    reached = sum(
+        np.trace(Y.inertia) + 2.0 * Y.mass * float(arm @ arm)
+        for Y, arm in zip(robot.model.inertias, arms, strict=True)
+    )
+    # The sole is held to 1e-9 m or so.
+    assert reached == pytest.approx(wanted, rel=1e-5)
+
+
+def test_bad_points_are_named(robot_named) -> None:
+    robot = robot_named("hoap2_like")
+    with pytest.raises(UnknownNameError, match="left_sloe"):
+        InertiaTask(robot, np.eye(3), about="left_sloe")
+    for about in ([0, 0], [0, 0, np.nan], None, 3.0):
+        with pytest.raises(InvalidInputError, match="'inertia', about"):
+            InertiaTask(robot, np.eye(3), about=about)
+    assert InertiaTask(robot, np.eye(3), about=np.array([1, 2, 3])).about == (1.0, 2.0, 3.0)

@@ -50,6 +50,20 @@ MAKERS: dict[str, Callable[[Robot, Snapshot, str], Task]] = {
     ),
     "inertia mask": lambda r, s, f: InertiaTask(r, s.inertia, components=("xz", "yy"), frame=f),
     "inertia trace": lambda r, s, f: InertiaTask(r, 4.0, components=("trace",)),
+    "inertia about world": lambda r, s, f: InertiaTask(r, 1.3 * s.inertia, about="world"),
+    "inertia about a point": lambda r, s, f: InertiaTask(
+        r, s.inertia, frame="base", about=[0.3, -0.8, 0.1], per_mass=True
+    ),
+    "inertia about base": lambda r, s, f: InertiaTask(r, s.inertia, frame="base", about="base"),
+    "inertia about a frame": lambda r, s, f: InertiaTask(
+        r, s.inertia, components=("xz", "yy", "zz"), about=f
+    ),
+    "inertia about a frame, in its axes": lambda r, s, f: InertiaTask(
+        r, s.inertia, frame=f, about=f
+    ),
+    "inertia trace about a frame": lambda r, s, f: InertiaTask(
+        r, 4.0, components=("trace",), about=f
+    ),
     "principal inertia": lambda r, s, f: PrincipalInertiaTask(
         r, spread(np.linalg.eigvalsh(s.inertia))
     ),

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from wbc.problem import Result, RunStatus
 from wbc.problem.pendulum.result import PendulumResult, PendulumStatus
+from wbc.robot.names import COM
 from wbc.run.shaping_report import ShapingReport
 from wbc.simulation import SimulationStatus
 
@@ -92,8 +93,13 @@ def _inertia(result: Result) -> Table:
     for name, one in result.inertia.items():
         for k, component in enumerate(one.components):
             numbers = (f"{values[k]:.4f}" for values in (one.start, one.wanted, one.reached))
-            table.add_row(Text(f"{name}: {component} in {one.axes} axes"), *numbers)
+            about = "" if one.about == COM else f" about {_words_of(one.about)}"
+            table.add_row(Text(f"{name}: {component} in {one.axes} axes{about}"), *numbers)
     return table
+
+
+def _words_of(about: str | tuple[float, ...]) -> str:
+    return about if isinstance(about, str) else "({:g}, {:g}, {:g}) m".format(*about)
 
 
 def _constraints(result: Result) -> Table:

@@ -10,6 +10,7 @@ from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.torque import TorqueController
 from wbc.errors import WbcError
 from wbc.qp.active_set import NAME, ActiveSet
+from wbc.robot.names import COM
 from wbc.tasks import InertiaTask
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
@@ -76,6 +77,8 @@ def _of_task(task: Task, torque: bool) -> str:
         return f"the singular_threshold of {what}; leave it out"
     if isinstance(task, InertiaTask) and task.second_order:
         return f"second_order of {what}; leave it out"
+    if isinstance(task, InertiaTask) and task.about != COM:
+        return f"an inertia about {task.about!r}, as {what} has it; leave about out"
     if task.native() is None:
         return f"{what}, a {type(task).__name__} of a kind that is computed in Python"
     return f"the law of {what}"

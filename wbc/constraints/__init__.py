@@ -4,6 +4,7 @@ from wbc.constraints.collision import SelfCollision
 from wbc.constraints.com_support import ComSupport
 from wbc.constraints.contact import Contact, PointContact, support
 from wbc.constraints.friction import FrictionCone
+from wbc.constraints.independent_coordinates import IndependentCoordinates
 from wbc.constraints.limits import Limits
 from wbc.constraints.margin import BrakingParameters, Margin
 from wbc.constraints.obstacles import Obstacles
@@ -19,6 +20,7 @@ __all__ = [
     "Contact",
     "Distances",
     "FrictionCone",
+    "IndependentCoordinates",
     "Limits",
     "Margin",
     "Obstacles",

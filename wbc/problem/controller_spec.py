@@ -190,7 +190,11 @@ class GlobalSpec(QpSettings):
 
 
 class PseudoInverseSpec(ControllerSpec):
-    """The damped pseudo-inverse of the paper, a baseline: limits are met by clipping."""
+    """A damped pseudo-inverse of all of v, a baseline: limits are met by clipping.
+
+    Floating it is the step of the paper (eq. 38); with held feet the paper's is least in other
+    coordinates, see ``wbc.IndependentCoordinates``.
+    """
 
     method: Literal["pseudo_inverse"]
     level: VelocityOnly = "velocity"

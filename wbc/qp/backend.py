@@ -61,7 +61,7 @@ def make_backend(name: str, **settings: Any) -> Backend:
     """Return the backend of that name.
 
     ``"proxqp"`` is the default, ``"proxqp_cold"`` the same without warm start, ``"active_set"`` the
-    core's own method, ``"pseudo_inverse"`` the baseline of the paper's eq. 38; any other name is
+    core's own method, ``"pseudo_inverse"`` a damped pseudo-inverse, the baseline; any other name is
     looked up in qpsolvers. ``"daqp"`` is of the kind of ``"active_set"``, which answers in its
     place where that package is not installed: a log says so.
 

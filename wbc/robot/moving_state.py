@@ -8,10 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeMotion
-from wbc.robot.names import WORLD
+from wbc.robot.names import COM, WORLD
+from wbc.robot.parallel_axis import (
+    is_com,
+    moving_frame,
+    parallel_axis_curvature,
+    parallel_axis_rates,
+)
 from wbc.robot.state import KinematicState, lazy
 from wbc.spatial import skew, vech, vech_inverse
 from wbc.validate import Array, read_only
@@ -92,21 +99,34 @@ class MovingState(KinematicState):
         )
         return read_only(curvature)
 
-    def inertia_drift_in(self, frame: str = WORLD) -> Array:
-        """Drift (6,) of :meth:`inertia_in` for the same ``frame``: the second derivative.
+    def inertia_drift_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
+        """Second derivative (6,) of :meth:`inertia_in`, same ``frame`` and ``about``: the drift.
 
         In a frame that turns at w, at the rate a of zero acceleration of v, the inertia R' I R has
         the second derivative R' (I'' - 2 [w, I'] - [a, I] + [w, [w, I]]) R, in the commutator of
         skew matrices.
         """
+        rate, drift = self._inertia_rate, self.inertia_drift
+        if not is_com(about):
+            arm, speed, mass = self.arm(about), self.arm_jacobian(about) @ self.v, self.robot.mass
+            rate = rate + parallel_axis_rates(mass, arm) @ speed
+            more = parallel_axis_curvature(mass, arm, speed, self.arm_drift(about))
+            drift = read_only(drift + more)
         if frame == WORLD:
-            return self.inertia_drift
-        rate, total = vech_inverse(self._inertia_rate), vech_inverse(self.inertia_drift)
+            return drift
+        rate, total = vech_inverse(rate), vech_inverse(drift)
         R, turn = self.rotation(frame), self.jacobian(frame)[3:] @ self.v
-        W, A, inertia = skew(turn), skew(self.drift(frame)[3:]), self.inertia
+        W, A, inertia = skew(turn), skew(self.drift(frame)[3:]), self.inertia_in(WORLD, about)
         half = W @ inertia - inertia @ W - 2.0 * rate
         total = total + W @ half - half @ W - A @ inertia + inertia @ A
         return read_only(vech(R.T @ total @ R))
+
+    def arm_drift(self, about: str | ArrayLike) -> Array:
+        """Second derivative (3,) of :meth:`arm` at zero acceleration of v [m/s^2]."""
+        if is_com(about):
+            return np.zeros(3)
+        frame, drift = moving_frame(about), self.com_drift
+        return drift if frame is None else np.subtract(drift, self.drift(frame)[:3])
 
     # ------------------------------------------------------------------ internals
 

@@ -10,6 +10,7 @@ import pinocchio as pin
 from wbc.errors import UnknownNameError
 
 WORLD, BASE = "world", "base"  # the free-flyer's own frame
+COM = "com"  # no frame: what moments are taken about, where no frame or point is named
 # A link and a joint may share a name; links are what people mean, then frames added on purpose.
 _PRECEDENCE = (
     pin.FrameType.JOINT,

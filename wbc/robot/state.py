@@ -13,16 +13,24 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
 from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeState
 from wbc.robot.limits import BASE_NQ, BASE_NV
-from wbc.robot.names import BASE, WORLD
+from wbc.robot.names import BASE, COM, WORLD
+from wbc.robot.parallel_axis import (
+    is_com,
+    moving_frame,
+    parallel_axis,
+    parallel_axis_hessian,
+    parallel_axis_rates,
+)
 from wbc.robot.tree import KinematicTree
 from wbc.robot.workspace import INERTIA_ENTRIES, Workspace
-from wbc.spatial import commutator_matrix, congruence, skew
-from wbc.validate import Array, read_only
+from wbc.spatial import commutator_matrix, congruence, skew, vech
+from wbc.validate import Array, finite_array, read_only
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -184,12 +192,38 @@ class KinematicState:
             trace = xx + yy + zz
         return math.sqrt(trace / self.robot.mass)
 
-    def inertia_in(self, frame: str = WORLD) -> Array:
-        """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame."""
+    def inertia_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
+        """CRB inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.
+
+        Parameters
+        ----------
+        about:
+            The point that it is taken about: ``"com"``, ``"world"`` for the world's origin (the
+            paper's spatial frame), a frame for that frame's origin, which moves with the robot, or
+            a point (3,) fixed in the world [m].
+        """
+        total = self.inertia
+        if not is_com(about):
+            total = read_only(total + parallel_axis(self.robot.mass, self.arm(about)))
         if frame == WORLD:
-            return self.inertia
+            return total
         R = self.rotation(frame)
-        return read_only(R.T @ self.inertia @ R)
+        return read_only(R.T @ total @ R)
+
+    def arm(self, about: str | ArrayLike) -> Array:
+        """From the point that :meth:`inertia_in` is taken ``about`` to the CoM (3,), world [m]."""
+        if is_com(about):
+            return np.zeros(3)
+        if isinstance(about, str):
+            return self.com if about == WORLD else self.com - self.position(about)
+        return self.com - finite_array("snapshot, about", about, (3,))
+
+    def arm_jacobian(self, about: str | ArrayLike) -> Array:
+        """Jacobian (3, nv) of :meth:`arm` [m per unit of v]."""
+        if is_com(about):
+            return np.zeros((3, self.robot.nv))
+        frame, J = moving_frame(about), self.com_jacobian
+        return J if frame is None else J - self.jacobian(frame)[:3]
 
     def inertia_about(self, frame: str) -> Array:
         """Spatial CRB inertia (6, 6) about the origin of a frame and in its axes, linear first.
@@ -220,17 +254,42 @@ class KinematicState:
             return self.native_state.part("inertia_jacobian", 6, -1)
         return read_only(crb.inertia_rates(self._carried_moments))
 
-    def inertia_jacobian_in(self, frame: str = WORLD) -> Array:
-        """Jacobian (6, nv) of :meth:`inertia_in` for the same ``frame``."""
-        if frame == WORLD:
-            return self.inertia_jacobian
-        if frame == BASE:
+    def inertia_jacobian_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
+        """Jacobian (6, nv) of :meth:`inertia_in` for the same ``frame`` and ``about``."""
+        centroidal = is_com(about)
+        if frame == BASE and centroidal:
             return self.base_inertia_jacobian
+        J = self.inertia_jacobian
+        if not centroidal:
+            by_arm = parallel_axis_rates(self.robot.mass, self.arm(about))
+            J = read_only(J + by_arm @ self.arm_jacobian(about))
+        if frame == WORLD:
+            return J
         R = self.rotation(frame)
-        spin = commutator_matrix(self.inertia) @ self.jacobian(frame)[3:]
-        return read_only(congruence(R.T) @ (self.inertia_jacobian - spin))
+        spin = commutator_matrix(self.inertia_in(WORLD, about)) @ self.jacobian(frame)[3:]
+        return read_only(congruence(R.T) @ (J - spin))
 
-    def inertia_hessian(self, weights: Array) -> Array:
+    def spatial_inertia_entries(self, about: str | ArrayLike = WORLD) -> Array:
+        """Entries (9,) of the spatial CRB inertia: xx xy xz yy yz zz, then mass times the arm.
+
+        World axes, ``about`` as in :meth:`inertia_in`, [kg m^2] above [kg m]: the vector of paper
+        5.1, about the spatial frame's origin unless another point is named.
+        """
+        arm = self.arm(about)
+        return read_only(
+            np.concatenate((vech(self.inertia_in(WORLD, about)), self.robot.mass * arm))
+        )
+
+    def spatial_inertia_jacobian(self, about: str | ArrayLike = WORLD) -> Array:
+        """CRB inertia Jacobian J_I (9, nv) of :meth:`spatial_inertia_entries` (eqs. 24-28).
+
+        Columns are by v, the base's first: J_I,0 and J_I,q of eq. 25. Eqs. 26 and 27 as corrected
+        in the errata; the last three rows are J_G of eq. 28.
+        """
+        of_arm = self.robot.mass * self.arm_jacobian(about)
+        return read_only(np.concatenate((self.inertia_jacobian_in(WORLD, about), of_arm)))
+
+    def inertia_hessian(self, weights: Array, about: str | ArrayLike = COM) -> Array:
         """Second derivative (nv, nv) by v of sum_ab weights_ab I_ab, world axes.
 
         ``weights`` is a symmetric (3, 3) matrix; times the error of an inertia task this is what
@@ -239,12 +298,16 @@ class KinematicState:
         momenta, twists = self.centroidal_map[:3], self.joint_twists
         mass, orders = self.robot.mass, self.robot.workspace.columns.orders
         J = self.inertia_jacobian
-        return read_only(crb.inertia_hessian(weights, J, momenta, twists, self.com, mass, orders))
+        hessian = crb.inertia_hessian(weights, J, momenta, twists, self.com, mass, orders)
+        if not is_com(about):
+            arm, of_arm = self.arm(about), self.arm_jacobian(about)
+            hessian += parallel_axis_hessian(weights, mass, arm, of_arm, twists, orders)
+        return read_only(hessian)
 
-    def base_inertia_hessian(self, weights: Array) -> Array:
+    def base_inertia_hessian(self, weights: Array, about: str | ArrayLike = COM) -> Array:
         """Hessian (nv, nv) by the joints of the same sum, I and weights in base axes."""
         S = self.rotation(BASE)
-        hessian = self.inertia_hessian(S @ weights @ S.T).copy()
+        hessian = self.inertia_hessian(S @ weights @ S.T, about).copy()
         hessian[:BASE_NV] = 0.0
         hessian[:, :BASE_NV] = 0.0
         return read_only(hessian)

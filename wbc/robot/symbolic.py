@@ -8,7 +8,7 @@ in the world.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import Robot
-from wbc.robot.names import BASE, WORLD
+from wbc.robot.names import BASE, COM, WORLD
 from wbc.robot.placement import Placement, constant, from_quaternion, rotation_log, turn_about
 from wbc.spatial import COLUMNS, ROWS
 from wbc.validate import Array
@@ -169,15 +169,27 @@ class SymbolicPosture:
         """CoM (3, 1) [m], world axes."""
         return self.base.position + ca.mtimes(self.base.rotation, self.local.com)
 
-    def inertia_in(self, frame: str = WORLD) -> ca.SX:
-        """Centroidal inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.
+    def inertia_in(self, frame: str = WORLD, about: str | Sequence[float] = COM) -> ca.SX:
+        """CRB inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.
 
-        In axes of the robot it is an expression of the joints alone, structurally.
+        ``about`` is as in :meth:`wbc.Snapshot.inertia_in`. In axes of the robot, about its CoM or a
+        frame, it is an expression of the joints alone, structurally.
         """
+        inertia = self.local.inertia
+        if about != COM:
+            arm = self._local_arm(about)
+            inertia += self.local.robot.mass * (ca.dot(arm, arm) * ca.SX.eye(3) - arm @ arm.T)
         if frame == BASE:
-            return self.local.inertia
+            return inertia
         R = self.base.rotation.T if frame == WORLD else self.local.frame(frame).rotation
-        return ca.mtimes(ca.mtimes(R.T, self.local.inertia), R)
+        return ca.mtimes(ca.mtimes(R.T, inertia), R)
+
+    def _local_arm(self, about: str | Sequence[float]) -> ca.SX:
+        """Return the arm (3, 1) from a point to the CoM, base axes [m]."""
+        if isinstance(about, str) and about != WORLD:
+            return self.local.com - self.local.frame(about).position
+        point = np.zeros(3) if about == WORLD else np.array(about, dtype=float)
+        return ca.mtimes(self.base.rotation.T, self.com - point)
 
     def position(self, frame: str) -> ca.SX:
         """Origin of a frame in the world (3, 1) [m]."""
@@ -204,9 +216,15 @@ class SymbolicPosture:
             error[k] = ca.atan2(ca.sin(error[k]), ca.cos(error[k]))
         return error
 
-    def inertia_error(self, selection: Array, target: Array | ca.SX, frame: str = WORLD) -> ca.SX:
-        """Return selection (k, 6) times vech of the centroidal inertia minus ``target`` (3, 3)."""
-        return ca.mtimes(ca.DM(selection), vech_symbolic(self.inertia_in(frame) - target))
+    def inertia_error(
+        self,
+        selection: Array,
+        target: Array | ca.SX,
+        frame: str = WORLD,
+        about: str | Sequence[float] = COM,
+    ) -> ca.SX:
+        """Return selection (k, 6) times vech of the CRB inertia minus ``target`` (3, 3)."""
+        return ca.mtimes(ca.DM(selection), vech_symbolic(self.inertia_in(frame, about) - target))
 
 
 def vech_symbolic(S: ca.SX) -> ca.SX:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wbc.robot import Snapshot
+from wbc.robot.names import COM
 from wbc.run.history import History, Measured, Recorder
 from wbc.run.result import Failure, HeldBack, InertiaReading, PhaseResult, Result, TaskResult, Worst
 from wbc.run.standing import Standing
@@ -99,9 +100,9 @@ def _inertia_reading(
     if isinstance(task, PrincipalInertiaTask):
         moments = [np.linalg.eigvalsh(vech_inverse(s)) for s in (start, reached)]
         rows = task.reported_rows
-        return InertiaReading("principal", rows, moments[0], task.target, moments[1])
+        return InertiaReading("principal", COM, rows, moments[0], task.target, moments[1])
     values = (_entries(task.rows, s) for s in (start, task.target, reached))
-    return InertiaReading(task.frame, task.rows, *values)
+    return InertiaReading(task.frame, task.about, task.rows, *values)
 
 
 def _entries(rows: tuple[str, ...], s: Array) -> Array:

@@ -16,6 +16,7 @@ from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.tick import ACTIVE, NEGLIGIBLE
 from wbc.robot import Robot, Snapshot
 from wbc.robot.collision import Shape
+from wbc.robot.names import BASE, COM
 from wbc.run.standing import Standing
 from wbc.run.surroundings import ObstacleTrack, obstacles_of, place_of
 from wbc.spatial import vech
@@ -165,8 +166,8 @@ class Recorder:
         self._tasks = tuple(tasks)
         self._shapes: dict[str, Shape] = {}
         self._limits = Limits(robot)  # only to read the margin: also in a run without limits
-        self._frames = {
-            task.name: task.frame if isinstance(task, InertiaTask) else "base"
+        self._seen = {
+            task.name: (task.frame, task.about) if isinstance(task, InertiaTask) else (BASE, COM)
             for task in self._tasks
             if isinstance(task, InertiaTask | PrincipalInertiaTask)
         }
@@ -238,7 +239,7 @@ class Recorder:
             com=snapshot.com,
             inertia=vech(snapshot.inertia),
             task_inertia={
-                name: vech(snapshot.inertia_in(frame)) for name, frame in self._frames.items()
+                name: vech(snapshot.inertia_in(*seen)) for name, seen in self._seen.items()
             },
             slip={frame: float(np.linalg.norm(drift[:3])) for frame, drift in drifts.items()},
             turn={frame: float(np.linalg.norm(drift[3:])) for frame, drift in drifts.items()},

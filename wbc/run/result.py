@@ -42,6 +42,7 @@ class InertiaReading:
     """What an inertia task controls, in kg m^2 and as plain entries of the matrix."""
 
     axes: str  # the frame whose axes these are; principal for principal moments
+    about: str | tuple[float, ...]  # com, world, a frame, or a point of the world [m]
     components: tuple[str, ...]  # names of the entries below
     # start, wanted and reached: (k,) at the start, at the end of the target's ramp, and at the
     # end of the run.
@@ -283,6 +284,7 @@ def _task_summary(task: TaskResult) -> dict[str, Any]:
 def _inertia_summary(reading: InertiaReading) -> dict[str, Any]:
     return {
         "axes": reading.axes,
+        "about": reading.about if isinstance(reading.about, str) else list(reading.about),
         "unit": "kg m^2",
         "components": list(reading.components),
         "start": reading.start.tolist(),

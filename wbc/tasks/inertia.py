@@ -1,6 +1,7 @@
 """The composite-rigid-body inertia as a task: what the paper calls inertia shaping (5.3).
 
-:class:`InertiaTask` drives entries of the centroidal inertia matrix (or its trace) in chosen axes;
+:class:`InertiaTask` drives entries of the inertia matrix (or its trace) about the CoM, a frame's
+origin or a point, in chosen axes;
 :mod:`wbc.tasks.principal_inertia` drives the principal moments, whichever way the ellipsoid points.
 Errors are in kg m^2, or, with ``per_mass``, in m^2 (divided by the robot's mass), which makes one
 weight mean the same on a small and on a large robot.
@@ -20,6 +21,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
+from wbc.robot.names import BASE, COM, WORLD
 from wbc.spatial import COMPONENTS, DIAGONAL, FROBENIUS_WEIGHTS, vech, vech_inverse
 from wbc.tasks.keywords import Gains
 from wbc.tasks.task import Task
@@ -32,7 +34,6 @@ ALL = COMPONENTS
 DIAGONAL_COMPONENTS = ("xx", "yy", "zz")
 DOUBLED = ("xy", "xz", "yz")  # entries that stand twice in the matrix
 TRACE = ("trace",)
-WORLD, BASE = "world", "base"
 
 # Rows of the task as rows of vech of the inertia. Off-diagonal entries stand twice in the matrix:
 # sqrt(2) makes the norm of the error the Frobenius norm of the difference of the two matrices.
@@ -44,7 +45,7 @@ _HALF_OFF_DIAGONAL = 1.0 / FROBENIUS_WEIGHTS
 
 
 class InertiaTask(Task):
-    """Bring entries of the centroidal CRB inertia to those of ``target``.
+    """Bring entries of the CRB inertia to those of ``target``.
 
     Parameters
     ----------
@@ -56,13 +57,18 @@ class InertiaTask(Task):
     frame:
         Whose axes: ``"world"``, ``"base"`` (the joints alone then decide: the local shape of paper
         5.2.1) or any frame of the robot.
+    about:
+        The point that it is about: ``"com"``; ``"world"`` for the world's origin, as the paper's
+        spatial inertia is; a frame for its origin, moving with it; or a point (3,) fixed in the
+        world [m]. About other points than the CoM its distance counts too, by M times its square.
     per_mass:
         Divide error and Jacobian by the robot's mass; weights are then in 1/(m^2/s).
     second_order:
         Add the curvature of the inertia to the cost. With a target out of reach the error stays
         large and Gauss-Newton leaves curvature out; damping by the sums of its rows keeps that from
         chattering. This converges like Newton's method instead, at the price of an eigenvalue
-        decomposition per tick. The turning of a named frame is left out.
+        decomposition per tick. The turning of a named frame is left out, and of the base about a
+        point of the world.
 
     Notes
     -----
@@ -77,6 +83,7 @@ class InertiaTask(Task):
         *,
         components: Sequence[str] = ALL,
         frame: str = WORLD,
+        about: str | ArrayLike = COM,
         per_mass: bool = False,
         second_order: bool = False,
         name: str = "inertia",
@@ -88,6 +95,7 @@ class InertiaTask(Task):
         if frame != WORLD:
             robot.frame_id(frame)
         self.frame = frame
+        self.about = self._point(about)
         self.per_mass = per_mass
         scale = 1.0 / robot.mass if per_mass else 1.0
         self._wanted: Array
@@ -126,9 +134,9 @@ class InertiaTask(Task):
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return the selected entries of actual minus target inertia and their Jacobian."""
-        error = self._selection.dot(vech(snapshot.inertia_in(self.frame)))
+        error = self._selection.dot(vech(snapshot.inertia_in(self.frame, self.about)))
         error -= self._wanted
-        jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame))
+        jacobian = self._selection.dot(snapshot.inertia_jacobian_in(self.frame, self.about))
         if self.second_order:
             curvature = self._curvature(snapshot, self._pull(error))
             return Residual(error, jacobian, self._bias, curvature)
@@ -136,8 +144,8 @@ class InertiaTask(Task):
         return Residual(error, jacobian, self._bias, curvature_bound=bound)
 
     def native(self) -> tuple[NativeRows, ...] | None:
-        """Return the rows in axes of the world or the base."""
-        if self.frame not in (WORLD, BASE):
+        """Return the rows about the CoM in axes of the world or the base."""
+        if self.frame not in (WORLD, BASE) or self.about != COM:
             return None
         frame = None if self.frame == WORLD else BASE
         rates, numbers = (self._bias, self._drift), (self._factors, self._wanted)
@@ -156,7 +164,7 @@ class InertiaTask(Task):
 
     def drift(self, snapshot: Snapshot) -> Array:
         """Return the second derivative of the selected entries at v' = 0, less the target's."""
-        drift = self._selection.dot(snapshot.inertia_drift_in(self.frame))
+        drift = self._selection.dot(snapshot.inertia_drift_in(self.frame, self.about))
         drift += self._drift
         return drift
 
@@ -164,7 +172,8 @@ class InertiaTask(Task):
         """Return the selected entries of actual minus target inertia."""
         # The trace is the same in all axes; in the base's it is an expression of the joints alone.
         frame = BASE if self.rows == TRACE else self.frame
-        return posture.inertia_error(self._selection, vech_inverse(self.target), frame)
+        target = vech_inverse(self.target)
+        return posture.inertia_error(self._selection, target, frame, self.about)
 
     def _pull(self, error: Array) -> Array:
         """Return the cost's slope (6,) by the entries of the inertia."""
@@ -174,17 +183,28 @@ class InertiaTask(Task):
         """Return the second derivative of <G, I>, G the cost's derivative by the inertia, fixed."""
         G = vech_inverse(pull * _HALF_OFF_DIAGONAL)
         if self.frame == WORLD:
-            return snapshot.inertia_hessian(G)
+            return snapshot.inertia_hessian(G, self.about)
         S = snapshot.rotation(self.frame).T @ snapshot.rotation(BASE)
-        return snapshot.base_inertia_hessian(S.T @ G @ S)
+        return snapshot.base_inertia_hessian(S.T @ G @ S, self.about)
 
     def _curvature_bound(self, snapshot: Snapshot, error: Array) -> Array:
         """Return numbers (nv,) that make a diagonal matrix above the curvature."""
         pull = self._pull(error)
         bound: Array = np.add.reduce(np.abs(self._curvature(snapshot, pull)), axis=0)
-        if self.frame not in (WORLD, BASE):  # how the frame turns is not in it
-            bound += curvature_bound(pull, snapshot.inertia)
+        fixed = self.about == WORLD or not isinstance(self.about, str)
+        if self.frame != WORLD and (
+            self.frame != BASE or fixed
+        ):  # how the frame turns is not in it
+            bound += curvature_bound(pull, snapshot.inertia_in(WORLD, self.about))
         return bound
+
+    def _point(self, about: str | ArrayLike) -> str | tuple[float, ...]:
+        """Return the point that the inertia is about, checked: a word, or three numbers."""
+        if not isinstance(about, str):
+            return tuple(finite_array(f"{self}, about", about, (3,)).tolist())
+        if about not in (COM, WORLD):
+            self.robot.frame_id(about)
+        return about
 
 
 def curvature_bound(pull: Array, inertia: Array) -> float:

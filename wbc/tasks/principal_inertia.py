@@ -33,6 +33,10 @@ class PrincipalInertiaTask(Task):
     eigenvalues, whose derivatives jump where two cross, this stays well behaved where two moments
     are equal: the error also has rows for the block in which the eigenvectors are arbitrary. It is
     expressed in base axes, where the moments depend on the joints alone.
+
+    The Jacobian is that of the error unless two wanted moments lie farther apart than the actual
+    ones: there the axes of N turn without bound, and are followed no faster than I changes (see
+    :func:`turning_ratios`).
     """
 
     def __init__(

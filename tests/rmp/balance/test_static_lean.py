@@ -78,6 +78,25 @@ def test_errors_decay_and_the_time_left_counts_them(
     assert left == pytest.approx(run.ended_at - run.time[half], rel=0.01, abs=2e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("off", "accuracy"), [(0.035, 1.4e-3), (0.4, 1.4e-2)])
+def test_the_time_left_is_known_less_well_from_far_off(
+    off: float, accuracy: float, sign: float
+) -> None:
+    """2 degrees and 23: what is left out is squares of errors. The figures of docs/pendulum.md."""
+    worst = 0.0
+    for degrees in (75.0, 85.0, 95.0, 110.0):
+        for bounds in (RATE, ANGLE):
+            law, q = lean(20.0, degrees, bounds)
+            q[1] += sign * off
+            predicted = law.time_left(q, np.zeros(5))
+            run = until_saturated(law, q, np.zeros(5), 2.0 * predicted)
+            assert run.note.startswith("stopped")
+            worst = max(worst, abs(predicted / run.ended_at - 1.0))
+    assert worst < accuracy
+
+
 def test_the_mean_torque_is_the_static_one() -> None:
     """k_P' = -M g r_l cos: over a run with a push, the wheel takes what gravity gives."""
     law, q = lean(20.0, 80.0, Bounds())

@@ -28,6 +28,7 @@ from wbc.problem.section import (
 from wbc.problem.targets import PLAN, FromPlan, Start, form_with_plan
 from wbc.problem.task_spec import ErrorTaskSpec
 from wbc.robot import Snapshot
+from wbc.robot.names import COM, WORLD
 from wbc.run.ramps import VECTORS, TargetedTask, fixed_goal
 from wbc.spatial import DIAGONAL, vech
 from wbc.tasks import InertiaTask, PrincipalInertiaTask
@@ -42,6 +43,9 @@ Components = Annotated[
     | Annotated[NonEmpty[Annotated[str, Words(ALL)]], Distinct],
     Forms(f"{', '.join((*COMPONENTS, PRINCIPAL))}, or a list of {' '.join(ALL)}"),
 ]
+
+
+About = Annotated[Name | Point, Forms("com, world, a frame, or a point [x, y, z] of the world [m]")]
 
 
 class Scale(Section):
@@ -71,7 +75,7 @@ InertiaTarget = Annotated[
 
 
 class InertiaSpec(ErrorTaskSpec):
-    """The robot's centroidal (composite-rigid-body) inertia: size and shape of the whole robot."""
+    """The robot's composite-rigid-body inertia: size and shape of the whole robot."""
 
     of_plan: ClassVar[tuple[str, ...]] = ("inertia", "inertia_rate", "inertia_acceleration")
 
@@ -81,6 +85,9 @@ class InertiaSpec(ErrorTaskSpec):
     list of entries."""
     frame: Name = default_of(InertiaTask, "frame")
     """Whose axes: world, base (the joints alone then decide) or any frame of the robot."""
+    about: About = default_of(InertiaTask, "about")
+    """About which point: com, world (its origin), a frame (its origin, moving with the robot), or a
+    point [x, y, z] fixed in the world [m]."""
     target: InertiaTarget
     """Wanted inertia [kg m^2], or {scale: ...} of the one at the start, or {plan: ...}, as a plan
     says."""
@@ -102,16 +109,19 @@ class InertiaSpec(ErrorTaskSpec):
         rows = rows or tuple(self.components)
 
         def current(now: Snapshot) -> Array:
-            return vech(now.inertia_in(self.frame))
+            return vech(now.inertia_in(self.frame, self.about))
 
         if self.frame != "world":
             start.robot.frame_id(self.frame)
+        if isinstance(self.about, str) and self.about not in (COM, WORLD):
+            start.robot.frame_id(self.about)
         goal = self._goal(rows, current(start))
         task = InertiaTask(
             start.robot,
             goal,
             components=rows,
             frame=self.frame,
+            about=self.about,
             per_mass=self.per_mass,
             second_order=self.second_order,
             name=name,
@@ -124,6 +134,8 @@ class InertiaSpec(ErrorTaskSpec):
         """Return the wanted inertia (6,) [kg m^2] in the axes of ``start`` (6,)."""
         if isinstance(self.target, FromPlan) and self.frame != "world":
             raise Misplaced("a plan has the inertia in world axes; leave this out", "frame")
+        if isinstance(self.target, FromPlan) and self.about != COM:
+            raise Misplaced("a plan has the inertia about the CoM; leave this out", "about")
         if isinstance(self.target, str | FromPlan):
             return start
         if isinstance(self.target, Scale):
@@ -150,6 +162,8 @@ class InertiaSpec(ErrorTaskSpec):
             raise Misplaced(
                 "principal moments are the same in every frame; leave this out", "frame"
             )
+        if "about" in self.model_fields_set:
+            raise Misplaced("principal moments are those about the CoM; leave this out", "about")
         if self.second_order:
             raise Misplaced("there is no second order for principal moments", "second_order")
         if not isinstance(self.weight, float | int):

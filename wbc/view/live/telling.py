@@ -11,6 +11,7 @@ from wbc.controllers import Controller, Tick
 from wbc.controllers.tick import NEGLIGIBLE
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.robot.collision import CollisionModel
+from wbc.robot.names import COM
 from wbc.run.history import held_joints
 from wbc.tasks import (
     AxisTask,
@@ -49,6 +50,8 @@ def cast_of(controller: Controller) -> Cast:
 
 
 def _kind(task: Task) -> str:
+    if isinstance(task, InertiaTask) and task.about != COM:  # sliders and ellipsoids are about it
+        return "other"
     return next((kind for type_, kind in KINDS.items() if isinstance(task, type_)), "other")
 
 
