@@ -33,12 +33,13 @@ from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NO_SLACK, Slacks, slacks_of
 from wbc.controllers.tick import POLICIES, RELAX, Began, Tick, Times
 from wbc.controllers.work import USUAL, units_of
-from wbc.errors import ControllerFailure
+from wbc.errors import ControllerFailure, InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.solution import Status
 from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.returned import deviation_of, residual_of
 from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only, time_step
@@ -101,7 +102,6 @@ class Controller(Fixed, ABC):
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
-    _verified = False  # whether the parts were seen to return what they should
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
 
     def __repr__(self) -> str:
@@ -180,13 +180,10 @@ class Controller(Fixed, ABC):
         """
         if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
             parts.check_snapshot(self.robot, snapshot)
-        if not self._verified:
-            self._verify(snapshot, own=False)
-            self._verified = True
         try:
             tick = self._step(snapshot)
-        except (AttributeError, IndexError, TypeError, ValueError):
-            self._verify(snapshot, own=True)
+        except (AttributeError, IndexError, InvalidInputError, TypeError, ValueError):
+            parts.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
         measured, limits = snapshot.measured, self.limits
         if limits is not None:
@@ -194,10 +191,6 @@ class Controller(Fixed, ABC):
         if measured.endswith(self._rest):
             self._missing_velocity.watch(snapshot, tick.velocity, limits)
         return tick
-
-    def _verify(self, snapshot: Snapshot, own: bool) -> None:
-        given = self._motion, self.contacts, self.constraints
-        parts.verify_parts(snapshot, self.dt, *given, own=own)
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command."""
@@ -209,13 +202,13 @@ class Controller(Fixed, ABC):
         # Goals: rows of tasks, then of contacts that may give way.
         residuals, rows, reduce = {}, [], False
         for task in self._motion:
-            residual = task.residual(snapshot)
+            residual = residual_of(task, snapshot)
             row = self._law(task, residual, snapshot)
             residuals[task.name] = residual
             rows.append(row)
             reduce = reduce or row.singular_threshold > 0.0
         for contact in self.plan.soft:
-            row = self._law(contact, contact.residual(snapshot), snapshot)
+            row = self._law(contact, residual_of(contact, snapshot), snapshot)
             rows.append(self.slacks.cost(contact, row))
         # Held: contacts, and the physics of what is behind the velocity.
         contacts = self.plan.held.rows(snapshot, self._law)
@@ -309,7 +302,6 @@ class Controller(Fixed, ABC):
     def _plan(self, contacts: tuple[Task, ...]) -> None:
         """Work out what does not change between ticks."""
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
-        self._verified = False
         # Asked in the ticks; all others report their residual's error.
         self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
@@ -353,7 +345,7 @@ class Controller(Fixed, ABC):
         for name, residual in residuals.items():
             errors[name] = residual.error
         for task in self._deviating:
-            errors[task.name] = task.deviation(snapshot, residuals[task.name])
+            errors[task.name] = deviation_of(task, snapshot, residuals[task.name])
         solve = outcome.solve_time
         tick = object.__new__(Tick)
         tick.__dict__.update(  # past __init__, which assigns one frozen field after the other

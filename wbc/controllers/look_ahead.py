@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.constraints.returned import bounds_of, cuts_of
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
 from wbc.controllers.levels import TOLERANCE, Outcome
 from wbc.controllers.slack import Slacks
@@ -76,7 +77,7 @@ class MarginRows(NamedTuple):
     ) -> MarginRows:
         """Evaluate the constraints at ``snapshot``; ``braked``: nothing stops at once."""
         work = Work() if work is None else work
-        found = [(one.braked_rows if braked else one.rows)(snapshot, dt) for one in constraints]
+        found = [bounds_of(one, snapshot, dt, braked) for one in constraints]
         parts = [slacks.soften(*both) for both in zip(constraints, found, strict=True)]
         margins = cls(constraints, slacks, snapshot, dt, parts, work)
         work.spent += margins.look
@@ -127,7 +128,7 @@ class MarginRows(NamedTuple):
                 yield suspect
                 return
         for k in doubtful:
-            found = self.constraints[k].cutting_planes(there, *step, self.parts[k])
+            found = cuts_of(self.constraints[k], there, *step, self.parts[k])
             if found is not None:
                 yield k, found
 

@@ -22,6 +22,7 @@ from wbc.laws import Rows
 from wbc.qp.backend import Backend
 from wbc.qp.work import Work
 from wbc.robot import Snapshot
+from wbc.tasks.returned import deviation_of, residual_of
 from wbc.tasks.task import Task
 
 
@@ -111,7 +112,7 @@ class NativeController(Controller):
         """Return the errors where tasks report others than their residuals': of targets of now."""
         errors = dict(found.errors)
         for task in self._deviating:
-            errors[task.name] = task.deviation(snapshot, found.residual(task.name))
+            errors[task.name] = deviation_of(task, snapshot, found.residual(task.name))
         return {"errors": errors}
 
     def _plan(self, contacts: tuple[Task, ...]) -> None:
@@ -163,7 +164,7 @@ class NativeController(Controller):
         """Return the rows of tasks that the core does not know, those about forces last."""
         found = []
         for task in plan.given:
-            residual = task.residual(snapshot)
+            residual = residual_of(task, snapshot, core=not self._bears)
             rows = self._law(task, residual, snapshot)
             found.append(GivenRows(task.name, rows, residual))
         return found

@@ -43,6 +43,7 @@ from wbc.qp.backend import Backend
 from wbc.qp.solution import Status
 from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.returned import drift_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
@@ -195,7 +196,7 @@ class TorqueController(NativeController):
         self._going_slack = {name: weights[name] for name in names & weights.keys()}
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        drift = task.drift(snapshot)
+        drift = drift_of(task, snapshot)
         return task.acceleration_law.rows(residual, drift, snapshot.v, task.weight, self.dt)
 
     def _decision(self) -> Decision:
