@@ -17,6 +17,7 @@ from wbc.qp.least_infeasible import least_infeasible
 from wbc.qp.work import Work
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
+from wbc.tasks.returned import rows_of
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -29,7 +30,7 @@ class KinematicController(NativeController):
     """
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        return task.law.rows(residual, task.weight, self.dt)
+        return rows_of(task, task.law, residual, task.weight, self.dt)
 
     def _native_parts(self) -> tuple[Sequence[Task], None]:
         return self.tasks, None

@@ -43,7 +43,7 @@ from wbc.qp.backend import Backend
 from wbc.qp.solution import Status
 from wbc.qp.work import Work
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.returned import drift_of
+from wbc.tasks.returned import drift_of, rows_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
@@ -197,7 +197,8 @@ class TorqueController(NativeController):
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
         drift = drift_of(task, snapshot)
-        return task.acceleration_law.rows(residual, drift, snapshot.v, task.weight, self.dt)
+        given = residual, drift, snapshot.v, task.weight, self.dt
+        return rows_of(task, task.acceleration_law, *given)
 
     def _decision(self) -> Decision:
         robot = self.robot

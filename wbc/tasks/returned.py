@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import InvalidInputError, shown
-from wbc.laws import Columns, Residual
+from wbc.laws import AccelerationLaw, Columns, Residual, Rows, VelocityLaw
 from wbc.robot import Snapshot
 from wbc.tasks.task import Task
 from wbc.validate import (
@@ -94,6 +94,36 @@ def drift_of(task: Task, snapshot: Snapshot) -> Array:
     return returned_array(f"{task}: drift()", found, of_rows)
 
 
+def rows_of(task: Task, law: VelocityLaw | AccelerationLaw, *given: Any) -> Rows:
+    """Return the rows that a task's law makes of what is ``given``.
+
+    Raises
+    ------
+    InvalidInputError
+        A law of one's own returns something else; the message names task and field.
+    """
+    if type(law) is VelocityLaw or type(law) is AccelerationLaw:
+        return law.rows(*given)
+    try:
+        found: object = law.rows(*given)
+    except Exception as raised:
+        _name(raised, task, f"{type(law).__name__}.rows")
+        raise
+    (k, nv), what = _shapes(task)[1], f"{task}: {type(law).__name__}.rows()"
+    if not isinstance(found, Rows):
+        raise InvalidInputError(f"{what} must return Rows, got {shown(found)}")
+    curvature = found.curvature
+    if curvature is not None:
+        curvature = returned_array(f"{what}, curvature", curvature, (nv, nv))
+    return found._replace(
+        matrix=returned_array(f"{what}, matrix", found.matrix, (k, nv)),
+        target=returned_array(f"{what}, target", found.target, (k,)),
+        weight=returned_array(f"{what}, weight", found.weight, (k,)),
+        damping=_bound(f"{what}, damping", found.damping, nv),
+        curvature=curvature,
+    )
+
+
 def deviation_of(task: Task, snapshot: Snapshot, residual: Residual) -> Array:
     """Return what a task reports as its error; raises as :func:`residual_of` does."""
     if is_tested(task, "deviation"):
@@ -147,7 +177,11 @@ def _checked(task: Task, found: object) -> Residual:
     if curvature is not None:
         curvature = returned_array(f"{what}, curvature", curvature, (nv, nv))
     bound = found.curvature_bound
-    bound = partial(_evaluated, task, bound) if callable(bound) else _bound(task, bound)
+    bound = (
+        partial(_evaluated, task, f"{what}, curvature_bound", bound)
+        if callable(bound)
+        else _bound(f"{what}, curvature_bound", bound, nv)
+    )
     if found.columns is not None:
         _check_columns(what, jacobian, found.columns)
     return Residual(
@@ -160,21 +194,20 @@ def _checked(task: Task, found: object) -> Residual:
     )
 
 
-def _evaluated(task: Task, bound: Callable[[], float | Array]) -> float | Array:
+def _evaluated(task: Task, what: str, bound: Callable[[], float | Array]) -> float | Array:
     try:
         value = bound()
     except Exception as raised:
         _name(raised, task, "curvature_bound")
         raise
-    return _bound(task, value)
+    return _bound(what, value, task.robot.nv)
 
 
-def _bound(task: Task, value: Any) -> float | Array:
-    """Return a bound on the curvature: a number, or one for each entry of v; none negative."""
-    what = f"{task}: residual(), curvature_bound"
+def _bound(what: str, value: Any, nv: int) -> float | Array:
+    """Return a number, or one for each entry of v; none negative."""
     if np.ndim(value) == 0:
         return finite_number(what, value, least=0.0)
-    bound = returned_array(what, value, (task.robot.nv,))
+    bound = returned_array(what, value, (nv,))
     if bound.min() < 0.0:
         raise InvalidInputError(f"{what}: must be at least 0, got {bound.min():g}")
     return bound
