@@ -34,9 +34,11 @@ controller = wbc.KinematicController(
 
 radius, period, worst = 0.1, 4.0, 0.0  # m, s
 for k in range(800):
-    turn = 2.0 * math.pi * k * dt / period
+    phase = 2.0 * math.pi * k * dt / period
+    turn = phase - math.sin(phase)  # from rest to rest, as acceleration limits ask
+    speed = 2.0 * math.pi / period * (1.0 - math.cos(phase))
     out = radius * np.array([0.0, math.sin(turn), 1.0 - math.cos(turn)])
-    rate = radius * 2.0 * math.pi / period * np.array([0.0, math.cos(turn), math.sin(turn)])
+    rate = radius * speed * np.array([0.0, math.cos(turn), math.sin(turn)])
     tool.set_target(centre + out, rate=rate)
     tick = controller.step(robot.snapshot(q, v))
     worst = max(worst, float(np.linalg.norm(tick.errors["tool"])))

@@ -86,3 +86,45 @@ def test_what_was_given_is_told_in_one_short_line(check) -> None:
         check("dt", np.arange(200.0).reshape(20, 10) if check is not names_of else [[0.1] * 200])
     assert len(str(told.value)) < 120 and "\n" not in str(told.value)
     assert "got " in str(told.value) and str(told.value).endswith("...")
+
+
+@pytest.mark.parametrize("value", [True, False, np.bool_(True), np.array(True)])
+def test_truth_value_is_no_number(value: object) -> None:
+    with pytest.raises(InvalidInputError, match="dt: expected a number"):
+        finite_number("dt", value)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [True, False],
+        np.array([True, False]),
+        [True, 2.0],
+        (1.0, np.bool_(True)),
+        np.array([1, True], object),
+    ],
+)
+def test_truth_values_are_no_numbers(value: object) -> None:
+    with pytest.raises(InvalidInputError, match="q: expected numbers"):
+        finite_vector("q", value, 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.ma.array([1.0, 2.0], mask=[True, False]),
+        np.ma.array([1.0, 2.0]),
+        [np.ma.masked, 1.0],
+        [np.ma.array([1.0], mask=[True])[0], 1.0],
+    ],
+)
+def test_masked_arrays_are_refused(value: object) -> None:
+    """Their data hold what the mask hides."""
+    with pytest.raises(InvalidInputError, match="q: a masked array"):
+        finite_vector("q", value, 2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [np.ma.masked, np.ma.array(2.0), np.ma.array(2.0, mask=True)])
+def test_masked_number_is_refused(value: object) -> None:
+    with pytest.raises(InvalidInputError, match="dt: expected a number"):
+        finite_number("dt", value)

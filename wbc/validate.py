@@ -16,21 +16,22 @@ Array = NDArray[np.floating[Any]]
 # Numbers beyond this are refused: no controller means them, and products of a few would overflow.
 LARGEST = 1e30
 LONG_STEP = 0.5  # s
-_FLOAT = np.dtype(np.float64)
+FLOAT = np.dtype(np.float64)
 _FEW = 9
-_NO_REAL = str, bytes, complex
+_NO_REAL = str, bytes, complex, bool, np.bool_
+_NO_NUMBER = str, bytes, bool, np.bool_, np.ma.MaskedArray
 
 
 def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
     """Whether ``value`` is a float array of that shape, as is given in every tick."""
-    return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape
+    return type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape
 
 
 def are_plain(first: Any, shape: tuple[int, ...], second: Any, its_shape: tuple[int, ...]) -> bool:
     """Whether two values are: one call in place of two."""
     return (
         type(first) is type(second) is np.ndarray
-        and first.dtype is second.dtype is _FLOAT
+        and first.dtype is second.dtype is FLOAT
         and first.shape == shape
         and second.shape == its_shape
     )
@@ -64,17 +65,64 @@ def real_array(what: str, value: Any) -> Array:
     InvalidInputError
         Not real numbers: ragged lists, words (numerals too), dates, objects, complex numbers.
     """
+    check_unmasked(what, value)
     try:
         given = np.asarray(value)
         kind = given.dtype.kind
-        # NumPy would drop imaginary parts, read numerals and count days.
-        if kind not in "biufO" or (
-            kind == "O" and any(isinstance(x, _NO_REAL) for x in given.flat)
-        ):
+        # NumPy would drop imaginary parts, read numerals, count days, and take True for 1.
+        if kind not in "iufO" or (kind == "O" and _has(given.flat, _NO_REAL)):
+            raise TypeError("no real numbers")
+        if isinstance(value, list | tuple) and _has(value, _NO_REAL):  # NumPy made it 1.0
             raise TypeError("no real numbers")
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{what}: expected numbers, got {shown(value)}") from error
+
+
+def _kind(value: Any) -> str:
+    """Return NumPy's letter for what an array holds; of other libraries' arrays and of lists: f."""
+    return getattr(getattr(value, "dtype", FLOAT), "kind", FLOAT.kind)
+
+
+def _has(values: Iterable[Any], kinds: tuple[type, ...]) -> bool:
+    """Whether one of some values, in lists of lists too, is of some kinds."""
+    return any(
+        _has(one, kinds) if isinstance(one, list | tuple) else isinstance(one, kinds)
+        for one in values
+    )
+
+
+def check_unmasked(what: str, value: Any) -> None:
+    """Refuse an array with entries that are masked: hidden they are, but not gone.
+
+    Raises
+    ------
+    InvalidInputError
+        The message says what to do.
+    """
+    if isinstance(value, np.ma.MaskedArray) or (
+        isinstance(value, list | tuple) and _has(value, (np.ma.MaskedArray,))
+    ):
+        raise InvalidInputError(
+            f"{what}: a masked array, of which the values behind the mask would be taken; give a"
+            " plain one (array.filled(...), or array.compressed())"
+        )
+
+
+def returned_array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return what a caller's own function gave as a fresh float array of the given shape.
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`finite_array`, and for arrays of objects and ``np.matrix``, whose products and
+        rows are others than arrays'.
+    """
+    if isinstance(value, np.matrix) or _kind(value) not in "iuf":
+        kind = type(value).__name__
+        of = f" of {value.dtype}" if hasattr(value, "dtype") else ""
+        raise InvalidInputError(f"{what}: expected an array of real numbers, got {kind}{of}")
+    return finite_array(what, value, shape)
 
 
 def finite_vector(what: str, value: ArrayLike, size: int) -> Array:
@@ -125,7 +173,9 @@ def finite_number(
     if type(value) is float and above < value >= least and -LARGEST <= value <= LARGEST:
         return value  # what is given in every tick
     try:
-        if np.ndim(value) or np.iscomplexobj(value) or isinstance(value, str | bytes):
+        if np.ndim(value) or np.iscomplexobj(value) or isinstance(value, _NO_NUMBER):
+            raise TypeError("no real scalar")
+        if _kind(value) == "b":
             raise TypeError("no real scalar")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:

@@ -250,7 +250,8 @@ def test_an_expression_of_another_shape_is_refused(robot_named: Load, rows, numb
 
     robot = robot_named("g1")
     here = standing(robot)
-    with pytest.raises(InvalidInputError, match="'mine', which has 2 rows"):
+    said = r"'mine': expression\(\), (matrix|constant): expected shape \(2,"
+    with pytest.raises(InvalidInputError, match=said):
         controlled(here, Wrong(robot, "mine", ["fx", "fy"])).step(here)
 
 

@@ -25,6 +25,7 @@ from wbc.rotations import check_rotation, log_rotation
 from wbc.tasks.frame import TURNS
 from wbc.tasks.keywords import LawKeywords
 from wbc.tasks.point import AXES
+from wbc.tasks.returned import residual_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_array, read_only, real_array
 
@@ -233,7 +234,7 @@ class ContactRows:
         """Return the rows of each contact by a level's law: hold, and take back the drift."""
         every = []
         for contact, kept in zip(self.contacts, self.kept, strict=True):
-            row = law(contact, contact.residual(snapshot), snapshot)
+            row = law(contact, residual_of(contact, snapshot), snapshot)
             if kept is not None:
                 row = Rows(row.matrix[kept], row.target[kept], row.weight[kept])
             every.append(row)

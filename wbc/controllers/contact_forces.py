@@ -25,6 +25,7 @@ from wbc.constraints.rows import Bounds
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot, Snapshot
 from wbc.spatial import skew
+from wbc.tasks.returned import residual_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, read_only
 
@@ -124,7 +125,7 @@ class ContactForces:
         G = np.empty((self.robot.nv, self.size))
         for part in self.parts:
             if part.grasp is None:
-                G[:, part.columns] = part.contact.residual(snapshot).jacobian.T
+                G[:, part.columns] = residual_of(part.contact, snapshot).jacobian.T
                 continue
             contact, R = part.contact, part.axes(snapshot)
             grasp = np.empty(part.grasp.shape)  # in the world's axes: smaller than the Jacobian

@@ -41,12 +41,14 @@ from wbc.controllers.plan import Decision, Plan
 from wbc.controllers.singular import reduce_singular
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
+from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
 from wbc.qp.active_set import NAME, NO_RESIDUALS
 from wbc.qp.backend import Backend, backend_of
 from wbc.qp.problem import check_qp
 from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.returned import deviation_of, residual_of
 from wbc.tasks.sealed import Fixed
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only, time_step
@@ -107,7 +109,6 @@ class Controller(Fixed, ABC):
     _policies: tuple[str, ...] = POLICIES
     _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
-    _verified = False  # whether the parts were seen to return what they should
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
     _ramped: Mapping[str, float] = NO_RAMPS  # largest normal forces of those that come or go
 
@@ -184,13 +185,10 @@ class Controller(Fixed, ABC):
         """
         if type(snapshot) is not Snapshot or snapshot.robot is not self.robot:
             parts.check_snapshot(self.robot, snapshot)
-        if not self._verified:
-            self._verify(snapshot, own=False)
-            self._verified = True
         try:
             tick = self._step(snapshot)
-        except (AttributeError, IndexError, TypeError, ValueError):
-            self._verify(snapshot, own=True)
+        except (AttributeError, IndexError, InvalidInputError, TypeError, ValueError):
+            parts.look_closely(snapshot, self.dt, self._motion, self.contacts, self.constraints)
             raise
         measured, limits = snapshot.measured, self.limits
         if limits is not None:
@@ -198,10 +196,6 @@ class Controller(Fixed, ABC):
         if measured.endswith(self._rest):
             self._missing_velocity.watch(snapshot, tick.velocity, limits)
         return tick
-
-    def _verify(self, snapshot: Snapshot, own: bool) -> None:
-        given = self._motion, self.contacts, self.constraints
-        parts.verify_parts(snapshot, self.dt, *given, own=own)
 
     def _step(self, snapshot: Snapshot) -> Tick:
         """Return the command: the tick, from top to bottom."""
@@ -351,7 +345,7 @@ class Controller(Fixed, ABC):
         """Return the rows of tasks and contacts that the core does not know."""
         rows = []
         for task in plan.python_tasks:
-            residual = task.residual(snapshot)
+            residual = residual_of(task, snapshot)
             rows.append(PythonRows(task, self._law(task, residual, snapshot), residual))
         return rows
 
@@ -363,7 +357,7 @@ class Controller(Fixed, ABC):
         if self._deviating:  # errors other than the residuals': of targets of now
             errors = dict(outcome.found.errors)
             for task in self._deviating:
-                errors[task.name] = task.deviation(snapshot, outcome.found.residual(task.name))
+                errors[task.name] = deviation_of(task, snapshot, outcome.found.residual(task.name))
             known["errors"] = errors
         return known
 
@@ -464,7 +458,6 @@ class Controller(Fixed, ABC):
     def _plan(self, contacts: tuple[Task, ...], curved: frozenset[str] = frozenset()) -> None:
         """Work out what does not change between ticks."""
         self.__dict__["contacts"] = contacts = mechanics_of(self.robot, contacts)
-        self._verified = False
         # Asked in the ticks; all others report their residual's error.
         self._deviating = [t for t in self._motion if type(t).deviation is not Task.deviation]
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)

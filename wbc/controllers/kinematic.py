@@ -15,6 +15,7 @@ from wbc.laws import Residual, Rows
 from wbc.qp.least_infeasible import least_infeasible
 from wbc.robot import Snapshot
 from wbc.robot.tree import LARGEST
+from wbc.tasks.returned import rows_of
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
@@ -27,7 +28,7 @@ class KinematicController(Controller):
     """
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        return task.law.rows(residual, task.weight, self.dt)
+        return rows_of(task, task.law, residual, task.weight, self.dt)
 
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
         found = outcome.found

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
+from wbc.constraints.returned import bounds_of, cuts_of
 from wbc.constraints.rows import Bounds, Constraint, relax_for_contacts, stack
 from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.slack import Slacks
@@ -54,7 +55,7 @@ class MarginRows(NamedTuple):
         braked: bool = False,
     ) -> MarginRows:
         """Evaluate the constraints at ``snapshot``; ``braked``: nothing stops at once."""
-        found = [(one.braked_rows if braked else one.rows)(snapshot, dt) for one in constraints]
+        found = [bounds_of(one, snapshot, dt, braked) for one in constraints]
         parts = [slacks.soften(*both) for both in zip(constraints, found, strict=True)]
         return cls(constraints, slacks, snapshot, dt, parts)
 
@@ -97,7 +98,7 @@ class MarginRows(NamedTuple):
                 yield suspect
                 return
         for k in doubtful:
-            found = self.constraints[k].cutting_planes(there, *step, self.parts[k])
+            found = cuts_of(self.constraints[k], there, *step, self.parts[k])
             if found is not None:
                 yield k, found
 

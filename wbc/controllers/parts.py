@@ -8,12 +8,14 @@ from typing import Any
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.mechanics import mechanics_of
-from wbc.constraints.rows import Bounds, Constraint
+from wbc.constraints.returned import look_closely_at
+from wbc.constraints.rows import Constraint
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.errors import InvalidInputError, UnknownNameError, shown
-from wbc.laws import AccelerationLaw, Residual, VelocityLaw
+from wbc.laws import AccelerationLaw, VelocityLaw
 from wbc.robot import Robot, Snapshot
 from wbc.robot.model import check_robot
+from wbc.tasks import returned
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 
@@ -169,63 +171,24 @@ def check_snapshot(robot: Robot, snapshot: object) -> None:
         )
 
 
-def verify_parts(
+def look_closely(
     snapshot: Snapshot,
     dt: float,
     tasks: Sequence[Task],
     contacts: Sequence[Task],
     constraints: Sequence[Constraint],
-    own: bool,
 ) -> None:
-    """Check what the parts return at a snapshot: done once, and when a tick has come to grief.
-
-    ``own``: also those of this package, which are tested; all of them take up to a millisecond.
+    """Look for who returned what a tick came to grief over; takes up to a millisecond.
 
     Raises
     ------
     InvalidInputError
-        A task's residual or a constraint's rows are none, or of other shapes than the task's rows
-        and the robot's nv say; the message names it and the shapes.
+        A task's residual or a constraint's rows are none, or not finite; the message names it.
     """
-    nv = snapshot.robot.nv
     for task in (*tasks, *contacts):
-        if _is_own(task) and not own:
-            continue
-        k, residual = len(task.rows), task.residual(snapshot)
-        _check_shapes(
-            f"{task}, which has {k} rows: residual()",
-            residual,
-            Residual,
-            {"error": (k,), "jacobian": (k, nv), "bias": (k,)},
-        )
+        returned.look_closely(task, snapshot)
     for constraint in constraints:
-        if _is_own(constraint) and not own:
-            continue
-        rows = constraint.rows(snapshot, dt)
-        m = len(getattr(rows, "labels", ()))
-        _check_shapes(
-            f"constraint {constraint.name!r}, which labels {m} rows: rows()",
-            rows,
-            Bounds,
-            {"matrix": (m, nv), "lower": (m,), "upper": (m,)},
-        )
-
-
-def _is_own(part: object) -> bool:
-    return type(part).__module__.startswith("wbc.")
-
-
-def _check_shapes(
-    what: str, given: object, kind: type, wanted: Mapping[str, tuple[int, ...]]
-) -> None:
-    found = {name: getattr(getattr(given, name, None), "shape", None) for name in wanted}
-    if not isinstance(given, kind) or found != dict(wanted):
-        fields = ", ".join(f"{name} {shape}" for name, shape in wanted.items())
-        shapes = ", ".join(f"{name} {shape}" for name, shape in found.items())
-        raise InvalidInputError(
-            f"{what} must return {kind.__name__} with arrays {fields}; got "
-            + (shapes if isinstance(given, kind) else f"{type(given).__name__}: {given!r}")
-        )
+        look_closely_at(constraint, snapshot, dt)
 
 
 def one_of(kind: str, value: str, choices: Sequence[str]) -> str:

@@ -40,6 +40,7 @@ from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.returned import drift_of, rows_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
 
@@ -191,8 +192,9 @@ class TorqueController(Controller):
         self._going_slack = {name: weights[name] for name in names & weights.keys()}
 
     def _law(self, task: Task, residual: Residual, snapshot: Snapshot) -> Rows:
-        drift = task.drift(snapshot)
-        return task.acceleration_law.rows(residual, drift, snapshot.v, task.weight, self.dt)
+        drift = drift_of(task, snapshot)
+        given = residual, drift, snapshot.v, task.weight, self.dt
+        return rows_of(task, task.acceleration_law, *given)
 
     def _decision(self) -> Decision:
         robot = self.robot

@@ -14,11 +14,12 @@ from typing import NamedTuple, NoReturn, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, shown
 from wbc.laws import Rows
 from wbc.robot import Robot, Snapshot
+from wbc.tasks.returned import asked, is_tested
 from wbc.tasks.task import Task
-from wbc.validate import Array
+from wbc.validate import Array, returned_array
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -99,16 +100,27 @@ class ForceTask(Task):
         Raises
         ------
         InvalidInputError
-            The expression has other shapes than the task's rows and the unknowns say.
+            The expression of a task of one's own has other shapes than the task's rows and the
+            unknowns say, or holds what is no finite number.
         """
-        matrix, constant = self.expression(dynamics)
-        k, n = len(self.rows), dynamics.size
-        if matrix.shape != (k, n) or constant.shape != (k,):
+        if is_tested(self, "expression"):
+            matrix, constant = self.expression(dynamics)
+        else:
+            matrix, constant = self._checked(asked(self, "expression", dynamics), dynamics.size)
+        return Rows(matrix / dynamics.unit, constant / -dynamics.unit, self.weight)
+
+    def _checked(self, found: object, n: int) -> Affine:
+        k = len(self.rows)
+        if not (isinstance(found, tuple) and len(found) == 2):
             raise InvalidInputError(
                 f"{self}, which has {k} rows: expression() must return matrix ({k}, {n}) and"
-                f" constant ({k},); got {matrix.shape} and {constant.shape}"
+                f" constant ({k},); got {shown(found)}"
             )
-        return Rows(matrix / dynamics.unit, constant / -dynamics.unit, self.weight)
+        what = f"{self}: expression(), "
+        return Affine(
+            returned_array(f"{what}matrix", found[0], (k, n)),
+            returned_array(f"{what}constant", found[1], (k,)),
+        )
 
     def residual(self, snapshot: Snapshot) -> NoReturn:
         """Raise InvalidInputError: a state has no force."""

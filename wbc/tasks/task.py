@@ -104,7 +104,12 @@ class Task(metaclass=Sealed):
     _assigned = 0  # how often only the target was
     _kind = "task"  # as error messages call it
     _unused: ClassVar[frozenset[str]] = frozenset()  # keywords of laws without effect: refused
+    _tested = True  # whether what it returns needs no look: set below for what is derived
     _may_rest = False  # whether a gain of 0 is meant: contacts that only do not move
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls._tested = cls.__module__.startswith("wbc.")
 
     def __init__(
         self,

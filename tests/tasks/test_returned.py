@@ -1,0 +1,327 @@
+"""What tasks and constraints of one's own return is looked at in every tick, on every path."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+
+from wbc.constraints import Bounds, Constraint, Limits, support
+from wbc.controllers import KinematicController, TorqueController
+from wbc.errors import InvalidInputError
+from wbc.laws import AccelerationLaw, Residual, VelocityLaw
+from wbc.robot import Robot
+from wbc.tasks import ForceTask, PositionTask, PostureTask, Task
+from wbc.tasks.force_task import Affine
+
+# NumPy says so of np.matrix, which some still use.
+pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass:PendingDeprecationWarning")
+
+LATER = 3  # ticks in which all is well
+LEVELS = {"velocity": KinematicController, "torque": TorqueController}
+
+
+class Mine(Task):
+    """The CoM's, until something else is put in its place."""
+
+    def __init__(self, robot: Robot, name: str = "mine") -> None:
+        super().__init__(robot, name, ("x", "y", "z"))
+        self.__dict__["change"] = lambda residual: residual
+        self.__dict__["drifts"] = lambda drift: drift
+
+    def residual(self, snapshot):
+        error = np.array(snapshot.com) - [0.0, 0.0, 0.28]
+        return self.change(Residual(error, np.array(snapshot.com_jacobian), np.zeros(3)))
+
+    def drift(self, snapshot):
+        return self.drifts(np.array(snapshot.com_drift))
+
+
+class Still(Mine):
+    """The same, met already: it may be a contact."""
+
+    def residual(self, snapshot):
+        return self.change(Residual(np.zeros(3), np.array(snapshot.com_jacobian), np.zeros(3)))
+
+
+def place(name: str, value):
+    def change(residual: Residual) -> Residual:
+        return residual._replace(**{name: value(getattr(residual, name))})
+
+    return change
+
+
+def with_(array: np.ndarray, where, value: float) -> np.ndarray:
+    array = array.copy()
+    array[where] = value
+    return array
+
+
+WRONG = {
+    "jacobian": {
+        "complex": lambda J: J + 0j,
+        "objects": lambda J: J.astype(object),
+        "words": lambda J: J.astype(str),
+        "truth values": lambda J: J > 0.0,
+        "matrix": np.matrix,
+        "masked": lambda J: np.ma.array(J, mask=J > 0.0),
+        "sparse": csr_matrix,
+        "columns missing": lambda J: J[:, :-20],
+        "column too many": lambda J: np.hstack((J, J[:, :1])),
+        "row missing": lambda J: J[:2],
+        "transposed": lambda J: J.T,
+        "NaN": lambda J: with_(J, (0, 7), np.nan),
+        "infinite": lambda J: with_(J, (1, 9), np.inf),
+        "huge": lambda J: 1e200 * J,
+        "None": lambda J: None,
+    },
+    "error": {
+        "NaN": lambda e: with_(e, 0, np.nan),
+        "infinite": lambda e: with_(e, 1, -np.inf),
+        "huge": lambda e: with_(e, 2, 1e149),
+        "complex": lambda e: e + 1j,
+        "a column": lambda e: e[:, None],
+        "a number": lambda e: e[0],
+        "masked": lambda e: np.ma.array(e, mask=[True, False, False]),
+    },
+    "bias": {
+        "NaN": lambda b: with_(b, 2, np.nan),
+        "row missing": lambda b: b[:2],
+        "complex": lambda b: b + 0j,
+    },
+    "curvature": {"NaN": lambda _: np.full((3, 3), np.nan), "words": lambda _: "flat"},
+    "curvature_bound": {
+        "NaN": lambda _: np.nan,
+        "negative": lambda _: -1.0,
+        "wrong size": lambda _: np.ones(3),
+    },
+    "columns": {"beyond v": lambda _: slice(0, 9999), "words": lambda _: "x"},
+}
+CASES = [(field, how) for field, ways in WRONG.items() for how in ways]
+PLAIN = {
+    "integers": lambda J: np.rint(3.0 * J).astype(int),
+    "single precision": lambda J: J.astype("f4"),
+    "Fortran's order": np.asfortranarray,
+    "strided": lambda J: np.repeat(J, 2, 1)[:, ::2],
+    "other bytes": lambda J: J.astype(">f8"),
+    "lists": lambda J: J.tolist(),
+}
+
+
+@pytest.fixture
+def robot(robot_named) -> Robot:
+    return robot_named("hoap2_like")
+
+
+def controller_of(robot: Robot, level: str, task: Task, as_contact: bool = False, **options):
+    here = robot.snapshot(robot.posture("standing"))
+    posture, held = PostureTask(robot, here.q, weight=0.1), support(here, "double")
+    tasks = [posture] if as_contact else [posture, task]
+    contacts = [held[0], task] if as_contact else held
+    given = {"contacts": contacts, "limits": Limits(robot), **options}
+    return LEVELS[level](robot, tasks, **given), here
+
+
+def given_up(controller, here, task: Task, change) -> InvalidInputError:
+    for _ in range(LATER):
+        assert controller.step(here).ok
+    task.__dict__["change"] = change
+    with pytest.raises(InvalidInputError) as caught:
+        controller.step(here)
+    return caught.value
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize(("field", "how"), CASES)
+def test_odd_return_of_a_later_tick_is_refused_by_name(robot, level: str, field, how) -> None:
+    task = Mine(robot)
+    controller, here = controller_of(robot, level, task)
+    said = str(given_up(controller, here, task, place(field, WRONG[field][how])))
+    assert said.startswith("task 'mine': residual()") and field in said
+
+
+@pytest.mark.parametrize("how", ["complex", "columns missing", "NaN", "masked"])
+@pytest.mark.parametrize(
+    "options",
+    [{"formulation": "reduced"}, {"solver": "daqp"}, {"slack": {"mine": 10.0}}],
+    ids=["reduced", "daqp", "soft"],
+)
+def test_odd_return_of_a_contact_is_refused_by_name(robot, how: str, options) -> None:
+    task = Still(robot)
+    controller, here = controller_of(robot, "velocity", task, as_contact=True, **options)
+    said = str(given_up(controller, here, task, place("jacobian", WRONG["jacobian"][how])))
+    assert said.startswith("task 'mine': residual()") and "jacobian" in said
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("what", [None, "com", (np.zeros(3),) * 3, [1.0, 2.0]])
+def test_return_that_is_no_residual_is_refused_by_name(robot, level: str, what) -> None:
+    task = Mine(robot)
+    controller, here = controller_of(robot, level, task)
+    said = str(given_up(controller, here, task, lambda _: what))
+    assert "task 'mine': residual() must return Residual" in said
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("how", PLAIN)
+def test_plain_numbers_of_other_kinds_are_converted(robot, level: str, how: str) -> None:
+    """Oracle: the same numbers as a float array."""
+    commands = []
+    for change in (PLAIN[how], lambda J: np.array(np.asarray(PLAIN[how](J)), dtype=float)):
+        task = Mine(robot)
+        controller, here = controller_of(robot, level, task)
+        task.__dict__["change"] = place("jacobian", change)
+        commands.append(controller.step(here).velocity)
+    np.testing.assert_array_equal(*commands)
+
+
+@pytest.mark.parametrize("how", ["complex", "NaN", "a number", "masked", "infinite"])
+def test_odd_drift_is_refused_by_name(robot, how: str) -> None:
+    task = Mine(robot)
+    controller, here = controller_of(robot, "torque", task)
+    for _ in range(LATER):
+        assert controller.step(here).ok
+    task.__dict__["drifts"] = WRONG["error"][how]
+    with pytest.raises(InvalidInputError, match=r"task 'mine': drift\(\)"):
+        controller.step(here)
+
+
+def test_odd_deviation_is_refused_by_name(robot) -> None:
+    class Degrees(Mine):
+        def deviation(self, snapshot, residual):
+            return residual.error[:2]
+
+    controller, here = controller_of(robot, "velocity", Degrees(robot))
+    with pytest.raises(InvalidInputError, match=r"task 'mine': deviation.*shape"):
+        controller.step(here)
+
+
+class Push(ForceTask):
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot, "push", ("fx", "fy", "fz"), weight=0.01)
+        self.__dict__["change"] = lambda affine: affine
+
+    def expression(self, dynamics):
+        wrench = dynamics.wrench("left_sole")[:3].copy()
+        return self.change(Affine(wrench, np.zeros(3)))
+
+
+@pytest.mark.parametrize("how", ["complex", "masked", "sparse", "columns missing", "NaN", "None"])
+def test_odd_expression_of_a_force_task_is_refused_by_name(robot, how: str) -> None:
+    task = Push(robot)
+    controller, here = controller_of(robot, "torque", task)
+    change = WRONG["jacobian"][how]
+    said = str(given_up(controller, here, task, lambda a: a._replace(matrix=change(a.matrix))))
+    assert said.startswith("task 'push': expression(), matrix")
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("kind", [ValueError, KeyError, ZeroDivisionError, RuntimeError])
+def test_what_a_task_raises_is_raised_with_its_name(robot, level: str, kind) -> None:
+    def fail(residual):
+        raise kind("mine")
+
+    task = Mine(robot)
+    controller, here = controller_of(robot, level, task)
+    controller.step(here)
+    task.__dict__["change"] = fail
+    with pytest.raises(kind) as caught:
+        controller.step(here)
+    assert any("residual() of task 'mine', a Mine" in note for note in caught.value.__notes__)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_target_that_is_odd_is_refused_and_the_next_tick_is_as_before(robot, level: str) -> None:
+    task = PositionTask(robot, "left_palm", [0.1, 0.2, 0.3], name="hand")
+    controller, here = controller_of(robot, level, task)
+    controller.step(here)
+    before = controller.step(here).velocity
+    masked = np.ma.array([0.0, 0.0, 0.0], mask=[True, False, False])
+    for odd in (masked, [True, False, True], [1j, 0, 0], ["1", "2", "3"], [np.nan, 0, 0], None):
+        with pytest.raises(InvalidInputError, match="task 'hand', target"):
+            task.target = odd
+    np.testing.assert_allclose(controller.step(here).velocity, before, atol=1e-9)
+
+
+class First(VelocityLaw):
+    """The plain law, until something else is put in its place."""
+
+    change = staticmethod(lambda rows: rows)
+
+    def rows(self, *given):
+        return self.change(VelocityLaw.rows(self, *given))
+
+
+class Second(AccelerationLaw):
+    change = staticmethod(lambda rows: rows)
+
+    def rows(self, *given):
+        return self.change(AccelerationLaw.rows(self, *given))
+
+
+@pytest.mark.parametrize(("level", "law"), [("velocity", First), ("torque", Second)])
+@pytest.mark.parametrize(
+    "how", ["complex", "columns missing", "NaN", "masked", "matrix", "objects"]
+)
+def test_odd_rows_of_a_law_are_refused_by_name(robot, monkeypatch, level: str, law, how) -> None:
+    task = Mine(robot)
+    setattr(task, "law" if law is First else "acceleration_law", law())
+    controller, here = controller_of(robot, level, task)
+    for _ in range(LATER):
+        assert controller.step(here).ok
+    change = place("matrix", WRONG["jacobian"][how])
+    monkeypatch.setattr(law, "change", staticmethod(change))
+    with pytest.raises(InvalidInputError, match=rf"task 'mine': {law.__name__}.rows\(\), matrix"):
+        controller.step(here)
+
+
+# ---------------------------------------------------------------------------- constraints
+
+
+class Box(Constraint):
+    """The CoM gets no faster than 1 m/s, until something else is put in its place."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.name, self.change = robot, "box", lambda bounds: bounds
+
+    def rows(self, snapshot, dt):
+        J = np.array(snapshot.com_jacobian)
+        return self.change(Bounds(("x", "y", "z"), J, np.full(3, -1.0), np.full(3, 1.0)))
+
+
+WRONG_BOUNDS = {
+    **{("matrix", how): WRONG["jacobian"][how] for how in WRONG["jacobian"]},
+    ("lower", "NaN"): lambda a: with_(a, 0, np.nan),
+    ("upper", "row missing"): lambda a: a[:2],
+    ("upper", "complex"): lambda a: a + 0j,
+    ("lower", "masked"): lambda a: np.ma.array(a, mask=[True, False, False]),
+    ("labels", "number"): lambda _: ("x", "y", 3),
+    ("labels", "word"): lambda _: "xyz",
+    ("slack", "negative"): lambda _: np.array([1.0, -1.0, 1.0]),
+    ("push", "list"): lambda _: [1.0],
+}
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize(("field", "how"), WRONG_BOUNDS)
+def test_odd_rows_of_a_constraint_are_refused_by_name(robot, level: str, field, how) -> None:
+    box = Box(robot)
+    options = {"constraints": [box]}
+    controller, here = controller_of(robot, level, Mine(robot), **options)
+    for _ in range(LATER):
+        assert controller.step(here).ok
+    box.change = place(field, WRONG_BOUNDS[field, how])
+    with pytest.raises(InvalidInputError) as caught:
+        controller.step(here)
+    assert str(caught.value).startswith("constraint 'box'") and field in str(caught.value)
+
+
+def test_what_a_constraint_raises_is_raised_with_its_name(robot) -> None:
+    def fail(bounds):
+        raise KeyError("mine")
+
+    box = Box(robot)
+    controller, here = controller_of(robot, "velocity", Mine(robot), constraints=[box])
+    controller.step(here)
+    box.change = fail
+    with pytest.raises(KeyError) as caught:
+        controller.step(here)
+    assert any("rows() of constraint 'box', a Box" in note for note in caught.value.__notes__)

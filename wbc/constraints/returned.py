@@ -1,0 +1,120 @@
+"""What constraints of one's own return, looked at in every tick; those of this package are tested.
+
+Shapes, types and whether all is finite: before it is used.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from wbc.constraints.rows import Bounds, Constraint, Distances
+from wbc.errors import InvalidInputError, shown
+from wbc.laws import Rows
+from wbc.robot import Snapshot
+from wbc.validate import Array, real_array, returned_array
+
+Method = Literal["rows", "braked_rows", "cutting_planes"]
+
+
+def bounds_of(constraint: Constraint, snapshot: Snapshot, dt: float, braked: bool) -> Bounds:
+    """Return the rows of a constraint; ``braked``: where nothing stops at once.
+
+    Raises
+    ------
+    InvalidInputError
+        A constraint of one's own returns something else, or of other shapes than its labels and the
+        robot's nv say; the message names constraint and field.
+    """
+    method: Method = "braked_rows" if braked else "rows"
+    found = _asked(constraint, method, snapshot, dt)
+    if constraint._tested:
+        return cast(Bounds, found)
+    return _checked(constraint, method, found)
+
+
+def cuts_of(
+    constraint: Constraint, there: Snapshot, v: Array, dt: float, rows: Bounds
+) -> Bounds | None:
+    """Return the rows at a violation that ``v`` leads to, or None: see :class:`Constraint`."""
+    found = _asked(constraint, "cutting_planes", there, v, dt, rows)
+    if constraint._tested or found is None:
+        return cast(Bounds | None, found)
+    return _checked(constraint, "cutting_planes", found)
+
+
+def look_closely_at(constraint: Constraint, snapshot: Snapshot, dt: float) -> None:
+    """Ask a constraint again, and look at all that it returns.
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`bounds_of` does; also of constraints of this package.
+    """
+    _checked(constraint, "rows", _asked(constraint, "rows", snapshot, dt))
+
+
+def _asked(constraint: Constraint, method: Method, *given: Any) -> Any:
+    """Call a method of a constraint; what it raises is its own, and gets a note."""
+    try:
+        return getattr(constraint, method)(*given)
+    except Exception as error:
+        kind = type(constraint).__name__
+        error.add_note(f"raised by {method}() of constraint {constraint.name!r}, a {kind}")
+        raise
+
+
+def _checked(constraint: Constraint, method: Method, found: object) -> Bounds:
+    """Return rows with all fields checked, and converted where that is plain."""
+    nv = constraint.robot.nv
+    what = f"constraint {constraint.name!r}: {method}()"
+    if not isinstance(found, Bounds):
+        raise InvalidInputError(
+            f"{what} must return Bounds with labels, matrix (m, {nv}), lower (m,) and upper (m,);"
+            f" got {shown(found)}"
+        )
+    labels, matrix, lower, upper, push, distances, slack = found
+    if not isinstance(labels, tuple | list) or not all(isinstance(name, str) for name in labels):
+        raise InvalidInputError(f"{what}, labels: expected a tuple of words, got {shown(labels)}")
+    labels, m = tuple(labels), len(labels)
+    # Rows of this package may speak of unknowns behind the velocity.
+    wide = np.shape(matrix)[1:] if constraint._tested else (nv,)
+    matrix = returned_array(f"{what}, matrix", matrix, (m, *wide))
+    lower, upper = _ends(f"{what}, lower", lower, m), _ends(f"{what}, upper", upper, m)
+    for k in np.flatnonzero(lower > upper)[:1]:
+        raise InvalidInputError(
+            f"{what}: lower is above upper in row {labels[k]!r}; nothing is allowed"
+        )
+    if slack is not None:
+        slack = _ends(f"{what}, slack", slack, m)
+        if (slack <= 0.0).any():
+            raise InvalidInputError(f"{what}, slack: weights must be positive, got {shown(slack)}")
+    for name, part, kind in (("push", push, Rows), ("distances", distances, Distances)):
+        if part is not None and not isinstance(part, kind):
+            raise InvalidInputError(
+                f"{what}, {name}: expected {kind.__name__} or None, got {shown(part)}"
+            )
+    if push is not None:
+        push = _push(what, push, nv)
+    return Bounds(labels, matrix, lower, upper, push, distances, slack)
+
+
+def _ends(what: str, given: Any, m: int) -> Array:
+    """Return (m,) numbers, infinity allowed."""
+    numbers = real_array(what, given)
+    if numbers.shape != (m,):
+        raise InvalidInputError(f"{what}: expected shape ({m},), got {numbers.shape}")
+    for k in np.flatnonzero(np.isnan(numbers))[:1]:
+        raise InvalidInputError(f"{what}: NaN in row {k}")
+    return numbers
+
+
+def _push(what: str, push: Rows, nv: int) -> Rows:
+    """Return the rows of a dominating cost, (p, nv), target and weight (p,)."""
+    p = len(np.atleast_1d(push.target))
+    return push._replace(
+        matrix=returned_array(f"{what}, push, matrix", push.matrix, (p, nv)),
+        target=returned_array(f"{what}, push, target", push.target, (p,)),
+        weight=returned_array(f"{what}, push, weight", push.weight, (p,)),
+    )

@@ -1,0 +1,234 @@
+"""What tasks of one's own return, looked at in every tick; those of this package are tested.
+
+Types, shapes and numbers are looked at before they are used, in a microsecond or two; but where the
+native core takes a Jacobian as it is, the QP shows whether it is finite, and what is not comes to
+the tick in Python. Integers, numbers of single precision and lists are converted; what NumPy would
+have to guess at (imaginary parts, masks, words, objects, ``np.matrix``, sparse matrices) is
+refused. What a task raises itself is raised, with a note that names the task.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import InvalidInputError, shown
+from wbc.laws import AccelerationLaw, Columns, Residual, Rows, VelocityLaw
+from wbc.robot import Snapshot
+from wbc.tasks.task import Task
+from wbc.validate import (
+    FLOAT,
+    LARGEST,
+    Array,
+    finite_number,
+    returned_array,
+)
+
+_ARRAY, _hypot = np.ndarray, math.hypot
+
+
+def is_tested(task: Task, method: str) -> bool:
+    """Whether a method is this package's."""
+    return task._tested and method not in task.__dict__
+
+
+def residual_of(task: Task, snapshot: Snapshot, core: bool = False) -> Residual:
+    """Return the residual of a task; ``core``: its Jacobian goes to the native core as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        A task of one's own returns something else, or of other shapes than its rows and the
+        robot's nv say; the message names task and field.
+    """
+    own = task.__dict__
+    if task._tested and "residual" not in own:
+        return task.residual(snapshot)
+    try:
+        found = task.residual(snapshot)
+    except Exception as raised:
+        _name(raised, task, "residual")
+        raise
+    if type(found) is Residual:
+        error, jacobian, bias, curvature, bound, columns = found
+        of_rows, of_jacobian = own.get("_shapes") or _shapes(task)
+        # Written out: in functions of their own these lines took twice as long.
+        if (
+            type(error) is type(jacobian) is type(bias) is _ARRAY
+            and error.dtype is jacobian.dtype is bias.dtype is FLOAT
+            and error.shape == bias.shape == of_rows
+            and jacobian.shape == of_jacobian
+            and curvature is None
+            and columns is None
+            and type(bound) is float
+            and 0.0 <= bound <= LARGEST
+            and _hypot(*(error.tolist() + bias.tolist())) <= LARGEST  # NaN is not
+            and (core or np.vdot(jacobian, jacobian) <= LARGEST * LARGEST)
+        ):
+            return found
+    return _checked(task, found)
+
+
+def drift_of(task: Task, snapshot: Snapshot) -> Array:
+    """Return the drift (k,) of a task; raises as :func:`residual_of` does."""
+    own = task.__dict__
+    if task._tested and "drift" not in own:
+        return task.drift(snapshot)
+    try:
+        found = task.drift(snapshot)
+    except Exception as raised:
+        _name(raised, task, "drift")
+        raise
+    of_rows, _ = own.get("_shapes") or _shapes(task)
+    if (
+        type(found) is _ARRAY
+        and found.dtype is FLOAT
+        and found.shape == of_rows
+        and _hypot(*found.tolist()) <= LARGEST
+    ):
+        return found
+    return returned_array(f"{task}: drift()", found, of_rows)
+
+
+def rows_of(task: Task, law: VelocityLaw | AccelerationLaw, *given: Any) -> Rows:
+    """Return the rows that a task's law makes of what is ``given``.
+
+    Raises
+    ------
+    InvalidInputError
+        A law of one's own returns something else; the message names task and field.
+    """
+    if type(law) is VelocityLaw or type(law) is AccelerationLaw:
+        return law.rows(*given)
+    try:
+        found: object = law.rows(*given)
+    except Exception as raised:
+        _name(raised, task, f"{type(law).__name__}.rows")
+        raise
+    (k, nv), what = _shapes(task)[1], f"{task}: {type(law).__name__}.rows()"
+    if not isinstance(found, Rows):
+        raise InvalidInputError(f"{what} must return Rows, got {shown(found)}")
+    curvature = found.curvature
+    if curvature is not None:
+        curvature = returned_array(f"{what}, curvature", curvature, (nv, nv))
+    return found._replace(
+        matrix=returned_array(f"{what}, matrix", found.matrix, (k, nv)),
+        target=returned_array(f"{what}, target", found.target, (k,)),
+        weight=returned_array(f"{what}, weight", found.weight, (k,)),
+        damping=_bound(f"{what}, damping", found.damping, nv),
+        curvature=curvature,
+    )
+
+
+def deviation_of(task: Task, snapshot: Snapshot, residual: Residual) -> Array:
+    """Return what a task reports as its error; raises as :func:`residual_of` does."""
+    if is_tested(task, "deviation"):
+        return task.deviation(snapshot, residual)
+    found = asked(task, "deviation", snapshot, residual)
+    return returned_array(f"{task}: deviation()", found, (len(task.reported_rows),))
+
+
+def asked(task: Task, method: str, *given: Any) -> Any:
+    """Call a method of a task; what it raises is its own, and gets a note."""
+    try:
+        return getattr(task, method)(*given)
+    except Exception as raised:
+        _name(raised, task, method)
+        raise
+
+
+def look_closely(task: Task, snapshot: Snapshot) -> None:
+    """Ask a task again, and look at all that it returns.
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`residual_of` does; also of tasks of this package.
+    """
+    _checked(task, asked(task, "residual", snapshot))
+
+
+def _name(raised: Exception, task: Task, method: str) -> None:
+    raised.add_note(f"raised by {method}() of {task}, a {type(task).__name__}")
+
+
+def _shapes(task: Task) -> tuple[tuple[int], tuple[int, int]]:
+    """Return the shapes of error and Jacobian, and keep them."""
+    k = len(task.rows)
+    found = task.__dict__["_shapes"] = (k,), (k, task.robot.nv)
+    return found
+
+
+def _checked(task: Task, found: object) -> Residual:
+    """Return a residual with all fields checked, and converted where that is plain."""
+    k, nv = len(task.rows), task.robot.nv
+    what = f"{task}: residual()"
+    if not isinstance(found, Residual):
+        raise InvalidInputError(
+            f"{what} must return Residual with arrays error ({k},), jacobian ({k}, {nv}), bias"
+            f" ({k},); got {shown(found)}"
+        )
+    jacobian = returned_array(f"{what}, jacobian", found.jacobian, (k, nv))
+    curvature = found.curvature
+    if curvature is not None:
+        curvature = returned_array(f"{what}, curvature", curvature, (nv, nv))
+    bound = found.curvature_bound
+    bound = (
+        partial(_evaluated, task, f"{what}, curvature_bound", bound)
+        if callable(bound)
+        else _bound(f"{what}, curvature_bound", bound, nv)
+    )
+    if found.columns is not None:
+        _check_columns(what, jacobian, found.columns)
+    return Residual(
+        returned_array(f"{what}, error", found.error, (k,)),
+        jacobian,
+        returned_array(f"{what}, bias", found.bias, (k,)),
+        curvature,
+        bound,
+        found.columns,
+    )
+
+
+def _evaluated(task: Task, what: str, bound: Callable[[], float | Array]) -> float | Array:
+    try:
+        value = bound()
+    except Exception as raised:
+        _name(raised, task, "curvature_bound")
+        raise
+    return _bound(what, value, task.robot.nv)
+
+
+def _bound(what: str, value: Any, nv: int) -> float | Array:
+    """Return a number, or one for each entry of v; none negative."""
+    if np.ndim(value) == 0:
+        return finite_number(what, value, least=0.0)
+    bound = returned_array(what, value, (nv,))
+    if bound.min() < 0.0:
+        raise InvalidInputError(f"{what}: must be at least 0, got {bound.min():g}")
+    return bound
+
+
+def _check_columns(what: str, jacobian: Array, columns: Columns) -> None:
+    """Refuse columns that are not those in which the Jacobian's rows are rows of the identity."""
+    k, nv = jacobian.shape
+    fits = isinstance(columns, slice) or (
+        type(columns) is np.ndarray and columns.dtype.kind == "i" and columns.ndim == 1
+    )
+    try:
+        chosen = np.arange(nv)[columns] if fits else np.empty(0)
+    except (IndexError, TypeError) as error:
+        raise InvalidInputError(
+            f"{what}, columns: no entries of v, got {shown(columns)}"
+        ) from error
+    alike = chosen.size == k and (jacobian[np.arange(k), chosen] == 1.0).all()
+    if not (alike and np.count_nonzero(jacobian) == k):
+        raise InvalidInputError(
+            f"{what}, columns: the jacobian is not one there and zero elsewhere, row by row; got"
+            f" {shown(columns)} (leave it out, or give a slice of v or an array of {k} whole"
+            " numbers)"
+        )
