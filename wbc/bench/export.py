@@ -41,7 +41,7 @@ class WbcSequences(ParquetTestSet):
 
     @property
     def description(self) -> str:
-        return "{count} QPs of {sequences} sequences: {names}."
+        return {description!r}
 
     @property
     def sparse_only(self) -> bool:
@@ -103,10 +103,9 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
     ]
     table = folder / f"{NAME}.parquet"
     write_lists(table, rows)
-    told = {
-        "name": NAME, "count": len(rows), "sequences": len(sequences),
-        "names": ", ".join(one.name for one in sequences),
-    }  # fmt: skip
+    names = ", ".join(one.name for one in sequences)
+    description = f"{len(rows)} QPs of {len(sequences)} sequences: {names}."
+    told = {"name": NAME, "description": description}
     texts = {folder / f"{NAME}.py": TEST_SET, folder / f"{NAME}_warm.py": WARM}
     for path, text in texts.items():
         path.write_text(text.format(**told), encoding="utf-8")

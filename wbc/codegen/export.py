@@ -79,6 +79,6 @@ def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:
 
 
 def _title(problem: Problem, recording: Recording) -> str:
-    """Return what the files are about, as a comment of C takes it."""
+    """Return what the files are about."""
     name, robot = problem.source.name, recording.controller.robot.name
-    return f"{name} for {robot}; made by wbc codegen, do not edit.".replace("*/", "* /")
+    return f"{name} for {robot}; made by wbc codegen, do not edit."
