@@ -15,6 +15,7 @@ from typing import Any
 from wbc.batch.table import write_lists
 from wbc.bench.sequence import QpSequence
 from wbc.extras import require
+from wbc.files import write_text
 from wbc.qp import QP
 from wbc.qp.qpsolvers_backend import OneSided
 
@@ -108,7 +109,7 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
     told = {"name": NAME, "description": description}
     texts = {folder / f"{NAME}.py": TEST_SET, folder / f"{NAME}_warm.py": WARM}
     for path, text in texts.items():
-        path.write_text(text.format(**told), encoding="utf-8")
+        write_text(path, text.format(**told))
     return [table, *texts]
 
 
