@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import math
 import os
@@ -70,18 +71,33 @@ def write_whole(path: str | Path, fill: Callable[[IO[bytes]], object]) -> None:
     Raises
     ------
     OSError
-        The file cannot be written; what was there before stays.
+        The file cannot be written; what was there before stays. It names the file, not its
+        neighbour.
     """
     path = Path(path)
-    handle, neighbour = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "wb") as file:
-            fill(file)
-        Path(neighbour).chmod(0o666 & ~_umask())
-        Path(neighbour).replace(path)
-    except BaseException:
-        Path(neighbour).unlink(missing_ok=True)
-        raise
+        # A name is at most 255 bytes, of which the file's own may be all.
+        handle, neighbour = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                fill(file)
+            Path(neighbour).chmod(0o666 & ~_umask())
+            Path(neighbour).replace(path)
+        except BaseException:
+            Path(neighbour).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise OSError(error.errno or errno.EIO, why(error), str(path)) from error
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write text in UTF-8, whole or not at all, as :func:`write_whole` does; its errors."""
+    write_whole(path, lambda file: file.write(text.encode()))
+
+
+def why(error: OSError) -> str:
+    """Return what the system says, without the file: some libraries' errors have no number."""
+    return error.strerror or str(error) or type(error).__name__
 
 
 def _umask() -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -10,7 +11,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, WbcError
+from wbc.files import why
+
+
+class JournalError(WbcError):
+    """The file cannot be written (full, read-only, a folder); what was kept before is there."""
 
 
 class Journal:
@@ -34,29 +40,52 @@ class Journal:
     ------
     InvalidInputError
         Not such a file, or one of other work, or another process writes it.
-    OSError
+    JournalError
         It cannot be read or written.
     """
 
     def __init__(self, path: Path, made_of: Mapping[str, Any]) -> None:
         self.path = path
         head = json.loads(json.dumps(made_of))  # as it will be read back
-        self._file = path.open("a+b")
+        try:
+            # Without a buffer, which would be tried again where the file is closed.
+            self._file = path.open("a+b", buffering=0)
+        except OSError as error:
+            raise JournalError(f"{path}: cannot be written: {why(error)}") from error
         try:
             self._lock()
             whole, self.entries = self._read(head)
+            self._file.truncate(whole)  # what a kill left of a line
+            if whole == 0:
+                self._begin(head)
+        except OSError as error:
+            self._file.close()
+            raise JournalError(f"{path}: cannot be used: {why(error)}") from error
         except BaseException:
             self._file.close()
             raise
-        self._file.truncate(whole)  # what a kill left of a line
-        if whole == 0:
-            self.add(head)
 
     def add(self, entry: Mapping[str, Any]) -> None:
-        """Keep an entry."""
-        self._file.write(json.dumps(entry, allow_nan=False).encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        """Keep an entry.
+
+        Raises
+        ------
+        JournalError
+            It cannot be written; those before are there.
+        """
+        whole = self._file.seek(0, os.SEEK_END)
+        try:
+            rest = json.dumps(entry, allow_nan=False).encode() + b"\n"
+            while rest:
+                rest = rest[self._file.write(rest) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.truncate(whole)  # half a line, which the next process would remove
+            raise JournalError(
+                f"{self.path}: cannot be written: {why(error)}; what was done before is kept there,"
+                " and the same command goes on with it"
+            ) from error
 
     def remove(self) -> None:
         """Delete the file: the work is done, and its result written."""
@@ -70,6 +99,14 @@ class Journal:
         self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
     ) -> None:
         self._file.close()
+
+    def _begin(self, head: Mapping[str, Any]) -> None:
+        """Write what entries depend on; where that fails, leave no empty file."""
+        try:
+            self.add(head)
+        except JournalError as error:
+            self.path.unlink(missing_ok=True)
+            raise JournalError(str(error).partition(";")[0]) from error
 
     def _lock(self) -> None:
         try:

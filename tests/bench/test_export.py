@@ -1,6 +1,7 @@
 """The test set for qpbenchmark: its columns, and problems with the same optimum."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,19 @@ def test_problems_have_the_same_optimum_in_its_form(tmp_path: Path) -> None:
     classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
     assert classes == [NAME.title().replace("_", "")]
     compile(scripts[1].read_text(), "warm", "exec")
+
+
+def test_names_of_sequences_do_not_end_the_string_that_they_are_in(tmp_path: Path) -> None:
+    odd = '\\"; import os; """\n{x}'
+    sequence = replace(solvable(), name=odd)
+    _, script, _ = export_qpbenchmark(tmp_path, [sequence])
+    tree = ast.parse(script.read_text(encoding="utf-8"))
+    (told,) = (
+        node.body[-1].value.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and node.name == "description"
+    )
+    assert told == f"8 QPs of 1 sequences: {odd}."
 
 
 def test_pyarrow_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

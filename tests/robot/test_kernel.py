@@ -1,5 +1,6 @@
 """The native core's pass against Pinocchio's, which is what runs without it."""
 
+import pickle
 import threading
 
 import numpy as np
@@ -213,3 +214,21 @@ def test_a_core_that_answers_nan_is_refused(monkeypatch) -> None:
     monkeypatch.setattr(kernel, "_body", lambda inertia: right(inertia) * np.nan)
     monkeypatch.setenv(VARIABLE, "auto")
     assert Robot.load("hoap2_like").native is None
+
+
+@needs_core
+def test_integrate_gives_the_same_bits_for_unpickled_arrays_lists_and_robots() -> None:
+    """The type of an unpickled array is another object than NumPy's own."""
+    robot = Robot.load("hoap2_like")
+    unpickled = pickle.loads(pickle.dumps(robot))
+    rng = np.random.default_rng(0)
+    q = robot.posture("standing")
+    for _ in range(50):
+        v = rng.standard_normal(robot.nv)
+        q = robot.integrate(q, v, 0.1)
+        want = robot.integrate(q, v, 0.005).tobytes()
+        again_q, again_v = pickle.loads(pickle.dumps((q, v)))
+        assert robot.integrate(again_q, again_v, 0.005).tobytes() == want
+        assert robot.integrate(q.tolist(), v.tolist(), 0.005).tobytes() == want
+        assert unpickled.integrate(q, v, 0.005).tobytes() == want
+        assert unpickled.integrate(again_q, v, 0.005).tobytes() == want

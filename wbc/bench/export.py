@@ -15,6 +15,7 @@ from typing import Any
 from wbc.batch.table import write_lists
 from wbc.bench.sequence import QpSequence
 from wbc.extras import require
+from wbc.files import write_text
 from wbc.qp import QP
 from wbc.qp.qpsolvers_backend import OneSided
 
@@ -41,7 +42,7 @@ class WbcSequences(ParquetTestSet):
 
     @property
     def description(self) -> str:
-        return "{count} QPs of {sequences} sequences: {names}."
+        return {description!r}
 
     @property
     def sparse_only(self) -> bool:
@@ -103,13 +104,12 @@ def export_qpbenchmark(folder: Path, sequences: Sequence[QpSequence]) -> list[Pa
     ]
     table = folder / f"{NAME}.parquet"
     write_lists(table, rows)
-    told = {
-        "name": NAME, "count": len(rows), "sequences": len(sequences),
-        "names": ", ".join(one.name for one in sequences),
-    }  # fmt: skip
+    names = ", ".join(one.name for one in sequences)
+    description = f"{len(rows)} QPs of {len(sequences)} sequences: {names}."
+    told = {"name": NAME, "description": description}
     texts = {folder / f"{NAME}.py": TEST_SET, folder / f"{NAME}_warm.py": WARM}
     for path, text in texts.items():
-        path.write_text(text.format(**told), encoding="utf-8")
+        write_text(path, text.format(**told))
     return [table, *texts]
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from wbc.files import write_text
+
 
 def marks(name: str) -> tuple[str, str]:
     """Return what a section begins and ends with: comments, which are not shown."""
@@ -34,4 +36,4 @@ def put_section(path: Path, name: str, text: str) -> None:
         The page cannot be read or written.
     """
     page = path.read_text(encoding="utf-8") if path.exists() else ""
-    path.write_text(with_section(page, name, text), encoding="utf-8")
+    write_text(path, with_section(page, name, text))

@@ -6,6 +6,8 @@ Only typer is imported on top: ``wbc --help`` must not wait for the robotics lib
 from __future__ import annotations
 
 import logging
+import os
+import sys
 from typing import Annotated
 
 import typer
@@ -16,6 +18,7 @@ from wbc.cli.batch import BATCH_EXIT_CODES, batch
 from wbc.cli.bench import BENCH_EXIT_CODES, bench
 from wbc.cli.codegen import codegen
 from wbc.cli.doctor import doctor
+from wbc.cli.errors import BAD_INPUT, complain, refused
 from wbc.cli.problems import check, init, schema
 from wbc.cli.push import PUSH_EXIT_CODES, push
 from wbc.cli.robots import collisions, robots
@@ -34,7 +37,22 @@ _SILENT = logging.NullHandler()  # what the library warns of is among the notes 
 
 def main() -> None:
     """Run the command line; the entry point of the ``wbc`` script."""
-    app()
+    code: object = 0
+    try:
+        app()
+    except SystemExit as end:
+        code = end.code
+    except OSError as error:  # of typer's own, as the help on a full disk
+        complain(refused(error))
+        code = BAD_INPUT
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes again
+        if not code:
+            complain(refused(error))
+            code = BAD_INPUT
+    raise SystemExit(code)
 
 
 def _print_version(wanted: bool) -> None:

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from wbc.journal import Journal
 
 BATCH_EXIT_CODES = (
-    "Exit codes: 0 every run has a result, good or not; 1 bad input; 2 wrong usage; 3 some runs"
-    " ended in an error or killed their workers; 130 or 143 ended by Ctrl-C or SIGTERM. The same"
+    "Exit codes: 0 every run has a result, good or not; 1 bad input, or a file cannot be written;"
+    " 2 wrong usage; 3 some runs ended in an error or killed their workers; 130 or 143 ended by"
+    " Ctrl-C or SIGTERM. The same"
     " command then goes on where it ended, also after a kill."
 )
 PARTIAL = ".partial"  # after the output's name: what is kept until the campaign is done

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import shutil
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -138,8 +139,12 @@ def _sequences(
         found.append(record(one, ticks))
     if folder is not None:
         folder.mkdir(parents=True)
-        for sequence in found:
-            save_sequence(folder / f"{sequence.name.replace(' ', '_')}{ENDING}", sequence)
+        try:
+            for sequence in found:
+                save_sequence(folder / f"{sequence.name.replace(' ', '_')}{ENDING}", sequence)
+        except BaseException:
+            shutil.rmtree(folder)  # some of them would be taken for all by the next command
+            raise
     return found
 
 
@@ -218,7 +223,7 @@ def _write_all(places: list[Path], summary: dict[str, Any], changes: Sequence[Ch
 def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> None:
     from wbc.bench.page import has_section, with_section
     from wbc.bench.tables import html_page, markdown
-    from wbc.files import write_whole
+    from wbc.files import write_text
     from wbc.run.saving import json_text
 
     match path.suffix:
@@ -234,7 +239,7 @@ def _write(path: Path, summary: dict[str, Any], changes: Sequence[Change]) -> No
                 picture = Path(folder) / "bench.png"
                 _draw(summary, picture)
                 text = html_page(summary, changes, picture.read_bytes())
-    write_whole(path, lambda file: file.write(text.encode()))
+    write_text(path, text)
 
 
 def _draw(summary: dict[str, Any], path: Path) -> None:

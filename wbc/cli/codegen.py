@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -97,7 +98,7 @@ def _problem(path: Path, folder: Path | None, assign: list[str] | None, ticks: i
         print_note(f"in {count} ticks, left out, C gives no command: {reason}")
     count = len(made.recording.ticks)
     typer.echo(f"written  {folder}: the controller, and {count} ticks of Python to compare with")
-    typer.echo(f"now try  make -C {folder} run")
+    typer.echo(f"now try  make -C {quote(str(folder))} run")
 
 
 def _pendulum(

@@ -19,15 +19,30 @@ BAD_INPUT, NOT_REACHED, QP_FAILED, INTERRUPTED, TERMINATED = 1, 3, 4, 130, 143
 
 @contextmanager
 def errors_in_one_line() -> Iterator[None]:
-    """Turn the package's own errors into a message and an exit code; others are bugs."""
+    """Turn the package's own errors, and what the system refuses, into a message and an exit code.
+
+    Others are bugs.
+    """
     try:
         yield
     except WbcError as error:
         complain(str(error))
         raise typer.Exit(BAD_INPUT) from None
+    except BrokenPipeError:  # who reads what is printed has enough: typer ends quietly
+        raise
+    except OSError as error:  # a full disk, a read-only folder, a missing one
+        complain(refused(error))
+        raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt:
         complain("interrupted")
         raise typer.Exit(INTERRUPTED) from None
+
+
+def refused(error: OSError) -> str:
+    """Return what the system refused, in words: a file where it names one, else what is printed."""
+    from wbc.files import why
+
+    return f"{error.filename or 'the system refuses'}: {why(error)}"
 
 
 def complain(text: str) -> None:

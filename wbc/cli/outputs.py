@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ import typer
 from wbc.cli.errors import BAD_INPUT, complain
 from wbc.errors import InvalidInputError, WbcError
 from wbc.extras import require
+from wbc.files import why
 from wbc.run.saving import result_format
 
 
@@ -28,12 +30,8 @@ class Outputs:
             save(path)
             self.written.append(path)
         except OSError as error:
-            elsewhere = Path(tempfile.mkdtemp(prefix="wbc-")) / path.name
-            save(elsewhere)
-            self.failures.append(
-                f"--output {path}: cannot be written: {error.strerror}; the result is in "
-                f"{elsewhere} instead"
-            )
+            where = _saved_elsewhere(path, save)
+            self.failures.append(f"--output {path}: cannot be written: {why(error)}; {where}")
 
     def draw(self, path: Path, draw: Callable[[Path], object], option: str = "--plot") -> None:
         """Write a picture by ``draw(path)``; a failure is noted."""
@@ -43,13 +41,26 @@ class Outputs:
         except WbcError as error:
             self.failures.append(f"{option} {path}: {error}")
         except OSError as error:
-            self.failures.append(f"{option} {path}: cannot be written: {error.strerror}")
+            self.failures.append(f"{option} {path}: cannot be written: {why(error)}")
 
     def exit_code(self, code: int = 0) -> int:
         """Print what could not be written, and return the exit code: ``code`` if all was."""
         for failure in self.failures:
             complain(failure)
         return BAD_INPUT if self.failures else code
+
+
+def _saved_elsewhere(path: Path, save: Callable[[Path], object]) -> str:
+    """Write a result into a temporary folder, and return where it is, in words."""
+    folder = None
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="wbc-"))
+        save(folder / path.name)
+    except OSError as error:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        return f"nor into a temporary folder: {why(error)}; the result is lost"
+    return f"the result is in {folder / path.name} instead"
 
 
 def write_one(path: Path, save: Callable[[Path], object], quiet: bool) -> int:
@@ -90,4 +101,4 @@ def check_place(option: str, path: Path) -> None:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise InvalidInputError(f"{option} {path}: cannot be written: {error.strerror}") from error
+        raise InvalidInputError(f"{option} {path}: cannot be written: {why(error)}") from error

@@ -35,6 +35,7 @@ def init(
     with errors_in_one_line():
         from wbc.cli.outputs import check_place
         from wbc.errors import InvalidInputError
+        from wbc.files import write_text
         from wbc.problem.template import problem_template
         from wbc.robot import Robot
 
@@ -51,9 +52,9 @@ def init(
             return
         schema = path.parent / SCHEMA_FILE
         if not schema.exists():
-            schema.write_text(_schema_text(), encoding="utf-8")
+            write_text(schema, _schema_text())
         text = problem_template(loaded, name, str(path), SCHEMA_FILE)
-        path.write_text(text, encoding="utf-8")
+        write_text(path, text)
         typer.echo(f"written  {path}\nschema   {schema}\nnow try  wbc run {path}")
 
 
@@ -116,13 +117,14 @@ def schema(
     """
     with errors_in_one_line():
         from wbc.cli.outputs import check_place
+        from wbc.files import write_text
 
         text = _schema_text()
         if output is None:
             typer.echo(text, nl=False)
             return
         check_place("--output", output)
-        output.write_text(text, encoding="utf-8")
+        write_text(output, text)
 
 
 def _schema_text() -> str:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import Recording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
+from wbc.files import write_text
 from wbc.native.fingerprint import FLAGS
 from wbc.native.fingerprint import SOURCE as CORE
 from wbc.problem import Problem, load_problem
@@ -67,7 +68,7 @@ def export_problem(
         texts[f"core/{file.name}"] = file.read_text(encoding="utf-8")
     (folder / "core").mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     return Export(folder, recording, None if solver == NAME else solver)
 
 
@@ -80,6 +81,6 @@ def _load(path: Path, overrides: Mapping[str, Any]) -> Problem:
 
 
 def _title(problem: Problem, recording: Recording) -> str:
-    """Return what the files are about, as a comment of C takes it."""
+    """Return what the files are about."""
     name, robot = problem.source.name, recording.controller.robot.name
-    return f"{name} for {robot}; made by wbc codegen, do not edit.".replace("*/", "* /")
+    return f"{name} for {robot}; made by wbc codegen, do not edit."

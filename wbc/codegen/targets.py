@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.codegen.c_text import identifier
 from wbc.controllers import Controller
 from wbc.native.rows import Kind, NativeRows
 from wbc.tasks import InertiaTask
@@ -52,20 +52,9 @@ def _parts(tasks: Sequence[Task], prefix: str) -> list[Part]:
         rows = task.native() or ()
         for number, one in enumerate(rows):
             words = [prefix, task.name, *([_WORDS[one.kind]] if len(rows) > 1 else [])]
-            name = next(free for free in _spellings("_".join(words)) if free not in taken)
-            taken.add(name)
+            name = identifier("_".join(words), taken)
             found.append(Part(name, task, number, Kind(one.kind)))
     return found
-
-
-def _spellings(words: str) -> Iterator[str]:
-    """Yield valid C names: of the words alone, then with a number."""
-    name = re.sub(r"\W", "_", words, flags=re.ASCII).upper()
-    yield name
-    number = 2
-    while True:
-        yield f"{name}_{number}"
-        number += 1
 
 
 def targets_of(part: Part) -> Targets | None:

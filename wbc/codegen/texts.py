@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wbc.codegen.c_text import comment, literal
 from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import Recording
 from wbc.codegen.targets import contact_parts, task_parts
@@ -25,7 +25,7 @@ def plan_header(recording: Recording, title: str) -> str:
     solver, robot = recording.solver, controller.robot
     tasks, contacts = task_parts(controller), contact_parts(controller)
     parts = [
-        f"    {part.name} = {k}, /* {part.kind.name}: {_words(part.task.name)} */"
+        f"    {part.name} = {k}, /* {part.kind.name}: {comment(part.task.name)} */"
         for k, part in enumerate((*tasks, *contacts))
     ]
     sizes = {
@@ -41,7 +41,7 @@ def plan_header(recording: Recording, title: str) -> str:
         "ORDER": memory.arrays["order"].size,
     }
     lines = [
-        f"/* {title} */",
+        f"/* {comment(title)} */",
         "#ifndef WBC_PLAN_H",
         "#define WBC_PLAN_H",
         "",
@@ -67,7 +67,7 @@ def plan_header(recording: Recording, title: str) -> str:
 def plan_source(recording: Recording, title: str) -> str:
     """Return plan.c: all that was planned."""
     controller, memory = recording.controller, recording.plan.memory
-    names = ", ".join(json.dumps(name) for name in controller.robot.joint_names)
+    names = ",\n".join(f"    {literal(name)}" for name in controller.robot.joint_names)
     tree, margin = memory.tree, memory.margin
     arrays = {**memory.arrays, "number": recording.numbers}
     pointers = {
@@ -97,10 +97,10 @@ def plan_source(recording: Recording, title: str) -> str:
         ]
     return "\n".join(
         [
-            f"/* {title} */",
+            f"/* {comment(title)} */",
             '#include "plan.h"',
             "",
-            f"const char *const wbc_joint_names[WBC_NV - 6] = {{{names}}};",
+            f"const char *const wbc_joint_names[WBC_NV - 6] = {{\n{names},\n}};",
             "",
             *parts,
             f"const wbc_plan wbc_planned = {_fields(memory.struct, pointers)};",
@@ -166,8 +166,3 @@ def _number(value: float) -> str:
     if isinstance(value, int):
         return str(value)
     return {"inf": "INFINITY", "-inf": "-INFINITY"}.get(str(value), float.hex(value))
-
-
-def _words(name: str) -> str:
-    """Return a name as it may stand in a comment."""
-    return name.replace("*/", "* /")

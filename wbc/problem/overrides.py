@@ -45,9 +45,11 @@ def apply_overrides(source: Source, overrides: Mapping[str, Any]) -> Source:
     Raises
     ------
     ProblemFileError
-        A path that leads into something that is no mapping or list, past the end of a list, or
-        into a task or phase that does not exist.
+        The source is no mapping; or a path that leads into something that is no mapping or list,
+        past the end of a list, or into a task or phase that does not exist.
     """
+    if not isinstance(source.data, dict):
+        raise ProblemFileError(f"{source.name}: is no mapping, in which a value could be replaced")
     data = copy.deepcopy(source.data)
     overridden = dict(source.overridden)
     for text, value in overrides.items():

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, WbcError
+from wbc.errors import InvalidInputError, ModelError, WbcError
 from wbc.files import read_arrays
 from wbc.problem.overrides import apply_overrides
 from wbc.problem.pendulum.result import FORMAT as PENDULUM_FORMAT
 from wbc.problem.pendulum.result import SavedPendulum, pendulum_of
 from wbc.problem.reading import parse
 from wbc.problem.robot_spec import RobotSpec
+from wbc.problem.saved_arrays import check_arrays
+from wbc.problem.saved_summary import REMEDY, read_summary
 from wbc.problem.walk import read_problem
 from wbc.robot import Robot
 from wbc.run.history import History
@@ -30,7 +30,6 @@ LARGEST = 2_000_000_000  # bytes of all arrays unpacked
 WORDS = ("phase", "support", "status", "nearest", "summary", "joint_names")
 ANSWERS = ("active", "relaxed", "flat")  # yes or no
 FORMATS = (FORMAT, PENDULUM_FORMAT)
-REMEDY = "make it by: wbc run PROBLEM.yaml -o result.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +86,13 @@ def load_result(path: str | Path, robot: Robot | None = None) -> SavedRun | Save
             f"{path}: its joints are not those of {robot.name}; name its robot with --robot, or "
             + REMEDY
         )
+    check_arrays(path, robot, arrays)
     try:
         history = _history(arrays)
     except KeyError as error:
         raise InvalidInputError(f"{path}: lacks the array {error}; {REMEDY}") from None
+    except (InvalidInputError, ModelError) as error:
+        raise InvalidInputError(f"{path}: {error}; {REMEDY}") from error
     simulation = arrays if "simulation" in summary else None
     return SavedRun(path.stem, robot, history, summary, simulation, _terrain(path, summary))
 
@@ -101,14 +103,9 @@ def _kinds(name: str) -> str:
 
 
 def _summary(path: Path, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    try:
-        summary = json.loads(str(arrays["summary"]))
-        found = summary["format"]
-    except (KeyError, TypeError, ValueError) as error:
-        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}") from error
-    if found not in FORMATS:
-        raise InvalidInputError(f"{path}: is a {found!r:.40}, not a {FORMAT!r}; {REMEDY}")
-    return dict(summary)
+    if "summary" not in arrays:
+        raise InvalidInputError(f"{path}: not the result of a run; {REMEDY}")
+    return read_summary(path, str(arrays["summary"]), FORMATS)
 
 
 def _robot_of(path: Path, summary: Mapping[str, Any]) -> Robot:
@@ -132,7 +129,7 @@ def _terrain(path: Path, summary: Mapping[str, Any]) -> Terrain:
     try:
         told = summary.get("simulation", {}).get("terrain")
         return LEVEL if told is None else Terrain.from_data(told)
-    except (AttributeError, KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError, InvalidInputError) as error:
         raise InvalidInputError(f"{path}: its terrain cannot be read; {REMEDY}") from error
 
 
@@ -148,17 +145,24 @@ def _history(arrays: Mapping[str, NDArray[Any]]) -> History:
                 for name, array in arrays.items()
                 if name.startswith(begin)
             }
-            values[field.name] = _tracks(group) if field.name == "obstacles" else group
-    for name in ("time", "q", "v"):
-        if not isinstance(values[name], np.ndarray):
-            raise KeyError(name)
+            values[field.name] = (
+                _tracks(group, arrays["time"].size) if field.name == "obstacles" else group
+            )
     return History(**values)
 
 
-def _tracks(group: Mapping[str, NDArray[Any]]) -> dict[str, ObstacleTrack]:
+def _tracks(group: Mapping[str, NDArray[Any]], count: int) -> dict[str, ObstacleTrack]:
     """Return tracks from arrays such as ``room/wall/place``."""
     parts: dict[str, dict[str, NDArray[Any]]] = {}
     for name, array in group.items():
         obstacle, _, part = name.rpartition("/")
         parts.setdefault(obstacle, {})[part] = array
-    return {name: ObstacleTrack.from_arrays(arrays) for name, arrays in parts.items()}
+    try:
+        tracks = {name: ObstacleTrack.from_arrays(arrays) for name, arrays in parts.items()}
+    except KeyError as error:
+        raise InvalidInputError(f"an obstacle lacks the array {error}") from error
+    for name, track in tracks.items():
+        if len(track.place) != count:
+            what = f"expected {count} rows, got {len(track.place)}"
+            raise InvalidInputError(f"place of obstacle {name[:60]!r}: {what}")
+    return tracks

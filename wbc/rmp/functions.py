@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 from collections.abc import Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from wbc.errors import InvalidInputError, UnknownNameError, WbcError
+from wbc.files import write_text
 from wbc.rmp.pendulum import ReactionMassPendulum
 from wbc.validate import Array
 
 # Random arguments for a comparison.
 SAMPLES = 5
+# What files of CasADi's end with, and have nowhere else.
+ENDS = '} /* extern "C" */\n#endif\n'
 
 
 class Evaluator:
@@ -67,6 +72,8 @@ def export_c(
         No Function of that name.
     InvalidInputError
         No such directory.
+    OSError
+        A file cannot be written.
     """
     directory = Path(directory)
     if not directory.is_dir():
@@ -77,8 +84,18 @@ def export_c(
         if name not in model.functions:
             raise UnknownNameError("function", name, model.functions)
         generator.add(model.functions[name])
-    # CasADi wants the folder with a separator at its end.
-    return Path(generator.generate(f"{directory}/"))
+    with TemporaryDirectory(prefix="wbc-") as folder:
+        # CasADi wants the folder with a separator at its end, and says nothing of a full disk.
+        source = Path(generator.generate(f"{folder}/"))
+        texts = {
+            one.name: one.read_text(encoding="utf-8") if one.exists() else ""
+            for one in (source, source.with_suffix(".h"))
+        }
+        if not all(text.endswith(ENDS) for text in texts.values()):
+            raise OSError(errno.ENOSPC, "could not be written whole; is the disk full?", folder)
+    for name, text in texts.items():
+        write_text(directory / name, text)
+    return directory / source.name
 
 
 def compile_c(source: str | Path, compiler: str = "cc") -> Path:

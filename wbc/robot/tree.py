@@ -240,6 +240,10 @@ class KinematicTree:
         if native is not None and (plain := native.reached(q, v, dt)) is not None:
             return plain
         step = self.check_velocity(v)
+        if native is not None:  # lists and unpickled arrays: the same numbers, the same bits
+            numbers = finite_array("q", q, (self.nq,), LARGEST)
+            if (plain := native.reached(numbers, step, dt)) is not None:
+                return plain
         step *= dt
         reached: Array = pin.integrate(self.model, self.check_configuration(q), step)
         if not np.vdot(reached, reached) <= LARGEST * LARGEST:  # NaN is not

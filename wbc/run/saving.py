@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.files import ending_of, write_whole
+from wbc.files import ending_of, write_text, write_whole
 from wbc.validate import Array
 
 FORMATS = (".json", ".npz", ".csv")
@@ -56,11 +56,9 @@ def save_result(
             entries: dict[str, Any] = {"summary": np.array(json_text(summary)), **arrays()}
             write_whole(Path(path), lambda file: np.savez_compressed(file, **entries))
         case ".csv":
-            table = _csv_text(columns())
-            write_whole(Path(path), lambda file: file.write(table.encode()))
+            write_text(path, _csv_text(columns()))
         case _:
-            text = json_text(summary)
-            write_whole(Path(path), lambda file: file.write(text.encode()))
+            write_text(path, json_text(summary))
 
 
 def _csv_text(columns: Sequence[tuple[str, Array]]) -> str:

@@ -20,7 +20,7 @@ class CampaignLog(Journal):
 
     Raises
     ------
-    InvalidInputError, OSError
+    InvalidInputError, JournalError
         As :class:`~wbc.journal.Journal` does.
     """
 

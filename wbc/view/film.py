@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from matplotlib.figure import Figure
 from PIL import Image  # matplotlib brings it
 
 from wbc.errors import InvalidInputError
-from wbc.files import ending_of
+from wbc.files import ending_of, why
 from wbc.robot import Robot
 from wbc.robot.geometry import Mesh, RobotMeshes, joint_placements
 from wbc.simulation.terrain import LEVEL, Terrain
@@ -169,6 +170,8 @@ def write_film(
                         progress(done, len(rows))
             part.replace(path)
     except OSError as error:
+        raise InvalidInputError(f"{path}: cannot be written: {why(error)}") from error
+    except subprocess.CalledProcessError as error:  # of ffmpeg, on a full disk too
         raise InvalidInputError(f"{path}: cannot be written: {error}") from error
     return path
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
+from wbc.files import why, write_whole
 from wbc.validate import Array
 from wbc.view import palette
 
@@ -120,6 +122,7 @@ def save(figure: Figure, path: Path) -> None:
     """
     suffix = path.suffix.lower()
     try:
-        figure.savefig(path, format=suffix[1:], dpi=DPI, metadata=dict(FORMATS[suffix]))
+        options: dict[str, Any] = {"format": suffix[1:], "metadata": dict(FORMATS[suffix])}
+        write_whole(path, lambda file: figure.savefig(file, dpi=DPI, **options))
     except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
+        raise InvalidInputError(f"{path}: cannot be written: {why(error)}") from error

@@ -15,7 +15,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from wbc.files import ending_of, write_whole
+from wbc.files import ending_of, write_text
 from wbc.problem.pendulum.result import PendulumHistory, unit_of
 from wbc.robot import Robot
 from wbc.simulation.terrain import LEVEL, Terrain
@@ -143,7 +143,7 @@ def _plot_picture(draw: Draw) -> dict[str, Any]:
 
 def _write(path: str | Path, text: str) -> Path:
     path = Path(path)
-    write_whole(path, lambda file: file.write(text.encode()))
+    write_text(path, text)
     return path
 
 

@@ -1,0 +1,61 @@
+"""Gains that differ within a level act as weights: where tasks that compete come to rest.
+
+    python benchmarks/gains.py docs/howto/tuning.md     puts the table into its place on a page
+
+A G1 lowers its CoM and reaches forwards by more than its joints allow, over its soles.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import wbc
+from wbc.bench.page import put_section
+
+CASES = ((0.02, 0.5), (0.02, 0.02), (0.5, 0.5))  # gain of CoM and hand, of trunk and posture
+TICKS, DT = 1500, 0.005
+
+
+def at_rest(robot: wbc.Robot, reaching: float, others: float) -> tuple[float, float, float]:
+    """Return what is left of CoM [m], hand [m] and trunk [rad]."""
+    q, v = robot.posture("standing"), np.zeros(robot.nv)
+    start = robot.snapshot(q)
+    tasks = [
+        wbc.ComTask(robot, start.com - [0.0, 0.0, 0.15], weight=10.0, gain=reaching),
+        wbc.PositionTask(robot, "right_rubber_hand", (0.35, -0.15, 0.25), name="hand",
+                         weight=3.0, gain=reaching),
+        wbc.OrientationTask(robot, "torso_link", start.rotation("torso_link"), name="trunk",
+                            weight=0.3, gain=others),
+        wbc.PostureTask(robot, q, weight=0.01, gain=others),
+    ]  # fmt: skip
+    controller = wbc.KinematicController(
+        robot, tasks, contacts=wbc.support(start, "double"), limits=wbc.Limits(robot),
+        constraints=[wbc.ComSupport.over(start, margin=0.01)], dt=DT,
+    )  # fmt: skip
+    for _ in range(TICKS):
+        tick = controller.step(robot.snapshot(q, v))
+        v = tick.velocity
+        q = robot.integrate(q, v, DT)
+    com, hand, trunk = (float(np.linalg.norm(tick.errors[k])) for k in ("com", "hand", "trunk"))
+    return com, hand, trunk
+
+
+def main() -> None:
+    """Write the table."""
+    robot = wbc.Robot.load("g1")
+    lines = [
+        "| gain of CoM and hand | of trunk and posture | CoM off by | hand | trunk |",
+        "|---|---|---|---|---|",
+    ]
+    for case in CASES:
+        com, hand, trunk = at_rest(robot, *case)
+        lines.append(
+            f"| {case[0]:g} | {case[1]:g} | {1e3 * com:.0f} mm | {1e3 * hand:.0f} mm"
+            f" | {trunk:.2f} rad |"
+        )
+    put_section(Path(sys.argv[1]), "gains", "\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()
