@@ -42,7 +42,7 @@ def analyse(
     The motion is sampled evenly, filtered without delay and differentiated (see
     :mod:`wbc.motion.smoothing`); each frame is then what :func:`wbc.reduce` makes of its state and
     acceleration; the ground's force is what the soles measured if the recording has that. Memory:
-    linear in the frames, at its peak some 3 kB for each with 25 joints.
+    linear in the frames, at its peak some 3.5 kB for each with 25 joints.
 
     Parameters
     ----------
