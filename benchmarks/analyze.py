@@ -65,6 +65,7 @@ def main() -> None:
         times = {
             "read CSV": best(lambda: read_motion(path, robot)),
             "analyse": best(lambda: analyse(motion, planted="auto")),
+            "no bands": best(lambda: analyse(motion, planted="auto", noise=None)),
             "save .npz": best(lambda: series.save(Path(folder) / "s.npz")),
             "save .csv": best(lambda: series.save(Path(folder) / "s.csv")),
         }

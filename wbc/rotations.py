@@ -102,3 +102,9 @@ def same_sign(quaternions: Array) -> Array:
     flips = (quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0
     signs = np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))
     return np.asarray(quaternions * signs[:, None])
+
+
+def conjugate_product(p: Array, r: Array) -> Array:
+    """Return the vector part (n, 3) of p* r, p conjugated, of quaternions (n, 4) xyzw."""
+    a, b = p[:, :3], r[:, :3]
+    return p[:, 3:] * b - r[:, 3:] * a - np.cross(a, b)

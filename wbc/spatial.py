@@ -27,6 +27,11 @@ def skew(w: Array) -> Array:
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
+def skews(vectors: Array) -> Array:
+    """Return the cross-product matrices (n, 3, 3) of vectors (n, 3)."""
+    return np.cross(np.eye(3), vectors[:, None, :])
+
+
 def vech(S: Array) -> Array:
     """Return the (6,) vector (xx, xy, xz, yy, yz, zz) of a symmetric (3, 3) matrix."""
     return S.take(_ENTRIES)

@@ -163,7 +163,7 @@ def finite_array(
             where = ", ".join(str(tuple(index.tolist())) for index in np.argwhere(found)[:5])
             wanted = "finite" if fault.startswith("NaN") else f"at most {largest:g}"
             raise InvalidInputError(f"{what}: {fault} at {where}; every entry must be {wanted}")
-    return np.asarray(array, dtype=_FLOAT)  # an unpickled array's equal type is another object
+    return np.asarray(array, dtype=FLOAT)  # an unpickled array's equal type is another object
 
 
 def finite_number(

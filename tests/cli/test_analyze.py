@@ -11,7 +11,8 @@ import typer
 from typer.testing import CliRunner, Result
 
 import wbc.cli.analyze as command_module
-from wbc.cli.analyze import _verdict, analyze
+from wbc.cli.analyze import analyze
+from wbc.cli.analyze_report import verdict
 from wbc.cli.sim_report import _cop
 from wbc.motion import Motion, analyse, read_motion
 from wbc.robot import Robot
@@ -157,9 +158,9 @@ def test_what_was_measured_was_feasible(measured: bool, words: str) -> None:
     robot = Robot.load("hoap2_like")
     q = np.tile(robot.postures["standing"], (100, 1))
     one_foot = analyse(Motion(robot, TIME, q[:, 7:], q[:, :7]), feet=["left"])
-    said = str(_verdict(replace(one_foot, measured=measured), filtered=True))
+    said = str(verdict(replace(one_foot, measured=measured)))
     assert words in said
-    assert "--cutoff" not in str(_verdict(replace(one_foot, measured=measured), filtered=False))
+    assert "--cutoff" not in str(verdict(replace(one_foot, measured=measured, cutoff=None)))
     assert " mm at most, first at 0 s" in said
 
 
@@ -173,3 +174,33 @@ def test_what_was_measured_was_feasible(measured: bool, words: str) -> None:
 )
 def test_where_the_cop_of_a_simulation_was(margin: float, words: str) -> None:
     assert words in _cop(SimpleNamespace(least_cop_margin=margin, cop_error=0.0))
+
+
+def noisy_standing(path: Path) -> None:
+    """Write a HOAP-2 at rest as encoders without a base see it: joints with 3e-3 rad of noise."""
+    robot = Robot.load("hoap2_like")
+    joints = np.tile(robot.limits.joint_positions(robot.postures["standing"]), (400, 1))
+    joints += 3e-3 * np.random.default_rng(2).normal(size=joints.shape)
+    time = np.arange(400) / 200.0
+    np.savez(path, time=time, names=np.array(robot.joint_names), positions=joints)
+
+
+def test_what_is_said_of_noise(tmp_path: Path) -> None:
+    noisy_standing(tmp_path / "still.npz")
+    options = [tmp_path / "still.npz", "--planted", "left", "--feet", "left,right"]
+    said = " ".join(command(*options).stdout.split())
+    assert "mrad of joints (standard deviation, median); low-pass at 10 Hz" in said
+    assert "not distinguishable from the recording's noise" in said
+    assert "nothing is said of feasibility" in said and "infeasible" not in said
+    assert "95 % band" in said and "±" in said
+    unasked = " ".join(command(*options, "--noise", "none").stdout.split())
+    assert "the motion is infeasible there" in unasked and "±" not in unasked
+    chosen = " ".join(command(*options, "--cutoff", "residual").stdout.split())
+    assert "CoP inside the support polygon wherever there is one." in chosen
+
+
+def test_what_is_infeasible_beyond_the_noise_is_said_to_be(tmp_path: Path) -> None:
+    noisy_standing(tmp_path / "still.npz")
+    options = [tmp_path / "still.npz", "--planted", "left", "--feet", "left", "--cutoff", "1"]
+    said = " ".join(command(*options).stdout.split())
+    assert "beyond what noise can do, first at 0 s: the motion is infeasible there" in said

@@ -16,11 +16,35 @@ def test_margins_are_those_of_each_polygon(size: int, rng: np.random.Generator) 
     if size > 3:
         corners[50:100, :, 1] = 0.5 * (corners[50:100, :, 2] + corners[50:100, :, 3])  # on an edge
     points = rng.normal(size=(200, 2))
-    margins = support_margins(corners, np.ones((200, 1), dtype=bool), points)
+    margins = support_margins(corners, np.ones((200, 1), dtype=bool), points).margin
     for k in range(200):
         expected = polygon_margin(convex_hull(corners[k, 0, :, :2]), points[k])
         assert margins[k] == pytest.approx(float(expected), abs=1e-12)
     assert (margins > 0.0).any() and (margins < 0.0).any()
+
+
+def test_gradients_of_the_margin_are_those_of_differences(rng: np.random.Generator) -> None:
+    """The margin is a distance: smooth but at kinks, which none of 200 points is near to."""
+    corners, points = rng.normal(size=(200, 2, 4, 3)), rng.normal(size=(200, 2))
+    standing = rng.random((200, 2)) < 0.7
+    found = support_margins(corners, standing, points)
+    some = standing.any(axis=1)
+
+    def quotient(moved_corners: np.ndarray, moved_points: np.ndarray) -> np.ndarray:
+        ahead = support_margins(corners + moved_corners, standing, points + moved_points).margin
+        behind = support_margins(corners - moved_corners, standing, points - moved_points).margin
+        return (ahead - behind) / 2e-7
+
+    for k, step in enumerate(1e-7 * np.eye(2, 3)):
+        by_point = quotient(np.zeros((2, 1, 3)), step[:2])
+        np.testing.assert_allclose(found.slope[:, k], by_point, atol=1e-6)
+        for foot in range(2):
+            moved = np.zeros((2, 1, 3))
+            moved[foot] = step
+            expected = -found.shares[:, foot] * found.slope[:, k]
+            by_foot = quotient(moved, np.zeros(2))
+            np.testing.assert_allclose(expected[some], by_foot[some], atol=1e-6)
+    assert np.isnan(found.slope[~some]).all() and not found.shares[~standing].any()
 
 
 def test_only_standing_feet_count(rng: np.random.Generator) -> None:
@@ -28,7 +52,7 @@ def test_only_standing_feet_count(rng: np.random.Generator) -> None:
     corners = np.tile(np.stack((square, square + [3, 0, 0])), (4, 1, 1, 1))
     standing = np.array([[True, False], [False, True], [True, True], [False, False]])
     points = np.tile([2.0, 0.5], (4, 1))
-    margins = support_margins(corners, standing, points)
+    margins = support_margins(corners, standing, points).margin
     np.testing.assert_allclose(margins[:3], [-1.0, -1.0, 0.5])
     assert np.isnan(margins[3])
 
@@ -37,13 +61,13 @@ def test_hulls_of_points_in_a_row() -> None:
     row = np.array([[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.5, 0.5]]])
     corners = np.tile(np.dstack((row, np.zeros((1, 4))))[:, None], (4, 1, 1, 1))
     points = np.array([[1.0, 1.0], [3.0, 2.0], [0.0, -0.5], [1.6, 0.2]])
-    margins = support_margins(corners, np.ones((4, 1), bool), points)
+    margins = support_margins(corners, np.ones((4, 1), bool), points).margin
     np.testing.assert_allclose(margins, [0.0, -1.0, -0.5, -0.7 * np.sqrt(2.0)], atol=1e-15)
 
 
 def test_corners_in_one_spot() -> None:
     corners = np.full((1, 1, 4, 3), 0.5)
-    margins = support_margins(corners, np.ones((1, 1), bool), np.array([[3.5, 4.5]]))
+    margins = support_margins(corners, np.ones((1, 1), bool), np.array([[3.5, 4.5]])).margin
     np.testing.assert_allclose(margins, [-5.0])
 
 

@@ -6,7 +6,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from wbc.errors import InvalidInputError
-from wbc.motion.smoothing import even_grid, low_passed, on_grid, sampled, turning
+from wbc.motion.filtering import low_passed
+from wbc.motion.smoothing import even_grid, on_grid, sampled, turning
 
 RATE = 200.0
 TIME = np.arange(1200) / RATE

@@ -1,11 +1,12 @@
 """Series of whole-robot quantities against snapshots, one by one, and finite differences."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.robot import Robot
-from wbc.robot.series import centroidal_series, sole_series, turning_joints
+from wbc.robot.series import centroidal_derivatives, centroidal_series, sole_series, turning_joints
 from wbc.rotations import rotations_from
 from wbc.spatial import vech_inverse
 
@@ -93,3 +94,35 @@ def test_wrong_shapes_are_refused(robot_named) -> None:
         centroidal_series(robot, q, v[:, 1:], v)
     with pytest.raises(InvalidInputError, match="acceleration: NaN"):
         centroidal_series(robot, q, v, v + np.nan)
+
+
+def test_derivatives_are_those_of_differences(rng: np.random.Generator) -> None:
+    robot = Robot.load("hoap2_like")
+    model = robot.model
+    q = pin.integrate(model, robot.postures["standing"], 0.2 * rng.normal(size=robot.nv))
+    v, a = rng.normal(size=robot.nv), 5.0 * rng.normal(size=robot.nv)
+    found = centroidal_derivatives(robot, q[None], v[None], a[None])
+    steps = 1e-6 * np.vstack((np.eye(robot.nv), -np.eye(robot.nv)))
+    turned = np.array([pin.integrate(model, q, step) for step in steps])
+    still = np.tile(q, (len(steps), 1)), np.tile(v, (len(steps), 1)), np.tile(a, (len(steps), 1))
+
+    def quotients(values: np.ndarray) -> np.ndarray:
+        ahead, behind = np.split(values, 2)
+        return (ahead - behind).T / 2e-6
+
+    by_q = centroidal_series(robot, turned, *still[1:])
+    by_v = centroidal_series(robot, still[0], v + steps, still[2])
+    by_a = centroidal_series(robot, *still[:2], a + steps)
+    vech = by_q.inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    # Differences of 1e-6: right to 1e-9 of values of up to 300.
+    for exact, values in (
+        (found.com, by_q.com),
+        (found.inertia, vech),
+        (found.momentum_by_q, by_q.momentum),
+        (found.rate_by_q, by_q.momentum_rate),
+        (found.rate_by_v, by_v.momentum_rate),
+        (found.centroidal_map, by_v.momentum),
+        (found.centroidal_map, by_a.momentum_rate),
+        (found.soles[:, 0, :3], by_q.soles["left"][:, :3, 3]),
+    ):
+        np.testing.assert_allclose(exact[0], quotients(values), atol=1e-6)

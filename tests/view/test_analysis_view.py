@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from wbc.errors import InvalidInputError
 from wbc.motion import Motion, RmpSeries, analyse
+from wbc.motion.uncertainty import BAND
 from wbc.robot import Robot
 from wbc.view import style
 from wbc.view.analysis import analysis_figure, plot_analysis, snapshot_frames
@@ -100,3 +101,26 @@ def test_snapshots() -> None:
 def test_other_suffixes(still: RmpSeries, tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="gif"):
         plot_analysis(still, tmp_path / "a.gif", title="x")
+
+
+@pytest.mark.usefixtures("coarse")
+def test_bands_of_noise_are_drawn(still: RmpSeries) -> None:
+    rng = np.random.default_rng(4)
+    joints = still.q[:, 7:] + 1e-3 * rng.normal(size=(200, 25))
+    base = still.q[:, :7].copy()
+    base[:, :3] += 1e-3 * rng.normal(size=(200, 3))
+    series = analyse(Motion(still.robot, TIME, joints, base))
+    assert series.cop_outside.any() and not series.infeasible.any()
+    figure = analysis_figure(series, title="Standing", snapshots=1)
+    band, filled = plots(figure)["CoP inside the support polygon by"].collections
+    half = BAND * series.uncertainty.cop_margin
+    corners = band.get_paths()[0].vertices[:, 1]
+    assert corners.max() == pytest.approx(1e3 * (series.cop_margin + half).max())
+    assert corners.min() == pytest.approx(1e3 * (series.cop_margin - half).min())
+    assert not filled.get_paths()  # nothing is infeasible beyond the noise
+    assert any("95 % bands" in text.get_text() for text in figure.texts)
+    unasked = analyse(Motion(still.robot, TIME, joints, base), noise=None)
+    figure = analysis_figure(unasked, title="Standing", snapshots=1)
+    (filled,) = plots(figure)["CoP inside the support polygon by"].collections
+    assert filled.get_paths()
+    assert not any("95 % bands" in text.get_text() for text in figure.texts)

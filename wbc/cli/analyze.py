@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
 # Kept in step with wbc.motion, which is not imported only to print the help.
 CUTOFF, LONGEST_GAP, BEYOND, SNAPSHOTS, FEET = "10", 0.1, 0.1, "6", "auto"
-SHOWN_DROPOUTS = 10
 
 
 class Missing(StrEnum):
@@ -25,6 +23,13 @@ class Missing(StrEnum):
 
     STANDING = "standing"
     NEUTRAL = "neutral"
+
+
+class NoiseOption(StrEnum):
+    """What noise the recording is taken to have."""
+
+    ESTIMATED = "estimated"
+    NONE = "none"
 
 
 def analyze(
@@ -44,8 +49,16 @@ def analyze(
         float | None, typer.Option(help="Frames per second of the result, in Hz.")
     ] = None,
     cutoff: Annotated[
-        str, typer.Option(help="Of the zero-phase low-pass, in Hz; none or 0: no filter.")
+        str,
+        typer.Option(
+            help="Of the zero-phase low-pass, in Hz; none or 0: no filter; residual: as high as"
+            " the recording's noise allows."
+        ),
     ] = CUTOFF,
+    noise: Annotated[
+        NoiseOption,
+        typer.Option(help="Estimated from the recording, for bands and verdicts; none: no bands."),
+    ] = NoiseOption.ESTIMATED,
     degrees: Annotated[
         bool, typer.Option("--degrees", help="Angles without a unit are in degrees.")
     ] = False,
@@ -72,6 +85,7 @@ def analyze(
 ) -> None:
     """Reduce a recorded motion to its reaction mass pendulum over time."""
     with errors_in_one_line():
+        from wbc.cli.analyze_report import print_analysis
         from wbc.cli.outputs import Outputs
         from wbc.cli.progress import shown_progress
         from wbc.motion import analyse, read_motion
@@ -102,6 +116,7 @@ def analyze(
                 planted=planted,
                 feet=_feet(feet),
                 ground_height=ground,
+                noise=None if noise is NoiseOption.NONE else noise.value,
                 progress=progress,
             )
         outputs = Outputs()
@@ -110,15 +125,17 @@ def analyze(
         if plot is not None:
             outputs.draw(plot, lambda picture: _draw(series, picture, moments))
         if not quiet:
-            _print(series, low_pass is not None, outputs.written)
+            print_analysis(series, outputs.written)
         code = outputs.exit_code()
     raise typer.Exit(code)
 
 
-def _cutoff(text: str) -> float | None:
+def _cutoff(text: str) -> float | str | None:
     if text.lower() in ("none", "0"):
         return None
-    return _number("--cutoff (Hz, or none)", text) or None
+    if text.lower() == "residual":
+        return "residual"
+    return _number("--cutoff (Hz, none or residual)", text) or None
 
 
 def _number(option: str, text: str) -> float:
@@ -170,108 +187,3 @@ def _draw(series: RmpSeries, path: Path, snapshots: int | list[float]) -> None:
     title = f"{Path(series.source).name}: {series.robot.name}, {series.robot.mass:.1f} kg"
     title += "; forces as measured" if series.measured else ""
     plot_analysis(series, path, title=title, snapshots=snapshots)
-
-
-# ---------------------------------------------------------------------- what is printed
-
-
-def _print(series: RmpSeries, filtered: bool, written: list[Path]) -> None:
-    """Print what the motion came to, and what it lacked."""
-    import numpy as np
-    from rich.console import Console
-    from rich.text import Text
-
-    from wbc.cli.printing import heads, print_written
-
-    console = Console(highlight=False)
-    seconds = float(series.time[-1] - series.time[0])
-    rate = (len(series) - 1) / seconds
-    head = Text(Path(series.source).name, style="bold")
-    head.append(
-        f": {series.robot.name}, {series.robot.mass:.2f} kg, {len(series)} frames,"
-        f" {seconds:.2f} s at {rate:.4g} Hz",
-        style="not bold default",
-    )
-    console.print(head)
-    for dropout in series.dropouts[:SHOWN_DROPOUTS]:
-        console.print(Text.assemble(("dropout  ", "yellow"), str(dropout)))
-    if len(series.dropouts) > SHOWN_DROPOUTS:
-        console.print(f"and {len(series.dropouts) - SHOWN_DROPOUTS} more dropouts")
-    for name, excess in series.past_limits.items():
-        text = f"{name} is up to {excess:.3g} past its limits [rad or m]"
-        console.print(Text.assemble(("limits   ", "yellow"), text))
-    table = heads("", "least", "mean", "largest")
-    for name, scale, values in _rows(series):
-        known = scale * values[np.isfinite(values)]
-        if known.size:
-            numbers = (known.min(), known.mean(), known.max())
-            table.add_row(Text(name), *(f"{number:.4g}" for number in numbers))
-    console.print(table)
-    console.print()
-    console.print(_verdict(series, filtered))
-    print_written(console, written, 9)
-
-
-def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Any]]:
-    """Yield name with unit, factor to that unit, and values (n,) of each row of the table."""
-    import numpy as np
-
-    for k, axis in enumerate("xyz"):
-        yield f"CoM {axis} [mm]", 1e3, series.com[:, k]
-    for k, axis in enumerate("xy"):
-        yield f"CoP {axis} [mm]", 1e3, series.cop[:, k]
-    yield "CMP to CoP [mm]", 1e3, np.linalg.norm(series.cmp - series.cop, axis=1)
-    if series.cop_margin is not None:
-        yield "CoP inside the support by [mm]", 1e3, series.cop_margin
-    yield "push of the ground [N]", 1.0, series.ground_force[:, 2]
-    if series.measured:
-        residual = np.linalg.norm(series.force_residual, axis=1)
-        yield "measured force to M (c'' - g) [N]", 1.0, residual
-    yield "leg length [mm]", 1e3, series.leg_length
-    for k in range(3):
-        yield f"radius r{k + 1} [mm]", 1e3, series.radii[:, k]
-    momentum, axes = series.average_angular_velocity, series.axes_angular_velocity
-    yield "turning by momentum, I^-1 k [rad/s]", 1.0, np.linalg.norm(momentum, axis=1)
-    yield "turning of the axes [rad/s]", 1.0, np.linalg.norm(axes, axis=1)
-
-
-def _verdict(series: RmpSeries, filtered: bool) -> Any:
-    """Return a line about CoP, flight and axes, after a low-pass or not."""
-    import numpy as np
-    from rich.text import Text
-
-    count = len(series)
-    line = Text()
-    unjudged = int(series.cop_unknown.sum())
-    judged = series.cop_margin is not None and bool(np.isfinite(series.cop_margin).any())
-    if series.cop_margin is None:
-        line.append("CoP not judged: no feet. ")
-    elif unjudged and not judged:
-        line.append(
-            "CoP not judged: no sole is ever flat on the ground; look at --ground, and at the unit"
-            " of the base and the order of its quaternion. ",
-            style="yellow",
-        )
-    elif series.cop_outside.any():
-        first, farthest = series.time[series.cop_outside][0], -np.nanmin(series.cop_margin)
-        # What was measured was possible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
-        why = "the motion is infeasible there"
-        if series.measured:
-            why = "it was measured, so the forces, the soles' shape or the ground's height are off"
-            if filtered:
-                why = "it was measured, so see by --cutoff none how much of that the filter does"
-        line.append(
-            f"CoP outside the support polygon in {series.cop_outside.sum()} of {count} frames, by"
-            f" {1e3 * farthest:.2g} mm at most, first at {first:.12g} s: {why}. ",
-            style="yellow" if series.measured else "red",
-        )
-    else:
-        line.append("CoP inside the support polygon wherever there is one. ", style="green")
-    if unjudged and judged:
-        line.append(f"In {unjudged} of {count} frames no sole is flat on the ground. ")
-    if series.flight.any():
-        line.append(f"The ground does not push in {series.flight.sum()} of {count} frames. ")
-    undefined = int((~series.axes_defined.all(axis=1)).sum())
-    if undefined:
-        line.append(f"Principal axes undefined in {undefined} frames.")
-    return line

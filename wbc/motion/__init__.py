@@ -3,15 +3,19 @@
 from wbc.motion.analysis import analyse
 from wbc.motion.columns import UnknownColumnError
 from wbc.motion.dropouts import Dropout
+from wbc.motion.noise import Noise
 from wbc.motion.recording import Motion, read_motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.table import RecordingError
+from wbc.motion.uncertainty import Uncertainty
 
 __all__ = [
     "Dropout",
     "Motion",
+    "Noise",
     "RecordingError",
     "RmpSeries",
+    "Uncertainty",
     "UnknownColumnError",
     "analyse",
     "read_motion",

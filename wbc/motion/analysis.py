@@ -9,27 +9,32 @@ import numpy as np
 from wbc.errors import InvalidInputError, shown
 from wbc.motion.forces import ground_wrench
 from wbc.motion.ground import chosen_feet, ground_reaction, standing_feet
+from wbc.motion.noise import Noise
 from wbc.motion.planted import AUTO
 from wbc.motion.recording import Motion
 from wbc.motion.series import RmpSeries
 from wbc.motion.smoothing import smooth_trajectory, smooth_wrenches
+from wbc.motion.uncertainty import Pendulum, propagated
 from wbc.rmp.axes import GAP, TrackedAxes, track, turning_rate
+from wbc.robot.limits import BASE_NV
 from wbc.robot.series import CentroidalSeries, Progress, centroidal_series
 from wbc.spatial import COLUMNS, ROWS
-from wbc.validate import Array, finite_number
+from wbc.validate import Array, finite_array, finite_number
 
 CUTOFF = 10.0  # Hz
+ESTIMATED = "estimated"
 
 
 def analyse(
     motion: Motion,
     *,
     rate: float | None = None,
-    cutoff: float | None = CUTOFF,
+    cutoff: float | str | None = CUTOFF,
     planted: str | None = None,
     feet: str | Iterable[str] | None = AUTO,
     ground_height: float = 0.0,
     gap: float = GAP,
+    noise: Noise | str | None = ESTIMATED,
     progress: Progress | None = None,
 ) -> RmpSeries:
     """Return the reaction mass pendulum of a recorded motion, frame by frame.
@@ -37,14 +42,15 @@ def analyse(
     The motion is sampled evenly, filtered without delay and differentiated (see
     :mod:`wbc.motion.smoothing`); each frame is then what :func:`wbc.reduce` makes of its state and
     acceleration; the ground's force is what the soles measured if the recording has that. Memory:
-    linear in the frames, at its peak some 3 kB for each with 25 joints.
+    linear in the frames, at its peak some 3.5 kB for each with 25 joints.
 
     Parameters
     ----------
     rate:
         Frames per second of the series [Hz]; by default those of the recording.
     cutoff:
-        Of the low-pass [Hz], for joints and base; None leaves the motion unfiltered.
+        Of the low-pass [Hz], for joints and base; None leaves the motion unfiltered; ``residual``
+        chooses it, see :mod:`wbc.motion.residual_analysis`.
     planted:
         Foot that stands flat, or ``auto`` for the lower one, if the base was not recorded; see
         :func:`wbc.motion.planted.planted_base`.
@@ -55,6 +61,9 @@ def analyse(
         Height of the ground [m].
     gap:
         Axes with second moments closer than this fraction of the largest are undefined.
+    noise:
+        Of the recording, which sets the series' ``uncertainty``; ``estimated`` from the recording
+        itself, see :mod:`wbc.motion.noise`; None: it has none, and every verdict stands.
     progress:
         Called with frames done and frames in all, every 500 frames; with a planted foot twice over.
 
@@ -76,16 +85,28 @@ def analyse(
     gap = finite_number("gap", gap, above=0.0)
     robot = motion.robot
     names = chosen_feet(robot, feet)
-    frames = smooth_trajectory(motion, rate, cutoff, planted, height, progress)
+    if not (noise is None or noise == ESTIMATED or isinstance(noise, Noise)):
+        raise InvalidInputError(
+            f"noise: expected a Noise, {ESTIMATED!r} or None, got {shown(noise)}"
+        )
+    if isinstance(noise, Noise):
+        finite_array("noise: joints", noise.joints, (robot.nv - BASE_NV,))
+    frames = smooth_trajectory(motion, rate, cutoff, planted, height, noise, progress)
     whole = centroidal_series(robot, frames.q, frames.v, frames.acceleration, progress)
     axes = track(whole.inertia, gap=gap)
     measured = None
     if motion.forces is not None:
-        measured = ground_wrench(smooth_wrenches(motion.forces, frames.time, cutoff), whole)
+        measured = ground_wrench(smooth_wrenches(motion.forces, frames.time, frames.cutoff), whole)
     reaction = ground_reaction(robot, whole, height, measured)
     standing, margin = standing_feet(
         robot, whole.soles, names, feet != AUTO, frames.planted, reaction, height
     )
+    uncertainty = None
+    if frames.noise is not None:
+        pendulum = Pendulum(
+            robot, whole, axes, reaction, names, margin, height, measured is not None
+        )
+        uncertainty = propagated(pendulum, frames, frames.noise)
     spin = np.linalg.solve(whole.inertia, whole.momentum[:, 3:, None])[..., 0]
     return RmpSeries(
         robot=robot,
@@ -93,6 +114,8 @@ def analyse(
         dropouts=motion.dropouts,
         ground_height=height,
         measured=measured is not None,
+        cutoff=frames.cutoff,
+        uncertainty=uncertainty,
         time=frames.time,
         q=frames.q,
         v=frames.v,
@@ -105,7 +128,7 @@ def analyse(
         **vars(reaction),
         feet=names,
         standing=standing,
-        cop_margin=margin,
+        cop_margin=None if margin is None else margin.margin,
         inertia=whole.inertia[:, ROWS, COLUMNS],
         second_moments=axes.second_moments,
         semi_axes=np.sqrt(5.0 / robot.mass * axes.second_moments),

@@ -89,6 +89,19 @@ def _where(on: Bools, values: Array) -> Array:
     return spread
 
 
+@dataclass(frozen=True, eq=False)
+class SupportMargin:
+    """How far n points are inside what f feet span, and what that changes with, to first order."""
+
+    margin: Array  # (n,) [m], negative outside, NaN where no foot stands
+    # Gradient by the point (n, 2): a unit vector away from the nearest edge, or towards it; on an
+    # edge, where it has a kink, 0.
+    slope: Array
+    # Share of each foot (n, f) in the edge's nearest point, whose moves take back those of the
+    # point.
+    shares: Array
+
+
 # ---------------------------------------------------------------------- feet
 
 
@@ -122,8 +135,8 @@ def standing_feet(
     planted: NDArray[np.intp] | None,
     reaction: GroundReaction,
     height: float,
-) -> tuple[Bools, Array | None]:
-    """Return which feet stand (n, f), and the CoP's margin (n,) [m], None if there are no feet.
+) -> tuple[Bools, SupportMargin | None]:
+    """Return which feet stand (n, f), and the CoP's margin, None if there are no feet.
 
     Parameters
     ----------
@@ -162,8 +175,8 @@ def touching(corners: Array, height: float) -> NDArray[np.bool_]:
     return np.asarray((np.abs(corners[..., 2] - height) <= TOUCHING).all(axis=2))
 
 
-def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) -> Array:
-    """Return how far points are inside the hull of the standing soles (n,) [m].
+def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) -> SupportMargin:
+    """Return how far points are inside the hull of the standing soles.
 
     Negative outside, NaN where no foot stands; else as :func:`wbc.polygon.polygon_margin`.
 
@@ -176,29 +189,40 @@ def support_margins(corners: Array, standing: NDArray[np.bool_], points: Array) 
     points:
         (n, 2) or more columns [m].
     """
-    margins = np.full(len(points), np.nan)
+    count, feet, each = corners.shape[:3]
+    margins, slopes = np.full(count, np.nan), np.full((count, 2), np.nan)
+    shares = np.zeros((count, feet))
     some = np.flatnonzero(standing.any(axis=1))
     if len(some):
         chosen, stand = corners[some][..., :2], standing[some]
         # Corners of feet that do not stand are moved onto one that counts anyway.
-        anchor = chosen[np.arange(len(some)), stand.argmax(axis=1), :1]  # (m, 1, 2)
-        flat = np.where(stand[:, :, None, None], chosen, anchor[:, None])
-        flat = flat.reshape(len(some), -1, 2)
+        anchor = stand.argmax(axis=1)
+        spot = chosen[np.arange(len(some)), anchor, :1]  # (m, 1, 2)
+        flat = np.where(stand[:, :, None, None], chosen, spot[:, None]).reshape(len(some), -1, 2)
+        owner = np.where(stand, np.arange(feet), anchor[:, None])  # (m, f)
         for part in range(0, len(some), CHUNK):
             rows = slice(part, part + CHUNK)
-            margins[some[rows]] = _margins(flat[rows], points[some[rows], :2])
-    return margins
+            at, inner = some[rows], np.arange(len(some[rows]))
+            margins[at], slopes[at], start, end, along = _margins(flat[rows], points[at, :2])
+            for corner, share in ((start, 1.0 - along), (end, along)):
+                shares[at, owner[rows][inner, corner // each]] += share
+    return SupportMargin(margins, slopes, shares)
 
 
-def _margins(corners: Array, points: Array) -> Array:
-    """Return how far points (n, 2) are inside the hulls of corners (n, k, 2).
+def _margins(corners: Array, points: Array) -> tuple[Array, ...]:
+    """Return how far points (n, 2) are inside the hulls of corners (n, k, 2), and by which edge.
+
+    That is, the margin (n,), its gradient (n, 2), the nearest edge's first and last corner (n,),
+    and how far along it the nearest point is (n,), from 0 to 1.
 
     A line from one corner to another is an edge of the hull if no corner is to its right; hulls
     need not be built for that. What has no area, a segment or a point, has edges in both directions
     and no inside.
     """
     (x, y), (px, py) = corners.transpose(2, 1, 0), points.T  # (k, n) and (n,): frames last
-    nearest = np.full(len(px), np.inf)
+    nearest, frames = np.full(len(px), np.inf), np.arange(len(px))
+    offset, share = np.zeros((2, len(px))), np.zeros(len(px))
+    start, end = np.zeros((2, len(px)), dtype=int)
     inside, area = np.ones(len(px), bool), np.zeros(len(px), bool)
     for k in range(len(x)):
         dx, dy, ax, ay = x - x[k], y - y[k], px - x[k], py - y[k]
@@ -210,7 +234,15 @@ def _margins(corners: Array, points: Array) -> Array:
         area |= (edge & (left.max(axis=1) > STRAIGHT)).any(axis=0)
         edge[k] = ~apart.any(axis=0)  # all corners in one spot
         along = np.clip(ax * dx + ay * dy, 0.0, length)
-        away = np.hypot(ax - along * dx, ay - along * dy)
-        nearest = np.minimum(nearest, np.where(edge, away, np.inf).min(axis=0))
+        from_edge = ax - along * dx, ay - along * dy
+        away = np.where(edge, np.hypot(*from_edge), np.inf)
+        least = away.argmin(axis=0), frames
+        closer = (away[least] < nearest) | np.isnan(away[least])  # of a point that is NaN
+        nearest = np.where(closer, away[least], nearest)
+        offset = np.where(closer, [part[least] for part in from_edge], offset)
+        share = np.where(closer, along[least] / np.maximum(length[least], SAME), share)
+        start, end = np.where(closer, k, start), np.where(closer, least[0], end)
         inside &= ((dx * ay - dy * ax >= 0.0) | ~edge).all(axis=0)
-    return np.where(inside & area, nearest, -nearest)
+    sign = np.where(inside & area, 1.0, -1.0)
+    slope = sign * np.divide(offset, nearest, out=np.zeros_like(offset), where=nearest > 0.0)
+    return sign * nearest, slope.T, start, end, share

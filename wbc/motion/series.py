@@ -11,7 +11,9 @@ import numpy as np
 
 from wbc.files import ending_of, write_whole
 from wbc.motion.dropouts import Dropout
+from wbc.motion.uncertainty import Uncertainty
 from wbc.rmp.axes import Bools
+from wbc.rmp.ground import in_contact
 from wbc.robot import Robot
 from wbc.spatial import COMPONENTS
 from wbc.validate import Array, read_only
@@ -77,6 +79,11 @@ class RmpSeries:
     measured:
         Whether the ground's force, and with it CoP, CMP and leg, is what the soles measured; else
         it is what the motion needs.
+    cutoff:
+        Of the low-pass [Hz]; None: there was none.
+    uncertainty:
+        Standard deviations of the pendulum's quantities, from the recording's noise; None if
+        nobody asked for it.
     time:
         (n,) [s], even.
     q, v, acceleration:
@@ -121,6 +128,8 @@ class RmpSeries:
     dropouts: tuple[Dropout, ...]
     ground_height: float
     measured: bool
+    cutoff: float | None
+    uncertainty: Uncertainty | None
     time: Array
     q: Array
     v: Array
@@ -163,8 +172,39 @@ class RmpSeries:
 
     @property
     def cop_outside(self) -> Bools:
-        """True where the CoP is outside the support polygon (n,): the motion is infeasible."""
+        """True where the CoP is outside the support polygon (n,), by noise or in truth."""
         return self._margin < 0.0
+
+    @property
+    def infeasible(self) -> Bools:
+        """True where the CoP is outside the support polygon by more than noise can do (n,).
+
+        Without an uncertainty, wherever it is outside.
+        """
+        return self._margin < -self._beyond("cop_margin")
+
+    @property
+    def surely_inside(self) -> Bools:
+        """True where the CoP is inside the support polygon by more than noise can do (n,)."""
+        return self._margin > self._beyond("cop_margin")
+
+    @property
+    def surely_flying(self) -> Bools:
+        """True where the ground does not push, by more than noise can do (n,)."""
+        push = self.ground_force.copy()
+        push[:, 2] += self._beyond("momentum_rate", 2)
+        perhaps = in_contact(push, self.robot.mass).astype(bool)
+        return self.flight & ~perhaps
+
+    def _beyond(self, name: str, column: int | None = None) -> Array:
+        """Return how far noise alone can move a quantity in n frames; 0 where nothing is known."""
+        if self.uncertainty is None or self.measured:
+            return np.zeros(len(self))
+        deviation = getattr(self.uncertainty, name)
+        if deviation is None:
+            return np.zeros(len(self))
+        deviation = deviation if column is None else deviation[:, column]
+        return np.asarray(self.uncertainty.beyond * np.nan_to_num(deviation))
 
     @property
     def cop_unknown(self) -> Bools:
@@ -199,8 +239,9 @@ class RmpSeries:
         """Write all arrays to an ``.npz``, or the pendulum to a ``.csv`` with units in its header.
 
         The file appears whole or not at all. The NPZ also holds ``joint_names``, ``feet`` and a
-        ``summary`` as JSON; its ``time`` and ``q`` can be read as a motion again. The CSV leaves
-        out q, v and acceleration, and writes ``nan`` where a quantity does not exist.
+        ``summary`` as JSON; its ``time`` and ``q`` can be read as a motion again; ``noise/NAME``
+        and ``deviation/NAME`` are the uncertainty. The CSV leaves out q, v and acceleration, has
+        deviations of CoP and margin only, and writes ``nan`` where a quantity does not exist.
 
         Raises
         ------
@@ -224,14 +265,27 @@ class RmpSeries:
             "measured_forces": self.measured,
             "dropouts": [str(one) for one in self.dropouts],
             "past_limits": self.past_limits,
+            "cutoff": self.cutoff,
         }
         entries: dict[str, Any] = {
             "summary": np.array(json.dumps(summary, indent=2, allow_nan=False)),
             "joint_names": np.array(self.robot.joint_names, dtype=str),
             "feet": np.array(self.feet, dtype=str),
             **self.arrays(),
+            **self._uncertain(),
         }
         write_whole(path, lambda file: np.savez_compressed(file, **entries))
+
+    def _uncertain(self) -> dict[str, Any]:
+        """Return the uncertainty's arrays as they are saved, none without one."""
+        if self.uncertainty is None:
+            return {}
+        noise = self.uncertainty.noise
+        recorded = {"joints": noise.joints, "position": noise.position, "rotation": noise.rotation}
+        found = {f"noise/{name}": values for name, values in recorded.items()}
+        found["noise/beyond"] = np.array(self.uncertainty.beyond)
+        arrays = self.uncertainty.arrays().items()
+        return found | {f"deviation/{name}": values for name, values in arrays}
 
     def _save_csv(self, path: Path) -> None:
         """Write the pendulum's columns, nine digits each."""
@@ -241,6 +295,12 @@ class RmpSeries:
                 each = [units[k * len(units) // len(endings)] for k in range(len(endings))]
                 header += [f"{name}{end} [{unit}]" for end, unit in zip(endings, each, strict=True)]
                 parts.append(arrays[name].reshape(len(self), -1))
+        if self.uncertainty is not None:
+            header += ["cop_deviation_x [m]", "cop_deviation_y [m]"]
+            parts.append(self.uncertainty.cop)
+            if self.uncertainty.cop_margin is not None:
+                header.append("cop_margin_deviation [m]")
+                parts.append(self.uncertainty.cop_margin[:, None])
         header += [f"{foot}_stands [1]" for foot in self.feet]
         rows, names = np.column_stack([*parts, self.standing]), ",".join(header)
         look = {"delimiter": ",", "fmt": "%.9g", "header": names, "comments": ""}

@@ -14,23 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from wbc.errors import InvalidInputError
 from wbc.motion.dropouts import check_count, unwrap
+from wbc.motion.filtered_noise import FilteredNoise, noise_covariances
+from wbc.motion.filtering import low_passed
 from wbc.motion.forces import MeasuredForces
+from wbc.motion.noise import Noise, estimated_noise
 from wbc.motion.planted import planted_base
 from wbc.motion.recording import Motion
+from wbc.motion.residual_analysis import chosen_cutoff
 from wbc.robot import Robot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.series import Progress
-from wbc.rotations import rotations_from
+from wbc.rotations import conjugate_product, rotations_from
 from wbc.validate import Array, finite_number
 
-ORDER = 4  # of the Butterworth filter; run both ways it falls by 48 dB per octave
 UNEVEN = 1e-3  # of a step: times less off than this are even, but for rounding
-EDGE = 3.0  # periods of the cutoff by which a series is continued beyond its ends,
-TERMS = 6  # by a polynomial of so many terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +45,18 @@ class Trajectory:
     acceleration: Array
     # Planted foot (n,), index among robot.feet; None if the base was recorded.
     planted: NDArray[np.intp] | None
+    cutoff: float | None  # of the low-pass [Hz]
+    bandwidth: float  # of what is left of noise [Hz]
+    noise: FilteredNoise | None  # what is left of the recording's; None: not asked for
 
 
 def smooth_trajectory(
     motion: Motion,
     rate: float | None,
-    cutoff: float | None,
+    cutoff: float | str | None,
     planted: str | None,
     height: float,
+    noise: Noise | str | None,
     progress: Progress | None = None,
 ) -> Trajectory:
     """Return the trajectory of a recorded motion; see :func:`wbc.motion.analyse`."""
@@ -70,19 +74,39 @@ def smooth_trajectory(
     base[:] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) if motion.base is None else motion.base
     unwrap(motion.robot, joints, base[:, 3:])
     rows = np.hstack((base, joints))
-    smooth = low_passed(on_grid(motion.time, rows, grid), own_rate, cutoff)
-    foot = None
+    rows_on_grid = on_grid(motion.time, rows, grid)
+    cutoff = chosen_cutoff(cutoff, rows_on_grid, own_rate)
+    smooth = low_passed(rows_on_grid, own_rate, cutoff)
+    foot, passes = None, 1
     if planted is not None:
         q = _configurations(motion.robot, smooth)
         found = planted_base(motion.robot, grid, q, planted, height, progress)
         # Where feet take over the base turns a corner, which the joints' filter has not rounded.
-        base = low_passed(found.base, own_rate, cutoff) if found.changes else found.base
+        passes = 2 if found.changes and cutoff is not None else 1
+        base = low_passed(found.base, own_rate, cutoff) if passes == 2 else found.base
         smooth, foot = np.hstack((base, smooth[:, BASE_NQ:])), found.foot
     smooth[:, 3:BASE_NQ] /= np.linalg.norm(smooth[:, 3:BASE_NQ], axis=1)[:, None]
     time = grid if rate is None else sampled(grid, finite_number("rate", rate, above=0.0))
     nearest = np.minimum(np.rint((time - grid[0]) * own_rate).astype(int), len(grid) - 1)
     q, v, acceleration = _read_off(motion.robot, grid, smooth, time)
-    return Trajectory(time, q, v, acceleration, None if foot is None else foot[nearest])
+    left = None
+    if noise is not None:
+        if not isinstance(noise, Noise):
+            noise = estimated_noise(rows, motion.rate, cutoff)
+        # A grid with more rows than the recording has no more noise: its density stays.
+        density = (len(grid) - 1) / (len(motion.time) - 1)
+        covariances = noise_covariances(len(grid), own_rate, cutoff, passes)
+        left = FilteredNoise(noise, density * covariances[nearest])
+    return Trajectory(
+        time=time,
+        q=q,
+        v=v,
+        acceleration=acceleration,
+        planted=None if foot is None else foot[nearest],
+        cutoff=cutoff,
+        bandwidth=0.5 * own_rate if cutoff is None else cutoff,
+        noise=left,
+    )
 
 
 def smooth_wrenches(forces: MeasuredForces, time: Array, cutoff: float | None) -> dict[str, Array]:
@@ -132,7 +156,7 @@ def _read_off(robot: Robot, grid: Array, rows: Array, time: Array) -> tuple[Arra
     return _configurations(robot, values), v, acceleration
 
 
-# ---------------------------------------------------------------------- sampling and filter
+# ---------------------------------------------------------------------- sampling
 
 
 def even_grid(time: Array) -> Array:
@@ -174,55 +198,6 @@ def on_grid(time: Array, values: Array, grid: Array) -> Array:
     return np.asarray(make_interp_spline(time, values, k=3)(grid))
 
 
-def low_passed(values: Array, rate: float, cutoff: float | None) -> Array:
-    """Return values (n, k) after a low-pass at ``cutoff`` [Hz], without delay.
-
-    Butterworth of order 4, run forward and backward: no phase. Its own cutoff is set higher, so
-    that both runs together let 1/sqrt(2) of the amplitude at ``cutoff`` pass. Within about a period
-    of the cutoff from both ends the values rest on a continuation: the polynomial that fits best
-    there, which keeps velocity and acceleration (to 0.5% for a sine of 0.7 Hz at a cutoff of 10 Hz,
-    but to 25% for 2 Hz), and the rest mirrored through the last point.
-
-    Raises
-    ------
-    InvalidInputError
-        A cutoff that is not below half the rate, or whose period is longer than the series.
-    """
-    if cutoff is None:
-        return values
-    cutoff = finite_number("cutoff", cutoff, above=0.0)
-    if cutoff >= 0.5 * rate:
-        raise InvalidInputError(
-            f"cutoff: {cutoff:g} Hz is not below half the recording's {rate:.6g} Hz; choose a lower"
-            " one, or none; or are its times not in s?"
-        )
-    if cutoff * len(values) < rate:
-        raise InvalidInputError(
-            f"cutoff: the recording's {len(values) / rate:.4g} s are less than a period of"
-            f" {cutoff:g} Hz; choose a higher one, or none"
-        )
-    # In the bilinear transform's frequency tan(pi f / rate) the digital filter is the analog one.
-    warped = np.tan(np.pi * cutoff / rate) / (np.sqrt(2.0) - 1.0) ** (0.5 / ORDER)
-    sections = butter(ORDER, 2.0 * np.arctan(warped) / np.pi, output="sos")
-    edge = min(len(values) - 1, int(np.ceil(EDGE * rate / cutoff)))
-    before, after = _continued(values, edge), _continued(values[::-1], edge)[::-1]
-    longer = np.concatenate((before, values, after))
-    # Mirrored once more, so that the filter has forgotten how it started when it gets here.
-    filtered = sosfiltfilt(sections, longer, axis=0, padtype="odd", padlen=edge)
-    return np.asarray(filtered[edge : edge + len(values)])
-
-
-def _continued(values: Array, count: int) -> Array:
-    """Return what might come before values (n, k): (count, k), in order of time."""
-    t = np.arange(count + 1) / count
-    terms = min(TERMS, count // 2 + 1)
-    head, powers = values[: count + 1], np.vander(t, terms)
-    trend = np.linalg.lstsq(powers, head, rcond=None)[0]
-    rest = head - powers @ trend
-    before = np.vander(-t[1:], terms) @ trend + 2.0 * rest[0] - rest[1:]
-    return np.asarray(before[::-1])
-
-
 def turning(quaternion: Array, first: Array, second: Array) -> tuple[Array, Array]:
     """Return angular velocity and acceleration (n, 3) in body axes [rad/s, rad/s^2].
 
@@ -231,11 +206,5 @@ def turning(quaternion: Array, first: Array, second: Array) -> tuple[Array, Arra
     """
     square = (quaternion * quaternion).sum(axis=1)[:, None]
     growth = 2.0 * (quaternion * first).sum(axis=1)[:, None]
-    w = 2.0 * _conjugate_product(quaternion, first) / square
-    return w, 2.0 * _conjugate_product(quaternion, second) / square - w * growth / square
-
-
-def _conjugate_product(p: Array, r: Array) -> Array:
-    """Return the vector part (n, 3) of p* r, quaternions (n, 4) xyzw."""
-    a, b = p[:, :3], r[:, :3]
-    return p[:, 3:] * b - r[:, 3:] * a - np.cross(a, b)
+    w = 2.0 * conjugate_product(quaternion, first) / square
+    return w, 2.0 * conjugate_product(quaternion, second) / square - w * growth / square

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.robot import Snapshot
 from wbc.rotations import rotations_from
-from wbc.spatial import COLUMNS, ROWS, vech
+from wbc.spatial import COLUMNS, ROWS, skews, vech
 from wbc.tracking.fit import check_fit
 from wbc.validate import Array, finite_array, finite_number, read_only, real_array
 
@@ -178,7 +178,7 @@ def inertia_motion(motion: Trajectory, mass: float) -> tuple[Array, Array, Array
         for squares in (r**2, 2.0 * r * rate, 2.0 * (rate**2 + r * acceleration))
     )
     w_rate = (torque - D_rate * w - np.cross(w, D * w)) / D
-    W, W_rate = _skews(w), _skews(w_rate)
+    W, W_rate = skews(w), skews(w_rate)
     D, D_rate, D_acceleration = (one[:, :, None] * np.eye(3) for one in (D, D_rate, D_acceleration))
     X = D_rate + W @ D - D @ W
     X_rate = D_acceleration + W_rate @ D + W @ D_rate - D_rate @ W - D @ W_rate
@@ -187,8 +187,3 @@ def inertia_motion(motion: Trajectory, mass: float) -> tuple[Array, Array, Array
         (R @ one @ back)[:, ROWS, COLUMNS] for one in (D, X, X_rate + W @ X - X @ W)
     )
     return inertia, first, second
-
-
-def _skews(vectors: Array) -> Array:
-    """Return the cross-product matrices (n, 3, 3) of vectors (n, 3)."""
-    return np.cross(np.eye(3), vectors[:, None, :])

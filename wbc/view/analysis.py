@@ -35,6 +35,7 @@ EXPLANATION = (
     "equimomental ellipsoid with reaction masses at radii r [mm], leg from the CoP to the CoM,"
     " support polygon"
 )
+BANDS = "; shaded: 95 % bands of the recording's noise"
 MOST = len(LETTERS)
 
 Snapshots = int | Sequence[float]  # how many, or at which times [s]
@@ -80,7 +81,7 @@ def analysis_figure(series: RmpSeries, *, title: str, snapshots: Snapshots = 6) 
     places = [left + wide * k for k in range(len(portraits))]
     draw_snapshots([style.place(figure, x, bottom, wide, high) for x in places], portraits)
     figure.text(
-        0.5, (bottom - 0.30) / total, EXPLANATION,
+        0.5, (bottom - 0.30) / total, EXPLANATION + (BANDS if series.uncertainty else ""),
         ha="center", va="top", fontsize=7.0, color=style.GREY,
     )  # fmt: skip
     for axes, draw in zip(figure.subplots(rows, COLUMNS).flat, PLOTS, strict=True):

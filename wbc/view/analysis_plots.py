@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from wbc.motion import RmpSeries
 from wbc.motion.dropouts import runs
+from wbc.motion.uncertainty import BAND
 from wbc.validate import Array
 from wbc.view import style
 
@@ -18,6 +19,7 @@ LETTERS = "abcdefghij"  # of the snapshots
 MM, DEGREES = 1e3, 180.0 / np.pi
 WIDTH = 1.3  # points, of a curve
 FLIGHT = "#EEF0F3"
+SHADE = 0.22  # of a band
 XYZ = (style.BLUE, style.VERMILION, style.GREEN)
 
 Plot = Callable[[Axes, RmpSeries, Sequence[int]], None]
@@ -28,17 +30,22 @@ def plot_ground(
 ) -> None:
     """Plot CoM, CoP and CMP along a horizontal axis: x (k = 0) or y (1)."""
     _prepare(axes, series, frames, f"Ground, along {direction}", "mm")
-    for label, colour, values in (
-        ("CoM", style.BLACK, series.com),
-        ("CMP", style.ORANGE, series.cmp),
-        ("CoP", style.BLUE, series.cop),
+    for name, label, colour in (
+        ("com", "CoM", style.BLACK),
+        ("cmp", "CMP", style.ORANGE),
+        ("cop", "CoP", style.BLUE),
     ):
-        _curve(axes, series, MM * values[:, k], label, colour)
+        if name != "cmp":  # as wide as that of the CoP, which it would hide
+            _band(axes, series, name, MM, colour, k)
+        _curve(axes, series, MM * getattr(series, name)[:, k], label, colour)
     _legend(axes)
 
 
 def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
-    """Plot how far the CoP is inside the support polygon; below zero the motion is infeasible."""
+    """Plot how far the CoP is inside the support polygon.
+
+    Filled where the motion is infeasible: where it is outside by more than noise can do.
+    """
     _prepare(axes, series, frames, "CoP inside the support polygon by", "mm")
     if series.cop_margin is None or np.isnan(series.cop_margin).all():
         why = "no feet to judge by" if series.cop_margin is None else "no foot stands"
@@ -49,14 +56,14 @@ def plot_margin(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         axes.set_yticks([])
         return
     margin = MM * series.cop_margin
+    band = _band(axes, series, "cop_margin", MM, style.BLUE)
     _curve(axes, series, margin, "margin", style.BLUE)
     axes.axhline(0.0, color=style.VERMILION, linewidth=0.9)
-    with np.errstate(invalid="ignore"):
-        outside = margin < 0.0
     axes.fill_between(
-        series.time, margin, 0.0, where=outside, color=style.VERMILION, alpha=0.35, linewidth=0.0
-    )
-    low, high = np.nanmin([*margin, 0.0]), np.nanmax([*margin, 0.0])
+        series.time, margin, 0.0, where=series.infeasible, color=style.VERMILION, alpha=0.35,
+        linewidth=0.0,
+    )  # fmt: skip
+    low, high = np.nanmin([*(margin - band), 0.0]), np.nanmax([*(margin + band), 0.0])
     room = 0.08 * (high - low or 1.0)
     axes.set_ylim(low - room, high + room)
 
@@ -69,6 +76,7 @@ def plot_radii(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
         if not defined.all():
             axes.plot(series.time, radius, color=colour, linewidth=0.7, linestyle=":")
         label = f"r{style.INDEX[k]}"
+        _band(axes, series, "radii", MM, colour, k)
         _curve(axes, series, np.where(defined, radius, np.nan), label, colour)
     axes.set_ylim(0.0, 1.08 * MM * float(series.radii.max()))
     _legend(axes)
@@ -79,6 +87,8 @@ def plot_leg(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     _prepare(axes, series, frames, "Leg from CoP to CoM", "lean [deg]")
     lean = DEGREES * (series.leg_angles - [0.5 * np.pi, 0.0])
     # Theta turns the leg from x to z: what leans forward has a theta below 90 degrees.
+    for k, colour in enumerate((style.BLUE, style.VERMILION)):
+        _band(axes, series, "leg_angles", DEGREES, colour, k, (-1.0, 1.0)[k] * lean[:, k])
     _curve(axes, series, -lean[:, 0], "forward", style.BLUE)
     _curve(axes, series, lean[:, 1], "left", style.VERMILION)
     other = style.right_axis(axes, "length [mm]", style.GREY)
@@ -91,6 +101,7 @@ def plot_rotation(axes: Axes, series: RmpSeries, frames: Sequence[int]) -> None:
     """Plot the momentum's average angular velocity against that of the principal axes."""
     _prepare(axes, series, frames, "Rotation", "rad/s")
     for k, colour in enumerate(XYZ):
+        _band(axes, series, "average_angular_velocity", 1.0, colour, k)
         _curve(axes, series, series.average_angular_velocity[:, k], "xyz"[k], colour)
         _curve(axes, series, series.axes_angular_velocity[:, k], None, colour, "--")
     axes.plot([], [], color=style.BLACK, linewidth=WIDTH, label="I⁻¹k")
@@ -144,6 +155,31 @@ def _curve(
         "marker": marker,
     }
     axes.plot(series.time, values, label=label, **look)
+
+
+def _band(
+    axes: Axes,
+    series: RmpSeries,
+    name: str,
+    scale: float,
+    colour: str,
+    k: int | None = None,
+    values: Array | None = None,
+) -> Array:
+    """Shade the 95 % band of a quantity's noise, and return half its width (n,); 0: none known.
+
+    ``k`` is the quantity's column; it is drawn around ``values``, by default the series' own.
+    """
+    deviation = None if series.uncertainty is None else getattr(series.uncertainty, name)
+    if deviation is None or np.isnan(deviation).all():
+        return np.zeros(len(series))
+    column = slice(None) if k is None else (slice(None), k)
+    half = BAND * scale * deviation[column]
+    middle = scale * getattr(series, name)[column] if values is None else values
+    axes.fill_between(
+        series.time, middle - half, middle + half, color=colour, alpha=SHADE, linewidth=0.0
+    )
+    return np.asarray(np.nan_to_num(half))
 
 
 def _legend(axes: Axes, other: Axes | None = None) -> None:

@@ -1,0 +1,236 @@
+"""Bands of the pendulum's noise, against Monte Carlo; verdicts only beyond them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import wbc
+from wbc.errors import InvalidInputError
+from wbc.motion import Motion, RmpSeries, analyse
+from wbc.motion.forces import MeasuredForces
+from wbc.motion.uncertainty import BAND, beyond_noise
+from wbc.robot import Robot
+from wbc.robot.series import sole_series
+
+RATE = 200.0
+PROBLEMS = Path(__file__).parents[2] / "problems"
+INERTIAL = ("momentum", "momentum_rate", "second_moments", "radii", "average_angular_velocity")
+MUCH = 1e-3, 5e-4, 1e-3  # rad, m, rad: as encoders and a good motion capture
+ON_GROUND = ("cop", "cmp", "cop_margin", "leg_angles")
+
+
+def waving(robot: Robot, count: int) -> Motion:
+    """Every joint swings at 0.8 Hz, the base sways and turns on."""
+    time = np.arange(count) / RATE
+    limits = robot.limits
+    middle = limits.joint_positions(robot.postures["standing"])
+    room = np.minimum(np.minimum(limits.upper - middle, middle - limits.lower), 1.0)
+    joints = middle + 0.1 * room * np.sin(5.0 * time[:, None] + np.arange(len(middle)))
+    angles = 0.03 * np.sin(3.0 * time[:, None] + [0.0, 1.0, 2.0])
+    angles[:, 2] += time
+    place = robot.postures["standing"][:3] + 0.02 * np.cos(4.0 * time[:, None] + [0, 1, 2])
+    return Motion(
+        robot, time, joints, np.hstack((place, Rotation.from_euler("xyz", angles).as_quat()))
+    )
+
+
+def noisy(clean: Motion, sizes: tuple[float, float, float], rng: np.random.Generator) -> Motion:
+    """The same with noise of these standard deviations on joints, base position and rotation."""
+    joint, position, rotation = sizes
+    joints = clean.joints + joint * rng.normal(size=clean.joints.shape)
+    base = None
+    if clean.base is not None:
+        place = clean.base[:, :3] + position * rng.normal(size=(len(joints), 3))
+        turn = Rotation.from_rotvec(rotation * rng.normal(size=(len(joints), 3)))
+        base = np.hstack((place, (Rotation.from_quat(clean.base[:, 3:]) * turn).as_quat()))
+    return Motion(clean.robot, clean.time, joints, base)
+
+
+def values(series: RmpSeries, name: str) -> np.ndarray:
+    found = np.array(getattr(series, name))
+    if name in ("cop", "cmp"):
+        found = found[:, :2]
+    return found
+
+
+def coverages(
+    clean: Motion, sizes: tuple[float, float, float], trials: int, names: tuple[str, ...], **options
+) -> dict[str, float]:
+    """Share of frames, in % over all trials, in which the truth is within the 95 % band."""
+    rng = np.random.default_rng(7)
+    truth = analyse(clean, noise=None, **options)
+    within: dict[str, list[float]] = {name: [] for name in names}
+    for _ in range(trials):
+        series = analyse(noisy(clean, sizes, rng), **options)
+        # Where the planted foot stands, the first frame's joints say: positions are relative to it.
+        for name in names:
+            error = values(series, name) - values(truth, name)
+            if "planted" in options and name in ("cop", "cmp", "com"):
+                error = error - stands(series)[:, : error.shape[1]]
+                error = error + stands(truth)[:, : error.shape[1]]
+            share = np.abs(error) <= BAND * getattr(series.uncertainty, name)
+            within[name].append(float(share.mean()))
+    return {name: 100.0 * float(np.mean(shares)) for name, shares in within.items()}
+
+
+def stands(series: RmpSeries) -> np.ndarray:
+    return sole_series(series.robot, series.q)["left"][:, :3, 3]
+
+
+def test_bands_hold_the_truth_in_a_short_recording() -> None:
+    # 10 trials of 1 s at 10 Hz are worth 200 independent values and more: within 4.5 % at 3 sigma.
+    found = coverages(
+        waving(Robot.load("hoap2_like"), 200), (5e-4, 1e-3, 1e-3), 10, ("cop", "radii"), feet="left"
+    )
+    assert all(90.5 < share < 99.5 for share in found.values()), found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "sizes", "options"),
+    [
+        ("g1", (1e-3, 1e-3, 1e-3), {"feet": "left"}),
+        ("hoap2_like", (5e-4, 0.0, 0.0), {"feet": ["left", "right"], "cutoff": 6.0}),
+        ("hoap2_like", (5e-4, 1e-3, 5e-4), {"feet": "left", "rate": 70.0}),
+        ("hoap2_like", (1e-6, 1e-6, 1e-6), {"feet": "left", "cutoff": None}),
+    ],
+    ids=["g1", "joints only", "resampled", "no filter"],
+)
+def test_95_percent_bands_hold_93_to_97(robot: str, sizes: tuple, options: dict) -> None:
+    found = coverages(waving(Robot.load(robot), 600), sizes, 30, (*INERTIAL, *ON_GROUND), **options)
+    assert all(93.0 <= share <= 97.0 for share in found.values()), found
+
+
+@pytest.mark.slow
+def test_bands_with_a_planted_foot_hold_93_to_97() -> None:
+    recorded = waving(Robot.load("hoap2_like"), 600)
+    clean = Motion(recorded.robot, recorded.time, recorded.joints)
+    names = (*INERTIAL, *ON_GROUND, "com")
+    found = coverages(clean, (3e-4, 0.0, 0.0), 30, names, planted="left")
+    assert all(93.0 <= share <= 97.0 for share in found.values()), found
+
+
+@pytest.mark.slow
+def test_bands_where_feet_take_over_hold_93_to_97(tmp_path: Path) -> None:
+    """Each foot is raised in turn: the base goes through the filter twice."""
+    result = wbc.load_problem(PROBLEMS / "shiko_hoap2.yaml").run()
+    result.save(tmp_path / "shiko.npz")
+    read = wbc.read_motion(tmp_path / "shiko.npz", result.robot)
+    clean = Motion(result.robot, read.time, read.joints)
+    names = (*INERTIAL, "cop_margin", "leg_angles")
+    found = coverages(clean, (2e-4, 0.0, 0.0), 8, names, planted="auto")
+    assert all(93.0 <= share <= 97.0 for share in found.values()), found
+
+
+# ---------------------------------------------------------------------- verdicts
+
+
+@pytest.fixture(scope="module")
+def beside_the_foot() -> Motion:
+    """A HOAP-2 at rest with its CoM 8 mm outside the left sole: infeasible on that foot alone."""
+    robot = Robot.load("hoap2_like")
+    q = np.tile(robot.postures["standing"], (600, 1))
+    return Motion(robot, np.arange(600) / RATE, q[:, 7:], q[:, :7])
+
+
+def test_verdict_is_only_given_beyond_the_noise(beside_the_foot: Motion) -> None:
+    rng = np.random.default_rng(3)
+    little = analyse(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng), feet="left")
+    assert little.infeasible.all() and not little.surely_inside.any()
+    much = noisy(beside_the_foot, MUCH, rng)
+    silent = analyse(much, feet="left")
+    assert silent.cop_outside.any() and not silent.cop_outside.all() and not silent.infeasible.any()
+    # The same recording tells it after a lower low-pass, and to who does not ask for its noise.
+    assert analyse(much, feet="left", cutoff=0.7).infeasible.mean() > 0.9
+    unasked = analyse(much, feet="left", noise=None)
+    assert unasked.uncertainty is None
+    assert (unasked.infeasible == unasked.cop_outside).all()
+
+
+def test_inside_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
+    # The CoM is 27 mm inside both soles' hull.
+    rng = np.random.default_rng(3)
+    little = analyse(noisy(beside_the_foot, (1e-5, 0.0, 0.0), rng))
+    assert little.surely_inside.all()
+    much = analyse(noisy(beside_the_foot, MUCH, rng))
+    assert not much.surely_inside.all() and not much.infeasible.any()
+
+
+def test_flight_is_only_said_beyond_the_noise(beside_the_foot: Motion) -> None:
+    rng = np.random.default_rng(3)
+    base = np.array(beside_the_foot.base)
+    # Every 1.25 s it falls, for a while, as fast as only a ground that pulls could make it.
+    base[:, 2] += 0.12 * np.cos(2.0 * np.pi * 1.6 * beside_the_foot.time)
+    hopping = Motion(beside_the_foot.robot, beside_the_foot.time, beside_the_foot.joints, base)
+    series = analyse(noisy(hopping, (1e-4, 1e-4, 0.0), rng), feet=None)
+    assert 0 < series.surely_flying.sum() < series.flight.sum()
+    assert (series.flight >= series.surely_flying).all()
+    assert np.isnan(series.uncertainty.cop[series.flight]).all()
+    assert np.isfinite(series.uncertainty.cop[~series.flight]).all()
+    assert np.isfinite(series.uncertainty.momentum_rate).all()
+
+
+@pytest.mark.slow
+def test_noise_alone_makes_a_verdict_in_few_recordings(beside_the_foot: Motion) -> None:
+    """With the CoP well inside, no recording of 40; with it on an edge, 5 % of them at most."""
+    rng = np.random.default_rng(5)
+    alarms = 0
+    for _ in range(40):
+        motion = noisy(beside_the_foot, MUCH, rng)
+        alarms += bool(analyse(motion).infeasible.any())
+    assert alarms <= 5  # of 40 at 5 %: more with a probability of 1.4 %
+
+
+def test_level_beyond_noise_is_passed_in_5_percent_of_recordings() -> None:
+    """Against band-limited noise itself, 2000 recordings of 6 s."""
+    rng, seconds, band = np.random.default_rng(11), 6.0, 10.0
+    spectrum = rng.normal(size=(2000, 601)) + 1j * rng.normal(size=(2000, 601))
+    spectrum[:, int(band * seconds) + 1 :] = 0.0
+    noise = np.fft.irfft(spectrum, axis=1)
+    passed = (noise > beyond_noise(seconds, band) * noise.std()).any(axis=1).mean()
+    assert 0.01 < passed < 0.05  # the bound is Rice's, for noise all at the band's edge
+
+
+# ---------------------------------------------------------------------- what is kept
+
+
+def test_uncertainty_is_saved(beside_the_foot: Motion, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    series = analyse(noisy(beside_the_foot, (1e-4, 1e-4, 0.0), rng))
+    series.save(tmp_path / "s.npz")
+    with np.load(tmp_path / "s.npz") as file:
+        for name, array in series.uncertainty.arrays().items():
+            np.testing.assert_array_equal(file[f"deviation/{name}"], array)
+        np.testing.assert_array_equal(file["noise/joints"], series.uncertainty.noise.joints)
+        assert float(file["noise/beyond"]) == series.uncertainty.beyond
+    again = wbc.read_motion(tmp_path / "s.npz", series.robot)
+    np.testing.assert_array_equal(again.joints, series.q[:, 7:])
+    series.save(tmp_path / "s.csv")
+    header = (tmp_path / "s.csv").read_text().split("\n", 1)[0].split(",")
+    rows = np.loadtxt(tmp_path / "s.csv", delimiter=",", skiprows=1)
+    margin = rows[:, header.index("cop_margin_deviation [m]")]
+    np.testing.assert_allclose(margin, series.uncertainty.cop_margin, rtol=1e-8)
+
+
+def test_measured_forces_have_no_band_of_the_motions_noise() -> None:
+    robot = Robot.load("hoap2_like")
+    q = np.tile(robot.postures["standing"], (100, 1))
+    time = np.arange(100) / RATE
+    wrench = np.tile([0.0, 0.0, 0.5 * 9.81 * robot.mass, 0.0, 0.0, 0.0], (100, 1))
+    forces = MeasuredForces(time, {"left": wrench, "right": wrench})
+    series = analyse(Motion(robot, time, q[:, 7:], q[:, :7], forces=forces))
+    assert series.measured
+    assert np.isnan(series.uncertainty.cop).all()
+    assert np.isfinite(series.uncertainty.momentum_rate).all()
+
+
+def test_options_of_other_kinds(beside_the_foot: Motion) -> None:
+    with pytest.raises(InvalidInputError, match="cutoff"):
+        analyse(beside_the_foot, cutoff="high")
+    motion = noisy(beside_the_foot, MUCH, np.random.default_rng(1))
+    chosen = analyse(motion, cutoff="residual")
+    assert 1.0 < chosen.cutoff < 5.0  # nothing moves
+    given = analyse(motion, cutoff=chosen.cutoff)
+    np.testing.assert_array_equal(chosen.cop, given.cop)

@@ -1,0 +1,170 @@
+"""What ``wbc analyze`` prints: a motion's pendulum in a table, and what may be said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from wbc.cli.printing import heads, print_written
+from wbc.motion import RmpSeries
+from wbc.motion.uncertainty import BAND
+from wbc.validate import Array
+
+SHOWN_DROPOUTS = 10
+
+
+def print_analysis(series: RmpSeries, written: list[Path]) -> None:
+    """Print what the motion came to, what it lacked, and the files written."""
+    console = Console(highlight=False)
+    seconds = float(series.time[-1] - series.time[0])
+    rate = (len(series) - 1) / seconds
+    head = Text(Path(series.source).name, style="bold")
+    head.append(
+        f": {series.robot.name}, {series.robot.mass:.2f} kg, {len(series)} frames,"
+        f" {seconds:.2f} s at {rate:.4g} Hz",
+        style="not bold default",
+    )
+    console.print(head)
+    for dropout in series.dropouts[:SHOWN_DROPOUTS]:
+        console.print(Text.assemble(("dropout  ", "yellow"), str(dropout)))
+    if len(series.dropouts) > SHOWN_DROPOUTS:
+        console.print(f"and {len(series.dropouts) - SHOWN_DROPOUTS} more dropouts")
+    for name, excess in series.past_limits.items():
+        text = f"{name} is up to {excess:.3g} past its limits [rad or m]"
+        console.print(Text.assemble(("limits   ", "yellow"), text))
+    console.print(Text.assemble(("noise    ", "dim"), noise_line(series)))
+    table = heads("", "least", "mean", "largest", "95 % band")
+    for name, scale, values, deviation in _rows(series):
+        known = scale * values[np.isfinite(values)]
+        if known.size:
+            numbers = [f"{number:.4g}" for number in (known.min(), known.mean(), known.max())]
+            half = np.empty(0) if deviation is None else scale * BAND * deviation
+            half = half[np.isfinite(half)]
+            table.add_row(Text(name), *numbers, f"± {np.median(half):.2g}" if half.any() else "")
+    console.print(table)
+    console.print()
+    console.print(verdict(series))
+    print_written(console, written, 9)
+
+
+def noise_line(series: RmpSeries) -> str:
+    """Return what noise the recording has, and what was done about it."""
+    low_pass = "no low-pass" if series.cutoff is None else f"low-pass at {series.cutoff:.3g} Hz"
+    if series.uncertainty is None:
+        return f"not estimated; {low_pass}"
+    noise = series.uncertainty.noise
+    kinds = noise.typical(series.robot).items()
+    parts = [f"{1e3 * size:.2g} m{unit} of {name}" for name, (size, unit) in kinds]
+    line = f"{', '.join(parts) or 'none'} (standard deviation, median); {low_pass}"
+    if noise.coloured:
+        line += (
+            "; larger near the cutoff than far above it: smoothed before, or not white, and the"
+            " bands may be too narrow"
+        )
+    return line
+
+
+def _rows(series: RmpSeries) -> Iterator[tuple[str, float, Array, Array | None]]:
+    """Yield name with unit, factor to that unit, values (n,) and deviations of the table's rows."""
+    deviations = {} if series.uncertainty is None else series.uncertainty.arrays()
+
+    def column(name: str, k: int) -> Array | None:
+        return deviations[name][:, k] if name in deviations else None
+
+    for k, axis in enumerate("xyz"):
+        yield f"CoM {axis} [mm]", 1e3, series.com[:, k], column("com", k)
+    for k, axis in enumerate("xy"):
+        yield f"CoP {axis} [mm]", 1e3, series.cop[:, k], column("cop", k)
+    yield "CMP to CoP [mm]", 1e3, np.linalg.norm(series.cmp - series.cop, axis=1), None
+    if series.cop_margin is not None:
+        within = deviations.get("cop_margin")
+        yield "CoP inside the support by [mm]", 1e3, series.cop_margin, within
+    push = None if series.measured else column("momentum_rate", 2)
+    yield "push of the ground [N]", 1.0, series.ground_force[:, 2], push
+    if series.measured:
+        residual = np.linalg.norm(series.force_residual, axis=1)
+        yield "measured force to M (c'' - g) [N]", 1.0, residual, None
+    yield "leg length [mm]", 1e3, series.leg_length, deviations.get("leg_length")
+    for k in range(3):
+        yield f"radius r{k + 1} [mm]", 1e3, series.radii[:, k], column("radii", k)
+    momentum, axes = series.average_angular_velocity, series.axes_angular_velocity
+    yield "turning by momentum, I^-1 k [rad/s]", 1.0, np.linalg.norm(momentum, axis=1), None
+    yield "turning of the axes [rad/s]", 1.0, np.linalg.norm(axes, axis=1), None
+
+
+def verdict(series: RmpSeries) -> Text:
+    """Return a line about CoP, flight and axes; of what noise can do, nothing is claimed."""
+    count, line = len(series), Text()
+    unjudged = int(series.cop_unknown.sum())
+    judged = series.cop_margin is not None and bool(np.isfinite(series.cop_margin).any())
+    if series.cop_margin is None:
+        line.append("CoP not judged: no feet. ")
+    elif unjudged and not judged:
+        line.append(
+            "CoP not judged: no sole is ever flat on the ground; look at --ground, and at the unit"
+            " of the base and the order of its quaternion. ",
+            style="yellow",
+        )
+    elif series.infeasible.any():
+        line.append(*_outside(series))
+    elif series.cop_outside.any():
+        line.append(*_perhaps_outside(series))
+    else:
+        line.append("CoP inside the support polygon wherever there is one. ", style="green")
+        unsure = int((np.isfinite(series.cop_margin) & ~series.surely_inside).sum())
+        if unsure:
+            line.append(f"In {unsure} of {count} frames noise could hide that it is outside. ")
+    if unjudged and judged:
+        line.append(f"In {unjudged} of {count} frames no sole is flat on the ground. ")
+    if series.flight.any():
+        line.append(f"The ground does not push in {series.flight.sum()} of {count} frames")
+        unsure = int((series.flight & ~series.surely_flying).sum())
+        line.append(f", in {unsure} of them perhaps by noise. " if unsure else ". ")
+    undefined = int((~series.axes_defined.all(axis=1)).sum())
+    if undefined:
+        line.append(f"Principal axes undefined in {undefined} frames.")
+    return line
+
+
+def _outside(series: RmpSeries) -> tuple[str, str]:
+    """Return what is said, and in which colour, where the CoP is outside for sure."""
+    sure = series.infeasible
+    assert series.cop_margin is not None
+    first, farthest = series.time[sure][0], -series.cop_margin[sure].min()
+    # What was measured was possible: of a recorded simulation 4.2 mm, without filter 0.02 mm.
+    why = "the motion is infeasible there"
+    if series.measured:
+        why = "it was measured, so the forces, the soles' shape or the ground's height are off"
+        if series.cutoff is not None:
+            why = "it was measured, so see by --cutoff none how much of that the filter does"
+    noise = None if series.uncertainty is None else series.uncertainty.cop_margin
+    beyond = noise is not None and not series.measured and bool(np.nanmax(noise) > 0.0)
+    text = (
+        f"CoP outside the support polygon in {sure.sum()} of {len(series)} frames, by"
+        f" {1e3 * farthest:.2g} mm at most{', beyond what noise can do' if beyond else ''}, first"
+        f" at {first:.12g} s: {why}. "
+    )
+    perhaps = int((series.cop_outside & ~sure).sum())
+    if perhaps:
+        text += f"In {perhaps} more it is outside by no more than noise can do. "
+    return text, "yellow" if series.measured else "red"
+
+
+def _perhaps_outside(series: RmpSeries) -> tuple[str, str]:
+    """Return what is said, and in which colour, where noise alone may take the CoP outside."""
+    outside = series.cop_outside
+    assert series.cop_margin is not None and series.uncertainty is not None
+    assert series.uncertainty.cop_margin is not None
+    farthest = -series.cop_margin[outside].min()
+    band = BAND * float(np.median(series.uncertainty.cop_margin[outside]))
+    text = (
+        f"CoP outside the support polygon in {outside.sum()} of {len(series)} frames, by"
+        f" {1e3 * farthest:.2g} mm at most: not distinguishable from the recording's noise (95 %"
+        f" band there ± {1e3 * band:.2g} mm), so nothing is said of feasibility; a lower --cutoff,"
+        " or residual, narrows the band. "
+    )
+    return text, "yellow"

@@ -1,0 +1,69 @@
+"""What the low-pass and the spline leave of white noise: in values, velocities, accelerations.
+
+Both are linear in the recording's rows. So white noise comes out Gaussian, of one covariance among
+value, velocity and acceleration in each row: the energy of the filter's impulse responses. Away
+from the ends it is the same in all rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from wbc.motion.filtering import edge_rows, low_passed
+from wbc.motion.noise import Noise
+from wbc.validate import Array
+
+SPLINE_ROWS = 40  # by which the spline's ends are forgotten: they fade by 0.43 a row
+COLUMNS_AT_ONCE = 256
+FLIPPED = np.array([1.0, -1.0, 1.0])  # of value, velocity, acceleration if time runs backwards
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredNoise:
+    """A recording's noise, and what the filter and the differentiation leave of it."""
+
+    recorded: Noise
+    # Of noise of variance 1 (n, 3 p, 3 p): see noise_covariances. With p = 2 passes, the base went
+    # through the filter twice.
+    covariances: Array
+
+
+def noise_covariances(count: int, rate: float, cutoff: float | None, passes: int = 1) -> Array:
+    """Return covariances (n, 3 p, 3 p) of noise of variance 1, filtered and differentiated.
+
+    Of value, velocity and acceleration in each row, in units of the noise and s; with ``passes`` of
+    the filter p, behind those after the first pass come those after the second, and so on.
+
+    Parameters
+    ----------
+    count:
+        Rows n of the recording.
+    rate, cutoff:
+        Of the rows, and of the low-pass [Hz]; None: there is none.
+    """
+    if cutoff is None:
+        passes, edge = 1, SPLINE_ROWS
+    else:
+        edge = edge_rows(count, rate, cutoff) + SPLINE_ROWS
+    short = min(count, 3 * passes * edge)  # what one end and the middle know of the other end: none
+    time = np.arange(short) / rate
+    found = np.zeros((short, 3 * passes, 3 * passes))
+    for first in range(0, short, COLUMNS_AT_ONCE):
+        noise: Array = np.eye(short, min(COLUMNS_AT_ONCE, short - first), -first)
+        parts = []
+        for _ in range(passes):
+            noise = low_passed(noise, rate, cutoff)
+            curve = make_interp_spline(time, noise, k=5)
+            parts += [curve(time, order) for order in range(3)]
+        responses = np.stack(parts, axis=1)  # (rows, 3 passes, columns)
+        found += responses @ np.swapaxes(responses, 1, 2)
+    if short == count:
+        return found
+    row = np.arange(count)
+    mirrored = row > count - 1 - row
+    nearest = np.minimum(np.minimum(row, count - 1 - row), short // 2)
+    signs = np.where(mirrored[:, None], np.tile(FLIPPED, passes), 1.0)
+    return np.asarray(signs[:, :, None] * found[nearest] * signs[:, None, :])

@@ -1,0 +1,142 @@
+"""How a recording's noise moves what the pendulum is made of, to first order.
+
+Around the smooth trajectory, noise moves the base by a world vector and about its own axes, and the
+joints: xi(t). Velocity and acceleration follow by differentiation; the derivatives of the
+centroidal dynamics take all three to the momentum and its rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.motion.filtered_noise import FilteredNoise
+from wbc.motion.smoothing import Trajectory
+from wbc.robot import Robot
+from wbc.robot.limits import BASE_NQ
+from wbc.robot.series import centroidal_derivatives
+from wbc.rotations import rotations_from
+from wbc.spatial import skews
+from wbc.validate import Array
+
+NODE_RATE = 25.0  # Hz: at which they are taken; between, the covariances are interpolated
+NODE_GROWTH = 0.1  # largest relative change of the filtered noise between nodes, near the ends
+NODES_AT_ONCE = 250
+FRAMES_AT_ONCE = 500
+# Rows of what is moved: CoM [m], momentum, its rate, inertia xx xy xz yy yz zz, sole by sole x y.
+COM, MOMENTUM, RATE, INERTIA = slice(0, 3), slice(3, 9), slice(9, 15), slice(15, 21)
+SOLES = 21
+
+
+def covariances(
+    robot: Robot, moving: Trajectory, noise: FilteredNoise
+) -> Iterator[tuple[slice, Array]]:
+    """Yield frames and, of each, the covariance (r, r) of CoM, momentum, rate, inertia and soles.
+
+    r = 21 + 2 f with f feet of the robot: CoM [m], momentum and its rate [kg m/s, kg m^2/s, N,
+    N m], centroidal inertia xx xy xz yy yz zz [kg m^2], x and y of each sole frame [m], in world
+    axes. With a planted foot all positions are relative to where it stands.
+    """
+    nodes = _nodes(moving.time, noise.covariances)
+    parts = [nodes[k : k + NODES_AT_ONCE] for k in range(0, len(nodes), NODES_AT_ONCE)]
+    at_nodes = np.concatenate([_covariances(robot, moving, noise, part) for part in parts])
+    for first in range(0, len(moving.time), FRAMES_AT_ONCE):
+        frames = np.arange(first, min(first + FRAMES_AT_ONCE, len(moving.time)))
+        right = np.clip(np.searchsorted(nodes, frames), 1, max(1, len(nodes) - 1))
+        left = nodes[right - 1]
+        share = ((frames - left) / (nodes[right] - left))[:, None, None]
+        between = (1.0 - share) * at_nodes[right - 1] + share * at_nodes[right]
+        yield slice(first, first + len(frames)), between
+
+
+def _nodes(time: Array, filtered: Array) -> NDArray[np.intp]:
+    """Return frames, first and last among them, between which covariances change little."""
+    elapsed = (time - time[0]) * NODE_RATE
+    energy = np.log(np.diagonal(filtered, axis1=1, axis2=2))
+    growth = np.abs(np.diff(energy, axis=0)).max(axis=1) / NODE_GROWTH
+    passed = np.floor(elapsed + np.concatenate(([0.0], np.cumsum(growth))) + 1e-9)
+    starts = np.flatnonzero(np.diff(passed)) + 1
+    return np.unique(np.concatenate(([0], starts, [len(passed) - 1])))
+
+
+def _covariances(
+    robot: Robot, moving: Trajectory, noise: FilteredNoise, frames: NDArray[np.intp]
+) -> Array:
+    """Return covariances (m, r, r) in some frames."""
+    maps, carried = _by_derivative(robot, moving, frames)  # each (m, r, nv), by xi, xi', xi''
+    recorded = noise.recorded
+    if carried is None:
+        deviations = np.concatenate((recorded.position, recorded.rotation, recorded.joints))
+        processes = maps
+    else:
+        deviations = recorded.joints
+        own: list[Array] = [one[:, :, 6:] for one in maps]
+        base: list[Array] = [one[:, :, :6] @ carried for one in maps]
+        twice = noise.covariances.shape[1] > len(maps)
+        processes = own + base if twice else [a + b for a, b in zip(own, base, strict=True)]
+    # With filtered = L L', the processes are L times independent ones.
+    roots = _roots(noise.covariances[frames])
+    stacked = np.stack(processes, axis=1) * deviations  # (m, 3 p, r, channels)
+    mixed = np.einsum("mij,mirc->mrjc", roots, stacked).reshape(len(frames), stacked.shape[2], -1)
+    return np.asarray(mixed @ np.swapaxes(mixed, 1, 2))
+
+
+def _roots(matrices: Array) -> Array:
+    """Return L with L L' = S for positive semidefinite S (m, k, k), scaled first."""
+    size = np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))[:, :, None]
+    values, vectors = np.linalg.eigh(matrices / (size * np.swapaxes(size, 1, 2)))
+    return np.asarray(size * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+
+
+def _by_derivative(
+    robot: Robot, moving: Trajectory, frames: NDArray[np.intp]
+) -> tuple[list[Array], Array | None]:
+    """Return the derivatives (m, r, nv) of all rows by xi, xi' and xi''.
+
+    And how the base follows the joints (m, 6, nv-6) while a planted sole does not move, else None.
+
+    With p the base's world position moved by e and its rotation to R exp(f), in base axes::
+
+        dv = R'e' + v x f            da = R'e'' - w x R'e' + v x f' + a x f
+        dw = f' + w x f              dw' = f'' + w x f' + w' x f
+    """
+    q, v, a = moving.q[frames], moving.v[frames], moving.acceleration[frames]
+    by_q, by_v, by_a, *rest = _rows(robot, moving, frames)
+    inward = np.swapaxes(rotations_from(q[:, 3:BASE_NQ]), 1, 2)
+    speed, spin = skews(v[:, :3]), skews(v[:, 3:6])
+    turn, turn_rate = slice(3, 6), slice(3, 6)
+    to_v, to_a, to_a_rate = np.zeros((3, len(frames), 6, 6))
+    to_v[:, :3, turn], to_v[:, turn_rate, turn] = speed, spin
+    to_a[:, :3, turn], to_a[:, turn_rate, turn] = skews(a[:, :3]), skews(a[:, 3:6])
+    to_a_rate[:, :3, :3], to_a_rate[:, :3, turn] = -spin @ inward, speed
+    to_a_rate[:, turn_rate, turn] = spin
+    base_v, base_a = by_v[:, :, :6].copy(), by_a[:, :, :6].copy()
+    for one in (by_q, by_v, by_a):
+        one[:, :, :3] = one[:, :, :3] @ inward
+    by_q[:, :, :6] += base_v @ to_v + base_a @ to_a
+    by_v[:, :, :6] += base_a @ to_a_rate
+    for carried in rest:
+        carried[:, :3] = np.swapaxes(inward, 1, 2) @ carried[:, :3]
+    return [by_q, by_v, by_a], rest[0] if rest else None
+
+
+def _rows(robot: Robot, moving: Trajectory, frames: NDArray[np.intp]) -> tuple[Array, ...]:
+    """Return the derivatives (m, r, nv) of all rows by q (in the tangent), v and its rate.
+
+    And the base's by the joints (m, 6, nv-6), in base axes, if a planted sole does not move.
+    """
+    found = centroidal_derivatives(
+        robot, moving.q[frames], moving.v[frames], moving.acceleration[frames]
+    )
+    by_q, by_v, by_a = np.zeros((3, len(frames), SOLES + 2 * len(robot.feet), robot.nv))
+    by_q[:, COM], by_q[:, INERTIA] = found.com, found.inertia
+    by_q[:, MOMENTUM], by_v[:, MOMENTUM] = found.momentum_by_q, found.centroidal_map
+    by_q[:, RATE], by_v[:, RATE] = found.rate_by_q, found.rate_by_v
+    by_a[:, RATE] = found.centroidal_map
+    by_q[:, SOLES:] = found.soles[:, :, :2].reshape(len(frames), -1, robot.nv)
+    if moving.planted is None:
+        return by_q, by_v, by_a
+    J = found.soles[np.arange(len(frames)), moving.planted[frames]]
+    return by_q, by_v, by_a, -np.linalg.solve(J[:, :, :6], J[:, :, 6:])
