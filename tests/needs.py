@@ -3,8 +3,9 @@
 import pytest
 
 from wbc.native import status
-from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.backend import qpsolvers_names
 
 needs_core = pytest.mark.skipif(status().core is None, reason=status().reason)
-# The core, and the Python beside it, call DAQP's own C function.
-needs_direct_daqp = pytest.mark.skipif(not direct_daqp().address, reason=direct_daqp().reason)
+needs_bench = pytest.mark.skipif(
+    not {"clarabel", "daqp", "osqp", "piqp"} <= set(qpsolvers_names()), reason="needs wbc[bench]"
+)

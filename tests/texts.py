@@ -22,7 +22,7 @@ tasks:
   height: {type: com, axes: [z], target: start, kp: 50, weight: 5}
   torso: {type: frame, frame: base, control: orientation, target: start, kp: 50}
   posture: {type: posture, target: start, weight: 0.3, kp: 30}
-controller: {level: torque, solver: daqp}
+controller: {level: torque, solver: active_set}
 """
 
 # The same robot is moved a centimetre, in milliseconds.
@@ -32,6 +32,6 @@ support: double
 tasks:
   com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
   posture: {type: posture, weight: 0.01}
-controller: {solver: daqp}
+controller: {solver: active_set}
 stop: {duration: 0.02, speed: null}
 """

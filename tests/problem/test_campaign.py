@@ -32,7 +32,7 @@ def test_runs_are_the_product_of_everything(tmp_path: Path) -> None:
     campaign = load(
         tmp_path,
         "problems: [stand.yaml, push.yaml]\n"
-        "set: {controller.solver: daqp}\n"
+        "set: {controller.solver: active_set}\n"
         "cases: {soft: {tasks.posture.weight: 0.1}, hard: {tasks.posture.weight: 10}}\n"
         "grid: {limits.margin: [0.0, 0.01, 0.02]}\n",
     )

@@ -24,7 +24,7 @@ tasks:
 phases:
   fall: {duration: 0.3, until: touchdown, support: floating}
   land: {duration: 0.15, support: double, tasks: {height: {target: {offset: [0, 0, -0.02]}}}}
-controller: {level: torque, solver: daqp}
+controller: {level: torque, solver: active_set}
 simulation: {start: {height: 0.03}, falls: {com_height: 0.3}}
 """
 
@@ -156,7 +156,7 @@ phases:
     duration: 0.1
     support: right
     tasks: {foot: {active: true, target: {position: {offset: [0, 0, 0.01]}}}}
-controller: {level: torque, solver: daqp}
+controller: {level: torque, solver: active_set}
 """
 
 

@@ -106,7 +106,7 @@ GOOD = [
     with_task("{type: com, target: start, kp: 30, kd: 2}"),
     with_task("{type: momentum, kd: 3}"),
     BASE + "controller: {method: global, starts: 9, seconds: 1.5, workers: 1, seed: 3, attempts: 2,"
-    " tolerance: 0, support_margin: 0.01, solver: daqp, eps: null, dt: 0.01}\n",
+    " tolerance: 0, support_margin: 0.01, solver: active_set, eps: null, dt: 0.01}\n",
     BASE.replace(
         "g1", "{model: x.urdf, locked: {a: 0}, feet: {l: {link: f}}, srdf: s, package_dirs: [.]}"
     ),
@@ -137,7 +137,7 @@ BAD = [
     BASE + "limits: {margin: -1}\n",
     BASE + "limits: off\n",
     BASE + "support: {frame: a}\n",
-    BASE + "controller: {method: pseudo_inverse, solver: daqp}\n",
+    BASE + "controller: {method: pseudo_inverse, solver: active_set}\n",
     BASE + "controller: {method: global, starts: 0}\n",
     BASE + "controller: {method: global, seconds: 0}\n",
     BASE + "controller: {method: qp, starts: 9}\n",

@@ -29,7 +29,7 @@ tasks:
   cop: {type: cop, target: {plan: lean.yaml, begins: 0.05}}
   shape: {type: inertia, target: {plan: lean.yaml, begins: 0.05}, per_mass: true, weight: 0.1}
   posture: {type: posture, weight: 0.1}
-controller: {level: torque, solver: daqp}
+controller: {level: torque, solver: active_set}
 simulation: {duration: 0.5}
 """
 AWAY_AND_BACK = """\
@@ -76,7 +76,7 @@ def test_a_plan_is_followed_and_the_result_tells_how_well(folder: Path) -> None:
 
 def test_a_plan_is_followed_at_the_velocity_level(folder: Path) -> None:
     text = TRACK.replace("kp: 60", "gain: 0.5").replace(
-        "controller: {level: torque, solver: daqp}", ""
+        "controller: {level: torque, solver: active_set}", ""
     )
     text = text.replace("simulation: {duration: 0.5}", "stop: {duration: 1.0}")
     text = "\n".join(line for line in text.splitlines() if "type: cop" not in line)

@@ -7,9 +7,7 @@ import pytest
 
 from wbc.errors import InvalidInputError
 from wbc.qp import QP, installed_solvers, make_backend
-from wbc.qp.conflict import least_violation
-from wbc.qp.daqp import Daqp, KeptDaqp, _raw
-from wbc.qp.least_infeasible import least_infeasible
+from wbc.qp.least_infeasible import least_infeasible, least_violation
 from wbc.qp.problem import Labels
 from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, RawSolution, Solution, Status
 
@@ -66,56 +64,6 @@ def test_the_pseudo_inverse_is_the_damped_one_clipped(rng) -> None:
     assert pulled.any() and not clipped.z_box[~pulled].any() and clipped.iterations == 1
 
 
-def test_daqp_kept_from_qp_to_qp_finds_what_it_finds_anew(ticks, solvable) -> None:
-    """In ticks one after the other, of other sizes in between, and one without solution."""
-    kept, answers = KeptDaqp(1e-8), 0
-    box = {"lower": -np.ones(35), "upper": np.ones(35)}
-    rows = {"A": np.zeros((12, 35)), "b": np.zeros(12), "C": np.ones((3, 35))}
-    no_way = QP.build(np.eye(35), np.ones(35), l=[90.0] * 3, u=[95.0] * 3, **rows, **box)
-    sequence = [*ticks(1, 4, mi=3), *ticks(2, 3, mi=2), solvable(np.random.default_rng(1)),
-                *ticks(3, 2, mi=3), no_way]  # fmt: skip
-    for qp in sequence:
-        found, expected = kept.answer(qp), Daqp().solve(qp, quick=True)
-        assert (found.claim is Status.SOLVED) == expected.solved == (qp is not no_way)
-        if qp is no_way:
-            assert found.claim is Status.INFEASIBLE
-            continue
-        np.testing.assert_allclose(found.x, expected.x, atol=1e-6)
-        gradient = qp.P @ found.x + qp.g + found.y @ qp.A + found.z @ qp.C + found.z_box
-        np.testing.assert_allclose(gradient, 0.0, atol=1e-5 * np.abs(qp.g).max())
-        answers += 1
-    assert answers == len(sequence) - 1
-
-
-@pytest.mark.parametrize("sizes", [{}, {"me": 0}, {"n": 35, "me": 12, "mi": 10}])
-def test_daqp_kept_is_misled_by_no_qp_before(sizes: dict[str, int], solvable) -> None:
-    """Unlike QPs of one size, some without solution; oracle: the KKT conditions, by hand."""
-    rng, kept, solved = np.random.default_rng(7), KeptDaqp(1e-8), 0
-    for k in range(30):
-        qp = solvable(rng, **sizes)
-        if k % 5 == 4:  # its first row and its opposite
-            rows = np.concatenate((qp.C[:1], -qp.C[:1], qp.C[2:]))
-            least = np.concatenate(([1.0, 1.0], qp.l[2:]))
-            qp = qp._replace(C=rows, l=least, u=np.concatenate(([2.0, 2.0], qp.u[2:])))
-        found = kept.answer(qp)
-        if k % 5 == 4:
-            assert found.claim is Status.INFEASIBLE
-            continue
-        assert found.claim is Status.SOLVED
-        values = np.concatenate((found.x, qp.C @ found.x))
-        lower, upper = np.concatenate((qp.lower, qp.l)), np.concatenate((qp.upper, qp.u))
-        pull = np.concatenate((found.z_box, found.z))
-        scale = 1.0 + np.abs(qp.g).max() + np.abs(qp.P @ found.x).max()
-        gradient = qp.P @ found.x + qp.g + found.y @ qp.A + found.z @ qp.C + found.z_box
-        np.testing.assert_allclose(gradient, 0.0, atol=1e-7 * scale)
-        np.testing.assert_allclose(qp.A @ found.x, qp.b, atol=1e-7)
-        assert (values > lower - 1e-7).all() and (values < upper + 1e-7).all()
-        assert (pull[values < upper - 1e-6] <= 1e-7 * scale).all()
-        assert (pull[values > lower + 1e-6] >= -1e-7 * scale).all()
-        solved += 1
-    assert solved == 24
-
-
 def test_without_rows_the_least_violation_is_none_near_zero() -> None:
     qp = QP.build(np.eye(3), np.ones(3), lower=[-1.0, 0.5, -9.0], upper=[1.0, 2.0, -0.5])
     x, violation = least_violation(qp)
@@ -166,13 +114,13 @@ def test_as_many_rows_are_told_as_are_asked_for() -> None:
 
 def test_a_solution_in_words() -> None:
     none, residuals = np.zeros(0), KktResiduals(1e-9, 2e-8, 3e-7)
-    one = Solution(np.zeros(3), none, none, none, Status.FAILED, residuals, 7, 0.1, "daqp")
+    one = Solution(np.zeros(3), none, none, none, Status.FAILED, residuals, 7, 0.1, "active_set")
     assert one.describe() == (
-        "daqp: failed after 7 iterations in attempt 1 (primal residual 1.0e-09, dual 2.0e-08,"
+        "active_set: failed after 7 iterations in attempt 1 (primal residual 1.0e-09, dual 2.0e-08,"
         " complementarity 3.0e-07)"
     )
     assert not one.solved
-    assert repr(one) == "Solution(failed by daqp, 3 variables, 7 iterations)"
+    assert repr(one) == "Solution(failed by active_set, 3 variables, 7 iterations)"
     qp = QP.build(np.eye(2), np.ones(2), C=np.ones((1, 2)), u=[1.0], A=np.ones((1, 2)), b=[0.0])
     assert repr(qp) == "QP(2 variables, 1 equalities, 1 inequalities)"
     raw = RawSolution.none(qp, Status.INFEASIBLE, "no way")
@@ -180,47 +128,3 @@ def test_a_solution_in_words() -> None:
     assert np.isnan(raw.x).all() and np.isnan(raw.z).all() and raw.iterations == 0
     assert Labels.numbered(2, 1, 1).variables == ("x0", "x1")
     assert Labels.numbered(2) == Labels((), (), ("x0", "x1"))
-
-
-# daqp/include/constants.h: what each exit flag is called there.
-FLAGS = {1: "solved", 2: "soft", -1: "infeasible", -2: "cycle", -3: "unbounded", -4: "limit",
-         -5: "nonconvex", -6: "overdetermined", -7: "none that is known"}  # fmt: skip
-
-
-@pytest.mark.parametrize("flag", FLAGS)
-def test_exit_flags_of_daqp_in_our_words(flag: int, solvable) -> None:
-    qp = solvable(np.random.default_rng(2), me=2, mi=3)
-    point, multipliers = np.arange(8.0), np.arange(13.0)
-    found = _raw(qp, point, multipliers, 7, flag)
-    claims = {"solved": Status.SOLVED, "infeasible": Status.INFEASIBLE,
-              "overdetermined": Status.INFEASIBLE, "limit": Status.ITERATION_LIMIT}  # fmt: skip
-    words = {"solved": "", "soft": "exit flag 2", "infeasible": "infeasible", "cycle": "cycles",
-             "unbounded": "unbounded", "limit": "iteration limit", "nonconvex": "semidefinite",
-             "overdetermined": "contradict", "none that is known": "exit flag -7"}  # fmt: skip
-    assert (
-        found.claim is claims.get(FLAGS[flag], Status.FAILED)
-        and words[FLAGS[flag]] in found.message
-    )
-    assert found.iterations == 7
-    parts = (found.z_box, found.z, found.y)
-    np.testing.assert_array_equal(np.concatenate(parts), multipliers)
-    assert [part.size for part in parts] == [8, 3, 2]
-    for endless in (np.inf, np.nan, -1e100):  # as it leaves them on QPs without solution
-        left = _raw(qp, point, np.append(multipliers[:-1], endless), 7, flag)
-        claimed = Status.FAILED if FLAGS[flag] == "solved" else found.claim
-        assert np.isnan(left.x).all() and left.claim is claimed
-    assert np.isnan(_raw(qp, np.append(point[:-1], np.nan), multipliers, 7, flag).y).all()
-
-
-def test_daqp_kept_says_what_it_does_not_take_and_goes_on() -> None:
-    """A cost that is no bowl is refused before anything is solved; so are too few iterations."""
-    box = {"lower": -np.ones(3), "upper": np.ones(3)}
-    qp = QP.build(np.eye(3), [3.0, -2.0, 1.0], C=np.ones((1, 3)), l=[-9.0], u=[9.0], **box)
-    kept = KeptDaqp(1e-8)
-    for _ in range(2):  # a new model, and the one that is kept
-        refused = kept.answer(qp._replace(P=-qp.P))
-        assert refused.claim is Status.FAILED and "positive semidefinite" in refused.message
-        assert np.isnan(refused.x).all()
-        np.testing.assert_allclose(kept.answer(qp).x, [-1.0, 1.0, -1.0], atol=1e-9)
-    limited = KeptDaqp(1e-8, max_iterations=1).answer(qp)
-    assert limited.claim is Status.ITERATION_LIMIT

@@ -6,7 +6,7 @@ import pytest
 from wbc.qp import QP, installed_solvers, make_backend
 
 # Quadprog and Clarabel factorise the equality rows and say so when these depend on each other.
-ROBUST = [n for n in installed_solvers() if n in ("daqp", "piqp", "proxqp", "proxqp_cold")]
+ROBUST = [n for n in installed_solvers() if n in ("active_set", "piqp", "proxqp", "proxqp_cold")]
 
 
 @pytest.fixture(params=ROBUST)

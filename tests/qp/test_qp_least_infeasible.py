@@ -1,12 +1,12 @@
-"""The closest command and the irreducible conflict, against linear programs and PIQP."""
+"""The closest command, against linear programs and PIQP."""
 
 import numpy as np
 import pytest
 import qpsolvers
 from scipy.optimize import linprog
 
-from wbc.qp import QP, Labels, find_conflict
-from wbc.qp.conflict import REACH, irreducible
+from wbc.qp import QP, Labels
+from wbc.qp.conflict import REACH
 from wbc.qp.least_infeasible import least_infeasible
 
 
@@ -121,66 +121,3 @@ def test_of_a_feasible_qp_it_is_the_solution(solvable, seed: int) -> None:
         qp.A, qp.b, qp.lower, qp.upper, solver="piqp",
     )  # fmt: skip
     np.testing.assert_allclose(found.x, reference, atol=1e-5)
-
-
-def without(qp: QP, rows) -> QP:
-    """Return ``qp`` without the given sides of rows and bounds."""
-    parts = {key: getattr(qp, key).copy() for key in ("l", "u", "lower", "upper")}
-    equal = np.ones(qp.b.size, dtype=bool)
-    for row in rows:
-        if row.side == "equality":
-            equal[qp.labels.equality.index(row.label)] = False
-        elif "limit" in row.side:
-            k = qp.labels.inequality.index(row.label)
-            parts["u" if "upper" in row.side else "l"][k] *= np.inf
-        else:
-            k = qp.labels.variables.index(row.label)
-            key = "upper" if "upper" in row.side else "lower"
-            parts[key][k] = np.inf if key == "upper" else -np.inf
-    names = tuple(np.array(qp.labels.equality)[equal])
-    labels = Labels(names, qp.labels.inequality, qp.labels.variables)
-    return qp._replace(A=qp.A[equal], b=qp.b[equal], labels=labels, **parts)
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_every_row_of_an_irreducible_conflict_is_to_blame(solvable, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    qp = solvable(rng, n=8, me=2, mi=4)
-    qp = qp._replace(lower=np.full(8, -2.0), upper=np.full(8, 2.0))
-    # Against three bounds; none of them so little that it could be met far away instead.
-    slope = rng.uniform(0.5, 1.5, size=8) * rng.choice((-1.0, 1.0), size=8)
-    far = np.where(np.arange(8) < 3, slope, 0.0)
-    qp = qp._replace(
-        C=np.vstack((qp.C, far)),
-        l=np.append(qp.l, 2.0 * np.abs(far).sum() + 0.3),
-        u=np.append(qp.u, np.inf),
-        labels=Labels.numbered(8, 2, 5),
-    )
-    conflict = find_conflict(qp)
-    assert conflict is not None
-    small = irreducible(qp, conflict)
-    assert 1 < len(small.rows) <= len(conflict.rows)
-    named = {(row.label, row.side) for row in small.rows}
-    assert named <= {(row.label, row.side) for row in conflict.rows}
-    everything = [row for row in conflict_of_everything(qp) if (row.label, row.side) not in named]
-    alone = without(qp, everything)
-    assert not feasible(alone)
-    for row in small.rows:
-        assert feasible(without(alone, [row])), f"{row.label} is not needed"
-
-
-def conflict_of_everything(qp: QP):
-    """Return every side of every row and bound, as rows of a conflict."""
-    from wbc.qp import ConflictRow
-
-    names = qp.labels
-    rows = [ConflictRow(name, 0.0, 1.0, "equality") for name in names.equality]
-    for name in names.inequality:
-        k = names.inequality.index(name)
-        if np.isfinite(qp.u[k]):
-            rows.append(ConflictRow(name, 0.0, 1.0, "upper limit"))
-        if np.isfinite(qp.l[k]):
-            rows.append(ConflictRow(name, 0.0, 1.0, "lower limit"))
-    for name in names.variables:
-        rows += [ConflictRow(name, 0.0, 1.0, f"{side} bound") for side in ("lower", "upper")]
-    return rows

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import qpsolvers
 
+from tests.needs import needs_bench
 from wbc.errors import InvalidInputError, SolverError, UnknownNameError
 from wbc.qp import QP, ProxQP, SolverNotInstalledError, Status, installed_solvers, make_backend
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.qpsolvers_backend import QpsolversBackend
 
 SMALL = QP.build(np.eye(2), [1.0, -1.0], lower=[0.0, 0.0])
@@ -29,7 +31,7 @@ def test_cold_variant_keeps_nothing():
 
 
 def test_installed_solvers_can_all_be_made():
-    assert set(installed_solvers()) >= {"proxqp"}
+    assert set(installed_solvers()) >= {"active_set", "proxqp", "proxqp_cold"}
     for name in installed_solvers():
         assert make_backend(name).name == name
 
@@ -47,9 +49,24 @@ def test_known_but_missing_solver_says_what_to_install(monkeypatch, name, comman
     monkeypatch.setattr(qpsolvers, "available_solvers", ["piqp"])
     with pytest.raises(SolverNotInstalledError, match=rf"pip install '{command}'") as caught:
         make_backend(name)
-    assert "installed: daqp, piqp, proxqp, proxqp_cold" in str(caught.value)
+    assert "installed: active_set, piqp, proxqp, proxqp_cold" in str(caught.value)
     assert isinstance(caught.value, UnknownNameError)
     assert isinstance(caught.value, SolverError)
+
+
+def test_daqp_is_answered_by_a_method_of_its_kind_where_it_is_missing(monkeypatch, caplog) -> None:
+    """Files that name it run as they are, and a log says who solves them; others are refused."""
+    monkeypatch.setattr(qpsolvers, "available_solvers", ["piqp"])
+    backend = make_backend("daqp", max_iterations=50)
+    assert isinstance(backend, ActiveSet) and backend.solve(SMALL).solver == "active_set"
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "'daqp' is not installed" in caplog.text and "'active_set'" in caplog.text
+
+
+@needs_bench
+def test_daqp_itself_answers_where_it_is_installed(caplog) -> None:
+    solution = make_backend("daqp").solve(SMALL)
+    assert solution.solved and solution.solver == "daqp" and not caplog.records
 
 
 @pytest.mark.parametrize(
@@ -60,6 +77,9 @@ def test_known_but_missing_solver_says_what_to_install(monkeypatch, name, comman
         ("proxqp", {"eps": np.nan}),
         ("proxqp", {"max_iterations": 0}),
         ("proxqp_cold", {"eps": -1.0}),
+        ("active_set", {"eps": 0.0}),
+        ("active_set", {"max_iterations": 0}),
+        ("active_set", {"always": True}),
     ],
 )
 def test_bad_settings_are_refused(name, settings):

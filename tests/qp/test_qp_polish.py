@@ -35,7 +35,7 @@ def test_a_rough_answer_becomes_exact(damping: float, rng: np.random.Generator) 
     """The rough answer is a solver's with noise of 1e-4; the oracle is that solver's own answer."""
     for _ in range(20):
         qp = random_qp(rng, damping)
-        exact = make_backend("daqp", eps=1e-10).solve(qp)
+        exact = make_backend("active_set", eps=1e-10).solve(qp)
         assert exact.solved
         noise = [1e-4 * rng.normal(size=size) for size in (20, 4, 3, 20)]
         parts = (exact.x, exact.y, exact.z, exact.z_box)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wbc.qp import QP
-from wbc.qp.conflict import REACH, _essential, _is_certificate, _named, _polished, _UnitRows
+from wbc.qp.conflict import REACH, UnitRows, conflict_of, find_conflict
 from wbc.qp.kkt import (
     DOUBT,
     MOST,
@@ -16,6 +16,7 @@ from wbc.qp.kkt import (
     is_accurate,
     kkt_residuals,
 )
+from wbc.qp.least_infeasible import _polished
 from wbc.qp.problem import Labels
 
 NONE = np.zeros(0)
@@ -104,77 +105,72 @@ def test_memory_of_a_thread_is_let_go_when_it_is_too_much() -> None:
 # ---------------------------------------------------------------------- certificates
 
 
-def contradiction(scale: float = 1.0, n: int = 1, lean: float = 0.0) -> tuple[QP, _UnitRows]:
+NONE_OF_THE_BOX = np.zeros(2)
+
+
+def contradiction(scale: float = 1.0, lean: float = 0.0) -> QP:
     """x >= 1 (written as scale x >= scale) and x <= 0; with ``lean``, the rows are not parallel."""
-    C = np.zeros((2, n))
-    C[:, 0] = scale, 1.0
-    if lean:
-        C[1, 1] = lean
-    qp = QP.build(np.eye(n), np.zeros(n), C=C, l=[scale, -np.inf], u=[np.inf, 0.0])
-    return qp, _UnitRows.of(qp)
+    C = np.array([[scale, 0.0], [1.0, lean]])
+    return QP.build(np.eye(2), np.zeros(2), C=C, l=[scale, -np.inf], u=[np.inf, 0.0])
 
 
-def largest_tolerance(qp: QP, rows: _UnitRows, violation: np.ndarray, size: float) -> float:
-    box = -violation @ rows.matrix
+def largest_tolerance(qp: QP, y=NONE, z=NONE, z_box=NONE_OF_THE_BOX) -> float:
+    """Return the largest tolerance at which the multipliers prove something; -1: at none."""
+    parts = [np.asarray(part, dtype=float) for part in (y, z, z_box)]
     low, high = 0.0, 10.0
-    if not _is_certificate(qp, rows, violation, box, size, 0.0):
+    if conflict_of(qp, *parts, 0.0) is None:
         return -1.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        good = _is_certificate(qp, rows, violation, box, size, middle)
+        good = conflict_of(qp, *parts, middle) is not None
         low, high = (middle, high) if good else (low, middle)
     return low
 
 
 @pytest.mark.parametrize("scale", [1.0, 10.0, 0.1])
-def test_a_certificate_holds_with_every_end_relaxed_in_its_own_units(scale: float) -> None:
-    """By hand: sum -1/2, |s|^2 = 1/2; ends may move by t (1 / scale + 1) / 2 and t / 2."""
-    qp, rows = contradiction(scale)
-    found = largest_tolerance(qp, rows, np.array([-0.5, 0.5]), 0.5)
-    expected = (0.5 - 0.5 * 0.5) / (0.5 * (1.0 / scale + 1.0) + 0.5 * 1.0)
-    assert found == pytest.approx(expected, rel=1e-9)
+def test_a_certificate_holds_with_every_end_relaxed(scale: float) -> None:
+    """By hand, rows of unit length: sum -1; ends give way by t (1 + 1) / 2 and t / 2."""
+    found = largest_tolerance(contradiction(scale), z=[-1.0 / scale, 1.0])
+    assert found == pytest.approx(1.0 / (0.5 * 2.0 + 0.5 * 1.0), rel=1e-9)
 
 
 def test_bounds_take_part_in_a_certificate_with_their_own_ends() -> None:
-    """x + y >= 3 within x, y <= 1: sum -3 s + 2 s with s = 1 / sqrt(2), by hand."""
+    """x + y >= 3 within x, y <= 1: sum -3 + 2, of a row of length sqrt(2) and two bounds."""
     qp = QP.build(np.eye(2), np.zeros(2), C=np.ones((1, 2)), l=[3.0], upper=[1.0, 1.0])
-    rows = _UnitRows.of(qp)
-    s = 1.0 / np.sqrt(2.0)  # in a row of unit length
-    found = largest_tolerance(qp, rows, np.array([-s]), 1.0)
-    weight = s * s  # of each bound
-    total = -s * 3.0 * s + 2 * weight * 1.0
-    own = s * (s + 3.0 * s) + 2 * weight * 2.0
-    assert found == pytest.approx((-total - 0.5 * s * s) / own, rel=1e-9)
+    found = largest_tolerance(qp, z=[-1.0], z_box=[1.0, 1.0])
+    ends = np.sqrt(2.0) * (1.0 + 3.0 / np.sqrt(2.0)) + 2 * 2.0
+    assert found == pytest.approx(1.0 / (0.5 * ends), rel=1e-9)
 
 
-def test_what_unbounded_unknowns_could_make_good_is_no_certificate() -> None:
-    """Rows that lean by 1e-8 meet at x = 1e8, beyond reach; by 1e-5 at 1e5, which is within it."""
-    for lean, proves in ((1e-8, True), (1e-5, False)):
-        qp, rows = contradiction(n=2, lean=lean)
-        violation = np.array([-0.5, 0.5])
-        assert (largest_tolerance(qp, rows, violation, 0.5) >= 0.0) is proves
-        # The leak counts by the reach and by the size of the point.
-    edge = (0.5 - 0.25) / (0.5 * REACH * 1.5)
-    for lean, proves in ((0.99 * edge, True), (1.01 * edge, False)):
-        qp, rows = contradiction(n=2, lean=lean)
-        assert (largest_tolerance(qp, rows, np.array([-0.5, 0.5]), 0.5) >= 0.0) is proves
+@pytest.mark.parametrize(
+    ("lean", "proves"), [(1e-10, True), (1e-8, True), (1e-5, False),
+                         (0.99 / REACH, True), (1.01 / REACH, False)]
+)  # fmt: skip
+def test_what_unbounded_unknowns_could_make_good_is_no_certificate(lean, proves) -> None:
+    """Rows that lean by 1e-8 meet at y = -1e8, beyond reach; by 1e-5 at -1e5, which is within."""
+    assert (largest_tolerance(contradiction(lean=lean), z=[-1.0, 1.0]) >= 0.0) is proves
+
+
+@pytest.mark.parametrize(
+    "z", [[0.0, 0.0], [1.0, -1.0], [-1.0, 0.0], [np.nan, 1.0], [-np.inf, np.inf]]
+)
+def test_what_are_no_multipliers_prove_nothing(z) -> None:
+    """None; those of ends that are not there; one row alone; no numbers."""
+    assert conflict_of(contradiction(), NONE, np.array(z), NONE_OF_THE_BOX) is None
 
 
 def test_rows_of_a_conflict_are_named_by_their_weight_and_in_their_units() -> None:
-    """Without weight: left out. A row of length 4 is missed by 4 times."""
-    labels = Labels(("e",), ("a", "b", "c"), ("x", "y"))
-    qp = QP.build(np.eye(2), np.zeros(2), A=[[0.0, 4.0]], b=[1.0],
-                  C=[[2.0, 0.0], [0.0, 1.0], [1.0, 0.0]], u=[1.0, 1.0, 1.0], labels=labels,
-                  lower=[-1.0, -1.0], upper=[1.0, 1.0])  # fmt: skip
-    rows = _UnitRows.of(qp)
-    violation, box = np.array([-0.5, 1.0, 0.0, 1.1e-3]), np.array([-0.7, 0.0])
-    found = _named(qp, rows, violation, box).rows
-    assert [row.label for row in found] == ["a", "x", "e", "c"]
-    assert [row.side for row in found] == ["upper limit", "lower bound", "equality", "upper limit"]
-    assert [row.violation for row in found] == pytest.approx([2.0, 0.0, 2.0, 1.1e-3])
-    assert [row.multiplier for row in found] == pytest.approx([0.5, -0.7, -0.125, 1.1e-3])
-    edge = _named(qp, rows, np.array([0.0, -1.0, 0.0, 1.0]), np.zeros(2)).rows
-    assert [row.side for row in edge] == ["lower limit", "upper limit"]
+    """2 x >= 3 against x <= 1 is missed by 1; 4 y = 12 against y <= 1 by 8; not what is light."""
+    labels = Labels(("e",), ("a", "b"), ("x", "y"))
+    qp = QP.build(np.eye(2), np.zeros(2), A=[[0.0, 4.0]], b=[12.0], C=[[2.0, 0.0], [0.0, 1.0]],
+                  l=[3.0, -9.0], u=[9.0, 1.5], upper=[1.0, 1.0], labels=labels)  # fmt: skip
+    found = conflict_of(qp, np.zeros(1), np.array([-1.0, 0.0]), np.array([2.0, 0.0])).rows
+    assert [(row.label, row.side) for row in found] == [("a", "lower limit"), ("x", "upper bound")]
+    assert [row.violation for row in found] == pytest.approx([1.0, 0.0])
+    assert [row.multiplier for row in found] == pytest.approx([-0.25, 0.5])
+    light = conflict_of(qp, np.array([-1.0]), np.array([-1e-8, 0.0]), np.array([2e-8, 4.0])).rows
+    assert [(row.label, row.side) for row in light] == [("e", "equality"), ("y", "upper bound")]
+    assert [row.violation for row in light] == pytest.approx([8.0, 0.0])
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -186,7 +182,7 @@ def test_a_rough_least_violation_becomes_exact(solvable, seed: int) -> None:
     A = rng.normal(size=(7, 5))
     b = rng.normal(size=7)
     qp = QP.build(np.eye(5), np.zeros(5), A=A, b=b, lower=[-0.2] * 5, upper=[0.3] * 5)
-    rows = _UnitRows.of(qp)
+    rows = UnitRows.of(qp)
     lengths = np.linalg.norm(A, axis=1)
     best = lsq_linear(A / lengths[:, None], b / lengths, (qp.lower, qp.upper), tol=1e-13).x
     best = np.where(best < -0.2 + 1e-6, -0.2, np.where(best > 0.3 - 1e-6, 0.3, best))
@@ -218,7 +214,6 @@ def test_a_light_row_is_named_if_the_others_alone_have_a_solution(lean, needed, 
     C = [[1.0, lean], [1.0, 0.0], [0.0, 1.0]]
     low = [-np.inf, 1.0, -np.inf if bound else -100.0]
     qp = QP.build(np.eye(2), np.zeros(2), C=C, l=low, u=[0.0, np.inf, np.inf], **ends)
-    rows = _UnitRows.of(qp)
-    violation = 0.5 * np.array([1.0, -1.0, 0.0 if bound else -lean])
-    weights = np.concatenate(_essential(qp, rows, violation, -violation @ rows.matrix, 1.0))
-    assert np.flatnonzero(weights).tolist() == [0, 1, *([4 if bound else 2] if needed else [])]
+    named = {row.label for row in find_conflict(qp).rows}
+    third = "x1" if bound else "inequality 2"
+    assert named == {"inequality 0", "inequality 1", *([third] if needed else [])}

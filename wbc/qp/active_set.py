@@ -11,7 +11,7 @@ are no unknowns, and relaxed QPs no larger than others.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator
 from time import perf_counter
 from typing import Final
 
@@ -124,14 +124,18 @@ class ActiveSet:
             *none[:4], claim, NO_RESIDUALS, 0, perf_counter() - start, NAME, conflict, 1, message
         )
 
-    def _points(self, qp: QP, found: CoreAnswer, eps: float) -> Sequence[tuple[float, RawSolution]]:
-        """Return what may do in place of an accurate answer, and how accurate it has to be."""
+    def _points(self, qp: QP, found: CoreAnswer, eps: float) -> Iterator[tuple[float, RawSolution]]:
+        """Yield what may do in place of an accurate answer, and how accurate it has to be."""
+        raw = RawSolution(found.x, found.y, found.z, found.z_box, Status.SOLVED)
+        raw = raw._replace(iterations=found.iterations)
         if found.iterations >= 0:  # relative to the QP's numbers it may be accurate
-            raw = RawSolution(found.x, found.y, found.z, found.z_box, Status.SOLVED)
-            raw = raw._replace(iterations=found.iterations)
-            return [(eps, raw), (NEARLY * eps, raw)]
+            yield eps, raw
         near = proximal(qp, eps, self.max_iterations)
-        return [] if near is None else [(eps, near), (NEARLY * eps, near)]
+        if near is not None:
+            yield eps, near
+        for last in (raw, near):
+            if last is not None and last.iterations >= 0:
+                yield NEARLY * eps, last
 
 
 def proximal(qp: QP, eps: float, max_iterations: int) -> RawSolution | None:

@@ -16,7 +16,8 @@
 #include <string.h>
 
 /* Of rows of unit length: what is met, what makes a row depend on others, multipliers of 0. */
-static const double MET = 1e-10, DEPENDENT = 1e-13, NOTHING = 1e-13;
+static const double MET = 1e-10, DEPENDENT = 1e-12, NOTHING = 1e-13;
+static const double DOUBTFUL = 1e-6; /* what is left of a row's square below this may be rounding */
 static const double ROUNDED = 1e-15; /* part of the largest multiplier that a row may be missed by */
 static const double ROUNDING = 1e-7; /* of a direction in which dependent rows outweigh each other */
 static const double SHORTEST = 1e-12; /* rows below this, where the cost is of unit curvature */
@@ -27,6 +28,8 @@ static const double CONTRADICTED = 1e-7;
 /* Missed by rounding: left out, and looked at again so often; at last it is judged with the answer. */
 enum { DOUBTED = 3, AGAIN = 5 };
 
+enum { REFINED = 2 }; /* so often */
+
 /* Rows are looked at again if they are missed by more than this part of the worst; so many beside the
  * worst are added with it if they are missed by more than that part: a fifth fewer steps. */
 static const double NOTED = 0.3, BESIDE = 0.5;
@@ -35,7 +38,7 @@ enum { MORE = 3 };
 typedef struct {
     int64_t n, m, size; /* size: of the active set */
     double *U, *inverse;        /* (n, n): the transpose of U above, lower; U^-1, upper */
-    double *v, *y;              /* (n): U^-T f, and y */
+    double *v, *y, *left;       /* (n): U^-T f, y, and what other rows leave of one */
     double *M;                  /* (m, n) */
     double *low, *up, *give, *length;  /* (m) */
     double *z, *wanted;                /* (m), of the active ones */
@@ -68,20 +71,43 @@ INLINE void add_numbered(int64_t n, int64_t k, const double *c, const int64_t *n
     }
 }
 
+/* wanted = L^-T wanted */
+WIDE static void back(active_set *a) {
+    double *restrict x = a->wanted;
+    for (int64_t j = a->size - 1; j > 0; j--) {
+        const double *l = row_of(a, j), factor = x[j];
+        for (int64_t c = 0; c < j; c++) x[c] -= factor * l[c];
+    }
+}
+
+/* What the active rows leave of a row's square, of which l is the row of L: a sum of squares, where the
+ * difference that is usually taken has lost its digits. */
+WIDE static double left_of(active_set *a, int64_t row, const double *l) {
+    double soft = a->give[row];
+    memcpy(a->wanted, l, a->size * sizeof *l);
+    back(a);
+    memset(a->left, 0, a->n * sizeof *a->left);
+    add_numbered(a->n, a->size, a->wanted, a->active, a->M, 0, a->left);
+    for (int64_t i = 0; i < a->n; i++) a->left[i] -= a->M[row * a->n + i];
+    for (int64_t j = 0; j < a->size; j++)
+        soft += a->give[a->active[j]] * a->wanted[j] * a->wanted[j];
+    return dot(a->n, a->left, a->left) + soft;
+}
+
 /* Add a row to the factorisation; whether it depends on those that are active. */
 WIDE static int add(active_set *a, int64_t row, int64_t side) {
     const int64_t k = a->size, n = a->n;
     double *restrict l = row_of(a, k), *restrict w = a->w;
     const double *own = a->M + row * n;
     double rest = dot(n, own, own) + a->give[row];
-    const double whole = rest;
     for (int64_t j = 0; j < k; j++)
         w[j] = dot(n, own, a->M + a->active[j] * n) - dot(j, row_of(a, j), w);
     for (int64_t j = 0; j < k; j++) {
         l[j] = a->diagonal[j] > 0.0 ? w[j] / a->diagonal[j] : 0.0;
         rest -= l[j] * w[j];
     }
-    const int depends = a->give[row] == 0.0 && !(rest > DEPENDENT * whole);
+    if (rest < DOUBTFUL) rest = left_of(a, row, l);
+    const int depends = a->give[row] == 0.0 && !(rest > DEPENDENT);
     /* What gives way leaves at least that, whatever rounding says. */
     a->diagonal[k] = depends ? 0.0 : rest > a->give[row] ? rest : a->give[row];
     a->z[k] = 0.0, a->active[k] = row, a->side[row] = side;
@@ -123,15 +149,6 @@ WIDE static int drop(active_set *a, int64_t p) {
     return depends;
 }
 
-/* wanted = L^-T wanted */
-WIDE static void back(active_set *a) {
-    double *restrict x = a->wanted;
-    for (int64_t j = a->size - 1; j > 0; j--) {
-        const double *l = row_of(a, j), factor = x[j];
-        for (int64_t c = 0; c < j; c++) x[c] -= factor * l[c];
-    }
-}
-
 /* wanted = S^-1 wanted, S = M_W M_W' + give_W, from what L^-1 wanted is of the rows before begin. */
 WIDE static void solve(active_set *a, double *restrict forward, int64_t begin) {
     for (int64_t j = begin; j < a->size; j++)
@@ -150,7 +167,8 @@ static void want(active_set *a) {
     a->known = a->size;
 }
 
-/* Take from the multipliers what rounding leaves active rows missed by. */
+/* Take from the multipliers, and from y itself, what rounding leaves active rows missed by: multipliers may
+ * be so large that y, summed anew, is no better. */
 WIDE static void refine(active_set *a) {
     for (int64_t j = 0; j < a->size; j++) {
         const int64_t row = a->active[j];
@@ -158,7 +176,8 @@ WIDE static void refine(active_set *a) {
                        (a->side[row] < 0 ? a->low : a->up)[row];
     }
     solve(a, a->w, 0);
-    for (int64_t j = 0; j < a->size; j++) a->z[j] += a->wanted[j];
+    for (int64_t j = 0; j < a->size; j++) a->z[j] += a->wanted[j], a->w[j] = -a->wanted[j];
+    add_numbered(a->n, a->size, a->w, a->active, a->M, 0, a->y);
 }
 
 /* Go towards what is wanted (or, endless, along it) until a multiplier would change its sign.
@@ -279,11 +298,11 @@ static void add_more(active_set *a) {
     }
 }
 
-/* Whether what is wanted of an active row points away from the side that it is held on: by rounding, as
- * go has seen. */
+/* Whether what is wanted of an active row does not point at the side that it is held on: by rounding, as
+ * go has seen, or 0, which would stand beside an end that need not be finite. */
 static int against(const active_set *a, int64_t j) {
     const int64_t side = a->side[a->active[j]];
-    return side != 2 && side * a->wanted[j] < 0.0;
+    return side != 2 && !(side * a->wanted[j] > 0.0);
 }
 
 /* Whether the active rows contradict each other: what is wanted of them adds up to no row, and to an
@@ -310,7 +329,7 @@ static int contradict(const active_set *a, const double *rows, const double *low
 }
 
 int64_t active_set_numbers(int64_t n, int64_t m) {
-    return 2 * n + 10 * m + 2 * n * n + m * n + m * (m - 1) / 2;
+    return 3 * n + 10 * m + 2 * n * n + m * n + m * (m - 1) / 2;
 }
 
 int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
@@ -319,9 +338,9 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
                          double *x, double *z) {
     active_set a = {.n = n, .m = m, .active = order, .side = order + m,
                     .candidate = order + 2 * m};
-    double **parts[] = {&a.v, &a.y, &a.low, &a.up, &a.give, &a.length, &a.z, &a.wanted,
+    double **parts[] = {&a.v, &a.y, &a.left, &a.low, &a.up, &a.give, &a.length, &a.z, &a.wanted,
                         &a.diagonal, &a.w, &a.forward, &a.by};
-    for (int i = 0; i < 12; i++) *parts[i] = scratch, scratch += i < 2 ? n : m;
+    for (int i = 0; i < 13; i++) *parts[i] = scratch, scratch += i < 3 ? n : m;
     a.U = scratch, a.inverse = a.U + n * n, a.M = a.inverse + n * n, a.L = a.M + m * n;
     memset(a.side, 0, m * sizeof *a.side);
     memcpy(a.give, give, m * sizeof *give);
@@ -357,8 +376,7 @@ int64_t active_set_solve(int64_t n, int64_t m, const double *H, const double *f,
             continue;
         }
         if (row < 0) {
-            refine(&a);
-            missed(&a, &side); /* y */
+            for (int i = 0; i < REFINED; i++) refine(&a);
             memset(z, 0, m * sizeof *z);
             for (int64_t j = 0; j < a.size; j++)
                 z[a.active[j]] = a.z[j] / a.length[a.active[j]];

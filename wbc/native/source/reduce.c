@@ -15,7 +15,7 @@
 #include <string.h>
 
 static const double DEPENDENT = 1e-9; /* a pivot below this, in metres or radians */
-static const double CONTRADICTED = 1e-5; /* by what such a row misses: no x of less than 1e4 meets it */
+static const double CONTRADICTED = 1e-6; /* by what such a row misses: no x of less than 1e3 meets it */
 /* Unknowns without bounds are preferred as dependent ones: eliminating them adds no inequality row. */
 static const double PREFERENCE = 10.0;
 /* So is what a row had in the last tick, where others solve the reduced QP: they start from there. */

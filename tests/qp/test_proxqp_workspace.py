@@ -10,8 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from wbc.qp import QP, ProxQP, native
-from wbc.qp.native import Workspace
+from wbc.qp import QP, ProxQP, proxqp_workspace
+from wbc.qp.proxqp_workspace import Workspace
 
 
 def test_solutions_do_not_depend_on_where_memory_lies(ticks):
@@ -29,7 +29,7 @@ def test_solutions_do_not_depend_on_where_memory_lies(ticks):
 
 def build_after(statements: str) -> str:
     """Return what a fresh process says of the build in use after ``statements``."""
-    ask = "from wbc.qp.native import BUILD; import qpsolvers; print(BUILD or 'narrow')"
+    ask = "from wbc.qp.proxqp_workspace import BUILD; import qpsolvers; print(BUILD or 'narrow')"
     command = [sys.executable, "-c", statements + ask]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
@@ -46,7 +46,7 @@ def test_a_build_that_others_loaded_stays_as_it_is(monkeypatch) -> None:
     for name in wide:
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     before = dict(sys.modules)
-    assert native._import_proxqp() is native.proxqp
+    assert proxqp_workspace._import_proxqp() is proxqp_workspace.proxqp
     assert all(sys.modules.get(name) is before[name] for name in wide)
 
 
@@ -66,7 +66,7 @@ def test_wide_builds_are_hidden_while_proxsuite_is_imported_and_not_longer(monke
             module.proxqp = "the narrow one"
 
     monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
-    assert native._import_proxqp() == "the narrow one"
+    assert proxqp_workspace._import_proxqp() == "the narrow one"
     assert hidden == [True, True]
     assert not any(name in sys.modules for name in wide)
 
@@ -87,14 +87,14 @@ def test_no_more_accuracy_is_asked_for_than_the_largest_number_has_digits(part: 
 
 @pytest.mark.parametrize("largest", [1.1e-12, 1e-9, 3e-4, 0.25, 0.3, 0.99])
 def test_small_curvatures_are_scaled_to_one_or_up_to_two_without_rounding(largest: float) -> None:
-    scale = native._cost_scale(np.diag([0.1 * largest, largest]))
+    scale = proxqp_workspace._cost_scale(np.diag([0.1 * largest, largest]))
     assert 1.0 <= scale * largest < 2.0
     assert math.frexp(scale)[0] == 0.5  # a power of two
 
 
 @pytest.mark.parametrize("largest", [0.0, 0.9e-12, 1.0, 2.0005, 1e6])
 def test_large_curvatures_and_none_are_left_alone(largest: float) -> None:
-    assert native._cost_scale(np.diag([0.0, largest])) == 1.0
+    assert proxqp_workspace._cost_scale(np.diag([0.0, largest])) == 1.0
 
 
 @pytest.mark.parametrize(

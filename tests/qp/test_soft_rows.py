@@ -1,22 +1,23 @@
-"""QPs with rows that give way, without slacks as unknowns: against DAQP and ProxQP with slacks."""
+"""QPs with rows that give way, without slacks as unknowns: against solvers of QPs with slacks."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.needs import needs_core
+from tests.qp.conflicts import blamed_in_vain
 from wbc.controllers.asking import Solvers
 from wbc.controllers.slack import GivingQP
-from wbc.qp.daqp import Daqp
-from wbc.qp.giving import solve_giving
+from wbc.errors import InvalidInputError
+from wbc.qp.active_set import ActiveSet
+from wbc.qp.backend import make_backend
+from wbc.qp.core import DONE, solve_in_core
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.problem import QP
 from wbc.qp.proxqp import ProxQP
 from wbc.qp.solution import Solution, Status
-from wbc.qp.work import Work
 
-pytestmark = needs_core
+UNSOLVED = -1  # of native/source/core.h
 
 
 def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -> GivingQP:
@@ -45,8 +46,8 @@ def giving_qp(rng: np.random.Generator, n: int, me: int, mi: int, soft: float) -
 
 def solved_as_by_proxqp(given: GivingQP, atol: float) -> Solution:
     """The answer, which meets the QP with slacks and is where ProxQP's is."""
-    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
-    assert found is not None
+    full, found = given.qp, ActiveSet().solve_soft(*given)
+    assert found.solved
     assert max(kkt_residuals(full, found.x, found.y, found.z, found.z_box)) <= 1e-8
     other = ProxQP().solve(full)
     assert other.solved
@@ -60,15 +61,15 @@ def test_the_answer_is_that_of_the_qp_with_slacks(seed: int) -> None:
     rng = np.random.default_rng(seed)
     sizes = int(rng.integers(3, 30)), int(rng.integers(0, 3)), int(rng.integers(1, 60))
     given = giving_qp(rng, *sizes, soft=rng.random())
-    full, found = given.qp, solve_giving(*given, 1e-8, 1000)
-    assert found is not None and found.status is Status.SOLVED
+    full, found = given.qp, ActiveSet().solve_soft(*given)
+    assert found.status is Status.SOLVED
     assert found.x.size == full.g.size and found.solver == "active_set"
     told = kkt_residuals(full, found.x, found.y, found.z, found.z_box)
     assert max(told) <= 1e-8 and np.abs(np.subtract(told, found.residuals)).max() < 1e-10
-    other = Daqp().solve(full)
-    if not other.solved:
-        other = ProxQP().solve(full)
-    assert other.solved
+    for cold in (make_backend("daqp"), ProxQP(warm=False, always=True)):
+        if (other := cold.solve(full)).solved and other.solver != "active_set":
+            break
+    assert other.solved and other.solver != "active_set"
     np.testing.assert_allclose(found.x, other.x, atol=1e-6)
     np.testing.assert_allclose(found.z, other.z, rtol=1e-4, atol=1e-4)
 
@@ -77,22 +78,45 @@ def test_rows_give_way_by_their_weights() -> None:
     """Two rows that contradict each other share by their weights; a hard one does not."""
     C, u = np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0])  # x <= -1, x >= 1
     qp = QP.build([[1e-6]], [0.0], C=C, u=u)
-    found = solve_giving(qp, np.array([1.0, 3.0]), 1e-8, 100)
-    assert found is not None
+    found = ActiveSet().solve_soft(qp, np.array([1.0, 3.0]))
+    assert found.solved
     np.testing.assert_allclose(found.x, [0.5, 1.5, 0.5], atol=1e-5)
-    hard = solve_giving(qp, np.array([np.inf, 3.0]), 1e-8, 100)
-    assert hard is not None
+    hard = ActiveSet().solve_soft(qp, np.array([np.inf, 3.0]))
+    assert hard.solved
     np.testing.assert_allclose(hard.x, [-1.0, 2.0], atol=1e-5)
 
 
 def test_hard_rows_that_contradict_each_other_have_no_answer() -> None:
-    """Nothing is said of QPs without a point, nor where there are too few iterations."""
-    qp = QP.build([[1.0]], [0.0], C=[[1.0], [-1.0]], u=[-1.0, -1.0])
-    assert solve_giving(qp, np.full(2, np.inf), 1e-8, 100) is None
+    """Which contradict each other is said; nothing is where there are too few iterations."""
+    hard = np.full(2, np.inf)
+    qp = QP.build([[1.0]], [0.0], C=[[1.0], [-1.0], [1.0]], u=[-1.0, -1.0, -2.0])
+    none = ActiveSet().solve_soft(qp, np.array([np.inf, np.inf, 2.0]))
+    assert none.status is Status.INFEASIBLE and none.conflict is not None
+    assert {row.label for row in none.conflict.rows} == {"inequality 0", "inequality 1"}
     qp = QP.build(np.eye(2), [-3.0, -3.0], C=np.eye(2), u=[1.0, 1.0])
-    assert solve_giving(qp, np.full(2, np.inf), 1e-8, 1) is None
-    nan = qp._replace(g=np.array([np.nan, 0.0]))
-    assert solve_giving(nan, np.full(2, np.inf), 1e-8, 100) is None
+    few = ActiveSet(max_iterations=1).solve_soft(qp, hard)
+    assert few.status is Status.FAILED and few.conflict is None and np.isnan(few.x).all()
+    with pytest.raises(InvalidInputError, match=r"QP\.g"):
+        ActiveSet().solve_soft(qp._replace(g=np.array([np.nan, 0.0])), hard)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_only_rows_that_may_not_give_way_are_in_conflict(seed: int) -> None:
+    """Hard rows contradict each other, soft ones each other and the hard ones: HiGHS agrees."""
+    rng = np.random.default_rng(seed)
+    given = giving_qp(rng, n := int(rng.integers(3, 20)), 1, 12, soft=0.5)
+    qp, weights = given.slackless, given.weights
+    row = rng.normal(size=n)
+    C = np.concatenate((qp.C, [row, -row]))
+    end = np.full(2, 0.5 - row @ rng.normal(size=n))
+    both = np.concatenate((qp.u, [-end[0], end[0] - rng.uniform(0.1, 1.0)]))
+    qp = QP.build(qp.P, qp.g, A=qp.A, b=qp.b, C=C, l=np.append(qp.l, [-np.inf] * 2), u=both,
+                  lower=qp.lower, upper=qp.upper)  # fmt: skip
+    found = ActiveSet().solve_soft(qp, np.append(weights, [np.inf] * 2))
+    assert found.status is Status.INFEASIBLE and found.conflict is not None
+    soft = {qp.labels.inequality[k] for k in np.flatnonzero(np.isfinite(weights))}
+    assert not soft & {one.label for one in found.conflict.rows}
+    assert blamed_in_vain(qp, found.conflict) == []
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -118,8 +142,8 @@ def test_slacks_that_hardly_count() -> None:
     """A row that gives way by next to nothing, and depends on hard ones."""
     C = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     qp = QP.build(np.eye(2), [0.0, 0.0], C=C, l=[1.0, 1.0, -np.inf], u=[np.inf, np.inf, 1.5])
-    found = solve_giving(qp, np.array([np.inf, np.inf, 1e7]), 1e-8, 100)
-    assert found is not None
+    found = ActiveSet().solve_soft(qp, np.array([np.inf, np.inf, 1e7]))
+    assert found.solved
     np.testing.assert_allclose(found.x, [1.0, 1.0, 0.5], atol=1e-7)
 
 
@@ -127,27 +151,20 @@ def test_slacks_that_hardly_count() -> None:
 def test_what_is_nearly_solved_is_taken_where_nobody_else_is_near(off, solved, monkeypatch) -> None:
     """Up to a thousand times eps, by the residuals alone: without it a robot is only damped."""
     qp = QP.build(np.eye(2), [0.0, 0.0], C=np.eye(2), l=[1.0, -np.inf], u=[np.inf, -1.0])
-    given = GivingQP(qp, np.array([np.inf, 4.0]))
-    full = given.qp
+    weights = np.array([np.inf, 4.0])
 
-    def rough(*asked):
-        """The core's answer with x off its hard row, if that is near enough for who asks."""
-        found = solve_giving(*asked)
-        x = found.x - [off, 0.0, 0.0]
-        residuals = kkt_residuals(full, x, found.y, found.z, found.z_box)
-        near = found._replace(x=x, residuals=residuals)
-        return near if max(residuals) <= asked[2] else None
+    def rough(qp: QP, eps: float, most: int, give=None):
+        """The core's answer with x off its hard row, and what the core would say of that."""
+        found = solve_in_core(qp, eps, most, give)
+        residuals = found.residuals._replace(primal=off)
+        said = DONE if off <= eps else UNSOLVED
+        return found._replace(x=found.x - [off, 0.0], residuals=residuals, said=said)
 
-    def mute(self, qp, *_, **__):
-        return solve_giving(*given, 1e-8, 100)._replace(status=Status.FAILED)
-
-    monkeypatch.setattr("wbc.controllers.asking.solve_giving", rough)
-    monkeypatch.setattr(Daqp, "solve", mute)
-    monkeypatch.setattr(Daqp, "solve_finely", lambda *_: None)
-    found = Solvers(Daqp()).solve_giving(given, Work())
+    monkeypatch.setattr("wbc.qp.active_set.solve_in_core", rough)
+    found = Solvers(ActiveSet()).solve_giving(GivingQP(qp, weights))
     assert found.solved is solved
     if solved:
-        assert found.residuals.primal == pytest.approx(off, rel=1e-6)
+        assert found.residuals.primal == off
 
 
 def test_many_rows_that_are_missed_at_once() -> None:
@@ -168,14 +185,14 @@ def test_many_rows_that_are_missed_at_once() -> None:
 def test_what_is_nearly_solved_will_do() -> None:
     """A TALOS fell over its own feet: a cone was missed by 3e-6 of mass / dt, 0.1 N.
 
-    DAQP tried for 250 ms with the slacks as unknowns, and in the end no answer was commanded.
+    With the slacks as unknowns 250 ms were tried, and in the end no answer was commanded.
     """
     with np.load(Path(__file__).parent / "nearly_solved.npz") as recorded:
         weights = recorded["weights"]
         names = ("P", "g", "A", "b", "C", "l", "u", "lower", "upper")
         qp = QP.build(**{name: recorded[name] for name in names})
     given = GivingQP(qp, weights)
-    found = Solvers(Daqp(), quick=True).solve_giving(given, Work())
+    found = Solvers(ActiveSet(), quick=True).solve_giving(given)
     assert found.solved and found.solver == "active_set"
     told = kkt_residuals(given.qp, found.x, found.y, found.z, found.z_box)
     assert max(told) <= 1e-5

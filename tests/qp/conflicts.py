@@ -1,0 +1,77 @@
+"""Conflicts checked by a solver that shares nothing with those under test: HiGHS."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linprog
+
+from wbc.qp import QP, Conflict, Labels
+from wbc.qp.solution import ConflictRow
+
+# Unknowns without bounds stay within this: as far as conflicts are defined (wbc.qp.conflict).
+REACH = 1e6
+
+
+def worst_miss(qp: QP) -> float:
+    """Return by how much rows must be missed: the largest, of unit length, within the bounds.
+
+    By HiGHS; so no verdict hangs on what it takes for 0. Bounds give way as rows do.
+    """
+    n = qp.g.size
+    rows = np.concatenate((qp.A, qp.C, np.eye(n)))
+    lower = np.concatenate((qp.b, qp.l, np.maximum(qp.lower, -REACH)))
+    upper = np.concatenate((qp.b, qp.u, np.minimum(qp.upper, REACH)))
+    length = np.linalg.norm(rows, axis=1)
+    length[length == 0.0] = 1.0
+    rows, lower, upper = rows / length[:, None], lower / length, upper / length
+    above, below = np.isfinite(upper), np.isfinite(lower)
+    miss = -np.ones((above.sum() + below.sum(), 1))
+    found = linprog(
+        np.append(np.zeros(n), 1.0),
+        A_ub=np.hstack((np.concatenate((rows[above], -rows[below])), miss)),
+        b_ub=np.concatenate((upper[above], -lower[below])),
+        bounds=[(None, None)] * n + [(0.0, None)],
+        method="highs-ds",
+        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    assert found.status == 0, found.message
+    return float(found.fun)
+
+
+def only(qp: QP, rows: list[ConflictRow]) -> QP:
+    """Return the QP with the sides of rows and bounds that are named, and no others."""
+    names = qp.labels
+    low, up = np.full(qp.u.size, -np.inf), np.full(qp.u.size, np.inf)
+    lower, upper = np.full(qp.g.size, -np.inf), np.full(qp.g.size, np.inf)
+    equal = np.zeros(qp.b.size, dtype=bool)
+    for row in rows:
+        if row.side == "equality":
+            equal[names.equality.index(row.label)] = True
+        elif row.side.endswith("limit"):
+            k = names.inequality.index(row.label)
+            end = (up, qp.u) if row.side == "upper limit" else (low, qp.l)
+            end[0][k] = end[1][k]
+        else:
+            k = names.variables.index(row.label)
+            end = (upper, qp.upper) if row.side == "upper bound" else (lower, qp.lower)
+            end[0][k] = end[1][k]
+    left = tuple(name for name, kept in zip(names.equality, equal, strict=True) if kept)
+    labels = Labels(left, names.inequality, names.variables)
+    return qp._replace(A=qp.A[equal], b=qp.b[equal], l=low, u=up, lower=lower, upper=upper,
+                       labels=labels)  # fmt: skip
+
+
+def blamed_in_vain(qp: QP, conflict: Conflict) -> list[str]:
+    """Return what is wrong with a conflict; nothing: it is one, and needs each of its rows.
+
+    Without a row the others must be met by far better than with it, in rows of unit length.
+    """
+    rows = list(conflict.rows)
+    missed = worst_miss(only(qp, rows))
+    if not missed > 1e-9:
+        return [f"they can all hold, to {missed:.1e}"]
+    return [
+        f"{rows[k].label!r} ({rows[k].side}) is not needed: missed by {left:.1e} of {missed:.1e}"
+        for k in range(len(rows))
+        if (left := worst_miss(only(qp, rows[:k] + rows[k + 1 :]))) > 0.01 * missed + 1e-9
+    ]
