@@ -277,14 +277,14 @@ class CoreMemory:
         return int(said)
 
     def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
-        """Whether an answer of the reduced QP makes one of the tick: see :class:`Reduced`."""
-        self.said = self._answer(self._plan_address, self.asked, None, x, z, scale, iterations)
-        return bool(self.said >= 0)
+        """Whether an answer of the reduced QP makes one of the level: see :class:`Reduced`."""
+        self.said = self._answer(self._plan_address, x, z, scale, iterations)
+        return bool(self.said == DONE)
 
     def solve(self) -> bool:
         """Whether the core's active-set method does."""
-        self.said = self._answer(self._plan_address, self.asked, None, None, None, 1.0, 0)
-        return bool(self.said >= 0)
+        self.said = self._answer(self._plan_address, None, None, 1.0, 0)
+        return bool(self.said == DONE)
 
     def pose_level(self, level: int) -> int:
         """Write the QP of a level below the first."""

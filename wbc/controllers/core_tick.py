@@ -67,6 +67,8 @@ class CoreTick:
         Who solved the first level; None: the core, which says by its iterations who.
     first:
         The first level's solution where it was found outside the core.
+    hurried:
+        What there was no time for.
     relaxed:
         The QP in which only physics is hard, where the other had no solution.
     singular:
@@ -77,6 +79,7 @@ class CoreTick:
     answered: Answered | None = None
     first: Solution | None = None
     relaxed: GivingQP | None = None
+    hurried: tuple[str, ...] = ()
     solved = False
 
     def __init__(
@@ -112,8 +115,8 @@ class CoreTick:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Levels that were not solved."""
-        return tuple(self._names.levels[self.level + 1 :])
+        """Levels that were not solved, and what there was no time for."""
+        return (*self._names.levels[self.level + 1 :], *self.hurried)
 
     @cached_property
     def views(self) -> LevelViews:

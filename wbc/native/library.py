@@ -35,7 +35,7 @@ _FUNCTIONS = {
     "wbc_problem": 4,
     "wbc_tick": 4,
     "wbc_reduced": 2,
-    "wbc_answer": 7,
+    "wbc_answer": 5,
     "wbc_sizes": 4,
     "wbc_solve_qp": 5,
     "wbc_nearest": 7,
@@ -63,7 +63,7 @@ class Core:
                 function.argtypes = [ctypes.c_void_p] * count
                 function.restype = ctypes.c_int
             library.wbc_answer.argtypes = [
-                *[ctypes.c_void_p] * 5,
+                *[ctypes.c_void_p] * 3,
                 ctypes.c_double,
                 ctypes.c_int64,
             ]
