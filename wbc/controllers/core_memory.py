@@ -223,7 +223,7 @@ class CoreMemory:
         self.asked = b""  # q and v
         self.layout_of = cache(self._layout_of)
         self._reduced: dict[int, QP] = {}  # by its number of rows
-        self.said = DONE
+        self.said, self.below = DONE, np.empty(0)
         self._fit(0)
         self.begin()
 
@@ -248,9 +248,10 @@ class CoreMemory:
         """Make memory for the next tick: that of the last is its evidence."""
         layout = self.layout_of(0, self.struct.given_rows)
         self.layout = layout
-        self.out, self.below = np.empty(layout.out), np.empty(layout.below)
+        self.out = np.empty(layout.out)
         self.struct.out = address(self.out)
         if layout.below:
+            self.below = np.empty(layout.below)
             self.struct.below = address(self.below)
 
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:

@@ -111,7 +111,10 @@ class CoreTick:
     @property
     def level(self) -> int:
         """The last level that was solved."""
-        return max(int(self.views.found[4]) - 1, 0)
+        if self._memory.levels == 1:
+            return 0
+        solved = self._out.item(self._layout.found.stop - 1)
+        return max(int(solved) - 1, 0)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -213,7 +216,7 @@ class CoreTick:
     @property
     def velocity(self) -> Array:
         """A copy, read-only, of the command v+ (nv,), with the base's dynamics met where it has."""
-        if self._memory.levels > 1 and self._memory.forces is None and self.level:
+        if self._memory.forces is None and self.level:
             velocity = self.views_of(self.level).x[: self._memory.tree.nv].copy()
         else:
             velocity = self._out[self._layout.velocity].copy()
