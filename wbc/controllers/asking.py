@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Hashable
 from typing import Any
 
@@ -31,14 +32,26 @@ class Solvers:
         eps = backend.eps if isinstance(backend, ActiveSet | ProxQP) else 1e-8
         self._core = ActiveSet(eps)
         self._own = isinstance(backend, ActiveSet | ProxQP)
+        self._told = False
 
     def solve(self, qp: QP, workspace: Hashable, quick: bool = False) -> Solution:
-        """Return the checked solution of ``qp``; see :class:`wbc.qp.backend.Backend`."""
+        """Return the checked solution of ``qp``; see :class:`wbc.qp.backend.Backend`.
+
+        ``Solution.solver`` says who answered, and a log when it was the core for the first time.
+        """
         options: dict[str, Any] = {"quick": True} if quick or self._quick else {}
         solution = self._backend.solve(qp, workspace=workspace, **options)
         if self._own or solution.solved or solution.status is Status.INFEASIBLE:
             return solution
         exact = self._core.solve(qp, quick=quick or self._quick)
+        if exact.solved and not self._told:
+            self._told = True
+            logging.getLogger(__name__).warning(
+                "QP solver %r left a QP unsolved (%s); %r answered, as it will others",
+                self._backend.name,
+                solution.message or solution.status,
+                exact.solver,
+            )
         spent = solution.solve_time + exact.solve_time
         return exact._replace(attempts=solution.attempts + 1, solve_time=spent)
 

@@ -39,7 +39,7 @@ from wbc.controllers.reachable import arrival_box, reachable_rows
 from wbc.controllers.tick import Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.laws import Residual, Rows
-from wbc.qp.backend import Backend
+from wbc.qp.backend import Backend, doubt_at_torque_level
 from wbc.qp.solution import Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.task import Task
@@ -141,6 +141,11 @@ class TorqueController(NativeController):
             joint_weights=joint_weights,
             on_failure=on_failure,
         )
+        doubt = doubt_at_torque_level(self.backend)
+        if doubt is not None:
+            logging.getLogger(__name__).warning(
+                "controller: %s; what it leaves, the core's 'active_set' answers", doubt
+            )
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.
