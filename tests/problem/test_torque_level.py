@@ -101,12 +101,12 @@ MISTAKES = [
     ("level: torque, ", "", "p.yaml:10: controller.friction: belongs to the torque level; give le"),
     ("level: torque, ", "level: torqe, ", "controller.level: 'torqe' does not exist; did you mean"),
     (
-        "solver: active_set",
+        "solver: proxqp",
         "starts: 3",
         "p.yaml:10: controller.starts: belongs to the method global",
     ),
     (
-        "solver: active_set",
+        "solver: proxqp",
         "method: global",
         "pseudo_inverse are of the velocity level, got 'torque'",
     ),
