@@ -5,7 +5,7 @@ its margins, ``--torque`` takes the torque level, with a momentum task. Thread C
 and step in us: the fifth percentile, which other processes hardly disturb, the median and the 99th
 percentile.
 
-    python benchmarks/native.py [--robot g1] [--ticks 2000] [--solvers daqp proxqp] [--pairs]
+    python benchmarks/native.py [--robot g1] [--ticks 2000] [--solvers active_set proxqp] [--pairs]
         [--torque]
 """
 
@@ -59,7 +59,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robot", default="g1")
     parser.add_argument("--ticks", type=int, default=2000)
-    parser.add_argument("--solvers", nargs="+", default=["daqp", "proxqp"])
+    parser.add_argument("--solvers", nargs="+", default=["active_set", "proxqp"])
     parser.add_argument("--pairs", action="store_true", help="with self-collision")
     parser.add_argument("--torque", action="store_true", help="the torque level")
     options = parser.parse_args()

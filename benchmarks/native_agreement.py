@@ -121,7 +121,9 @@ def main() -> None:
     parser.add_argument("--ticks", type=int, default=2000, help="per robot, of each")
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS))
     parser.add_argument("--of", nargs="+", default=list(WHAT), choices=WHAT)
-    parser.add_argument("--solver", choices=("daqp", "proxqp"), default="daqp", help="the core's")
+    parser.add_argument(
+        "--solver", choices=("active_set", "proxqp"), default="active_set", help="the core's"
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--state", type=Path, help="kept here, to go on with the same code")
     options = parser.parse_args()

@@ -61,7 +61,7 @@ def compare(sides: Sides, level: type[NativeController], rng: np.random.Generato
         standing = robot.snapshot(robot.posture("standing"))
         contacts, tasks = contacts_of(standing, chance), tasks_of(standing, chance)
         limits = side.limits if limited else None
-        made.append(level(robot, tasks, contacts=contacts, limits=limits, solver="daqp"))
+        made.append(level(robot, tasks, contacts=contacts, limits=limits, solver="active_set"))
     controller, plain = made
     native, robot = controller.native, sides.native.robot
     for _ in range(EPISODE):
@@ -97,7 +97,7 @@ def compare_ticks(
     """Compare whole ticks of one episode in closed loop; the Python tick's solver is DAQP."""
     found, made = Found(), []
     support = str(rng.choice(["floating", "left", "right", "double"]))
-    for side, chance, by in zip(sides, (rng, deepcopy(rng)), (solver, "daqp"), strict=True):
+    for side, chance, by in zip(sides, (rng, deepcopy(rng)), (solver, "active_set"), strict=True):
         here = side.robot.snapshot(side.robot.posture("standing"))
         kept = {"limits": side.limits, "constraints": [side.margin]}
         contacts = wbc.support(here, support)

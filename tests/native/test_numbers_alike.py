@@ -8,7 +8,6 @@ import pytest
 from wbc.codegen.recording import _REASONS
 from wbc.controllers import native_memory
 from wbc.native.fingerprint import SOURCE
-from wbc.qp import native_daqp
 
 GROUP = re.compile(r"/\* As in (wbc/[\w/]+)\.py\. \*/\n((?:static const double [^;]+;\s*?\n)+)")
 SAID = re.compile(r"\b(\w+) = ([^,;]+)[,;]")
@@ -45,13 +44,6 @@ def test_what_the_core_says_is_known_by_its_number() -> None:
     assert every is not None
     numbers = {name: int(k) for name, k in re.findall(r"(\w+) = (-?\d+)", every[1])}
     assert numbers["DONE"] == 0
-    assert numbers["UNSOLVED"] == native_memory.UNSOLVED
     assert numbers["REDUCED"] == native_memory.REDUCED
-    # Exported C calls DAQP itself: nothing is left to others.
+    # Exported C solves all itself: nothing is left to others.
     assert {*_REASONS} == {*numbers.values()} - {0, numbers["REDUCED"]}
-
-
-def test_that_nobody_was_asked_is_known_by_its_number() -> None:
-    text = (SOURCE / "reduce.h").read_text(encoding="ascii")
-    said = re.search(r"\bNO_ANSWER = (-?\d+)", text)
-    assert said is not None and float(said[1]) == native_daqp.UNASKED
