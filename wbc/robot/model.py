@@ -125,7 +125,8 @@ class Robot(KinematicTree):
         Raises
         ------
         ModelError
-            The file cannot be read, or holds something unsupported; the message names it.
+            The file cannot be read, or holds something unsupported, or the compiled core differs
+            from Pinocchio on it; the message names it.
         UnknownNameError
             Unknown robot, locked joint, or foot link.
         InvalidInputError
@@ -147,7 +148,7 @@ class Robot(KinematicTree):
             follow(limits, q, couplings)
         stance = find_stance(found, description, model, limits, postures[STANDING], feet, base)
         postures[STANDING] = stance.q
-        return cls(
+        robot = cls(
             name=name or found.name or description.name,
             path=found.path,
             model=model,
@@ -160,6 +161,8 @@ class Robot(KinematicTree):
             srdf=states_file,
             geometry=description.geometry,
         )
+        _ = robot.native  # here, not in the first tick, if the core cannot be trusted with it
+        return robot
 
     # ------------------------------------------------------------------ shapes
 
@@ -219,8 +222,7 @@ class Robot(KinematicTree):
         InvalidInputError
             See :meth:`check_configuration` and :meth:`check_velocity`.
         """
-        native = self.native
-        if native is not None and (plain := native.measured(q, v)) is not None:
+        if (plain := self.native.measured(q, v)) is not None:
             return Snapshot.of_measured(self, plain)
         q = read_only(self.check_configuration(q))
         v = np.zeros(self.nv) if v is None else self.check_velocity(v)
