@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wbc.robot import Robot, Snapshot
+from wbc.robot.notes import _warn_once
 
 MIXED = Path(__file__).parent / "models" / "mixed_joints.urdf"
 # Humanoids of very different size, one with locked joints, and a robot of every joint type.
@@ -41,6 +42,12 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         del os.environ["WBC_CACHE"]
     else:
         yield
+
+
+@pytest.fixture(autouse=True)
+def _notes_are_told_anew() -> None:
+    """Notes on robots are logged once in a process; here, once in a test."""
+    _warn_once.cache_clear()
 
 
 @pytest.fixture(params=ROBOTS)

@@ -11,6 +11,8 @@ from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+from mkdocs.utils import get_relative_url
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -23,11 +25,28 @@ from wbc.problem import json_schema
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
+# The offline plugin's pages take from a server what searches in a page that was opened as a file.
+SHIM, SHIM_SOURCE = "assets/iframe-worker.js", "https://unpkg.com/iframe-worker/shim"
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that the program writes itself."""
+    """Add the pages that the program writes itself, and the script for searching in files."""
+    script = Path(__file__).with_name("iframe-worker.js").read_text()
+    files.append(File.generated(config, SHIM, content=script))
     files.append(File.generated(config, "reference/yaml.md", content=yaml_reference(json_schema())))
     files.append(File.generated(config, "reference/cli.md", content=command_reference()))
     return files
+
+
+def on_post_page(output: str, page: Page, **kwargs: Any) -> str:
+    """Load that script from the site itself."""
+    here = get_relative_url(SHIM, page.url)
+    return output.replace(f'src="{SHIM_SOURCE}"', f'src="{here}"')
+
+
+def on_post_template(output_content: str, **kwargs: Any) -> str:
+    """Likewise for the page of addresses that lead nowhere, which only servers show."""
+    return output_content.replace(f'src="{SHIM_SOURCE}"', f'src="/{SHIM}"')
 
 
 def on_page_content(html: str, **kwargs: Any) -> str:

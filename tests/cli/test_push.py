@@ -91,6 +91,36 @@ def test_ended_by_ctrl_c_it_goes_on_and_comes_to_the_same(
     assert not (tmp_path / "parts.json.partial").exists()
 
 
+@pytest.mark.slow
+def test_ended_without_an_output_it_goes_on_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    original, tried = PushedProblem.__call__, list[float]()
+
+    def counted(self: PushedProblem, angle: float, ratio: float) -> PushOutcome:
+        tried.append(ratio)
+        if len(tried) == 1:
+            signal.raise_signal(signal.SIGINT)
+        return original(self, angle, ratio)
+
+    monkeypatch.setattr(PushedProblem, "__call__", counted)
+    ended = run(tmp_path, *GRID)
+    assert ended.exit_code == 130
+    said = " ".join(ended.stdout.split())
+    assert "survives at least 0.40 (least) and 0.40 (mean) M omega d, in the 1 of 2" in said
+    assert "untried" in said
+    (kept,) = tmp_path.glob("stand-*.push.partial")
+    assert kept.name in " ".join(ended.stderr.split())
+    other = run(tmp_path, *GRID, "--duration", 0.05)  # another campaign, which is not in the way
+    assert other.exit_code == 0 and len(tried) == 5
+    again = run(tmp_path, *GRID)
+    assert again.exit_code == 0 and len(tried) == 8
+    assert f"goes on with what is in {kept.name}, pushes: 1" in again.stderr
+    assert "survives 0.40 (least) and 0.40 (mean) M omega d" in " ".join(again.stdout.split())
+    assert not list(tmp_path.glob("*.partial"))
+
+
 def test_compared_with_another_problem(tmp_path: Path) -> None:
     stiff = tmp_path / "stiff.yaml"
     stiff.write_text(PUSHED.replace("duration: 1.0", "duration: 0.8"))

@@ -90,3 +90,18 @@ def test_of_a_pendulum_and_of_a_simulation(
     assert (spun["title"], stood["title"]) == ("rmp_spin: completed", "stand: stood")
     assert stood["ticks"] == 11  # states: one more than ticks
     assert stood["terrain"].slope == (0.05, 0.0)
+
+
+@pytest.mark.parametrize("verb", ["render", "report", "export", "view", "run"])
+def test_the_summary_of_a_result_is_told_from_a_problem(file: Path, verb: str) -> None:
+    """`make demo` writes one; read as a problem it had 22 mistakes."""
+    summary = file.with_name("result.json")
+    load_problem(file).run().save(summary)
+    ending = {"render": ".gif", "report": ".html", "export": ".mcap", "run": ".npz"}.get(verb)
+    output = ("-o", str(file.with_suffix(ending))) if ending else ()
+    answer = CliRunner().invoke(app, [verb, str(summary), *output])
+    assert answer.exit_code == 1
+    said = answer.stderr
+    assert said.count("\n") == 1
+    assert "result.json: is the summary of a result, not a problem, and holds no motion" in said
+    assert f"wbc run {file} -o {summary.with_suffix('.npz')}" in said

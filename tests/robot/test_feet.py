@@ -191,6 +191,21 @@ def test_why_no_feet_were_found_is_said(tmp_path: Path, names: dict[str, str], r
     assert reason in note
 
 
+def test_notes_on_a_robot_are_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    text = legged(tmp_path).read_text()
+    path = tmp_path / "armature.urdf"
+    path.write_text(text)
+    options = {"armature": 300.0}  # more than the whole robot's inertia: a unit, most likely
+    first = Robot.load(path, **options)
+    assert first.notes
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{path}: {note}" for note in first.notes
+    ]
+    assert all(record.levelname == "WARNING" for record in caplog.records)
+    Robot.load(path, **options)
+    assert len(caplog.records) == len(first.notes)
+
+
 def test_a_foot_without_its_other_one_is_said(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

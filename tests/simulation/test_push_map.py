@@ -53,6 +53,24 @@ def test_a_limit_is_the_largest_up_to_which_all_were_survived(
     assert found.first_failure(2) is None
 
 
+def test_directions_that_were_not_tried_are_not_limits(
+    made: Callable[[tuple[str, ...]], PushMap], tmp_path: Path
+) -> None:
+    part = made(("110.", "....", "1...", "...."))
+    np.testing.assert_array_equal(part.limits, [1.2, np.nan, 1.0, np.nan])
+    np.testing.assert_array_equal(part.tried, [True, False, True, False])
+    np.testing.assert_array_equal(part.open_ended, [False, False, True, False])
+    assert (part.least, part.mean) == (1.0, pytest.approx(1.1))
+    save_maps(tmp_path / "r.json", [part], {})
+    (told,) = json.loads((tmp_path / "r.json").read_text())["maps"]
+    assert [d["limit"] for d in told["directions"]] == [1.2, None, 1.0, None]
+    assert [d["impulse"] is None for d in told["directions"]] == [False, True, False, True]
+    assert told["least"] == 1.0
+    nothing = made(("....",) * 4)
+    assert np.isnan(nothing.least) and np.isnan(nothing.mean)
+    assert nothing.summary()["least"] is None
+
+
 def test_files_hold_what_the_map_says(
     made: Callable[[tuple[str, ...]], PushMap], tmp_path: Path
 ) -> None:

@@ -76,7 +76,8 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
     if "push" in info:
         push = info["push"]
         ended = "survived" if push.survived else "not survived"
-        return "pushing", "push", f"{push.ratio:.4g} at {math.degrees(push.angle):.4g} deg {ended}"
+        last = f"{push.ratio:.4g} at {math.degrees(push.angle):.4g} deg {ended}"
+        return "pushing", "push", last + push_state(info)
     if "cost" in info:
         cost = info["cost"]
         return "searching", "start", "no posture yet" if cost is None else f"best cost {cost:.4g}"
@@ -84,6 +85,13 @@ def _told(info: Mapping[str, Any] | None) -> tuple[str, str, str]:
     speed = f", speed {info['speed']:.1e}" if "speed" in info else ""
     failed = f", {info['failed']} failed" if info.get("failed") else ""
     return doing, "tick", f"t = {info['time']:.2f} s{speed}{failed}"
+
+
+def push_state(info: Mapping[str, Any]) -> str:
+    """Return how long a campaign of pushes will take at most, at the rate so far, in words."""
+    if "left" not in info:
+        return ""
+    return f", at most {in_words(info['left'] * info['seconds'] / info['new'])} left"
 
 
 def batch_state(at: BatchProgress, seconds: float) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from contextlib import nullcontext
+import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,16 +14,17 @@ from wbc.cli.errors import complain, errors_in_one_line, print_note, print_notes
 from wbc.cli.options import Assign, Quiet, Solver, overrides_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from wbc.cli.interrupts import Interrupts
+    from wbc.cli.progress import ProgressCall
     from wbc.problem.pushing import LoadPushed, PushedProblem, PushSettings
     from wbc.simulation import PushGrid, PushMap
     from wbc.simulation.campaign_log import CampaignLog
 
 PUSH_EXIT_CODES = (
     "Exit codes: 0 every push was tried; 1 bad input; 2 wrong usage; 130 or 143 ended by Ctrl-C or"
-    " SIGTERM. With --output, the same command then goes on where it ended, also after a kill."
+    " SIGTERM. The same command then goes on where it ended, also after a kill."
 )
 RATIOS = "0.8:2.0:0.1"
 PARTIAL = ".partial"  # after the output's name: what is kept until the campaign is done
@@ -67,7 +68,7 @@ def push(
             "--output",
             "-o",
             help="Write the result: .json, .npz with arrays, .csv a row per direction;"
-            " repeatable. Every push is kept beside the first until the end.",
+            " repeatable. Every push is kept beside the first (without one, here) until the end.",
         ),
     ] = None,
     plot: Annotated[
@@ -151,9 +152,11 @@ def _campaign(
         "problems": {name: load.made_of() for name, load in zip(names, loads, strict=True)},
         **made_with,
     }
-    kept = output[0].with_name(output[0].name + PARTIAL) if output else None
-    log = None if kept is None else CampaignLog(kept, made_of)
-    with log or nullcontext():
+    kept = _kept(output, paths[0], made_of)
+    log = CampaignLog(kept, made_of)
+    with log:
+        if log.entries and not quiet:
+            typer.echo(f"goes on with what is in {kept}, pushes: {len(log.entries)}", err=True)
         maps, interrupts = _push_all(names, loads, pushed, grid, workers, log, quiet)
         outputs = Outputs()
         if not interrupts():
@@ -161,18 +164,29 @@ def _campaign(
                 outputs.save(each, lambda path: save_maps(path, maps, made_of))
             if plot is not None:
                 outputs.draw(plot, lambda path: _draw(maps, path, settings))
-            if log is not None and not outputs.failures:
+            if not outputs.failures:
                 log.remove()
         if not quiet:
             print_maps(maps, settings, outputs.written)
     code = outputs.exit_code()
     if interrupts():
-        if kept is None:
-            complain("interrupted; with --output FILE the same command would go on later")
-        else:
-            complain(f"interrupted; the same command goes on with what is in {kept}")
+        complain(f"interrupted; the same command goes on with what is in {kept}")
         return interrupts.exit_code
     return code
+
+
+def _kept(output: Sequence[Path], problem: Path, made_of: Mapping[str, object]) -> Path:
+    """Return where every push is kept until the end: beside the output, or here.
+
+    Without an output the name tells campaigns apart, so that one does not stop another.
+    """
+    import hashlib
+    import json
+
+    if output:
+        return output[0].with_name(output[0].name + PARTIAL)
+    told = hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
+    return Path(f"{problem.stem}-{told[:8]}.push{PARTIAL}")
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
@@ -196,7 +210,7 @@ def _push_all(
     pushed: Sequence[PushedProblem],
     grid: PushGrid,
     workers: int,
-    log: CampaignLog | None,
+    log: CampaignLog,
     quiet: bool,
 ) -> tuple[list[PushMap], Interrupts]:
     """Push every problem, until the end or a signal."""
@@ -212,14 +226,25 @@ def _push_all(
                 grid,
                 load if workers > 1 else partial(_itself, one),  # it is loaded here already
                 workers=workers,
-                known=() if log is None else log.known.get(name, ()),
-                record=None if log is None else partial(log.record, name),
-                progress=progress,
+                known=log.known.get(name, ()),
+                record=partial(log.record, name),
+                progress=None if progress is None else _timed(progress),
                 cancelled=interrupts,
             )
             theory = one.bounds(grid.angles), one.bounds(compass_angles(OUTLINE))
             maps.append(PushMap(name, one.robot.name, grid, outcomes, *theory))
     return maps, interrupts
+
+
+def _timed(progress: ProgressCall) -> ProgressCall:
+    """Return what tells of a campaign's progress, and of the time that it takes from now on."""
+    began = time.monotonic()
+
+    def call(done: int, total: int, info: Mapping[str, Any] | None = None) -> None:
+        clock = {"seconds": time.monotonic() - began, "left": total - done}
+        progress(done, total, {**(info or {}), **clock})
+
+    return call
 
 
 def _itself(one: PushedProblem) -> PushedProblem:

@@ -26,7 +26,7 @@ def print_maps(maps: Sequence[PushMap], settings: PushSettings, written: Iterabl
         head = Text(state, style="bold green" if one.complete else "bold yellow")
         text = (
             f": {one.name}, {one.robot}, {len(one.outcomes)} pushes of {settings.duration:g} s"
-            f" on {settings.body}; survives {_least_and_mean(one)} M omega d"
+            f" on {settings.body}; {_least_and_mean(one)}"
         )
         console.print(head.append(text, style="not bold default"))
     console.print(_table(maps))
@@ -53,8 +53,12 @@ def _compared(one: PushMap, other: PushMap) -> str:
 
 
 def _least_and_mean(one: PushMap) -> str:
+    tried, count = int(one.tried.sum()), len(one.tried)
+    if not tried:
+        return "nothing is known yet of what it survives"
     more = "at least " if one.open_ended.any() else ""
-    return f"{more}{one.limits.min():.2f} (least) and {one.limits.mean():.2f} (mean)"
+    part = "" if tried == count else f", in the {tried} of {count} directions that were tried"
+    return f"survives {more}{one.least:.2f} (least) and {one.mean:.2f} (mean) M omega d{part}"
 
 
 def _table(maps: Sequence[PushMap]) -> Table:
@@ -77,7 +81,7 @@ def _table(maps: Sequence[PushMap]) -> Table:
             f"{angle:.4g}",
             f"{unit:.2f}",
             *(_limit(one, k) for one in maps),
-            f"{first.limits[k] * unit:.2f}",
+            f"{first.limits[k] * unit:.2f}" if first.tried[k] else "",
             f"{bounds.pulse[k] / unit:.2f}",
             "" if bounds.wheel is None else f"{bounds.wheel[k] / unit:.2f}",
             Text("" if failure is None else _short(failure.reason)),
@@ -87,6 +91,8 @@ def _table(maps: Sequence[PushMap]) -> Table:
 
 def _limit(one: PushMap, k: int) -> Text:
     """Return the limit of a direction: with a sign where the grid ends, or where it is odd."""
+    if not one.tried[k]:
+        return Text("untried", style="dim")
     limit, open_ended = one.limits[k], one.open_ended[k]
     if limit == 0.0:
         tried = one.first_failure(k)

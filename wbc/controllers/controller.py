@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -90,6 +91,9 @@ class Controller(Fixed, ABC):
         tenth as much as one of weight 1 that serves as well. By name or pattern (``{"*wrist*": 10,
         "base": 100}``, later entries win, all others 1), or (nv,). They only decide what tasks
         leave open: with a posture task of all joints, nothing.
+    deadline:
+        Time that a tick may take [s], or None. Once it is over the best command within limits is
+        returned: nothing is solved again, and what was left out is said (``tick.left_out``).
     on_failure:
         The command when the QP has no solution: ``"hold"`` (zero velocity), ``"damp"`` (half the
         measured velocity, within limits), ``"closest"`` (within limits, least violation of all
@@ -132,6 +136,7 @@ class Controller(Fixed, ABC):
         damping: float = 1e-6,
         joint_weights: JointWeights | None = None,
         on_failure: str = "hold",
+        deadline: float | None = None,
     ) -> None:
         contacts, slack = parts.held_by(robot, contacts), NO_SLACK if slack is None else slack
         self.robot, self.limits = robot, limits
@@ -144,6 +149,9 @@ class Controller(Fixed, ABC):
         self.on_failure = parts.one_of("failure policy", on_failure, self._policies)
         self._rest = bytes(8 * robot.nv)  # a velocity of 0
         self._missing_velocity = MissingVelocity(self.dt, damped=self._bears)
+        if deadline is not None:
+            deadline = finite_number("controller, deadline", deadline, above=0.0)
+        self.deadline = deadline
         self._plan(tuple(contacts))
 
     def change(
@@ -246,7 +254,10 @@ class Controller(Fixed, ABC):
         if said == NOT_FINITE:
             check_qp(found.qp_of(0))
         workspace = None if box is not None else self._workspace
-        solution = self._first.solve(found, said, workspace)
+        hurried = self._is_over(begun)
+        solution = self._first.solve(found, said, workspace, hurried)
+        if hurried and not solution.solved:
+            found.hurried += ("another attempt at the QP",)
         if not solution.solved and box is None and self._braked:
             qp = found.qp_of(0)
             solve = self._first.solve_once
@@ -293,7 +304,7 @@ class Controller(Fixed, ABC):
             if level:
                 break
             said = memory.said if plan.solves else None
-            solution = self._first.solve(found, said, self._workspace)
+            solution = self._first.solve(found, said, self._workspace, False)
             if not solution.solved:
                 return said
             self._put(found, solution)
@@ -340,6 +351,10 @@ class Controller(Fixed, ABC):
         """Return what is said where the core has no QP to solve."""
         none = RawSolution.none(found.qp_of(0), Status.FAILED, "not measured by the core")
         return Solution(*none[:4], none.claim, NO_RESIDUALS, 0, 0.0, NAME, message=none.message)
+
+    def _is_over(self, begun: float) -> bool:
+        """Whether the deadline of a tick that began then is over."""
+        return self.deadline is not None and perf_counter() - begun > self.deadline
 
     def _python_rows(self, plan: CorePlan, snapshot: Snapshot) -> list[PythonRows]:
         """Return the rows of tasks and contacts that the core does not know."""
@@ -443,7 +458,8 @@ class Controller(Fixed, ABC):
                 return []
             return [Rows(qp.views.A, qp.views.b, np.ones(qp.views.b.size))]
 
-        return solve_with_look_ahead(solve, margins, held), []
+        over = partial(self._is_over, begun)
+        return solve_with_look_ahead(solve, margins, held, over), []
 
     @abstractmethod
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
@@ -468,7 +484,7 @@ class Controller(Fixed, ABC):
         singular = any(task.singular_threshold > 0.0 for task in self._motion)
         self._looked_into = self._braked or (singular and not self._bears)
         self._workspace = False, *plan.workspace
-        self._first = FirstLevel(self.backend, self._bears)
+        self._first = FirstLevel(self.backend)
         kept_apart = None
         if not self._looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)

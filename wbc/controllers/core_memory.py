@@ -199,7 +199,7 @@ class CoreMemory:
         self.asked: Any = ffi.NULL  # q and v
         self.layout_of = cache(self._layout_of)
         self._reduced: dict[int, QP] = {}  # by its number of rows
-        self.said = DONE
+        self.said, self.below = DONE, np.empty(0)
         self._fit(0)
         self.begin()
 
@@ -224,9 +224,10 @@ class CoreMemory:
         """Make memory for the next tick: that of the last is its evidence."""
         layout = self.layout_of(0, self.struct.given_rows)
         self.layout = layout
-        self.out, self.below = np.empty(layout.out), np.empty(layout.below)
+        self.out = np.empty(layout.out)
         self.struct.out = doubles(self.out)
         if layout.below:
+            self.below = np.empty(layout.below)
             self.struct.below = doubles(self.below)
 
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
@@ -253,16 +254,14 @@ class CoreMemory:
         return int(said)
 
     def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
-        """Whether an answer of the reduced QP makes one of the tick: see :class:`Reduced`."""
-        answer = doubles(x), doubles(z), scale, iterations
-        self.said = lib.wbc_answer(self.struct, self.asked, ffi.NULL, *answer)
-        return bool(self.said >= 0)
+        """Whether an answer of the reduced QP makes one of the level: see :class:`Reduced`."""
+        self.said = lib.wbc_answer(self.struct, doubles(x), doubles(z), scale, iterations)
+        return bool(self.said == DONE)
 
     def solve(self) -> bool:
         """Whether the core's active-set method does."""
-        nobody = ffi.NULL, ffi.NULL, 1.0, 0
-        self.said = lib.wbc_answer(self.struct, self.asked, ffi.NULL, *nobody)
-        return bool(self.said >= 0)
+        self.said = lib.wbc_answer(self.struct, ffi.NULL, ffi.NULL, 1.0, 0)
+        return bool(self.said == DONE)
 
     def pose_level(self, level: int) -> int:
         """Write the QP of a level below the first."""

@@ -226,7 +226,7 @@ class CorePlan:
         if said == REDUCED and isinstance(self._solver, ProxQP):
             bounded = self.memory.forces is not None
             found.answered = self._solver.solve_reduced(self.memory, self._workspace, bounded)
-            said = self.memory.said
+            said = self.memory.said if found.answered is None else self.memory.descend()
         found.solved = said == DONE and self._solver is not None
 
     def rows_of(self, found: CoreTick, level: int) -> list[tuple[Task, Rows]]:

@@ -67,6 +67,8 @@ class CoreTick:
         Who solved the first level; None: the core, which says by its iterations who.
     first:
         The first level's solution where it was found outside the core.
+    hurried:
+        What there was no time for.
     relaxed:
         The QP in which only physics is hard, where the other had no solution.
     singular:
@@ -77,6 +79,7 @@ class CoreTick:
     answered: Answered | None = None
     first: Solution | None = None
     relaxed: GivingQP | None = None
+    hurried: tuple[str, ...] = ()
     solved = False
 
     def __init__(
@@ -108,12 +111,15 @@ class CoreTick:
     @property
     def level(self) -> int:
         """The last level that was solved."""
-        return max(int(self.views.found[4]) - 1, 0)
+        if self._memory.levels == 1:
+            return 0
+        solved = self._out.item(self._layout.found.stop - 1)
+        return max(int(solved) - 1, 0)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Levels that were not solved."""
-        return tuple(self._names.levels[self.level + 1 :])
+        """Levels that were not solved, and what there was no time for."""
+        return (*self._names.levels[self.level + 1 :], *self.hurried)
 
     @cached_property
     def views(self) -> LevelViews:
@@ -210,7 +216,7 @@ class CoreTick:
     @property
     def velocity(self) -> Array:
         """A copy, read-only, of the command v+ (nv,), with the base's dynamics met where it has."""
-        if self._memory.levels > 1 and self._memory.forces is None and self.level:
+        if self._memory.forces is None and self.level:
             velocity = self.views_of(self.level).x[: self._memory.tree.nv].copy()
         else:
             velocity = self._out[self._layout.velocity].copy()

@@ -24,21 +24,17 @@ ENOUGH = 1000.0
 
 
 class FirstLevel:
-    """A backend, and who is asked where it gives no answer.
+    """A backend, and who is asked where it gives no answer."""
 
-    Parameters
-    ----------
-    bounded:
-        Whether what has no solution is relaxed: no further search for the rows in conflict.
-    """
-
-    def __init__(self, backend: Backend, bounded: bool) -> None:
-        self._backend, self._bounded = backend, bounded
+    def __init__(self, backend: Backend) -> None:
+        self._backend = backend
         self._own = isinstance(backend, ActiveSet | ProxQP)
         self._core = ActiveSet(backend.eps if isinstance(backend, ActiveSet | ProxQP) else 1e-8)
         self._said = False
 
-    def solve(self, found: CoreTick, said: int | None, workspace: Hashable) -> Solution:
+    def solve(
+        self, found: CoreTick, said: int | None, workspace: Hashable, hurried: bool
+    ) -> Solution:
         """Return the checked solution of a tick's first level.
 
         Parameters
@@ -47,6 +43,8 @@ class FirstLevel:
             What the core said of it, if it was asked.
         workspace:
             Names the warm start; None: there is none, and will be none.
+        hurried:
+            Whether the deadline is over: what failed is not tried by other means.
         """
         qp, weights = found.qp_of(0), found.slack_weights
         if said == INFEASIBLE and weights is None:
@@ -58,24 +56,28 @@ class FirstLevel:
                 return Solution(*parts, NO_RESIDUALS, 0, found.done - found.begun, NAME, conflict)
         if weights is not None:
             return self._core.solve_soft(qp, weights)
-        return self._asked(qp, workspace)
+        if said is not None:  # the core had no answer that is accurate enough, and no proof
+            exact = self._core.solve(qp, quick=hurried)
+            if hurried or exact.solved or exact.status is Status.INFEASIBLE:
+                return exact
+        return self._asked(qp, workspace, hurried)
 
     def solve_relaxed(self, qp: QP, weights: Array | None) -> Solution:
         """Return the checked solution of a relaxed QP, its slacks behind the unknowns."""
         if weights is None:
-            return self._asked(qp, None)
+            return self._asked(qp, None, hurried=True)
         return self._core.solve_soft(qp, weights, ENOUGH * self._core.eps)
 
     def solve_once(self, qp: QP) -> Solution:
         """Return the checked solution of a QP that will not come again."""
         return self._core.solve(qp, quick=True)
 
-    def _asked(self, qp: QP, workspace: Hashable) -> Solution:
-        options: dict[str, Any] = {"quick": True} if self._bounded else {}
+    def _asked(self, qp: QP, workspace: Hashable, hurried: bool) -> Solution:
+        options: dict[str, Any] = {"quick": True} if hurried else {}
         solution = self._backend.solve(qp, workspace=workspace, **options)
         if self._own or solution.solved or solution.status is Status.INFEASIBLE:
             return solution
-        exact = self._core.solve(qp, quick=self._bounded)
+        exact = self._core.solve(qp, quick=hurried)
         if not self._said:
             self._said = True
             logging.getLogger(__name__).warning(

@@ -22,6 +22,9 @@ from wbc.validate import Array
 # Of cutting planes in a tick. Where the first did not do, two more did in a sixth of 270 ticks from
 # wild states, and took up to 15 ms; problems as they are shipped need none.
 ROUNDS = 1
+# What there may be no time for.
+CUTS = "rows of margins where the command leads"
+RELAXED = "margins relaxed by what contacts need"
 # Parts of a step that are tried; each is looked at for up to a millisecond.
 SCALES = (1.0, 0.25, 0.0625)
 
@@ -104,7 +107,10 @@ class MarginRows(NamedTuple):
 
 
 def solve_with_look_ahead(
-    solve: Solve, margins: MarginRows, held: Callable[[], Sequence[Rows]]
+    solve: Solve,
+    margins: MarginRows,
+    held: Callable[[], Sequence[Rows]],
+    over: Callable[[], bool],
 ) -> Outcome:
     """Return the outcome with margins kept where it leads, and the part of it to command.
 
@@ -115,9 +121,14 @@ def solve_with_look_ahead(
     held:
         Returns the rows of the contacts: if a QP has no solution, margins are relaxed by what these
         need.
+    over:
+        Whether the deadline of the tick is over: nothing is solved again then.
     """
-    outcome, rows, looked = solve_with_cuts(solve, margins)
+    outcome, rows, looked = solve_with_cuts(solve, margins, over)
     if not outcome.solved:
+        if over():
+            outcome.found.hurried += (RELAXED,)
+            return outcome
         conflict = outcome.solution.conflict
         if conflict is not None and not conflict.has_inequalities:
             return outcome
@@ -130,7 +141,9 @@ def solve_with_look_ahead(
     return outcome._replace(step_scale=margins.step_scale(outcome.velocity))
 
 
-def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bounds], bool]:
+def solve_with_cuts(
+    solve: Solve, margins: MarginRows, over: Callable[[], bool]
+) -> tuple[Outcome, list[Bounds], bool]:
     """Return the outcome with margins kept where it leads, and the rows that this took.
 
     After the last round, or when a QP has no solution, the outcome is returned as it is: at the
@@ -145,6 +158,9 @@ def solve_with_cuts(solve: Solve, margins: MarginRows) -> tuple[Outcome, list[Bo
         found = margins.violated(outcome.velocity)
         if not found:
             return outcome, rows, True
+        if over():
+            outcome.found.hurried += (CUTS,)
+            return outcome, rows, False
         rows = rows + found
         outcome = solve(stack(rows), outcome.box)
     return outcome, rows, False

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,7 @@ class TorqueController(Controller):
         force_ramp: float = RAMP,
         joint_weights: JointWeights | None = None,
         on_failure: str = "damp",
+        deadline: float | None = None,
     ) -> None:
         for task in tasks:
             if isinstance(task, Task) and task.singular_threshold > 0.0:
@@ -138,6 +140,7 @@ class TorqueController(Controller):
             damping=damping,
             joint_weights=joint_weights,
             on_failure=on_failure,
+            deadline=deadline,
         )
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
@@ -249,7 +252,8 @@ class TorqueController(Controller):
             return self._solve(snapshot, plan, bounds, box, begun)
 
         # No part of a step is safer than all of it.
-        outcome, rows, _ = solve_with_cuts(solve, margins._replace(parts=within_reach))
+        margins = margins._replace(parts=within_reach)
+        outcome, rows, _ = solve_with_cuts(solve, margins, partial(self._is_over, begun))
         return outcome, rows
 
     def _answer(self, snapshot: Snapshot, outcome: Outcome, rows: Sequence[Bounds]) -> Tick:
@@ -295,10 +299,11 @@ class TorqueController(Controller):
         relaxed = relaxed_qp(self.plan, qp, physical, margins, plan.heaviest)
         solution = self._first.solve_relaxed(relaxed.slackless, relaxed.weights)
         found.relaxed = relaxed
+        hurried = failed.found.hurried
         failed.found.take_over(found)
         known: dict[str, Any] = {"solution": solution, "status": solution.status}
         known |= {"refuted": failed.solution}
-        known |= {"singular": {}, "left_out": ()}
+        known |= {"singular": {}, "left_out": hurried}
         if not solution.solved:
             known |= self._failed(failed._replace(failed=solution), snapshot)
             return known

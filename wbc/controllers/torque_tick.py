@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from wbc.controllers.contact_forces import Reaction, displaced
 from wbc.controllers.tick import RELAX, Tick
+from wbc.qp.solution import Conflict, Solution
 from wbc.validate import Array
 
 
@@ -26,12 +27,17 @@ class TorqueTick(Tick):
     ramps:
         Of each contact that comes or goes: its largest normal force in this tick [N]. See
         :meth:`TorqueController.set_contacts`.
+    refuted:
+        Where something gave way: what came of the QP in which all is hard. Its ``conflict`` names
+        the rows that cannot all hold; without one the deadline was over (``left_out``), or no
+        solver found an answer.
     """
 
     torque: Array
     acceleration: Array
     reaction: Reaction
     ramps: Mapping[str, float]
+    refuted: Solution | None = None
 
     __repr__ = Tick.__repr__
 
@@ -88,4 +94,15 @@ class TorqueTick(Tick):
         if self.policy != RELAX:
             return Tick.report(self) + away
         missed = ", ".join(f"{name} by {by:.3g}" for name, by in self.slack.items())
-        return f"not everything could be kept; gave way: {missed or 'nothing noticeable'}{away}"
+        why = ""
+        if self.conflict is not None:
+            why = f": {self.conflict.describe()}"
+        elif self.left_out:
+            why = ": the deadline was over"
+        missed = missed or "nothing noticeable"
+        return f"not everything could be kept{why}; gave way: {missed}{away}"
+
+    @property
+    def conflict(self) -> Conflict | None:
+        """Rows that contradict each other, each of them to blame, or None."""
+        return self.solution.conflict if self.refuted is None else self.refuted.conflict

@@ -50,8 +50,8 @@ class Uncertainty:
     cop_margin:
         (n,) [m]; None without feet.
     leg_length, leg_angles:
-        (n,) [m], (n, 2) [rad]. A leg near the vertical changes its length by the square of the CoP's
-        error: there the length's figure is too large.
+        (n,) [m], (n, 2) [rad]. The length of a leg near the vertical changes with the square of the
+        CoP's error: there its figure is too large.
     second_moments, semi_axes, radii:
         (n, 3) [kg m^2, m, m].
     average_angular_velocity:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wbc.errors import InvalidInputError
+from wbc.errors import InvalidInputError, ProblemFileError
 from wbc.problem.build import build
 from wbc.problem.controller_spec import GlobalSpec, TorqueSpec
 from wbc.problem.global_search import global_shaping
@@ -241,13 +241,40 @@ def load_problem(
     if not isinstance(path, str | Path):
         raise InvalidInputError(f"load_problem: expected the path of a file, got {path!r}")
     overrides = dict(by_name("load_problem, overrides", overrides or {}))
-    source = apply_overrides(read_source(Path(path)), overrides)
+    source = read_source(Path(path))
+    refuse_result(source)
+    source = apply_overrides(source, overrides)
     if isinstance(source.data, dict) and "model" in source.data:
         # Only now: a robot's problem need not wait for CasADi to load.
         from wbc.problem.pendulum.problem import load_pendulum
 
         return load_pendulum(source, overrides, Path(path).parent)
     return _made_of(source, overrides)
+
+
+def refuse_result(source: Source) -> None:
+    """Raise for what ``wbc run -o FILE.json`` and the like wrote, which is no problem.
+
+    Raises
+    ------
+    ProblemFileError
+        Saying which command writes what can be looked at.
+    """
+    kind = source.data.get("format", source.data.get("kind"))
+    if not isinstance(kind, str) or ("status" not in source.data and "maps" not in source.data):
+        return
+    if "maps" in source.data:
+        raise ProblemFileError(
+            f"{source.name}: is what wbc push wrote ({kind}), not a problem; its numbers are in it,"
+            " and its picture is drawn by: wbc push PROBLEM.yaml --plot FILE.png"
+        )
+    made_of, motion = source.data.get("problem"), Path(source.name).with_suffix(".npz")
+    problem = made_of.get("file") if isinstance(made_of, dict) else None
+    run = "sim" if "simulation" in source.data else "run"
+    raise ProblemFileError(
+        f"{source.name}: is the summary of a result, not a problem, and holds no motion; write"
+        f" that, too, and name its file: wbc {run} {problem or 'PROBLEM.yaml'} -o {motion}"
+    )
 
 
 def _made_of(source: Source, overrides: Mapping[str, Any]) -> Problem:

@@ -23,6 +23,7 @@ from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches
+from wbc.robot.notes import warn_of
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
@@ -148,6 +149,11 @@ class Robot(KinematicTree):
             follow(limits, q, couplings)
         stance = find_stance(found, description, model, limits, postures[STANDING], feet, base)
         postures[STANDING] = stance.q
+        notes += posture_notes + stance.notes + armature_note(model) + effort_note(limits)
+        # That an arm is bolted down is no fault of its file.
+        warn_of(
+            found.path, (note for note in notes if not (stance.bolted and note in stance.notes))
+        )
         robot = cls(
             name=name or found.name or description.name,
             path=found.path,
@@ -157,7 +163,7 @@ class Robot(KinematicTree):
             fixed_base=stance.bolted,
             couplings=couplings,
             postures=postures,
-            notes=notes + posture_notes + stance.notes + armature_note(model) + effort_note(limits),
+            notes=notes,
             srdf=states_file,
             geometry=description.geometry,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -55,9 +54,6 @@ def find_stance(
     if bolted:
         reason = f"{bolted} and there are no feet"
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
-    elif specs is None:
-        for note in foot_notes:  # of feet that a user may miss
-            logging.getLogger(__name__).warning("%s: %s", found.path, note)
     notes += foot_notes
     if found.known is None:
         q, unsettled = settled(model, limits, q, soles)

@@ -132,6 +132,16 @@ class PushGrid:
                 break
         return math.inf
 
+    def remaining(self, found: Mapping[tuple[float, float], PushOutcome]) -> int:
+        """Return how many pushes are left at most, if all of them are survived."""
+        ratios = np.asarray(self.ratios).tolist()
+        return sum(
+            key(angle, ratio) not in found
+            for angle in self.angles.tolist()
+            if math.isfinite(self.next_ratio(angle, found))
+            for ratio in ratios
+        )
+
 
 def compass_angles(count: int) -> Array:
     """Return angles (count,) evenly around, from 0 on [rad]."""
@@ -167,7 +177,8 @@ def run_campaign(
     record:
         Called here with every new outcome, as it comes.
     progress:
-        Called with how many pushes are done, how many there are at most, and the last.
+        Called with how many pushes are done, how many there will be at most, and a mapping: the
+        last (``push``) and how many were tried now (``new``).
     cancelled:
         Asked between pushes; True ends the campaign with what there is.
 
@@ -184,11 +195,14 @@ def run_campaign(
     tell = progress or (lambda done, total, info: None)
     if any(math.isfinite(grid.next_ratio(angle, found)) for angle in grid.angles.tolist()):
         outcomes = _one_by_one if size == 1 else _in_processes
+        before = len(found)
         for outcome in outcomes(grid, make, found, min(size, grid.directions), ended):
             found[outcome.key] = outcome
             if record is not None:
                 record(outcome)
-            tell(len(found), grid.size, {"push": outcome})
+            done = len(found)
+            total = done + grid.remaining(found)
+            tell(done, total, {"push": outcome, "new": done - before})
     return [found[one] for one in sorted(found)]
 
 

@@ -72,14 +72,33 @@ class PushMap:
 
     @cached_property
     def limits(self) -> Array:
-        """Largest ratio (n,) up to which every push of the grid was survived; 0 if none was."""
+        """Largest ratio (n,) up to which every push of the grid was survived; 0 if none was.
+
+        NaN in directions in which the gentlest push was not tried: nothing is known of them.
+        """
         whole = np.cumprod(self.table == SURVIVED, axis=1).sum(axis=1)
-        return np.where(whole > 0, self._ratios[np.maximum(whole, 1) - 1], 0.0)
+        limits = np.where(whole > 0, self._ratios[np.maximum(whole, 1) - 1], 0.0)
+        return np.where(self.tried, limits, np.nan)
+
+    @cached_property
+    def tried(self) -> NDArray[np.bool_]:
+        """Whether at least the gentlest push of a direction (n,) was tried."""
+        return np.asarray(self.table[:, 0] != UNTRIED)
+
+    @property
+    def least(self) -> float:
+        """The least limit of the directions that were tried; NaN if none was."""
+        return float(self.limits[self.tried].min()) if self.tried.any() else math.nan
+
+    @property
+    def mean(self) -> float:
+        """The mean limit of the directions that were tried; NaN if none was."""
+        return float(self.limits[self.tried].mean()) if self.tried.any() else math.nan
 
     @cached_property
     def open_ended(self) -> NDArray[np.bool_]:
-        """Whether a direction (n,) has no failure in the grid: its limit is at least this."""
-        return np.asarray((self.table != FELL).all(axis=1))
+        """Whether a direction (n,) was tried without a failure: its limit is at least this."""
+        return np.asarray((self.table != FELL).all(axis=1) & self.tried)
 
     def beyond(self, direction: int) -> list[float]:
         """Return the ratios that were survived beyond a smaller push that was not."""
@@ -102,8 +121,8 @@ class PushMap:
             directions.append(
                 {
                     "angle": angle,
-                    "limit": float(self.limits[k]),
-                    "impulse": float(self.limits[k]) * unit,
+                    "limit": _known(self.limits[k]),
+                    "impulse": _known(self.limits[k] * unit),
                     "at_least": bool(self.open_ended[k]),
                     "survived_beyond": self.beyond(k),
                     "first_failure": None if first is None else first._asdict(),
@@ -118,8 +137,8 @@ class PushMap:
             "problem": self.name,
             "robot": self.robot,
             "complete": self.complete,
-            "least": float(self.limits.min()),
-            "mean": float(self.limits.mean()),
+            "least": _known(self.least),
+            "mean": _known(self.mean),
             "omega": bounds.omega,
             "reaction_mass": bounds.reaction_mass,
             "directions": directions,
@@ -146,6 +165,11 @@ class PushMap:
             "reaction_mass_limit": none if bounds.wheel is None else bounds.wheel / bounds.ankle,
             **dict(zip(("time", "tilt", "slip", "relaxed"), values, strict=True)),
         }
+
+
+def _known(value: float) -> float | None:
+    """Return a number for JSON, None for one that is not known."""
+    return None if math.isnan(value) else float(value)
 
 
 def compared(one: PushMap, other: PushMap) -> tuple[float, float, Array]:

@@ -67,7 +67,7 @@ def plot_pushes(maps: Sequence[PushMap], path: str | Path, *, duration: float) -
 
 def _told(maps: Sequence[PushMap], k: int) -> str:
     one = maps[k]
-    text = f"least {one.limits.min():.2f}, mean {one.limits.mean():.2f}"
+    text = f"least {one.least:.2f}, mean {one.mean:.2f}"
     if k == 0 and len(maps) > 1:
         _, mean, _ = compared(maps[0], maps[1])
         text += f"; {mean:.2f} x {maps[1].name}" if np.isfinite(mean) else ""

@@ -222,10 +222,10 @@ int wbc_descend(const wbc_plan *plan, const double *q, const double *v);
 /* Where the reduced QP begins in scratch: P (left, left), g, lower and upper bounds (left + rows) of
  * x and then of C x, C (rows, left); and left. Returns 0. */
 int wbc_reduced(const wbc_plan *plan, int64_t *begin);
-/* After that: the tick's answer from the reduced QP's, x (left) and multipliers of rows, then of
- * bounds, times scale; x 0: by the active-set method. May be called again. */
-int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
-               const double *z, double scale, int64_t iterations);
+/* After that: the first level's answer from the reduced QP's, x (left) and multipliers of rows, then of
+ * bounds, times scale; x 0: by the active-set method. May be called again; then wbc_descend. */
+int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double scale,
+               int64_t iterations);
 /* Write how many numbers and integers a QP of n unknowns, k equalities and m rows is solved in. */
 int wbc_sizes(int64_t n, int64_t k, int64_t m, int64_t *sizes);
 /* Write where a level's QP lies: n, k, m, and where in out (of levels below the first, what they have of

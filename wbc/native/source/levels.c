@@ -193,14 +193,15 @@ int wbc_tick(const wbc_plan *plan, const double *state, const double *q, const d
     return said == DONE ? wbc_descend(plan, q, v) : said;
 }
 
-int wbc_answer(const wbc_plan *plan, const double *q, const double *v, const double *x,
-               const double *z, double scale, int64_t iterations) {
+int wbc_answer(const wbc_plan *plan, const double *x, const double *z, double scale,
+               int64_t iterations) {
     wbc_qp qp;
     lay_out(plan, &qp);
     const solving how = how_to(plan, 0, &qp);
     const int said =
         solve_reduced(&qp, &how, plan->scratch, plan->order, x, z, scale, iterations);
-    return said == DONE ? wbc_descend(plan, q, v) : said;
+    if (said == DONE) qp.found[4] = 1.0;
+    return said;
 }
 
 int wbc_reduced(const wbc_plan *plan, int64_t *begin) {
