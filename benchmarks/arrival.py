@@ -3,7 +3,7 @@
 For each target: the seconds of motion until the error stays within 1 % of what it ends at (found by
 going on for longer), what it ends at as a part of the start's, and the CPU time of a tick.
 
-    python benchmarks/arrival.py [--robots g1 hoap2_like talos] [--targets 12] [--solver daqp]
+    python benchmarks/arrival.py [--robots g1 hoap2_like talos] [--targets 12] [--solver active_set]
 """
 
 import os
@@ -71,7 +71,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", default=["g1", "hoap2_like", "talos"])
     parser.add_argument("--targets", type=int, default=12, help="besides eight far out of reach")
-    parser.add_argument("--solver", default="daqp")
+    parser.add_argument("--solver", default="active_set")
     options = parser.parse_args()
     for name in options.robots:
         robot = Robot.load(name)

@@ -39,7 +39,7 @@ support: double
 tasks:
   com: {type: com, target: {offset: [0, 0, -0.01]}, weight: 10.0}
   posture: {type: posture, weight: 0.01}
-controller: {solver: daqp}
+controller: {solver: active_set}
 stop: {duration: 0.02, speed: null}
 """
 CAMPAIGN = """\

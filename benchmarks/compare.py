@@ -174,7 +174,7 @@ def compare_results(before: Path, after: Path, pattern: str, repeat: int) -> boo
     return all(agreed)
 
 
-SOLVERS = ("proxqp equality", "proxqp reduced", "daqp equality", "daqp reduced")
+SOLVERS = ("proxqp equality", "proxqp reduced", "active_set equality", "active_set reduced")
 JOBS = (*SOLVERS, "25 pairs of bodies", "three levels", "without inertia")
 
 

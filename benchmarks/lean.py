@@ -128,7 +128,7 @@ def held(robot: wbc.Robot, q: Array) -> tuple[float, float]:
         contacts=wbc.support(start, "double"),
         limits=limits,
         constraints=margins(robot, limits),
-        solver="daqp",
+        solver="active_set",
         dt=dt,
         force_damping=UNSHARED,
     )

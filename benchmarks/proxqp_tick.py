@@ -31,11 +31,11 @@ from wbc.controllers.native_memory import NativeMemory
 from wbc.controllers.native_plan import NativePlan
 from wbc.controllers.native_tick import NativeController
 from wbc.qp import QP, ProxQP, native
-from wbc.qp.daqp_memory import daqp_memory
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.elimination import eliminate
 from wbc.qp.kkt import SolveCheck
-from wbc.qp.native import DEFAULTS, Workspace
 from wbc.qp.problem import check_qp
+from wbc.qp.proxqp_workspace import DEFAULTS, Workspace
 from wbc.rotations import exp_rotation
 
 DT, WARM_UP, EPS = 0.005, 100, 1e-8
@@ -213,7 +213,7 @@ def bare(qps: Sequence[QP], name: str, times: Times, **settings: Any) -> None:
 
 
 def parts(qps: Sequence[QP], times: Times) -> None:
-    """Note what is around the solver, and DAQP on the same QPs."""
+    """Note what is around the solver, and the active-set method on the same QPs."""
     work = Workspace.create(qps[0], EPS, 20)
     work.solve_cold()
     check = SolveCheck("proxqp", EPS, 0.0)
@@ -228,7 +228,7 @@ def parts(qps: Sequence[QP], times: Times) -> None:
         timed("check of the QP", check_qp, qp)
         raw = timed("update, solve, and results read", work.solve_warm, qp)
         timed("residuals and verdict", check.accept, qp, raw)
-        timed("DAQP", daqp_memory(qp, EPS).solve, 1000)
+        timed("the core's active-set method", ActiveSet(EPS).solve, qp)
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ Times are thread CPU time, which other processes disturb least; the physics alon
 ``Plant.step`` takes. With --walk the robot walks in place of that: footsteps and goals, the tick
 that follows, and the physics, by tick.
 
-    python benchmarks/simulation.py [--robots g1 talos] [--solvers daqp proxqp] [--seconds 10]
+    python benchmarks/simulation.py [--robots g1 talos] [--solvers active_set proxqp] [--seconds 10]
         [--walk]
 """
 
@@ -93,7 +93,9 @@ def walked(name: str, seconds: float) -> str:
         clock.append(thread_time())
         plant.step(tick.torque)
         times.append(np.diff([*clock, thread_time()]))
-        native += tick.solution.solver in ("cholesky", "daqp") and controller.native is not None
+        native += (
+            tick.solution.solver in ("cholesky", "active_set") and controller.native is not None
+        )
     medians = (f"{1e6 * one:.0f}" for one in np.median(times, axis=0))
     worst = f"{1e6 * np.percentile(np.sum(times, axis=1), 99):.0f}"
     return f"| {name} | {' | '.join(medians)} | {worst} | {native} of {len(times)} |"
@@ -102,7 +104,7 @@ def walked(name: str, seconds: float) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", nargs="+", default=["g1", "talos", "hoap2_like"])
-    parser.add_argument("--solvers", nargs="+", default=["daqp", "proxqp"])
+    parser.add_argument("--solvers", nargs="+", default=["active_set", "proxqp"])
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--walk", action="store_true", help="walk in place of standing")
     options = parser.parse_args()

@@ -74,7 +74,7 @@ from wbc.robot import Robot, Snapshot
 from wbc.tasks import Task
 
 ROBOTS = ("g1", "hoap2_like", "talos", "icub", "romeo")
-BACKENDS = ("proxqp", "daqp", "clarabel", "piqp", "osqp", "proxqp_cold")
+BACKENDS = ("proxqp", "active_set", "clarabel", "piqp", "osqp", "proxqp_cold")
 # The default gets most of the ticks. OSQP takes 80 ms for one: at a hundredth of the ticks it would
 # take a fifth of the time.
 SHARES = (0.448, 0.15, 0.15, 0.15, 0.002, 0.1)

@@ -4,7 +4,7 @@ Default gains: CoM, trunk and posture tasks, feet on the ground, joint limits. S
 1e-3 rad and 0.05 rad/s on every joint and on the base, and are 4 ms late; the "real" masses are
 10 % off by turns. Reported: how far the feet and the CoM have moved, and the relaxed ticks.
 
-    python benchmarks/standing.py [--robots g1] [--minutes 10] [--mass 1.0 0.9 1.1] [--solver daqp]
+    python benchmarks/standing.py [--robots g1] [--minutes 10] [--mass 1.0 0.9] [--solver NAME]
 """
 
 import os
@@ -64,7 +64,7 @@ if __name__ == "__main__":
     parser.add_argument("--robots", nargs="+", default=["g1"])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--mass", type=float, nargs="+", default=[1.0, 0.9, 1.1])
-    parser.add_argument("--solver", default="daqp")
+    parser.add_argument("--solver", default="active_set")
     given = parser.parse_args()
     for robot in given.robots:
         for factor in given.mass:

@@ -7,7 +7,7 @@ the same bit by bit: what is slow in the program itself is slow both times, so t
 of each round is the program's. Memory is read after a tenth of the ticks and at the end. Cold are
 ticks between which 32 MB of other memory are touched.
 
-    python benchmarks/tail.py [--ticks 1000000] [--robot g1] [--solver daqp] [--cold 500]
+    python benchmarks/tail.py [--ticks 1000000] [--robot g1] [--solver active_set] [--cold 500]
         [--realtime]  # before all other processes, as a robot's controller runs (SCHED_FIFO)
 """
 
@@ -24,7 +24,6 @@ from time import thread_time
 import numpy as np
 from tick import DT, make_run
 
-from wbc.native import status
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation
 
@@ -119,13 +118,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ticks", type=int, default=1_000_000)
     parser.add_argument("--robot", default="g1")
-    parser.add_argument("--solver", default="daqp")
+    parser.add_argument("--solver", default="active_set")
     parser.add_argument("--cold", type=int, default=500, help="ticks with cold caches")
     parser.add_argument("--realtime", action="store_true", help="before all other processes")
     options = parser.parse_args()
     if options.realtime:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
-    print(f"native core: {status().reason}")
     robot = Robot.load(options.robot)
     first = Rounds(Loop(robot, options.solver), options.ticks)
     loop, late = first.loop, memory()

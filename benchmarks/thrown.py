@@ -70,7 +70,7 @@ def controller_of(robot: Robot, stands: bool, margins: Margin) -> TorqueControll
     posture = PostureTask(robot, here.q, kp=STIFFNESS)
     contacts = support(here, "double") if stands else ()
     kept = {"limits": Limits(robot), "constraints": [margins]}
-    options = {"contacts": contacts, "dt": DT, "solver": "daqp", **kept}
+    options = {"contacts": contacts, "dt": DT, "solver": "active_set", **kept}
     return TorqueController(robot, [*tasks, posture], **options)
 
 

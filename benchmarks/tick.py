@@ -8,11 +8,11 @@ Solvers and formulations are interleaved, block by block, so that a drift of the
 hits all alike. Medians are wall time; p99 is thread CPU time, which other processes do not disturb.
 Every round is a process of its own: where memory happens to lie is a part of the noise.
 
-    python benchmarks/tick.py [--robot g1] [--ticks 2000] [--solvers proxqp daqp]
+    python benchmarks/tick.py [--robot g1] [--ticks 2000] [--solvers proxqp active_set]
         [--output benchmarks/RESULTS.md] [--history ticks.jsonl]
 
 A history has a line of figures for each run; a run is compared with the last one before it of the
-same robot, machine and core: see wbc/bench/compare.py. The exit code is 3 if a tick is slower.
+same robot and machine: see wbc/bench/compare.py. The exit code is 3 if a tick is slower.
 """
 
 import os
@@ -40,8 +40,7 @@ from wbc.bench.tables import Table
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller
-from wbc.native import core
-from wbc.problem.provenance import version_of, versions
+from wbc.problem.provenance import versions
 from wbc.qp.backend import installed_solvers
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation
@@ -175,7 +174,7 @@ def main() -> int:
     parser.add_argument("--robot", default="g1")
     parser.add_argument("--ticks", type=int, default=2000)
     parser.add_argument("--rounds", type=int, default=10, help="processes that share the ticks")
-    parser.add_argument("--solvers", nargs="+", default=["proxqp", "daqp"])
+    parser.add_argument("--solvers", nargs="+", default=["proxqp", "active_set"])
     parser.add_argument("--output", type=Path, help="put the table here, between its marks")
     parser.add_argument("--history", type=Path, help="compare with its last run, and add this one")
     parser.add_argument("--round", action="store_true", help=argparse.SUPPRESS)
@@ -195,9 +194,8 @@ def main() -> int:
     figures = {
         "format": FORMAT,
         "robot": robot.name,
-        "core": core() is not None,
         "machine": machine(),
-        "versions": {**versions(), "daqp": version_of("daqp")},
+        "versions": versions(),
         "command": shlex.join(["python", "benchmarks/tick.py", *sys.argv[1:]]),
         "rounds": options.rounds,
         "ticks": {label: summary(rounds, label) for label in rounds[0]},
@@ -217,12 +215,11 @@ def section(figures: dict[str, Any], nv: int, ticks: int) -> str:
     }
     header = ["us per tick", *next(iter(rows.values()))]
     cells = [[label, *(f"{one:.3g}" for one in row.values())] for label, row in rows.items()]
-    how = "with the native core" if figures["core"] else "in plain Python"
     told = ", ".join(f"{name} {one}" for name, one in figures["versions"].items())
     return "\n\n".join(
         [
             "## One tick by stages",
-            Table(f"{figures['robot']}, nv {nv}, both feet held, {how}", header, cells).markdown(),
+            Table(f"{figures['robot']}, nv {nv}, both feet held", header, cells).markdown(),
             f"{ticks} ticks each in {figures['rounds']} processes, in turns of {BLOCK}, on"
             f" {figures['machine']}; {told}. Command: `{figures['command']}`.",
         ]

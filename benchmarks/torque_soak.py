@@ -16,10 +16,8 @@ Ticks come in parts, each from random numbers of its own. With ``--state`` every
 file as it ends, and those of an earlier call are not run again: a long soak may be ended any time.
 Parts that were run with other code of this package are left aside, and said to be.
 
-    python benchmarks/torque_soak.py [--ticks 10000] [--robots g1 ...] [--solver daqp] [--runs 4]
-        [--state FILE.jsonl]
-
-`WBC_NATIVE=off` measures the ticks of NumPy.
+    python benchmarks/torque_soak.py [--ticks 10000] [--robots g1 ...] [--solver active_set]
+        [--runs 4] [--state FILE.jsonl]
 """
 
 from __future__ import annotations
@@ -63,7 +61,7 @@ from wbc import (
 )
 
 ROBOTS = ("g1", "g1_27", "talos", "icub", "romeo", "hoap2_like")
-SOLVERS = ("daqp", "proxqp")
+SOLVERS = ("active_set", "proxqp")
 PART = 1000  # ticks
 EPISODE = 100
 FAULTS = 0.01

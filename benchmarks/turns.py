@@ -49,7 +49,7 @@ tasks:
 constraints:
   self collision: {{type: self_collision, margin: 0.002}}
 
-controller: {{dt: 0.005, solver: daqp}}
+controller: {{dt: 0.005, solver: active_set}}
 stop: {{duration: {duration:g}, speed: null, accept: {{path: 1.0e-3, still: 1.0e-9}}}}
 """
 
@@ -107,7 +107,7 @@ def torque_problem(axis: str, physics_dt: float) -> Problem:
         PROBLEMS / f"turn_{axis}_hoap2.yaml",
         {
             "robot": {"model": ROBOT, "armature": 0.003},
-            "controller": {"level": "torque", "dt": dt, "solver": "daqp"},
+            "controller": {"level": "torque", "dt": dt, "solver": "active_set"},
             "simulation": {
                 "start": {"height": 1.0},
                 "gravity": 0,

@@ -43,7 +43,6 @@ DEFAULTS: dict[str, dict[str, Any]] = {
         "formulation": "equality",
         "damping": 1e-06,
         "on_failure": "hold",
-        "budget": "usual",
     },
     "Limits": {
         "position": True,

@@ -1,4 +1,4 @@
-"""The job with this package: python loop_wbc.py JOB.json daqp [inertia]."""
+"""The job with this package: python loop_wbc.py JOB.json active_set [inertia]."""
 
 import numpy as np
 from serve import serve

@@ -1,4 +1,4 @@
-"""Torques with this package: python loop_wbc_torque.py JOB.json daqp [inertia]."""
+"""Torques with this package: python loop_wbc_torque.py JOB.json active_set [inertia]."""
 
 from loop_wbc import Loop as VelocityLoop
 from serve import KP, serve

@@ -47,9 +47,9 @@ RADIUS, MARGIN = 0.06, 0.01  # of the spheres about the links' origins [m]
 # Of each level: label, environment, script, arguments.
 LOOPS = {
     "velocity": (
-        ("wbc daqp", "wbc", "wbc", ("daqp",)),
+        ("wbc active_set", "wbc", "wbc", ("active_set",)),
         ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
-        ("wbc daqp, with inertia", "wbc", "wbc", ("daqp", "inertia")),
+        ("wbc active_set, with inertia", "wbc", "wbc", ("active_set", "inertia")),
         ("wbc proxqp, with inertia", "wbc", "wbc", ("proxqp", "inertia")),
         ("Pink daqp", "pink", "pink", ("daqp",)),
         ("Pink proxqp", "pink", "pink", ("proxqp",)),
@@ -58,9 +58,9 @@ LOOPS = {
         ("PlaCo (C++)", "placo", "placo", ()),
     ),
     "velocity, 25 pairs": (
-        ("wbc daqp", "wbc", "wbc", ("daqp",)),
+        ("wbc active_set", "wbc", "wbc", ("active_set",)),
         ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
-        ("wbc daqp, with inertia", "wbc", "wbc", ("daqp", "inertia")),
+        ("wbc active_set, with inertia", "wbc", "wbc", ("active_set", "inertia")),
         ("Pink daqp", "pink", "pink", ("daqp",)),
         ("Pink proxqp", "pink", "pink", ("proxqp",)),
         ("mink daqp", "mink", "mink", ("daqp",)),
@@ -68,14 +68,14 @@ LOOPS = {
         ("PlaCo (C++)", "placo", "placo", ()),
     ),
     "velocity, slow joints": (
-        ("wbc daqp", "wbc", "wbc", ("daqp",)),
+        ("wbc active_set", "wbc", "wbc", ("active_set",)),
         ("wbc proxqp", "wbc", "wbc", ("proxqp",)),
         ("PlaCo (C++)", "placo", "placo", ()),
     ),
     "torque": (
-        ("wbc daqp", "wbc", "wbc_torque", ("daqp",)),
+        ("wbc active_set", "wbc", "wbc_torque", ("active_set",)),
         ("wbc proxqp", "wbc", "wbc_torque", ("proxqp",)),
-        ("wbc daqp, with inertia", "wbc", "wbc_torque", ("daqp", "inertia")),
+        ("wbc active_set, with inertia", "wbc", "wbc_torque", ("active_set", "inertia")),
         ("PlaCo (C++)", "placo", "placo_torque", ()),
         ("TSID (C++)", "tsid", "tsid", ()),
     ),

@@ -121,7 +121,7 @@ def test_a_row_of_a_simulation_and_of_a_pendulum(tmp_path: Path) -> None:
     (tmp_path / "push.yaml").write_text(
         "robot: hoap2_like\nsupport: double\n"
         "tasks: {posture: {type: posture, weight: 1.0}, com: {type: com, target: start}}\n"
-        "controller: {level: torque, solver: daqp}\nsimulation: {duration: 0.05}\n"
+        "controller: {level: torque, solver: active_set}\nsimulation: {duration: 0.05}\n"
     )
     path = tmp_path / "campaign.yaml"
     path.write_text(f"problems: [push.yaml, {root / 'rmp_static_lean.yaml'}]\n")

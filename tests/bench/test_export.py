@@ -12,7 +12,7 @@ from pyarrow import parquet
 from tests.bench.test_measure import solvable
 from wbc.bench.export import NAME, export_qpbenchmark
 from wbc.errors import MissingPackageError
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 
 # qpbenchmark.problem_list.ProblemList.KEYS, 2.7
 KEYS = ["P", "q", "G", "h", "A", "b", "lb", "ub", "name"]
@@ -30,8 +30,8 @@ def test_problems_have_the_same_optimum_in_its_form(tmp_path: Path) -> None:
         data = {key: None if row[key] is None else np.array(row[key]) for key in KEYS[:-1]}
         for key in ("P", "G", "A"):
             data[key] = None if data[key] is None else data[key].reshape(-1, data["q"].size)
-        found = qpsolvers.solve_problem(qpsolvers.Problem(**data), "daqp")
-        assert np.allclose(found.x, Daqp().answer(qp).x, atol=1e-6)
+        found = qpsolvers.solve_problem(qpsolvers.Problem(**data), "piqp")
+        assert np.allclose(found.x, ActiveSet().answer(qp).x, atol=1e-6)
     # qpbenchmark takes the class that is named like the file.
     tree = ast.parse(scripts[0].read_text())
     classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]

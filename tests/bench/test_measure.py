@@ -14,7 +14,7 @@ from wbc.bench.suite import STANDARD, Job, record
 from wbc.bench.summary import LIMIT, RATIOS, performance_profile, shifted_geometric_mean, summarise
 from wbc.errors import UnknownNameError
 from wbc.qp import QP
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.solution import RawSolution
 
 
@@ -70,20 +70,19 @@ def test_figures_of_all_candidates() -> None:
     for one in found:
         assert one.success.all() and one.seconds.shape == (2, 8) and (one.seconds >= 0).all()
         assert one.residuals.max() < 1e-2 and (one.reference > 0).all()
-    with pytest.raises(UnknownNameError, match="did you mean 'daqp'"):
-        measure([solvable()], ["dapq"], [1e-6], repeats=1)
+    with pytest.raises(UnknownNameError, match="did you mean 'active_set'"):
+        measure([solvable()], ["activeset"], [1e-6], repeats=1)
 
 
 def test_a_solver_that_only_says_solved_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    answer = Daqp.answer
+    answer = ActiveSet.answer
 
-    def lying(self: Daqp, qp: QP) -> RawSolution:
+    def lying(self: ActiveSet, qp: QP) -> RawSolution:
         raw = answer(self, qp)
         return raw._replace(x=raw.x + (1e-3 if qp.b.size == 1 else 0.0))
 
-    monkeypatch.setattr(Daqp, "answer", lying)
-    monkeypatch.setattr(Daqp, "finer", lying)
-    (found,) = measure([solvable()], ["daqp"], [1e-6], repeats=1)
+    monkeypatch.setattr(ActiveSet, "answer", lying)
+    (found,) = measure([solvable()], ["active_set"], [1e-6], repeats=1)
     assert found.success.tolist() == [True] * 4 + [False] * 4
     assert (found.residuals[4:] > 1e-4).all() and (found.residuals[:4] < 1e-6).all()
 
@@ -130,7 +129,7 @@ def test_standard_jobs_scale_in_size_and_hardness() -> None:
     def active(hard: bool) -> float:
         """Return the share of bounds that hold the optimum back."""
         qps = record(Job("hoap2_like", "velocity", hard), 20).qps
-        return float(np.mean([np.abs(Daqp().answer(qp).z_box) > 1e-6 for qp in qps]))
+        return float(np.mean([np.abs(ActiveSet().answer(qp).z_box) > 1e-6 for qp in qps]))
 
     assert active(hard=True) > active(hard=False) + 0.05
     again = record(Job("arm", "velocity", False), 3)

@@ -102,8 +102,9 @@ def test_a_failed_qp_has_its_own_exit_code(file: Path, monkeypatch: pytest.Monke
         "solve",
         lambda *arguments, **named: solve(*arguments, **named)._replace(status=Status.FAILED),
     )
-    monkeypatch.setenv("WBC_NATIVE", "off")  # the core asks no solver where no bound is active
-    answer = wbc_command("run", file, "--set", "stop.duration=0.02")
+    answer = wbc_command(
+        "run", file, "--set", "stop.duration=0.02", "--set", "controller.formulation=reduced"
+    )
     assert answer.exit_code == 4
     assert "4 of 4 ticks failed; the first, tick 0: QP failed" in " ".join(answer.stdout.split())
 

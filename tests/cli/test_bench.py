@@ -12,7 +12,18 @@ import wbc.files
 from wbc.bench import load_sequence
 from wbc.cli import app
 
-SMALL = ("--job", "arm", "--ticks", 5, "--repeats", 3, "--solver", "daqp", "--solver", "proxqp")
+SMALL = (
+    "--job",
+    "arm",
+    "--ticks",
+    5,
+    "--repeats",
+    3,
+    "--solver",
+    "active_set",
+    "--solver",
+    "proxqp",
+)
 
 
 def run(*options: object) -> Result:
@@ -27,12 +38,12 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
         "--eps", 1e-3, "--eps", 1e-8,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    assert "records arm velocity smooth" in result.output and "daqp" in result.stdout
+    assert "records arm velocity smooth" in result.output and "active_set" in result.stdout
     (file,) = folder.iterdir()
     assert len(load_sequence(file).qps) == 5
     told = json.loads(places[0].read_text())
     assert set(told["accuracies"]) == {"0.001", "1e-08"}
-    assert told["accuracies"]["1e-08"]["solvers"]["daqp"]["all"]["success"] == 1.0
+    assert told["accuracies"]["1e-08"]["solvers"]["active_set"]["all"]["success"] == 1.0
     page = places[1].read_text()
     assert "### All sequences, accuracy 0.001" in page and "| proxqp |" in page
     assert "| arm velocity smooth | 12 | 6 | 0 |" in page
@@ -40,10 +51,10 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
     assert places[3].stat().st_size > 20_000
 
     slow = json.loads(places[0].read_text())
-    for solver in ("daqp", "proxqp"):
+    for solver in ("active_set", "proxqp"):
         one = slow["accuracies"]["1e-08"]["solvers"][solver]["sequences"]["arm velocity smooth"]
         # A thousand times faster or slower than now: no noise of this machine.
-        factor = 1e-3 if solver == "daqp" else 1e3
+        factor = 1e-3 if solver == "active_set" else 1e3
         one["passes"] = [factor * time for time in (1e-4, 1e-4, 1e-4)]
         one["reference"] = [1e-3, 1e-3, 1e-3]
     old = tmp_path / "old.json"
@@ -51,7 +62,7 @@ def test_recorded_measured_written_and_compared(tmp_path: Path) -> None:
     compared = run(*SMALL, "--sequences", folder, "--eps", 1e-8, "--compare", old)
     assert compared.exit_code == 3, compared.output
     lines = {line.split()[0]: line for line in compared.stdout.splitlines() if "1e-08 " in line}
-    assert lines["daqp"].endswith("slower") and lines["proxqp"].endswith("faster")
+    assert lines["active_set"].endswith("slower") and lines["proxqp"].endswith("faster")
 
 
 def test_a_page_with_a_place_for_it_keeps_the_rest(tmp_path: Path) -> None:
@@ -90,12 +101,12 @@ def test_a_problem_file_is_recorded(tmp_path: Path) -> None:
     problem.write_text(
         "robot: hoap2_like\nsupport: double\n"
         "tasks: {posture: {type: posture, weight: 1.0}, com: {type: com, target: start}}\n"
-        "controller: {level: torque, solver: daqp}\nsimulation: {duration: 0.05}\n"
+        "controller: {level: torque, solver: active_set}\nsimulation: {duration: 0.05}\n"
     )
     output = tmp_path / "b.json"
     lean = Path(__file__).parents[2] / "problems" / "rmp_static_lean.yaml"
     result = run(
-        problem, lean, "--ticks", 4, "--repeats", 1, "--solver", "daqp", "-o", output,
+        problem, lean, "--ticks", 4, "--repeats", 1, "--solver", "active_set", "-o", output,
         "--qpbenchmark", tmp_path / "set",
     )  # fmt: skip
     assert result.exit_code == 0, result.output

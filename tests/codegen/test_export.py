@@ -1,28 +1,17 @@
-"""The exported C, compiled and run as a program of its own, against the ticks of plain Python."""
+"""The exported C, compiled and run as a program of its own, against the ticks of Python."""
 
 import os
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
-import daqp
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.needs import needs_core
+from tests.needs import needs_compiler
 from wbc.cli import app
 from wbc.codegen import CodegenError, export_problem
-from wbc.codegen.targets import targets_of, task_parts
-from wbc.native import VARIABLE
-from wbc.native.build import COMPILERS
-from wbc.problem import load_problem
 
-pytestmark = needs_core
-compiles = pytest.mark.skipif(
-    not any(shutil.which(name) for name in COMPILERS), reason="no C compiler here"
-)
 AGREES = 1e-9  # as main.c demands; rounding of two paths was 1e-13 at most
 VELOCITY = """
 robot: hoap2_like
@@ -37,7 +26,7 @@ tasks:
   "a-b": {type: posture, target: start, weight: 0.01}
   posture: {type: posture, target: start, weight: 0.05}
 constraints: {bodies: {type: self_collision}}
-controller: {solver: daqp}
+controller: {solver: active_set}
 stop: {duration: 1.0}
 """
 TORQUE = """
@@ -48,7 +37,7 @@ tasks:
   height: {type: com, axes: [z], target: {offset: [0, 0, -0.02]}, ramp: 0.1, kp: 50}
   trunk: {type: frame, frame: base, control: orientation, target: start, kp: 50}
   posture: {type: posture, kp: 30, weight: 0.3}
-controller: {level: torque, dt: 0.002, solver: daqp, friction: 0.6}
+controller: {level: torque, dt: 0.002, solver: active_set, friction: 0.6}
 simulation: {duration: 0.2}
 """
 LEVELS = {"velocity": VELOCITY, "torque": TORQUE}
@@ -73,16 +62,9 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def build(folder: Path) -> None:
-    """Compile a folder with the DAQP that Python has, and what it wants of Python as stubs."""
-    library = Path(daqp.__file__)
-    listed = subprocess.run(["nm", "-D", "-u", library], capture_output=True, text=True, check=True)
-    names = [line.split()[-1] for line in listed.stdout.splitlines()]
-    stubs = "".join(f"char {name}[4096];\n" for name in names if name.lstrip("_").startswith("Py"))
-    (folder / "stubs.c").write_text(stubs)
-    subprocess.run(["cc", "-w", "-c", "stubs.c"], cwd=folder, check=True)
-    linked = f"{folder / 'stubs.o'} {library} -Wl,-rpath,{library.parent}"
+    """Compile a folder: it needs nothing but what is in it."""
     warn = "-std=c99 -O1 -ffp-contract=off -Wall -Wextra -Wpedantic -Werror"
-    command = ["make", "replay", f"CFLAGS={warn}", f"DAQP_LIBS={linked}"]
+    command = ["make", "replay", f"CFLAGS={warn}"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
 
@@ -93,7 +75,7 @@ def replay(folder: Path, recording: str = "recording.txt") -> subprocess.Complet
 
 
 @pytest.mark.slow
-@compiles
+@needs_compiler
 @pytest.mark.parametrize("level", LEVELS)
 def test_c_commands_what_python_does(level: str, exports: dict[str, Path]) -> None:
     folder = exports[level]
@@ -116,38 +98,6 @@ def test_c_commands_what_python_does(level: str, exports: dict[str, Path]) -> No
     assert replay(folder, "nowhere.txt").returncode == 2
 
 
-@pytest.mark.parametrize("level", LEVELS)
-def test_what_was_recorded_is_what_plain_python_commands(
-    level: str, exports: dict[str, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The recording's commands come from the core; NumPy's tick at its states gives the same."""
-    lines = (exports[level] / "recording.txt").read_text().splitlines()[1:]
-    assert len(lines) == TICKS, "some were left out; the ticks compared are others"
-    ticks = [np.array([float.fromhex(one) for one in line.split()]) for line in lines]
-    monkeypatch.setenv(VARIABLE, "off")
-    problem = load_problem(exports[level].parent / "problem.yaml")
-    run = problem.simulate if level == "torque" else problem.run
-    seen, moved = [], []
-
-    def show(now, controller) -> None:
-        assert controller.robot.native is None
-        tick = now.tick
-        command = [tick.velocity, tick.torque] if level == "torque" else [tick.velocity]
-        told = [targets_of(part) for part in task_parts(controller)]
-        targets = [values for one in told for values in one]
-        seen.append(np.concatenate((now.snapshot.q, now.snapshot.v, *targets, *command)))
-        moved.append(targets[0])
-
-    run(cancelled=lambda: len(seen) >= TICKS, show=show)
-    assert len(ticks) == len(seen) == TICKS
-    for recorded, plain in zip(ticks, seen, strict=True):
-        # States are those of two runs, so that rounding adds up.
-        assert np.allclose(recorded, plain, rtol=1e-7, atol=1e-7)
-    assert np.allclose(ticks[0], seen[0], rtol=AGREES, atol=AGREES)
-    if level == "velocity":
-        assert not np.allclose(moved[0], moved[-1], rtol=1e-3)  # targets of the replay move
-
-
 PARTS = {
     "posture: {type: posture, target: start, weight: 0.05}": {
         "posture: {type: posture, target: start, weight: 0.05, priority: 1}": "levels of priority",
@@ -166,8 +116,7 @@ PARTS = {
         "limits: {braking: bounded}": "the braking 'bounded'",
         "phases: {one: {duration: 1, support: double}}": "phases",
     },
-    "controller: {solver: daqp}": {
-        "controller: {formulation: reduced}": "formulation 'reduced'",
+    "controller: {solver: active_set}": {
         "controller: {method: pseudo_inverse}": "controller.method",
     },
 }
@@ -194,7 +143,7 @@ def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
     path = write(tmp_path, TORQUE.replace("simulation: {duration: 0.2}", sensors % 0.3))
     recording = export_problem(path, tmp_path / "c").recording
     (reason, left_out), *others = recording.left_out.items()
-    assert reason == "its QP has no solution that is accurate enough" and not others
+    assert reason == "its QP has no solution: rows contradict each other" and not others
     assert left_out + len(recording.ticks) == 50
     done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(tmp_path / "c")])
     assert f"note: in {left_out} ticks, left out, C gives no command: {reason}" in done.output
@@ -203,14 +152,8 @@ def test_ticks_that_need_python_are_left_out_and_said(tmp_path: Path) -> None:
         export_problem(path, tmp_path / "none")
 
 
-def test_without_the_core_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "off")
-    with pytest.raises(CodegenError, match="WBC_NATIVE=off"):
-        export_problem(write(tmp_path, VELOCITY), tmp_path / "c")
-
-
 def test_command_line(tmp_path: Path) -> None:
-    path = write(tmp_path, VELOCITY.replace("solver: daqp", "solver: proxqp"))
+    path = write(tmp_path, VELOCITY.replace("solver: active_set", "solver: proxqp"))
     folder = tmp_path / "c"
     done = CliRunner().invoke(app, ["codegen", str(path), "-o", str(folder), "--ticks", "3"])
     assert done.exit_code == 0, done.output
@@ -242,10 +185,3 @@ def test_mistakes_on_the_command_line(arguments: list[str], said: str) -> None:
     done = CliRunner().invoke(app, ["codegen", *arguments])
     assert done.exit_code == 1
     assert said in done.output
-
-
-def test_without_the_core_it_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "off")
-    with pytest.raises(CodegenError, match=r"native core, and it does not run: WBC_NATIVE=off"):
-        export_problem(write(tmp_path, VELOCITY), tmp_path / "c")
-    assert not (tmp_path / "c").exists()

@@ -5,7 +5,7 @@ import pytest
 
 from wbc.constraints import support
 from wbc.qp import make_backend
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.elimination import eliminate, factorise
 from wbc.qp.problem import QP
 from wbc.qp.solution import Status
@@ -111,7 +111,7 @@ def test_few_equalities_are_eliminated_and_come_back(rows: int, rng) -> None:
     expected = np.linalg.solve(system, np.concatenate((-g, b)))
     found = eliminate(QP.build(P, g, A=A, b=b))
     assert found.basis.shape == (n, n - rows) and found.mismatch < 1e-12
-    solution = found.lift(Daqp().solve(found.reduced))
+    solution = found.lift(ActiveSet().solve(found.reduced))
     np.testing.assert_allclose(solution.x, expected[:n], atol=1e-9)
     np.testing.assert_allclose(solution.y, expected[n:], atol=1e-8)
     assert found.admits(solution)
@@ -122,7 +122,7 @@ def test_equalities_of_zeros_fix_nothing_and_what_they_ask_for_is_missed() -> No
     found = eliminate(qp)
     np.testing.assert_array_equal(found.basis, np.eye(3))
     assert found.mismatch == 4.0
-    solution = found.lift(Daqp().solve(found.reduced))
+    solution = found.lift(ActiveSet().solve(found.reduced))
     np.testing.assert_allclose(solution.x, -1.0, atol=1e-9)
     assert not found.admits(solution)
     assert eliminate(qp._replace(b=np.zeros(2))).mismatch == 0.0
@@ -169,10 +169,10 @@ def test_what_is_found_without_the_equalities_solves_the_whole(mi: int, rng) -> 
         lower[rng.uniform(size=n) < 0.5], upper[rng.uniform(size=n) < 0.5] = -np.inf, np.inf
         qp = QP.build(J.T @ J, 5.0 * rng.normal(size=n), A=A, b=A @ x, C=C, l=C @ x - 0.1,
                       lower=lower, upper=upper)  # fmt: skip
-        expected, elimination = Daqp().solve(qp), eliminate(qp)
+        expected, elimination = ActiveSet().solve(qp), eliminate(qp)
         assert elimination.reduced.g.size == n - 3 and not elimination.reduced.b.size
         assert elimination.reduced.A.shape == (0, n - 3)
-        found = elimination.lift(Daqp().solve(elimination.reduced))
+        found = elimination.lift(ActiveSet().solve(elimination.reduced))
         assert elimination.admits(found)
         for part in ("x", "y", "z", "z_box"):
             scale = 1.0 + np.abs(getattr(expected, part)).max(initial=0.0)

@@ -8,7 +8,7 @@ from wbc.controllers.active_set import ActiveSet, _positive_kernel, achieved_row
 from wbc.controllers.plan import Decision
 from wbc.laws import Rows
 from wbc.qp import QP
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet as CoreSolver
 
 N = 6
 
@@ -48,7 +48,7 @@ def test_bounds_are_kept_where_there_is_no_choice_left(tasks: int) -> None:
     rng, kept = np.random.default_rng(8 + tasks), 0
     for _ in range(12):
         qp, rows = level(rng, tasks)
-        solution = Daqp(1e-10).solve(qp)
+        solution = CoreSolver(1e-10).solve(qp)
         assert solution.solved
         x = solution.x
         decision = Decision(qp.labels.variables, N, np.full(N, 1e-6), np.zeros(0), np.zeros(0))
@@ -110,7 +110,7 @@ def test_what_damping_may_explain_is_not_implied(z: float, more: bool) -> None:
     decision = Decision(("a", "b"), 2, np.array([1e-6, 2e-6]), np.zeros(0), np.zeros(0))
     qp = QP.build(np.eye(3), np.zeros(3), C=[[1.0, 0.0, 0.0], [1.0, 0.0, -1.0]],
                   l=[-1.0, -1.0], u=[1.0, 1.0], lower=-np.ones(3), upper=np.ones(3))  # fmt: skip
-    solved = Daqp().solve(qp)
+    solved = CoreSolver().solve(qp)
     solution = solved._replace(
         x=np.array([0.5, -2.0, 30.0]), z=np.array([z, 1.0]), z_box=np.array([z, 0.0, 1.0])
     )

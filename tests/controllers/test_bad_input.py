@@ -198,12 +198,13 @@ RANGES: dict[str, tuple[Make, tuple[Any, ...], tuple[Any, ...]]] = {
     "obstacles, margin": (lambda x: Obstacles(ROBOT, [BALL], margin=x), (0.0,), (-TINY,)),
     "obstacles, pairs": (lambda x: Obstacles(ROBOT, [BALL], pairs=x), (1,), (0,)),
     "eps of ProxQP": (lambda x: make_backend("proxqp", eps=x), (1e-12,), (0.99e-12,)),
-    "eps of DAQP": (lambda x: make_backend("daqp", eps=x), (1e-12,), (0.99e-12,)),
+    "eps of active_set": (lambda x: make_backend("active_set", eps=x), (1e-12,), (0.99e-12,)),
     "eps of clarabel": (lambda x: make_backend("clarabel", eps=x), (1e-12,), (0.99e-12,)),
-    "nothing would be checked": (lambda x: make_backend("daqp", eps=x), (1e-2,), (1.01e-2,)),
+    "nothing would be checked": (lambda x: make_backend("active_set", eps=x), (1e-2,), (1.01e-2,)),
     "max_iterations of ProxQP": (
         lambda x: make_backend("proxqp", max_iterations=x), (1,), (0,)),
-    "max_iterations of DAQP": (lambda x: make_backend("daqp", max_iterations=x), (1,), (0,)),
+    "max_iterations of active_set": (
+        lambda x: make_backend("active_set", max_iterations=x), (1,), (0,)),
 }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.levels import Outcome
 from wbc.qp import QP, Status
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.robot.tree import LARGEST
 from wbc.rotations import exp_rotation
 from wbc.tasks import ComTask, InertiaTask, OrientationTask, PositionTask, PostureTask
@@ -26,7 +26,7 @@ def test_free_levels_are_the_null_space_recursion(robot_named, rng) -> None:
     ]
     for task in tasks:  # at their targets, which move: no error, so no damping of the tasks' own
         task.set_target(task.target, rate=rng.normal(size=3))
-    tick = KinematicController(robot, tasks, dt=DT, damping=1e-8, solver="daqp").step(here)
+    tick = KinematicController(robot, tasks, dt=DT, damping=1e-8, solver="active_set").step(here)
     assert tick.ok, tick.report()
     v, N = np.zeros(robot.nv), np.eye(robot.nv)
     for task in tasks:
@@ -156,7 +156,7 @@ def test_what_is_outside_the_limits_is_no_answer(x: list[float], said: str | Non
     """By more than 1e-6; what is behind the velocity has limits of its own."""
     upper = np.array([1.0, np.inf, 1.0])
     qp = QP.build(np.eye(3), np.zeros(3), lower=-np.ones(3), upper=upper)
-    solution = Daqp().solve(qp)._replace(x=np.array(x))
+    solution = ActiveSet().solve(qp)._replace(x=np.array(x))
     found = Outcome(qp, solution, qp, 2, 0.0, {}).within_limits("ab")
     assert found.solved is (said is None)
     if said is not None:

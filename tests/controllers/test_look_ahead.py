@@ -1,7 +1,5 @@
 """Commands are tried before they are given; what cannot be kept by rows is kept by going slower."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -9,12 +7,11 @@ from wbc.constraints import Limits
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import KinematicController
 from wbc.controllers.levels import Outcome
-from wbc.controllers.look_ahead import CUTS, ROUNDS, SCALES, MarginRows, solve_with_look_ahead
+from wbc.controllers.look_ahead import ROUNDS, SCALES, MarginRows, solve_with_look_ahead
 from wbc.controllers.slack import Slacks
 from wbc.laws import Rows
 from wbc.qp import QP, ProxQP, Status
 from wbc.qp.solution import Conflict, ConflictRow, KktResiduals, Solution
-from wbc.qp.work import Work
 from wbc.robot import Robot
 from wbc.tasks import ComTask, PostureTask
 
@@ -187,39 +184,7 @@ def test_a_tick_asks_proxqp_for_its_first_qp_only(robot, name, monkeypatch) -> N
     tick = control.step(here)
     assert tick.ok and tick.step_scale == 1.0 and len(constraint.tried) == 2
     assert len(asked) == 1
-    assert tick.solution.solver == "daqp"
-
-
-def test_a_look_takes_more_for_rows_and_for_bodies_inside(robot) -> None:
-    """A hundred units, three for each row, thirty for each pair inside: touching is not inside."""
-    here = robot.snapshot(robot.posture("standing"))
-    plain = Slow(robot, 0.5, useful=True).rows(here, DT)
-    measured = SimpleNamespace(clearance=np.array([-0.01, 0.0, 5e-4, 0.2, -1e-9]))
-    four = Bounds(tuple("abcd"), np.zeros((4, robot.nv)), -np.ones(4), np.ones(4),
-                  distances=measured)  # fmt: skip
-    for parts, units in (([], 100.0), ([plain], 103.0), ([plain, four], 100.0 + 15.0 + 60.0)):
-        assert MarginRows([], Slacks({}, [], []), here, DT, parts, Work()).look == units
-
-
-@pytest.mark.parametrize(("budget", "solves"), [(329.0, 2), (328.0, 1)])
-def test_cuts_are_solved_for_if_that_leaves_room_for_another_look(robot, budget, solves) -> None:
-    """Two looks at one row, one kept for later, and ten units for each of two unknowns."""
-    here, work = robot.snapshot(robot.posture("standing")), Work(budget)
-    constraint = Slow(robot, 0.5, useful=True)
-    constraint.start = here.q
-    margins = MarginRows.at(here, [constraint], Slacks({}, [], []), DT, work)
-    fast, asked = np.eye(robot.nv)[6], []
-    found = outcome(None)
-    solved = found.solution._replace(status=Status.SOLVED, x=fast)
-    found = found._replace(solution=solved, nv=robot.nv)
-
-    def solve(bounds, box):
-        asked.append(bounds)
-        return found
-
-    attempt = solve_with_look_ahead(solve, margins, [])
-    assert len(asked) == solves and (CUTS in work.left_out) is (solves == 1)
-    assert attempt.step_scale < 1.0
+    assert tick.solution.solver == "active_set"
 
 
 @pytest.mark.parametrize(("most", "scale"), [(1.0, 1.0), (0.3, 0.25), (0.07, 0.0625), (0.06, 0.0)])

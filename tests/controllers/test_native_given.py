@@ -8,7 +8,7 @@ import pytest
 
 from tests.conftest import random_state
 from tests.controllers.native_ticks import assert_same_qp, every_task
-from tests.needs import needs_core, needs_direct_daqp
+from tests.needs import needs_core
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
@@ -105,7 +105,7 @@ def test_the_same_qp_and_errors(name: str, level, rng, native) -> None:
         tasks = [*own_tasks(robot, rng, snapshot), *every_task(robot, rng, snapshot)]
         tasks = [tasks[k] for k in rng.permutation(len(tasks))]
         contacts = support(robot.snapshot(robot.posture("standing")), "left")
-        controller = level(robot, tasks, contacts=contacts, limits=None, solver="daqp")
+        controller = level(robot, tasks, contacts=contacts, limits=None, solver="active_set")
         # Damping by the error of a pose is of the velocity level.
         assert len(controller.native.given) == (9 if level is KinematicController else 8)
         if Controller._step(controller, snapshot).policy is None:
@@ -126,7 +126,6 @@ def force_tasks(robot: Robot, here) -> list:
     ]
 
 
-@needs_direct_daqp
 @pytest.mark.parametrize("name", ["hoap2_like", "g1_27"])
 def test_forces_are_decided_by_the_core_as_by_python(name: str, rng, native) -> None:
     """Same QPs, commands and errors over a loop in which feet come and go, and rows with them."""
@@ -137,7 +136,9 @@ def test_forces_are_decided_by_the_core_as_by_python(name: str, rng, native) -> 
     tasks = [ComTask(robot, here.com, weight=3.0), posture, *force_tasks(robot, here)]
     both = support(here, "double")
     fast, plain = (
-        TorqueController(robot, tasks, contacts=both, limits=Limits(robot), dt=0.002, solver="daqp")
+        TorqueController(
+            robot, tasks, contacts=both, limits=Limits(robot), dt=0.002, solver="active_set"
+        )
         for _ in range(2)
     )
     plain._native, plain._native_plan = None, lambda backend, margin: None  # also after changes
@@ -160,7 +161,7 @@ def test_forces_are_decided_by_the_core_as_by_python(name: str, rng, native) -> 
             np.testing.assert_allclose(found.errors[one], error, rtol=0.0, atol=1e-6 * size)
         solvers.add(found.solution.solver)
         q, v = robot.integrate(q, found.velocity, 0.002), found.velocity
-    assert solvers <= {"cholesky", "daqp"}
+    assert solvers <= {"cholesky", "active_set"}
     assert fast.native is not None and not fast.native.given
 
 
@@ -178,7 +179,7 @@ def test_margins_of_the_core_go_with_rows_of_python(native) -> None:
             contacts=contacts,
             limits=Limits(robot),
             constraints=[apart],
-            solver="daqp",
+            solver="active_set",
         )
         for _ in range(2)
     )
@@ -232,7 +233,7 @@ def test_what_is_no_plain_cost_is_left_to_python(native) -> None:
         assert controller.native is None and controller.step(here).ok
     # Later changes are noticed too.
     half = Half(robot, here.com)
-    controller = KinematicController(robot, [half, posture], contacts=(), solver="daqp")
+    controller = KinematicController(robot, [half, posture], contacts=(), solver="active_set")
     used = [controller.step(here).solution.solver]
     half.singular_threshold = 10.0
     tick = controller.step(here)
@@ -279,7 +280,7 @@ def test_one_s_own_task_is_not_asked_again_for_the_plan_without_margins(native) 
     beyond = np.array(q)
     beyond[10] = robot.limits.upper[3] + 0.01  # is done in Python
     controller = KinematicController(
-        robot, [pair], contacts=support(here, "double"), constraints=[apart], solver="daqp"
+        robot, [pair], contacts=support(here, "double"), constraints=[apart], solver="active_set"
     )
     controller.step(here)
     pair.asked = 0

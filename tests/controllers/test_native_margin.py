@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.controllers.native_ticks import assert_same_entries
-from tests.needs import needs_core, needs_direct_daqp
+from tests.needs import needs_core
 from wbc.constraints import BrakingParameters, Limits, PositionBox, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
@@ -16,10 +16,10 @@ from wbc.robot.collision import CollisionModel
 from wbc.robot.collision.shapes import Body, Capsule
 from wbc.tasks import ComTask, PositionTask, PostureTask
 
-pytestmark = [needs_core, needs_direct_daqp]
+pytestmark = needs_core
 HANDS = ("left_hand", "right_hand")
 LEVELS = (KinematicController, TorqueController)
-SOLVERS = ("daqp", "proxqp")
+SOLVERS = ("active_set", "proxqp")
 
 
 def controller_of(
@@ -28,7 +28,7 @@ def controller_of(
     """The hands reach for each other through whatever is between."""
     tasks = [PositionTask(robot, hand, here.com, weight=3.0, gain=0.2) for hand in HANDS]
     tasks += [ComTask(robot, here.com - [0, 0, 0.05]), PostureTask(robot, here.q, weight=0.05)]
-    options = {"limits": Limits(robot), "solver": "daqp", **options}
+    options = {"limits": Limits(robot), "solver": "active_set", **options}
     return level(robot, tasks, contacts=support(here, "double"), **options)
 
 
@@ -44,7 +44,7 @@ def assert_same_tick(controller: Controller, snapshot: Snapshot) -> bool:
     assert_same_entries(found.qp, plain.qp)
     # Of the solver's two ways to one optimum, with and without equalities; warm or not, those of
     # ProxQP are as near as its residuals and the least curvature let them be.
-    exact = controller.backend.name == "daqp"
+    exact = controller.backend.name == "active_set"
     accuracy = {"rtol": 0.0, "atol": 1e-7 if exact else 1e-5}
     np.testing.assert_allclose(found.velocity, plain.velocity, **accuracy)
     fast = controller.step(snapshot)
@@ -197,7 +197,7 @@ def test_pairs_that_could_not_stop_in_time_have_rows_at_the_torque_level(core, n
     wanted = {judge.model.labels[k] for k in np.flatnonzero(late)}
     for pairs in (3, 200):
         margins = SelfCollision(robot, pairs=pairs)
-        solver = "daqp" if core else "proxqp_cold"
+        solver = "active_set" if core else "proxqp_cold"
         options = {"constraints": [margins], "solver": solver, "limits": None}
         controller = controller_of(robot, here, TorqueController, **options)
         rows = {

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from tests.needs import needs_core, needs_direct_daqp
+from tests.needs import needs_core
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
 from wbc.controllers.native_problem import NO_SOLVER
 from wbc.qp.kkt import kkt_residuals
-from wbc.qp.native import Workspace
+from wbc.qp.proxqp_workspace import Workspace
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
-pytestmark = [needs_core, needs_direct_daqp]
+pytestmark = needs_core
 LEVELS = (KinematicController, TorqueController)
 # Residuals are below 1e-8, the least curvature is 0.3^2.
 NEAR = 1e-7
@@ -29,13 +29,13 @@ def controller_of(
         InertiaTask(robot, 1.01 * here.inertia, per_mass=True, weight=3.0),
         PostureTask(robot, here.q, weight=0.3),
     ]
-    options = {"limits": Limits(robot), "solver": "daqp", **options}
+    options = {"limits": Limits(robot), "solver": "active_set", **options}
     return level(robot, tasks, contacts=support(here, "double"), **options)
 
 
 @pytest.mark.parametrize("margin", [False, True])
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 def test_no_solver_is_asked_where_no_bound_is_active(
     solver: str, level, margin: bool, native, monkeypatch
 ) -> None:
@@ -56,7 +56,7 @@ def test_no_solver_is_asked_where_no_bound_is_active(
     assert np.abs(tick.velocity).max() > 1e-4
 
 
-@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 def test_every_bound_is_kept(solver: str, native) -> None:
     """One joint at a time may not be as fast: unknowns that stay, and eliminated ones of legs."""
     robot = native("hoap2_like")
@@ -91,7 +91,7 @@ def test_a_solver_is_asked_exactly_where_something_is_active(level, native) -> N
     posture = PostureTask(robot, here.q, weight=0.3, gain=0.1)
     tasks = [ComTask(robot, here.com, weight=3.0), posture]
     kept = [SelfCollision(robot, pairs=20)]
-    options = {"limits": Limits(robot), "constraints": kept, "solver": "daqp"}
+    options = {"limits": Limits(robot), "constraints": kept, "solver": "active_set"}
     controller = level(robot, tasks, contacts=support(here, "double"), **options)
     rng, told = np.random.default_rng(3), []
     for size in np.geomspace(1e-3, 1.0, 40):
@@ -100,7 +100,7 @@ def test_a_solver_is_asked_exactly_where_something_is_active(level, native) -> N
         tick = controller.step(here)
         found = tick.solution
         active = found.z.any() or found.z_box.any()
-        assert found.solver == ("daqp" if active else NO_SOLVER)
+        assert found.solver == ("active_set" if active else NO_SOLVER)
         plain = Controller._step(controller, here)
         assert (np.abs(plain.solution.z_box) > 1e-7).any() <= active
         np.testing.assert_allclose(tick.velocity, plain.velocity, rtol=0.0, atol=NEAR)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.conftest import ROBOTS, random_state
 from tests.controllers.native_ticks import FIELDS, assert_same_qp, every_task
-from tests.needs import needs_core, needs_direct_daqp
+from tests.needs import needs_core
 from wbc.constraints import (
     Contact,
     Limits,
@@ -25,9 +25,7 @@ from wbc.controllers.native_problem import NativeProblem
 from wbc.controllers.tick import Tick
 from wbc.native import VARIABLE
 from wbc.native.rows import NativeRows
-from wbc.qp import daqp_direct
-from wbc.qp.daqp import Daqp
-from wbc.qp.daqp_direct import direct_daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.kkt import kkt_residuals
 from wbc.qp.proxqp import ProxQP
 from wbc.robot import Robot, Snapshot
@@ -47,7 +45,7 @@ pytestmark = needs_core
 
 
 def controller_of(robot: Robot, tasks, contacts=(), **options) -> KinematicController:
-    options = {"limits": Limits(robot), "solver": "daqp", **options}
+    options = {"limits": Limits(robot), "solver": "active_set", **options}
     return KinematicController(robot, tasks, contacts=contacts, **options)
 
 
@@ -88,7 +86,7 @@ def test_joints_may_be_held(native) -> None:
     np.testing.assert_allclose(tick.velocity[joints], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 @pytest.mark.parametrize("formulation", ["equality", "reduced"])
 def test_a_closed_loop_goes_the_same_way(solver: str, formulation: str, monkeypatch) -> None:
     """Moving targets, limits active: after 150 ticks within 1e-7 rad, what solvers leave."""
@@ -335,7 +333,7 @@ def test_limits_assigned_later_are_the_cores_too(level, native) -> None:
     there = robot.integrate(here.q, 0.2 * np.ones(robot.nv), 1.0)
     posture = PostureTask(robot, robot.limits.clamped(there), gain=0.5)
     contacts = support(here, "double")
-    controller = level(robot, [posture], contacts=contacts, limits=limits, solver="daqp")
+    controller = level(robot, [posture], contacts=contacts, limits=limits, solver="active_set")
     before = controller.step(here)
     for name, factor in (("acceleration", 0.1), ("speed", 1e-3), ("speed", 2.0)):
         setattr(limits, name, factor * getattr(limits, name))
@@ -406,13 +404,12 @@ def solved(controller: KinematicController, snapshot: Snapshot) -> NativeProblem
     return found
 
 
-@needs_direct_daqp
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> None:
     """Limits active on the base and on joints; contacts with rows that depend on each other too."""
     robot = native(name)
     rng = np.random.default_rng(3)
-    backend, active = Daqp(), 0
+    backend, active = ActiveSet(), 0
     for k in range(20):
         snapshot = robot.snapshot(*random_state(robot, rng))
         frames = [robot.frame_names[i] for i in rng.integers(1, len(robot.frame_names), size=2)]
@@ -444,7 +441,6 @@ def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> No
     assert active > 20
 
 
-@needs_direct_daqp
 def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatch) -> None:
     robot = native("g1_27")
     q = robot.posture("standing")
@@ -460,7 +456,6 @@ def test_a_solution_that_is_not_good_enough_is_left_to_python(native, monkeypatc
     assert plan.problem(here).solution is not None
 
 
-@needs_direct_daqp
 def test_dependent_contacts_are_not_solved_in_the_core(native) -> None:
     """Two tasks hold the same rows: there is no pivot for the second."""
     robot = native("g1_27")
@@ -474,9 +469,8 @@ def test_dependent_contacts_are_not_solved_in_the_core(native) -> None:
     assert controller.step(here).ok
 
 
-@needs_direct_daqp
 def test_only_solvers_as_they_are_answer_the_core(native) -> None:
-    class Other(Daqp):
+    class Other(ActiveSet):
         """Its answers may be anything."""
 
     class OtherProxQP(ProxQP):
@@ -489,15 +483,14 @@ def test_only_solvers_as_they_are_answer_the_core(native) -> None:
         {"solver": "proxqp_cold"},
         {"solver": Other()},
         {"solver": OtherProxQP()},
-        {"solver": Daqp(eps=1e-5)},  # may leave limits by more than a command may
+        {"solver": ActiveSet(eps=1e-5)},  # may leave limits by more than a command may
         {"solver": ProxQP(eps=1e-5)},
-        {"solver": "daqp", "formulation": "reduced"},
+        {"solver": "active_set", "formulation": "reduced"},
     ):
         assert controller_of(robot, tasks, **options)._native.problem(here).solution is None
     assert solved(controller_of(robot, tasks), here).solution.solver == "cholesky"
 
 
-@needs_direct_daqp
 def test_settings_of_the_backend_are_kept(native) -> None:
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture())
@@ -506,24 +499,8 @@ def test_settings_of_the_backend_are_kept(native) -> None:
     whole = solved(controller_of(robot, tasks, limits=limits), here).solution
     assert whole.iterations > 2
     for most, there in ((whole.iterations - 1, False), (whole.iterations + 1, True)):
-        few = controller_of(robot, tasks, limits=limits, solver=Daqp(max_iterations=most))
+        few = controller_of(robot, tasks, limits=limits, solver=ActiveSet(max_iterations=most))
         assert (few._native.problem(here).solution is not None) == there
-
-
-@needs_direct_daqp
-def test_daqp_is_only_called_where_its_layout_is_known(monkeypatch) -> None:
-    found = direct_daqp()
-    assert found.settings(1e-8, 7)[0] == 1e-9
-    for attribute, value, reason in (
-        ("VERSIONS", frozenset({"0.0.1"}), "is not among 0.0.1"),
-        ("_TOLERANCE", 1e-3, "settings are not where they were"),
-        ("_works", lambda *_: False, "answer to a trial is wrong"),
-    ):
-        with monkeypatch.context() as patch:
-            patch.setattr(daqp_direct, attribute, value)
-            refused = direct_daqp.__wrapped__()
-        assert refused.address == 0
-        assert reason in refused.reason
 
 
 # ---------------------------------------------------------------------- copies and threads
@@ -546,7 +523,6 @@ def test_copies_have_memory_of_their_own(how, native, rng) -> None:
     np.testing.assert_allclose(again.jacobian("left_hand"), here.jacobian("left_hand"), atol=1e-12)
 
 
-@needs_direct_daqp
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
 def test_a_tick_that_nobody_has_read_keeps_its_evidence(how, native) -> None:
     """Copied before it is read, and read after its targets and another tick have come."""
@@ -634,10 +610,6 @@ def test_copies_keep_what_the_plan_was_made_with(native) -> None:
     box = PositionBox(robot, "left_palm", [-1, -1, -1], [1, 1, 1])
     tasks = [ComTask(robot, here.com), PostureTask(robot, here.q)]
     shared = controller_of(robot, tasks, support(here, "double"), constraints=[box])
-    bounded = controller_of(robot, tasks, support(here, "double"), budget=400.0)
-    assert shared.native.shares_state and not bounded.native.shares_state
+    assert shared.native.shares_state
     for one in (pickle.loads(pickle.dumps(shared)), copy.deepcopy(shared)):
         assert one.native.shares_state
-    first, second = (plan.native.memory._settings for plan in (bounded, copy.deepcopy(bounded)))
-    limits = [daqp_direct.iteration_limit(one)[0] for one in (first, second)]
-    assert limits[0] == limits[1] < Daqp().max_iterations

@@ -8,18 +8,18 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.needs import needs_core, needs_direct_daqp
+from tests.needs import needs_core
 from wbc.constraints import Limits, SelfCollision, support
 from wbc.controllers import KinematicController, TorqueController
 from wbc.controllers.controller import Controller
-from wbc.qp import pause
+from wbc.qp import proxqp
 from wbc.qp.kkt import kkt_residuals
-from wbc.qp.native import Workspace
+from wbc.qp.proxqp_workspace import Workspace
 from wbc.qp.solution import RawSolution
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import ComTask, InertiaTask, PostureTask
 
-pytestmark = [needs_core, needs_direct_daqp]
+pytestmark = needs_core
 LEVELS = (KinematicController, TorqueController)
 # Least curvature is 0.3^2, of the posture, residuals 1e-8; the velocities are some rad/s.
 NEAR = 1e-5
@@ -57,10 +57,10 @@ def test_answers_are_those_of_daqp_and_of_the_python_tick(
     name: str, level, native, monkeypatch
 ) -> None:
     """In closed loop, warm, bounds active."""
-    monkeypatch.setattr(pause, "FIRST", 0)
+    monkeypatch.setattr(proxqp, "COOLDOWN", 0)
     robot = native(name)
     here = robot.snapshot(robot.posture("standing"))
-    ours, daqp = (controller_of(robot, here, level, solver=one) for one in ("proxqp", "daqp"))
+    ours, daqp = (controller_of(robot, here, level, solver=one) for one in ("proxqp", "active_set"))
     q, v, active, warm = here.q, np.zeros(robot.nv), 0, 0
     for _ in range(25 if level is KinematicController else 60):
         snapshot = robot.snapshot(q, v)
@@ -108,12 +108,12 @@ def wrong(honest: Callable[..., object]) -> Callable[..., object]:
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_wrong_answer_is_rejected_and_daqp_answers(level, margin, native, monkeypatch) -> None:
     """Warm, and from nothing behind DAQP's own answer, the look where it leads in between."""
-    monkeypatch.setattr(pause, "FIRST", 0)
+    monkeypatch.setattr(proxqp, "COOLDOWN", 0)
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))
     kept = [SelfCollision(robot, pairs=20)] if margin else []
     options = {"constraints": kept}
-    exact = controller_of(robot, here, level, solver="daqp", **options).step(here)
+    exact = controller_of(robot, here, level, solver="active_set", **options).step(here)
     controller = controller_of(robot, here, level, **options)
     for _ in range(2):
         assert controller.step(here).solution.solver == "proxqp"
@@ -124,7 +124,7 @@ def test_a_wrong_answer_is_rejected_and_daqp_answers(level, margin, native, monk
         patch.setattr(Workspace, "create", false)
         for attempts in (2, 3, 3):  # warm, then from nothing: a false warm start is not kept
             tick = controller.step(here)
-            assert (tick.solution.solver, tick.solution.attempts) == ("daqp", attempts)
+            assert (tick.solution.solver, tick.solution.attempts) == ("active_set", attempts)
             assert_evidence(tick)
             np.testing.assert_array_equal(tick.velocity, exact.velocity)
     assert controller.step(here).solution.solver == "proxqp"
@@ -157,12 +157,12 @@ def test_what_stalls_is_left_in_peace(native, monkeypatch) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(Workspace, "is_capped", True)
         patch.setattr(Workspace, "run", wrong(Workspace.run))
-        assert controller.step(here).solution.solver == "daqp"
+        assert controller.step(here).solution.solver == "active_set"
     honest = Workspace.solve_cold
     count: Callable[[Workspace], RawSolution] = lambda self: asked.append(1) or honest(self)  # noqa: E731
     monkeypatch.setattr(Workspace, "solve_cold", count)
-    for _ in range(pause.FIRST):
-        assert controller.step(here).solution[8:] == ("daqp", None, 1, "")
+    for _ in range(proxqp.COOLDOWN):
+        assert controller.step(here).solution[8:] == ("active_set", None, 1, "")
     assert not asked
     assert controller.step(here).solution.solver == "proxqp"
     assert asked
@@ -193,7 +193,7 @@ def test_small_costs_are_scaled_for_proxqp(native) -> None:
     robot = native("hoap2_like")
     here = robot.snapshot(robot.posture("standing"))
     ticks = []
-    for solver in ("proxqp", "daqp"):
+    for solver in ("proxqp", "active_set"):
         controller = controller_of(robot, here, solver=solver, damping=1e-9)
         for task in controller.tasks:
             task.weight = 1e-2 * task.weight

@@ -8,7 +8,7 @@ import pytest
 
 from tests.conftest import ROBOTS, load, random_state
 from tests.controllers.native_ticks import FIELDS, assert_same_qp, every_task
-from tests.needs import needs_core, needs_direct_daqp
+from tests.needs import needs_core
 from wbc.constraints import (
     Contact,
     FrictionCone,
@@ -22,7 +22,7 @@ from wbc.controllers import TorqueController
 from wbc.controllers.controller import Controller
 from wbc.laws import AccelerationLaw
 from wbc.native import VARIABLE
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.kkt import kkt_residuals
 from wbc.robot import Robot, Snapshot
 from wbc.tasks import (
@@ -38,7 +38,7 @@ CORNERS = [[0.05, 0.03, -0.02], [0.05, -0.03, 0.0], [-0.05, 0.0, 0.01]]
 
 
 def controller_of(robot: Robot, tasks, contacts=(), **options) -> TorqueController:
-    options = {"limits": Limits(robot), "solver": "daqp", **options}
+    options = {"limits": Limits(robot), "solver": "active_set", **options}
     return TorqueController(robot, tasks, contacts=contacts, **options)
 
 
@@ -130,7 +130,7 @@ def test_gears_and_a_bolted_base(native, geared: Robot, rng) -> None:
 
 
 @pytest.mark.parametrize("name", ["g1_27", "talos", "hoap2_like"])
-@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 def test_a_closed_loop_goes_the_same_way(name: str, solver: str, monkeypatch) -> None:
     """A push, a foot that is let go slowly, friction that changes: within what solvers leave."""
     ends, states = [], []
@@ -178,12 +178,11 @@ def test_a_tick_tells_the_same(native, rng) -> None:
         np.testing.assert_allclose(fast.forces[key], wrench, rtol=1e-7, atol=1e-6)
 
 
-@needs_direct_daqp
 @pytest.mark.parametrize("name", ROBOTS[:-1])
 def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> None:
     """Torque bounds, cones and limits active."""
     robot = native(name)
-    rng, backend, active = np.random.default_rng(3), Daqp(), 0
+    rng, backend, active = np.random.default_rng(3), ActiveSet(), 0
     here = robot.snapshot(robot.posture("standing"))
     for _ in range(15):
         tasks = standing_tasks(robot, here)
@@ -209,7 +208,7 @@ def test_the_answer_is_daqps_and_its_residuals_are_ours(name: str, native) -> No
     assert active > 20
 
 
-@pytest.mark.parametrize("solver", ["daqp", "proxqp"])
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
 def test_margins_are_added_to_the_cores_qp(solver: str, native) -> None:
     """The base comes down on a box, hands near the body: until margins hold the robot."""
     robot = native("hoap2_like")
@@ -249,13 +248,13 @@ def test_what_cannot_be_kept_is_relaxed_in_python(native, monkeypatch) -> None:
     The QP that has no solution is not solved again in Python, and the relaxed one by the core.
     """
     asked: list[int] = []
-    solve = Daqp.solve
+    solve = ActiveSet.solve
 
     def counted(self, qp, *args, **options):
         asked.append(qp.g.size)
         return solve(self, qp, *args, **options)
 
-    monkeypatch.setattr(Daqp, "solve", counted)
+    monkeypatch.setattr(ActiveSet, "solve", counted)
     robot = native("g1_27")
     here = robot.snapshot(robot.posture("standing"))
     rng = np.random.default_rng(5)
@@ -297,7 +296,6 @@ def test_what_the_core_does_not_know_is_left_to_python(native) -> None:
     assert controller.step(here).ok
 
 
-@needs_direct_daqp
 @pytest.mark.parametrize("friction", [FrictionCone(0.05, facets=8), None])
 def test_cones_of_another_size_count_in_every_tick_from_then_on(native, friction) -> None:
     """The core's plan has no place for them: neither in the next tick nor in those behind it."""

@@ -12,7 +12,7 @@ import pytest
 import wbc
 from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.gait.phases import DoubleSupport, SingleSupport, Standing
-from wbc.qp.daqp import Daqp
+from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP
 from wbc.qp.solution import Solution, Status
 from wbc.robot import Robot
@@ -55,13 +55,13 @@ def test_a_footstep_without_solution_is_counted_and_said(
     while not isinstance(walker.phase, SingleSupport):
         walker.prepare(here)
     assert walker.unadapted == 0 and not caplog.records
-    left, sound = walker.phase.left, Daqp.solve
+    left, sound = walker.phase.left, ActiveSet.solve
 
-    def nothing(solver: Daqp, qp: QP, **options: Any) -> Solution:
+    def nothing(solver: ActiveSet, qp: QP, **options: Any) -> Solution:
         answer = sound(solver, qp, **options)
         return answer._replace(x=np.full(qp.g.size, np.nan), status=Status.FAILED)
 
-    monkeypatch.setattr(Daqp, "solve", nothing)
+    monkeypatch.setattr(ActiveSet, "solve", nothing)
     for k in range(3):
         walker.prepare(here)
         assert walker.unadapted == k + 1 and not walker.phase.adapted

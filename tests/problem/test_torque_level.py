@@ -23,7 +23,7 @@ tasks:
   spin: {type: momentum, components: angular, weight: 0.3, kd: 4}
   calm: {type: damping, weight: 0.01}
   posture: {type: posture, weight: 0.3}
-controller: {level: torque, solver: active_set, friction: 0.5, torque_limits: 0.9, force_damping: 0.02}
+controller: {level: torque, solver: proxqp, friction: 0.5, torque_limits: 0.9, force_damping: 0.02}
 """
 
 
@@ -100,9 +100,17 @@ MISTAKES = [
     (CONTROLLER, "", "p.yaml:4: tasks.com.law: belongs to the torque level; give controller"),
     ("level: torque, ", "", "p.yaml:10: controller.friction: belongs to the torque level; give le"),
     ("level: torque, ", "level: torqe, ", "controller.level: 'torqe' does not exist; did you mean"),
-    ("solver: active_set", "starts: 3", "p.yaml:10: controller.starts: belongs to the method global"),
-    ("solver: active_set", "method: global", "pseudo_inverse are of the velocity level, got 'torque'"),
-    ("solver: active_set", "on_failure: hold", "controller.on_failure: 'hold' does not exist"),
+    (
+        "solver: proxqp",
+        "starts: 3",
+        "p.yaml:10: controller.starts: belongs to the method global",
+    ),
+    (
+        "solver: proxqp",
+        "method: global",
+        "pseudo_inverse are of the velocity level, got 'torque'",
+    ),
+    ("solver: proxqp", "on_failure: hold", "controller.on_failure: 'hold' does not exist"),
     ("friction: 0.5", "friction: {facets: 2}", "controller.friction.facets: must be at least 3"),
     ("friction: 0.5", "friction: {facet: 8}", "friction.facet: unknown key; did you mean 'facets'"),
     (

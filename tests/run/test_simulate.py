@@ -64,21 +64,6 @@ def test_an_update_chooses_the_controller_and_ends_the_loop(robot: Robot) -> Non
     assert ticks[2].tick.velocity[2] > 0.0  # back up
 
 
-def test_what_no_budget_afforded_is_counted_in_the_result(robot: Robot) -> None:
-    start = robot.snapshot(robot.posture())
-    tasks = [ComTask(robot, start.com - (0.0, 0.0, 0.02)), PostureTask(robot, start.q, priority=1)]
-    stop, counted = Stop(duration=0.05, speed=None), []
-    for budget in (None, 1.0):
-        control = KinematicController(
-            robot, tasks, contacts=support(start, "double"), limits=Limits(robot), budget=budget
-        )
-        result = simulate(control, robot.posture(), stop)
-        assert result.status is RunStatus.COMPLETED and not result.failures
-        assert result.summary()["qp"]["left_out"] == result.left_out
-        counted.append(result.left_out)
-    assert counted == [{}, {"level 1: posture": 10}]
-
-
 def test_ticks_are_timed_by_the_clock_and_by_the_threads_own(robot: Robot, monkeypatch) -> None:
     """With clocks that go on by 3 s and by 0.5 s whenever they are read."""
     for name, start, step in (("perf_counter", 100.0, 3.0), ("thread_time", 7.0, 0.5)):

@@ -3,7 +3,7 @@
 The test set is a Parquet file of problems in the form of qpsolvers (G x <= h, A x = b, a box), and
 a Python file beside it, which the command ``qpbenchmark`` takes. The warm variant is the
 same sequences solved in order by a kept solver: what ``wbc bench`` measures as ``proxqp`` and
-``daqp_kept``; a script beside it does so without this package, for solvers of one's own.
+``proxqp_refreshed``; a script beside it does so without this package, for solvers of one's own.
 """
 
 from __future__ import annotations

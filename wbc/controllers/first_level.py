@@ -78,11 +78,10 @@ class FirstLevel:
         if self._own or solution.solved or solution.status is Status.INFEASIBLE:
             return solution
         exact = self._core.solve(qp, quick=hurried)
-        if not self._said:
+        if exact.solved and not self._said:
             self._said = True
             logging.getLogger(__name__).warning(
-                "controller: solver %r gave no answer to a tick (%s); the core's %r is asked then,"
-                " and tick.solution.solver says who answered",
+                "QP solver %r left a QP unsolved (%s); %r answered, as it will others",
                 *(self._backend.name, solution.message or solution.status.value, NAME),
             )
         spent = solution.solve_time + exact.solve_time

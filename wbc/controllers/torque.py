@@ -39,7 +39,7 @@ from wbc.controllers.tick import RELAX, Tick
 from wbc.controllers.torque_tick import TorqueTick
 from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
-from wbc.qp.backend import Backend
+from wbc.qp.backend import Backend, doubt_at_torque_level
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.returned import drift_of, rows_of
 from wbc.tasks.task import Task
@@ -142,6 +142,11 @@ class TorqueController(Controller):
             on_failure=on_failure,
             deadline=deadline,
         )
+        doubt = doubt_at_torque_level(self.backend)
+        if doubt is not None:
+            logging.getLogger(__name__).warning(
+                "controller: %s; what it leaves, the core's 'active_set' answers", doubt
+            )
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.

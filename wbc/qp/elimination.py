@@ -17,9 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
+from wbc.qp.conflict import find_conflict
 from wbc.qp.kkt import acceptable, kkt_residuals
 from wbc.qp.problem import QP, Labels
-from wbc.qp.solution import Solution
+from wbc.qp.solution import Solution, Status
 from wbc.validate import Array
 
 # A diagonal entry of R below this fraction of the largest marks rows that repeat the others.
@@ -74,7 +75,11 @@ class Elimination:
         return acceptable(s.residuals, ADMITTED, self.full, s.x, s.y, s.z, s.z_box)
 
     def lift(self, solution: Solution) -> Solution:
-        """Return the solution of the full QP, with all its multipliers and residuals recomputed."""
+        """Return the solution of the full QP, with all its multipliers and residuals recomputed.
+
+        Rows that contradict each other are looked for anew: without the equalities, which may be to
+        blame, others would be.
+        """
         qp, factors = self.full, self.factors
         x = self.basis @ solution.x + self.offset
         rows = qp.l.size
@@ -85,7 +90,12 @@ class Elimination:
         slope = qp.P @ x + qp.g + z_box + qp.C.T @ z
         y = -factors.Q @ _triangular(factors.R, slope[factors.dependent], transposed=True)
         residuals = kkt_residuals(qp, x, y, z, z_box)
-        return solution._replace(x=x, y=y, z=z, z_box=z_box, residuals=residuals)
+        lifted = solution._replace(x=x, y=y, z=z, z_box=z_box, residuals=residuals)
+        if solution.conflict is None:
+            return lifted
+        conflict = find_conflict(qp)
+        status = Status.FAILED if conflict is None else Status.INFEASIBLE
+        return lifted._replace(conflict=conflict, status=status)
 
 
 def eliminate(qp: QP) -> Elimination:

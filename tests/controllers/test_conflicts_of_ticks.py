@@ -1,0 +1,53 @@
+"""Conflicts of ticks from wild states: true, and without a needless row, by HiGHS."""
+
+import numpy as np
+import pytest
+
+import wbc
+from tests.needs import needs_bench
+from tests.qp.conflicts import blamed_in_vain
+from wbc.constraints.contact import Contact
+from wbc.qp import Status
+
+LEAST = 5  # of so many wild states in a row, that have none
+
+
+def conflicts_of(robot, formulation: str, solver: str, count: int) -> int:
+    """Check the conflicts of wild ticks; return how many there were."""
+    rng, found = np.random.default_rng(3), 0
+    start = robot.snapshot(robot.posture("standing"))
+    for k in range(count):
+        turn = np.concatenate((np.zeros(6), 0.3 * rng.normal(size=robot.nv - 6)))
+        q = robot.integrate(start.q, turn, 1.0)
+        here = robot.snapshot(q, rng.normal(size=robot.nv))
+        feet = list(wbc.support(start if k % 2 else here, "double"))
+        if k % 3 == 0:  # a second anchor for one foot
+            away = here.position("left_foot") + 0.05 * rng.normal(size=3)
+            feet.append(Contact(robot, "left_foot", away, here.rotation("left_foot")))
+        one = wbc.KinematicController(
+            robot, [wbc.ComTask(robot, here.com + 0.05)], contacts=feet, solver=solver,
+            limits=wbc.Limits(robot), formulation=formulation,
+            constraints=[wbc.SelfCollision(robot, margin=0.03)],
+        )  # fmt: skip
+        tick = one.step(here)
+        if tick.status is Status.INFEASIBLE:
+            assert blamed_in_vain(tick.qp, tick.solution.conflict) == [], tick.report()
+            found += 1
+    return found
+
+
+@pytest.mark.slow
+@needs_bench
+@pytest.mark.parametrize("solver", ["proxqp", "active_set", "clarabel", "piqp", "daqp", "osqp"])
+@pytest.mark.parametrize("formulation", ["equality", "reduced"])
+def test_conflicts_of_wild_ticks_are_true_with_every_backend(
+    robot_named, formulation: str, solver: str
+) -> None:
+    assert conflicts_of(robot_named("hoap2_like"), formulation, solver, 40) >= LEAST
+
+
+@pytest.mark.parametrize("formulation", ["equality", "reduced"])
+def test_conflicts_of_wild_ticks_are_true_in_both_formulations(
+    robot_named, formulation: str
+) -> None:
+    assert conflicts_of(robot_named("hoap2_like"), formulation, "proxqp", 12) >= LEAST
