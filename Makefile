@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
+# What the installed package is compiled from: it is built again where one of these changed.
+CORE := $(wildcard wbc/native/source/*) wbc/native/sources.py setup.py build_backend.py pyproject.toml
 
 .PHONY: demo view test test-slow docs fuzz soak mutation lint lowest bench clean
 
@@ -55,7 +57,7 @@ SELECT ?= slow or not slow
 lowest: build/lowest/stamp
 	build/lowest/bin/python -m pytest -n auto -m '$(SELECT)'
 
-build/lowest/stamp: pyproject.toml
+build/lowest/stamp: $(CORE)
 	$(PYTHON) -m venv build/lowest
 	build/lowest/bin/pip install -qq uv
 	UV_SYSTEM_CERTS=1 build/lowest/bin/uv pip install -q --python build/lowest/bin/python --resolution lowest-direct \
@@ -78,15 +80,15 @@ clean:
 	rm -rf $(VENV) build dist *.egg-info result.json result.png
 
 # `make test` after `make demo` only adds what is missing.
-$(VENV)/demo.stamp: pyproject.toml | $(VENV)/bin/python
+$(VENV)/demo.stamp: $(CORE) | $(VENV)/bin/python
 	$(BIN)/pip install -qq --editable '.[plot]'
 	touch $@
 
-$(VENV)/view.stamp: pyproject.toml | $(VENV)/bin/python
+$(VENV)/view.stamp: $(CORE) | $(VENV)/bin/python
 	$(BIN)/pip install -qq --editable '.[plot,view]'
 	touch $@
 
-$(VENV)/dev.stamp: pyproject.toml | $(VENV)/bin/python
+$(VENV)/dev.stamp: $(CORE) | $(VENV)/bin/python
 	$(BIN)/pip install -qq --editable '.[dev]'
 	touch $@
 

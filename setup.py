@@ -1,26 +1,8 @@
-"""The native core as an optional part of the wheel; all else is in pyproject.toml.
+"""The compiled core, which every wheel has in it; all else is in pyproject.toml."""
 
-Where there is no C compiler the wheel is made without it: it is then compiled at first use, or
-ticks run in Python.
-"""
+from setuptools import setup
 
-from pathlib import Path
-from runpy import run_path
-
-from setuptools import Extension, setup
-
-core = run_path("wbc/native/fingerprint.py")
-source = Path("wbc/native/source")  # relative: setuptools wants it so
 setup(
-    ext_modules=[
-        Extension(
-            "wbc.native._core",
-            sources=[str(file) for file in sorted(source.glob("*.c"))],
-            depends=[str(file) for file in sorted(source.glob("*.h"))],
-            define_macros=[("WBC_SOURCE", f'"{core["fingerprint"]()}"')],
-            extra_compile_args=list(core["FLAGS"]),
-            libraries=["m"],
-            optional=True,
-        )
-    ]
+    cffi_modules=["wbc/native/sources.py:builder"],
+    options={"bdist_wheel": {"py_limited_api": "cp311"}},
 )

@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--fresh", action="store_true", help="forget what was found before")
     options = parser.parse_args()
     os.chdir(ROOT)
-    os.environ |= {"OMP_NUM_THREADS": "1", "WBC_NATIVE": "off"}  # before anything looks
+    os.environ["OMP_NUM_THREADS"] = "1"  # before anything looks
     for name in ("coal", "numpy", "pinocchio", "scipy.linalg", "scipy.optimize"):
         importlib.import_module(name)  # here, once; nothing of wbc, which has the faults
     RESULTS.mkdir(exist_ok=True)

@@ -35,24 +35,10 @@ ALWAYS = "tests/test_defaults.py"  # looks at signatures, and calls nothing
 MOST = 8.0  # CPU seconds of tests for one fault; the quickest are taken
 MEMORY = 8 << 30  # bytes of address space for one fault
 LATER = "outside functions"
-OF_CORE = ("WBC_NATIVE", "core")  # in reasons to skip a test
 Tests = dict[str, dict[str, Any]]
 
 
-class Unskipped:
-    """A plugin of pytest that runs the tests of the core although it is off: they turn it on."""
-
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Drop the marks that skip tests where there is no core."""
-        for node in {node for item in items for node in item.listchain()}:
-            node.own_markers[:] = [
-                mark
-                for mark in node.own_markers
-                if mark.name != "skipif" or not any(word in str(mark.kwargs) for word in OF_CORE)
-            ]
-
-
-class Runs(Unskipped):
+class Runs:
     """A plugin of pytest that ends the process at the first failure, and says which test it was."""
 
     def __init__(self, pipe: int) -> None:
@@ -97,7 +83,7 @@ class Watch:
             self.seen.setdefault(report.nodeid, {})["passed"] = False
 
 
-class Trials(Unskipped):
+class Trials:
     """Verdicts on a sample of faults, kept in a file; a plugin of the pytest that collects."""
 
     def __init__(self, sample: list[Fault], path: Path, watched: Path) -> None:

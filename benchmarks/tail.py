@@ -24,7 +24,6 @@ from time import thread_time
 import numpy as np
 from tick import DT, make_run
 
-from wbc.native import status
 from wbc.robot import Robot
 from wbc.rotations import exp_rotation
 
@@ -125,7 +124,6 @@ def main() -> None:
     options = parser.parse_args()
     if options.realtime:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
-    print(f"native core: {status().reason}")
     robot = Robot.load(options.robot)
     first = Rounds(Loop(robot, options.solver), options.ticks)
     loop, late = first.loop, memory()

@@ -12,7 +12,7 @@ Every round is a process of its own: where memory happens to lie is a part of th
         [--output benchmarks/RESULTS.md] [--history ticks.jsonl]
 
 A history has a line of figures for each run; a run is compared with the last one before it of the
-same robot, machine and core: see wbc/bench/compare.py. The exit code is 3 if a tick is slower.
+same robot and machine: see wbc/bench/compare.py. The exit code is 3 if a tick is slower.
 """
 
 import os
@@ -40,7 +40,6 @@ from wbc.bench.tables import Table
 from wbc.constraints import Limits, support
 from wbc.controllers import KinematicController
 from wbc.controllers.controller import Controller
-from wbc.native import core
 from wbc.problem.provenance import versions
 from wbc.qp.backend import installed_solvers
 from wbc.robot import Robot
@@ -195,7 +194,6 @@ def main() -> int:
     figures = {
         "format": FORMAT,
         "robot": robot.name,
-        "core": core() is not None,
         "machine": machine(),
         "versions": versions(),
         "command": shlex.join(["python", "benchmarks/tick.py", *sys.argv[1:]]),
@@ -217,12 +215,11 @@ def section(figures: dict[str, Any], nv: int, ticks: int) -> str:
     }
     header = ["us per tick", *next(iter(rows.values()))]
     cells = [[label, *(f"{one:.3g}" for one in row.values())] for label, row in rows.items()]
-    how = "with the native core" if figures["core"] else "in plain Python"
     told = ", ".join(f"{name} {one}" for name, one in figures["versions"].items())
     return "\n\n".join(
         [
             "## One tick by stages",
-            Table(f"{figures['robot']}, nv {nv}, both feet held, {how}", header, cells).markdown(),
+            Table(f"{figures['robot']}, nv {nv}, both feet held", header, cells).markdown(),
             f"{ticks} ticks each in {figures['rounds']} processes, in turns of {BLOCK}, on"
             f" {figures['machine']}; {told}. Command: `{figures['command']}`.",
         ]

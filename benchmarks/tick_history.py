@@ -17,7 +17,7 @@ from wbc.bench.compare import PASSES, TimeRatio, time_ratio
 from wbc.errors import InvalidInputError
 
 FORMAT = "wbc ticks 1"
-ALIKE = ("robot", "core", "machine")
+ALIKE = ("robot", "machine")
 
 
 class NothingToCompareError(InvalidInputError):
@@ -25,7 +25,7 @@ class NothingToCompareError(InvalidInputError):
 
 
 def last_like(path: Path, figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the last run of a history with the same robot, core and machine.
+    """Return the last run of a history with the same robot and machine.
 
     Raises
     ------

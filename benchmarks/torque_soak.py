@@ -18,8 +18,6 @@ Parts that were run with other code of this package are left aside, and said to 
 
     python benchmarks/torque_soak.py [--ticks 10000] [--robots g1 ...] [--solver active_set]
         [--runs 4] [--state FILE.jsonl]
-
-`WBC_NATIVE=off` measures the ticks of NumPy.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ def figures(seed: int, slower: float = 1.0, rounds: int = 5, **others: Any) -> d
     """Return what benchmarks/tick.py would write, with noise of 3 %."""
     noise = np.exp(0.03 * np.random.default_rng(seed).standard_normal(rounds))
     ticks = {"daqp equality": {"passes": (0.05 * slower * noise).tolist()}}
-    same = {"format": FORMAT, "robot": "g1", "core": True, "machine": "this"}
+    same = {"format": FORMAT, "robot": "g1", "machine": "this"}
     return {**same, "rounds": rounds, "ticks": ticks, **others}
 
 
@@ -39,12 +39,12 @@ def test_noise_is_no_change_and_a_change_is_one() -> None:
 
 
 def test_the_last_run_alike_is_taken(tmp_path: Path) -> None:
-    runs = figures(0), figures(1), figures(2, core=False), figures(3, machine="that")
+    runs = figures(0), figures(1), figures(2, robot="talos"), figures(3, machine="that")
     path = written(tmp_path / "h.jsonl", *runs)
     assert last_like(path, figures(9)) == runs[1]
-    assert last_like(path, figures(9, core=False)) == runs[2]
-    with pytest.raises(NothingToCompareError, match="no earlier run with robot talos"):
-        last_like(path, figures(9, robot="talos"))
+    assert last_like(path, figures(9, robot="talos")) == runs[2]
+    with pytest.raises(NothingToCompareError, match="no earlier run with robot icub"):
+        last_like(path, figures(9, robot="icub"))
     with pytest.raises(NothingToCompareError, match="no earlier run"):
         last_like(tmp_path / "none.jsonl", figures(9))
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import wbc.robot
-from tests.needs import needs_core
 from wbc.codegen import CodegenError, export_problem
 from wbc.codegen.c_text import LONGEST_IDENTIFIER, LONGEST_LITERAL, comment, identifier, literal
 
@@ -86,7 +85,6 @@ def test_names_that_no_string_of_c_holds_are_refused(name: str, said: str) -> No
         literal(name)
 
 
-@needs_core
 @compiles
 def test_export_of_a_robot_and_a_file_with_odd_names_compiles(tmp_path: Path) -> None:
     """Newlines come as references in XML; names of tasks are words, of any script."""

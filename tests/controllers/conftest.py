@@ -3,14 +3,12 @@
 import pytest
 
 from tests.conftest import ROBOTS, load
-from wbc.native import VARIABLE
 from wbc.robot import Robot
 
 
 @pytest.fixture
-def native(monkeypatch):
-    """Return robots in the native core."""
-    monkeypatch.setenv(VARIABLE, "require")
+def native():
+    """Return what loads robots anew."""
     return lambda name: Robot.load(name if name in ROBOTS[:-1] else load(name).path)
 
 

@@ -1,259 +1,123 @@
-"""Where the core comes from, and every way in which it cannot be had."""
+"""How the core is compiled: the sources, and the build that brings a compiler where none is."""
 
-import ctypes
-import os
+import re
 import shutil
-import stat
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
 
-from wbc.errors import UnknownNameError
-from wbc.native import VARIABLE, NativeCoreError, build, core, library, mode, status
-from wbc.robot import Robot
+from tests.needs import needs_compiler
+from wbc.native import ffi, lib, sources
 
-ROOT = os.geteuid() == 0
-compiles = pytest.mark.skipif(
-    not any(shutil.which(name) for name in build.COMPILERS), reason="no C compiler here"
-)
+build_backend = pytest.importorskip("build_backend", reason="needs setuptools")
+ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch):
-    """An empty cache and a library that is not loaded yet."""
-    monkeypatch.setenv(build.CACHE_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(library, "SHIPPED", tmp_path / "none")
-    monkeypatch.setenv(VARIABLE, "auto")  # and back at the end, whatever is set between
+@pytest.fixture
+def nothing_installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A machine without a compiler: the only folder of programs, empty."""
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    monkeypatch.setenv("PATH", str(programs))
     monkeypatch.delenv("CC", raising=False)
-    library._loaded.cache_clear()
-    yield tmp_path / "native"
-    library._loaded.cache_clear()
+    monkeypatch.setattr(sysconfig, "get_config_var", {"CC": "gcc -pthread"}.get)
+    return programs
 
 
-def script(path: Path, text: str) -> str:
-    path.write_text("#!/bin/sh\n" + text + "\n")
-    path.chmod(path.stat().st_mode | stat.S_IXUSR)
-    return str(path)
+def program(folder: Path, name: str) -> Path:
+    path = folder / name
+    path.write_text("#!/bin/sh\n")
+    path.chmod(0o755)
+    return path
 
 
-def why() -> str:
-    """Return why there is no core; Python runs all the same, and ``require`` says the same."""
-    assert core() is None
-    reason = status().reason
-    robot = Robot.load("hoap2_like")
-    assert robot.native is None
-    assert robot.snapshot(robot.posture()).com.shape == (3,)
-    os.environ[VARIABLE] = "require"  # the fixture takes it back
-    with pytest.raises(NativeCoreError, match=VARIABLE) as raised:
-        Robot.load("hoap2_like").snapshot(robot.posture())
-    assert reason in str(raised.value)
-    return reason
+HOOKS = ("get_requires_for_build_wheel", "get_requires_for_build_editable")
 
 
-@pytest.mark.slow
-@compiles
-def test_it_is_compiled_once_and_then_found(cache: Path, monkeypatch) -> None:
-    first = core()
-    assert first is not None
-    assert first.path.parent.parent == cache
-    assert [path.name for path in cache.iterdir()] == [first.path.parent.name]  # nothing is left
-    made = first.path.stat().st_mtime_ns
-    monkeypatch.setattr(build, "_compile", None)  # not called again
-    library._loaded.cache_clear()
-    again = core()
-    assert again is not None
-    assert again.path == first.path
-    assert again.path.stat().st_mtime_ns == made
-    monkeypatch.setenv(VARIABLE, "require")
-    assert core() is again
-
-
-def test_off(monkeypatch) -> None:
-    monkeypatch.setenv(VARIABLE, " OFF ")
-    monkeypatch.setattr(build, "built", None)
-    assert core() is None
-    assert status() == (None, f"{VARIABLE}=off")
-
-
-def test_a_misspelt_mode_is_an_error(monkeypatch) -> None:
-    monkeypatch.setenv(VARIABLE, "requir")
-    for ask in (mode, core, status):
-        with pytest.raises(UnknownNameError, match="did you mean 'require'"):
-            ask()
-
-
-def test_no_compiler(monkeypatch) -> None:
-    monkeypatch.setattr(build, "COMPILERS", ("no-such-compiler",))
-    assert "no C compiler (no-such-compiler); install one" in why()
-
-
-def test_a_compiler_that_is_not_there(monkeypatch) -> None:
-    monkeypatch.setenv("CC", "/no/such/cc -m64")
-    assert "CC='/no/such/cc -m64' is not found" in why()
-
-
-def test_a_command_that_cannot_be_read(monkeypatch) -> None:
-    monkeypatch.setenv("CC", "cc '")
-    assert "cannot be read" in why()
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("echo 'this is broken' >&2; exit 3", "exit code 3); it said: this is broken"),
-        ("exit 0", "exit code 0); it said: nothing"),  # and writes nothing
-        ("sleep 5", "was not done after 0.2 s"),
-    ],
-)
-def test_a_broken_compiler(text: str, said: str, tmp_path: Path, monkeypatch, cache) -> None:
-    monkeypatch.setenv("CC", script(tmp_path / "broken", text))
-    monkeypatch.setattr(build, "LONGEST", 0.2)
-    assert said in why()
-    assert list(cache.iterdir()) == []
-
-
-def test_a_compiler_that_writes_something_else(tmp_path: Path, monkeypatch) -> None:
-    """The file that comes behind -o holds no library."""
-    text = 'while [ "$1" != -o ]; do shift; done; echo no library > "$2"'
-    monkeypatch.setenv("CC", script(tmp_path / "broken", text))
-    assert "cannot be loaded" in why()
-
-
-def test_no_cache(monkeypatch) -> None:
-    monkeypatch.setenv(build.CACHE_VARIABLE, "off")
-    assert "WBC_CACHE=off" in why()
-
-
-@compiles
-def test_a_file_in_the_way_of_the_cache(tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "file").write_text("not a folder")
-    monkeypatch.setenv(build.CACHE_VARIABLE, str(tmp_path / "file"))
-    assert "no folder for what is compiled" in why()
-
-
-@compiles
-@pytest.mark.skipif(ROOT, reason="root may write everywhere")
-def test_an_unwritable_cache(cache: Path) -> None:
-    cache.mkdir(mode=0o500)
-    assert "cannot be written to" in why()
-
-
-@compiles
-def test_a_cache_that_others_may_write_to(cache: Path) -> None:
-    cache.mkdir()
-    cache.chmod(0o777)
-    assert "can be written to by others" in why()
-
-
-@pytest.mark.slow
-@compiles
-@pytest.mark.parametrize("damage", ["truncated", "changed", "no checksum", "another library"])
-def test_a_poisoned_build_is_not_loaded(damage: str, cache: Path) -> None:
-    """It is made anew, by content: nothing of what was put there runs."""
-    path = build.built()
-    content = path.read_bytes()
-    if damage == "truncated":
-        path.write_bytes(content[: len(content) // 2])
-    elif damage == "changed":
-        path.write_bytes(content[:1000] + b"?" + content[1001:])
-    elif damage == "no checksum":
-        (path.parent / build.CHECKSUM).unlink()
-    else:  # whole and well-formed, as from another machine: it cannot be loaded
-        path.write_bytes(b"\x7fELF of another machine")
-        (path.parent / build.CHECKSUM).write_text(build._checksum(path.read_bytes()))
-    found = core()
-    assert found is not None
-    assert found.path == path
-    assert path.read_bytes() == content  # compilers give the same bits for the same source
-
-
-@pytest.mark.slow
-@compiles
-def test_a_library_of_another_version_is_not_used(monkeypatch) -> None:
-    monkeypatch.setattr(library, "VERSION", 10**6)
-    assert "is of version" in why()
-
-
-@pytest.mark.slow
-@compiles
-def test_what_a_wheel_carries_is_used_without_a_compiler(tmp_path: Path, monkeypatch) -> None:
-    folder = tmp_path / "package"
-    folder.mkdir()
-    build._compile(build.find_compiler(), folder / "_core.here.so")
-    monkeypatch.setattr(library, "SHIPPED", folder)
-    monkeypatch.setattr(build, "COMPILERS", ())
-    found = core()
-    assert found is not None
-    assert found.path == folder / "_core.here.so"
-
-
-@pytest.mark.slow
-@compiles
-@pytest.mark.parametrize("damage", ["no library", "other sources"])
-def test_what_a_wheel_carries_is_not_used_if_it_does_not_fit(
-    damage: str, tmp_path: Path, monkeypatch, cache: Path
+@pytest.mark.parametrize("hook", HOOKS)
+def test_ziglang_is_required_where_there_is_no_compiler_and_only_there(
+    hook: str, nothing_installed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As after sources were edited in place: the core is compiled as if there were none."""
-    folder = tmp_path / "package"
-    folder.mkdir()
-    if damage == "no library":
-        (folder / "_core.here.so").write_bytes(b"no library")
-    else:
-        with monkeypatch.context() as patch:
-            patch.setattr(build, "fingerprint", lambda: "of another day")
-            build._compile(build.find_compiler(), folder / "_core.here.so")
-    monkeypatch.setattr(library, "SHIPPED", folder)
-    found = core()
-    assert found is not None
-    assert found.path.parent.parent == cache
+    monkeypatch.setattr(build_backend.build_meta, hook, lambda settings: ["others"])
+    required = getattr(build_backend, hook)
+    assert required() == ["others", "ziglang>=0.13"]
+    monkeypatch.setenv("CC", "no-such-cc -m64")
+    assert required() == ["others", "ziglang>=0.13"]
+    for name in ("clang", "cc", "gcc"):
+        path = program(nothing_installed, name)
+        assert required() == ["others"]
+        path.unlink()
+    monkeypatch.setenv("CC", f"{program(nothing_installed, 'mine')} -m64")
+    assert required() == ["others"]
 
 
-@pytest.mark.slow
-@compiles
-def test_processes_that_build_at_once(cache: Path) -> None:
-    """All end with the same whole build, and leave nothing beside it."""
-    code = (
-        "from pathlib import Path; from wbc.native import core, library;"
-        "library.SHIPPED = Path('none'); print(core().path)"
+def test_compiler_is_the_one_asked_for_then_pythons_own_then_the_systems(
+    nothing_installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used = []
+    monkeypatch.setattr(
+        build_backend.build_meta,
+        "build_wheel",
+        lambda *_: used.append(build_backend.os.environ["CC"]),
     )
-    command = [sys.executable, "-c", code]
-    running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(4)]
-    paths = {process.communicate(timeout=60)[0].strip() for process in running}
-    assert [process.returncode for process in running] == [0] * 4
-    assert len(paths) == 1
-    assert [path.name for path in cache.iterdir()] == [Path(paths.pop()).parent.name]
+    monkeypatch.setattr(build_backend, "find_spec", lambda name: name)
+    for name in (None, "clang", "cc", "gcc", "mine"):
+        if name is not None:
+            program(nothing_installed, name)
+        monkeypatch.delenv("CC", raising=False)
+        if name == "mine":
+            monkeypatch.setenv("CC", "mine -m64")
+        build_backend.build_wheel("folder")
+    assert used == [build_backend.ZIG, "clang", "cc", "gcc -pthread", "mine -m64"]
+    assert f"{sys.executable} -m ziglang cc" in build_backend.ZIG
 
 
-@compiles
-def test_flags_and_compiler_decide_on_the_build(monkeypatch, tmp_path: Path) -> None:
-    found = build.find_compiler()
-    keys = {build._key(found), build._key([*found, "-g"])}
-    monkeypatch.setattr(build, "FLAGS", (*build.FLAGS, "-g"))
-    keys.add(build._key(found))
-    copy = shutil.copytree(build.SOURCE, tmp_path / "source")
-    monkeypatch.setattr("wbc.native.fingerprint.SOURCE", copy)
-    (copy / "tree.c").write_text((copy / "tree.c").read_text() + "\n")
-    keys.add(build._key(found))
-    assert len(keys) == 4
+def test_what_is_missing_for_the_build_is_said(
+    nothing_installed: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(build_backend, "find_spec", lambda name: None)
+    with pytest.raises(build_backend.CoreBuildError, match=r"no C compiler \(cc, gcc, clang\)"):
+        build_backend.build_editable("folder")
+    program(nothing_installed, "cc")
+    with monkeypatch.context() as patch:
+        patch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+        with pytest.raises(build_backend.CoreBuildError, match=r"Python\.h is missing: install"):
+            build_backend.build_editable("folder")
+
+    def fails(*_: object) -> str:
+        raise SystemExit("error: command 'cc' failed with exit code 3")
+
+    monkeypatch.setattr(build_backend.build_meta, "build_editable", fails)
+    with pytest.raises(build_backend.CoreBuildError, match=r"compiled by 'cc'.*code 3"):
+        build_backend.build_editable("folder")
+
+
+def test_cffi_knows_all_functions_and_structures_of_the_header() -> None:
+    text = re.sub(r"/\*.*?\*/", "", (sources.SOURCE / "core.h").read_text("ascii"), flags=re.S)
+    functions = re.findall(r"\bint (wbc_\w+)\(", text)
+    assert len(functions) > 15 and set(functions) <= set(dir(lib))
+    structs = re.findall(r"^\} (wbc_\w+);", text, flags=re.M)
+    assert len(structs) > 5
+    assert all(ffi.sizeof(name) == 8 * len(ffi.typeof(name).fields) for name in structs)
 
 
 @pytest.mark.slow
-@compiles
+@needs_compiler
 def test_the_source_is_plain_c99_without_warnings(tmp_path: Path) -> None:
     """And has no memory of its own: no symbol of the library can be written to."""
     strict = ["-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wstrict-prototypes", "-Werror"]
-    build._compile([*build.find_compiler(), *strict], tmp_path / "core.so")
-    assert ctypes.PyDLL(str(tmp_path / "core.so")).wbc_core_version() == library.VERSION
+    library = tmp_path / "core.so"
+    flags = [*sources.FLAGS, *strict, "-fPIC", "-shared", "-o", library]
+    subprocess.run(["cc", *flags, *sources.SOURCE.glob("*.c"), "-lm"], check=True)
     names = shutil.which("nm")
     if names is not None:
-        listed = subprocess.run(
-            [names, "--defined-only", str(tmp_path / "core.so")],
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split("\n")
-        kinds = {line.split()[2]: line.split()[1] for line in listed if len(line.split()) == 3}
+        command = [names, "--defined-only", library]
+        listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        kinds = {
+            line.split()[2]: line.split()[1] for line in listed.split("\n") if line.count(" ") == 2
+        }
         ours = {name: kind for name, kind in kinds.items() if kind in "bBdDcC" and name[0] != "_"}
         assert not {name for name in ours if not name.startswith("completed")}, ours

@@ -1,16 +1,19 @@
 """The core's active-set method against Clarabel, PIQP and DAQP, and its verdicts against HiGHS."""
 
 import pickle
+import subprocess
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from cffi import FFI
 from scipy.optimize import linprog
 
-from tests.needs import needs_bench
+from tests.needs import needs_bench, needs_compiler
 from tests.qp.conflicts import blamed_in_vain
 from wbc.errors import InvalidInputError
-from wbc.native import build
+from wbc.native import sources
 from wbc.qp import core as in_core
 from wbc.qp import make_backend
 from wbc.qp.active_set import ActiveSet
@@ -73,16 +76,25 @@ def test_unknowns_that_no_equality_has() -> None:
 
 
 @pytest.mark.slow
+@needs_compiler
 def test_the_same_bits_without_wide_vectors(tmp_path, monkeypatch) -> None:
     """As on a machine that has none; where this one has none either, nothing is compared."""
-    monkeypatch.setattr(build, "FLAGS", (*build.FLAGS, "-DWBC_NARROW"))
-    build._compile(build.find_compiler(), tmp_path / "narrow.so")
-    narrow = in_core.core().__class__(tmp_path / "narrow.so")
+    flags = [*sources.FLAGS, "-DWBC_NARROW", "-fPIC", "-shared", "-o", tmp_path / "narrow.so"]
+    subprocess.run(["cc", *flags, *sources.SOURCE.glob("*.c"), "-lm"], check=True)
+    ffi = FFI()
+    ffi.cdef(sources.declarations())
+    narrow = {
+        "ffi": ffi,
+        "lib": ffi.dlopen(str(tmp_path / "narrow.so")),
+        "doubles": partial(ffi.from_buffer, ffi.typeof("double[]")),
+        "integers": partial(ffi.from_buffer, ffi.typeof("int64_t[]")),
+    }
     rng, qps = np.random.default_rng(2), []
     for _ in range(100):
         qps.append(random_qp(rng))
     wide = [ActiveSet().solve(qp) for qp in qps]
-    monkeypatch.setattr(in_core, "core", lambda: narrow)
+    for name, value in narrow.items():
+        monkeypatch.setattr(in_core, name, value)
     for qp, ours in zip(qps, wide, strict=True):
         theirs = ActiveSet().solve(qp)
         for field in ("x", "y", "z", "z_box"):

@@ -8,23 +8,21 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tests.conftest import ROBOTS, load, random_state
-from tests.needs import needs_core
-from wbc.native import VARIABLE
 from wbc.robot import Robot
 from wbc.robot.collision import CollisionModel, robot_bodies, select_pairs
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
 
-pytestmark = needs_core
+
+def loaded(name: str) -> Robot:
+    return Robot.load(name if name in ROBOTS[:-1] else load(name).path)
 
 
-def both(name: str, monkeypatch) -> tuple[Robot, Robot]:
-    """Return a robot in the native core, and the same in Python."""
-    robots = []
-    for mode in ("require", "off"):
-        monkeypatch.setenv(VARIABLE, mode)
-        robots.append(Robot.load(name if name in ROBOTS[:-1] else load(name).path))
-        assert (robots[-1].native is not None) == (mode == "require")
-    return robots[0], robots[1]
+def both(robot: Robot, bodies, pairs) -> list[CollisionModel]:
+    """Return a model in the core, and the same by arrays, as where there are half-spaces."""
+    models = [CollisionModel(robot, bodies, pairs) for _ in range(2)]
+    assert models[0].native is not None
+    models[1].native = None
+    return models
 
 
 def random_pairs(bodies, rng: np.random.Generator, most: int) -> list[tuple[int, int]]:
@@ -61,33 +59,33 @@ def assert_same(fast: CollisionModel, plain: CollisionModel, states, count: int)
 
 
 @pytest.mark.parametrize("name", ["g1", "talos", "romeo", "hoap2_like"])
-def test_the_same_pairs_at_random_states(name: str, rng, monkeypatch) -> None:
+def test_the_same_pairs_at_random_states(name: str, rng) -> None:
     """Capsules, with some hulls among them."""
-    fast, plain = both(name, monkeypatch)
+    robot = loaded(name)
     bodies = []
-    for joint in range(1, fast.model.njoints):
+    for joint in range(1, robot.model.njoints):
         ends, radius = rng.uniform(-0.1, 0.1, (2, 3)), rng.uniform(0.01, 0.08)
         ends[1] = ends[0] if joint % 5 == 0 else ends[1]  # spheres among them
         bodies.append(Body(f"capsule {joint}", "base", joint, Capsule(ends, radius)))
     corners = 0.1 * rng.normal(size=(2, 8, 3))
     bodies += [Body(f"hull {k}", "base", 2 + k, Hull(corners[k])) for k in range(2)]
     pairs = random_pairs(bodies, rng, 400)
-    models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
+    models = both(robot, bodies, pairs)
     assert models[0].native is not None
-    states = [random_state(plain, rng) for _ in range(15)]
+    states = [random_state(robot, rng) for _ in range(15)]
     inside = sum(assert_same(*models, states, count) for count in (1, 7, 25, len(pairs)))
     assert inside > 10
 
 
-def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
+def test_hulls_are_certified_and_coals(rng) -> None:
     """Corners prove the distance: none of one hull is beyond a plane, none of the other before it.
 
     Between these planes it can be no less, between the points found no more. coal stops within its
     tolerance of 1e-7 m.
     """
-    fast, plain = both("hoap2_like", monkeypatch)
+    robot = loaded("hoap2_like")
     bodies = []
-    for joint in range(1, fast.model.njoints):
+    for joint in range(1, robot.model.njoints):
         place, size = 0.1 * rng.normal(size=3), rng.uniform(0.01, 0.1)
         points = place + size * rng.normal(size=(40, 3))
         shapes = (
@@ -98,11 +96,11 @@ def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
         )
         bodies.append(Body(str(joint), "base", joint, shapes[joint % 4]))
     pairs = random_pairs(bodies, rng, 150)
-    models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
+    models = both(robot, bodies, pairs)
     certified = handed = 0
     for _ in range(20):
-        q, _ = random_state(plain, rng)
-        here, there = fast.snapshot(q), plain.snapshot(q)
+        q, _ = random_state(robot, rng)
+        here, there = robot.snapshot(q), robot.snapshot(q)
         R, p = here.joint_placements
         expected = models[1].measure(there, np.arange(len(pairs)))
         for k, (a, b) in enumerate(pairs):
@@ -127,20 +125,20 @@ def test_hulls_are_certified_and_coals(rng, monkeypatch) -> None:
     assert handed > 20
 
 
-def test_what_pairs_keep_and_those_that_touch(rng, monkeypatch) -> None:
+def test_what_pairs_keep_and_those_that_touch(rng) -> None:
     """The least clearances of all pairs; only where bodies touch are they coal's (1e-7 m)."""
-    fast, plain = both("hoap2_like", monkeypatch)
+    robot = loaded("hoap2_like")
     bodies = []
-    for joint in range(1, fast.model.njoints):
+    for joint in range(1, robot.model.njoints):
         points = 0.1 * rng.normal(size=3) + rng.uniform(0.01, 0.05) * rng.normal(size=(20, 3))
         corners = points[ConvexHull(points).vertices]
         bodies.append(Body(str(joint), "base", joint, Hull(corners, 0.01 * (joint % 2))))
     pairs = random_pairs(bodies, rng, 150)
-    ours, theirs = (CollisionModel(robot, bodies, pairs) for robot in (fast, plain))
+    ours, theirs = both(robot, bodies, pairs)
     kept, count, touching = 0.1 * rng.random(len(pairs)), 50, 0
     for _ in range(10):
-        q, _ = random_state(plain, rng)
-        here, there = fast.snapshot(q), plain.snapshot(q)
+        q, _ = random_state(robot, rng)
+        here, there = robot.snapshot(q), robot.snapshot(q)
         every = theirs.measure(there, np.arange(len(pairs))).distance - kept
         found, by_arrays = ours.nearest(here, count, kept), theirs.nearest(there, count, kept)
         for nearest in (found, by_arrays):
@@ -155,30 +153,30 @@ def test_what_pairs_keep_and_those_that_touch(rng, monkeypatch) -> None:
     assert touching > 50
 
 
-def test_pairs_as_far_as_the_farthest_do_not_hide_nearer_ones(monkeypatch) -> None:
+def test_pairs_as_far_as_the_farthest_do_not_hide_nearer_ones() -> None:
     """Three of the same distance come first, one that is nearer last."""
-    fast, _ = both("hoap2_like", monkeypatch)
-    here = fast.snapshot(fast.posture())
+    robot = loaded("hoap2_like")
+    here = robot.snapshot(robot.posture())
     own = Body("own", "base", 1, Capsule.sphere([0.0, 0.0, 0.0], 0.01))
     centre = here.joint_placements[1][1]
     places = [[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3], [0.1, 0.0, 0.0]]
     others = [Body("", "", 0, Capsule.sphere(centre + place, 0.01)) for place in places]
-    model = CollisionModel(fast, [own, *others], [(0, k) for k in range(1, 5)])
+    model = CollisionModel(robot, [own, *others], [(0, k) for k in range(1, 5)])
     found = model.nearest(here, 2)
     assert found.pairs.tolist() == [0, 3]
     np.testing.assert_allclose(found.distance, [0.28, 0.08], atol=1e-12)
 
 
-def test_bodies_that_are_moved_from_outside(rng, monkeypatch) -> None:
-    fast, plain = both("hoap2_like", monkeypatch)
-    joints = range(1, fast.model.njoints)
+def test_bodies_that_are_moved_from_outside(rng) -> None:
+    robot = loaded("hoap2_like")
+    joints = range(1, robot.model.njoints)
     balls = [Capsule.sphere(rng.uniform(-0.1, 0.1, 3), 0.05) for _ in joints]
     bodies = [Body(f"ball {k}", "base", k, ball) for k, ball in zip(joints, balls, strict=True)]
     own = len(bodies)
     bodies += [Body("rod", "", 0, Capsule.of([0, 0, 0], [0.3, 0, 0], 0.02))]
     bodies += [Body("ball", "", 0, Capsule.sphere([0, 0, 0], 0.05))]
     pairs = [(a, b) for a in range(own) for b in (own, own + 1)]
-    models = [CollisionModel(robot, bodies, pairs) for robot in (fast, plain)]
+    models = both(robot, bodies, pairs)
     assert models[0].native is not None
     for _ in range(10):
         turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
@@ -186,12 +184,12 @@ def test_bodies_that_are_moved_from_outside(rng, monkeypatch) -> None:
         for model in models:
             model.place(own, turn, np.array([0.2, 0.1, 0.4]))
             model.place(own + 1, turn, 0.3 * turn[0])
-        assert_same(*models, [random_state(plain, rng)], 5)
+        assert_same(*models, [random_state(robot, rng)], 5)
 
 
-def test_what_it_does_not_know_is_left_to_python(monkeypatch) -> None:
-    fast, _ = both("hoap2_like", monkeypatch)
-    here = fast.snapshot(fast.posture())
+def test_what_it_does_not_know_is_left_to_python() -> None:
+    robot = loaded("hoap2_like")
+    here = robot.snapshot(robot.posture())
     # Spheres on joints whose origins are one place, and one elsewhere.
     places = here.joint_placements[1]
     first, second = next(
@@ -203,24 +201,24 @@ def test_what_it_does_not_know_is_left_to_python(monkeypatch) -> None:
     ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
     joints = (first, second, 1)
     bodies = [Body(str(k), "base", joint, ball) for k, joint in enumerate(joints)]
-    model = CollisionModel(fast, bodies, [(0, 1), (0, 2)])
+    model = CollisionModel(robot, bodies, [(0, 1), (0, 2)])
     state = here.native_state
     assert model.native.nearest(state, 1) is None  # axes touch: no direction between them
     assert model.nearest(here, 1).distance[0] == pytest.approx(-0.02)
-    apart = CollisionModel(fast, bodies, [(0, 2), (1, 2)])
+    apart = CollisionModel(robot, bodies, [(0, 2), (1, 2)])
     assert apart.native.nearest(state, 2) is not None
     assert apart.native.nearest(state, 3) is None  # there are not so many
     wall = Body("wall", "", 0, HalfSpace.of([0, 0, 1], 0.0))
-    assert CollisionModel(fast, [*bodies, wall], [(0, 2), (0, 3)]).native is None
+    assert CollisionModel(robot, [*bodies, wall], [(0, 2), (0, 3)]).native is None
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
-def test_a_copy_reads_its_own_bodies(how, monkeypatch) -> None:
-    fast, _ = both("hoap2_like", monkeypatch)
+def test_a_copy_reads_its_own_bodies(how) -> None:
+    robot = loaded("hoap2_like")
     ball = Capsule.sphere([0.0, 0.0, 0.0], 0.01)
     bodies = [Body("own", "base", 1, ball), Body("other", "", 0, ball), Body("far", "", 0, ball)]
-    pairs = how(CollisionModel(fast, bodies, [(0, 1), (0, 2)]).native)
-    here = fast.snapshot(fast.posture())
+    pairs = how(CollisionModel(robot, bodies, [(0, 1), (0, 2)]).native)
+    here = robot.snapshot(robot.posture())
     pairs.arrays["local"][1, :, 0] = here.position("base") + [0.3, 0.0, 0.0]
     pairs.arrays["local"][1, :, 2] = here.position("base") + [0.3, 0.0, 0.0]
     _, found = pairs.nearest(here.native_state, 2)
@@ -247,7 +245,7 @@ def test_a_copy_of_bodies_that_coal_measures(how) -> None:
 
 def test_more_pairs_are_asked_for_at_once_while_many_bodies_touch(rng, monkeypatch) -> None:
     """What was found to be too few is not asked for first in the next look; found is the same."""
-    robot, _ = both("icub", monkeypatch)
+    robot = loaded("icub")
     bodies = robot_bodies(robot, "hull")
     chosen = select_pairs(robot, bodies)
     model = CollisionModel(robot, chosen.bodies, chosen.pairs)

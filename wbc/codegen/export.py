@@ -10,8 +10,8 @@ from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import Recording, check_kind, record
 from wbc.codegen.texts import plan_header, plan_source, recording_text
 from wbc.files import write_text
-from wbc.native.fingerprint import FLAGS
-from wbc.native.fingerprint import SOURCE as CORE
+from wbc.native.sources import FLAGS
+from wbc.native.sources import SOURCE as CORE
 from wbc.problem import Problem, load_problem
 from wbc.qp.active_set import NAME
 

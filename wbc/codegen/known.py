@@ -55,7 +55,8 @@ def _unknown(controller: Controller) -> str | None:
         return f"the braking {controller.limits.braking!r} of limits; set it to free"
     torque = isinstance(controller, TorqueController)
     for task in (*controller.tasks, *controller.plan.held.contacts):
-        if isinstance(task, ForceTask) or described(task, torque) is None:
+        python = isinstance(task, ForceTask) or described(task, torque) is None
+        if python or (not torque and (task.singular_threshold > 0.0 or _is_second_order(task))):
             return _of_task(task, torque)
     if controller.constraints and not _kept_apart(controller):
         names = ", ".join(repr(one.name) for one in controller.constraints)
@@ -68,6 +69,11 @@ def _kept_apart(controller: Controller) -> bool:
     return controller.core.margin is not None
 
 
+def _is_second_order(task: Task) -> bool:
+    """Whether its curvature goes into the cost: rows are kept for that, which C has no room for."""
+    return isinstance(task, InertiaTask) and task.second_order
+
+
 def _of_task(task: Task, torque: bool) -> str:
     """Return why a task is not known."""
     what = f"task {task.name!r}"
@@ -75,7 +81,7 @@ def _of_task(task: Task, torque: bool) -> str:
         return f"{what}, which is about forces"
     if not torque and task.singular_threshold > 0.0:
         return f"the singular_threshold of {what}; leave it out"
-    if isinstance(task, InertiaTask) and task.second_order:
+    if _is_second_order(task):
         return f"second_order of {what}; leave it out"
     if isinstance(task, InertiaTask) and task.about != COM:
         return f"an inertia about {task.about!r}, as {what} has it; leave about out"

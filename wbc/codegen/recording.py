@@ -12,6 +12,7 @@ from wbc.controllers import Controller
 from wbc.controllers.closed_loop import LoopTick
 from wbc.controllers.core_plan import CorePlan
 from wbc.controllers.torque_tick import TorqueTick
+from wbc.native import lib
 from wbc.problem import Problem
 from wbc.problem.controller_spec import QpSpec, TorqueSpec
 from wbc.problem.walk import WalkSpec
@@ -19,14 +20,14 @@ from wbc.qp.active_set import ActiveSet
 from wbc.robot import Snapshot
 from wbc.validate import Array
 
-# Why the core hands a tick over: enum handed_over of wbc/native/source/core.h.
+# Why the core gives no command: enum said of wbc/native/source/core.h.
 _REASONS = {
-    -2: "its QP has no solution: rows contradict each other",
-    -1: "its QP has no solution that is accurate enough",
-    3: "a number is not finite",
-    4: "a distance of two bodies could not be measured",
-    5: "it leads two bodies inside their margin, which takes another round of the QP",
-    6: "more pairs of bodies could not stop in time than get a row, which takes a larger QP",
+    lib.INFEASIBLE: "its QP has no solution: rows contradict each other",
+    lib.UNSOLVED: "its QP has no solution that is accurate enough",
+    lib.NOT_FINITE: "a number is not finite",
+    lib.NOT_MEASURED: "a distance of two bodies could not be measured",
+    lib.LEADS_INSIDE: "it leads two bodies inside their margin, which takes one more QP",
+    lib.MORE_ROWS: "more pairs of bodies could not stop in time than get a row",
 }
 
 
@@ -84,7 +85,7 @@ class Recording:
         self._last = seen
         found = self.plan.tick(seen)
         if found is None or not found.solved:
-            self.left_out[_REASONS.get(self.plan.memory.said, _REASONS[-1])] += 1
+            self.left_out[_REASONS.get(self.plan.memory.said, _REASONS[lib.UNSOLVED])] += 1
             return
         if not self.ticks:
             self.numbers = self.plan.memory.number.copy()

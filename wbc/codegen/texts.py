@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from wbc.codegen.c_text import comment, literal
 from wbc.codegen.known import CodegenError
 from wbc.codegen.recording import Recording
 from wbc.codegen.targets import contact_parts, task_parts
+from wbc.native import ffi
 
 _PER_LINE = 6
 # What belongs to each controller in C, not to the plan.
@@ -121,21 +121,21 @@ def recording_text(recording: Recording) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _struct(name: str, struct: ctypes.Structure, pointers: Mapping[str, str]) -> str:
+def _struct(name: str, struct: Any, pointers: Mapping[str, str]) -> str:
     return f"static const wbc_{name} {name} = {_fields(struct, pointers)};\n"
 
 
-def _list(name: str, structs: Iterable[ctypes.Structure]) -> str:
+def _list(name: str, structs: Iterable[Any]) -> str:
     inside = "".join(f"{_fields(one, {})},\n" for one in structs)
     return f"static const wbc_{name} {name}[] = {{\n{inside}}};\n"
 
 
-def _fields(struct: ctypes.Structure, pointers: Mapping[str, str]) -> str:
-    """Return the fields of a struct, those that point somewhere in words."""
-    fields = []
-    for name, kind, *_ in struct._fields_:
+def _fields(struct: Any, pointers: Mapping[str, str]) -> str:
+    """Return the fields of a struct, or of what points at one; those that point in words."""
+    fields, kind = [], ffi.typeof(struct)
+    for name, field in (kind.item if kind.kind == "pointer" else kind).fields:
         value = getattr(struct, name)
-        if kind is not ctypes.c_void_p:
+        if field.type.kind != "pointer":
             fields.append(f"    .{name} = {_number(value)},\n")
         elif name in pointers:
             fields.append(f"    .{name} = {pointers[name]},\n")

@@ -8,7 +8,6 @@ in Python in each tick, and the core takes them as they are: see :class:`PythonP
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from operator import is_, itemgetter
 from typing import Any, NamedTuple
@@ -24,15 +23,6 @@ from wbc.validate import Array
 _HEADER = 3  # numbers of a law
 # Attributes by which a target moves, which most targets of every tick leave at rest.
 _OF_MOTION = frozenset(("_bias", "_drift", "target_rate", "target_acceleration"))
-
-
-class Block(ctypes.Structure):
-    """``wbc_block`` of wbc/native/source/core.h."""
-
-    _fields_ = [
-        (name, ctypes.c_int64)
-        for name in ("kind", "held", "rows", "first", "frame", "index", "number", "level", "second")
-    ]
 
 
 class _Place(NamedTuple):

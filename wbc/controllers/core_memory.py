@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -12,11 +11,11 @@ from numpy.typing import NDArray
 
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds
-from wbc.controllers.blocks import Block, Part
+from wbc.controllers.blocks import Part
 from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
 from wbc.controllers.plan import Plan
-from wbc.native import address
+from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.qp.active_set import ActiveSet
 from wbc.qp.problem import QP, Labels
 from wbc.qp.proxqp import ProxQP
@@ -26,31 +25,9 @@ from wbc.robot.names import BASE
 from wbc.validate import Array
 
 # What the core says: enum said of source/core.h.
-INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = -2, -1, 0, 3
-NOT_MEASURED, LEADS_INSIDE, MORE_ROWS, REDUCED = 4, 5, 6, 7
-_OWN = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u", "x", "y", "z", "z_box", "found")
-_SHARED = ("D", "offset", "errors", "heaviest", "exact", "torque", "clearance", "chosen")
-_LAYOUT = 27  # LAYOUT of source/core.h
-
-
-class _Plan(ctypes.Structure):
-    """``wbc_plan`` of wbc/native/source/core.h."""
-
-    _fields_ = [
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("tree", "block", "index", "number", "frame_joint", "frame_placement")
-            + ("start", "damping", "limit", "force", "corner", "passive", "with_bound")
-            + ("torque_bound", "cone", "force_bound", "joint_damping", "given", "push", "rows")
-            + ("below", "state", "out", "scratch", "order", "margin")
-        ),
-        *((name, ctypes.c_int64) for name in ("blocks", "frames", "costs", "held", "limited")),
-        *((name, ctypes.c_int64) for name in ("torque", "forces", "bearing", "passives")),
-        *((name, ctypes.c_int64) for name in ("bounded", "cones", "levels", "curved")),
-        *((name, ctypes.c_int64) for name in ("given_rows", "soft", "pushes", "braked")),
-        *((name, ctypes.c_int64) for name in ("outside", "always", "most", "solving")),
-        *((name, ctypes.c_double) for name in ("dt", "mass", "unit", "eps", "recovery")),
-    ]
+INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = lib.INFEASIBLE, lib.UNSOLVED, lib.DONE, lib.NOT_FINITE
+NOT_MEASURED, LEADS_INSIDE, MORE_ROWS = lib.NOT_MEASURED, lib.LEADS_INSIDE, lib.MORE_ROWS
+REDUCED = lib.REDUCED
 
 
 class LevelViews(NamedTuple):
@@ -148,6 +125,8 @@ class CoreMemory:
     ----------
     arrays:
         What it reads and works in, by the names of ``wbc_plan`` in source/core.h.
+    struct:
+        The plan, a pointer to it.
     tree, blocks:
         The structs that it reads besides, but for the forces'.
     said:
@@ -179,18 +158,18 @@ class CoreMemory:
         starts = np.array(robot.limits.starts, dtype=np.int64)
         starts[list(robot.limits.unbounded)] = -starts[list(robot.limits.unbounded)] - 1
         self._slow = None if rows is None else rows.deceleration
-        self.held = sum(block.rows for block in blocks if block.held)
-        self.costs = sum(block.rows for block in blocks if not block.held)
+        self.held = sum(block["rows"] for block in blocks if block["held"])
+        self.costs = sum(block["rows"] for block in blocks if not block["held"])
         self.n, self.k = plan.decision.size, self.held
         self._m = 0 if margin is None else margin.rows
         if self.forces is not None:
             self.k += self.forces.passive.size
             self._m += self.forces.bounded.size + self.forces.cones
-        self._largest = max((block.rows for block in blocks), default=0)
+        self._largest = max((block["rows"] for block in blocks), default=0)
         self.curved = any(part.second for part in parts)
         nv, levels = tree.nv, self.levels
         kept_size = self.costs * (self.n + 2) + levels * nv * (1 + nv * self.curved)
-        self.blocks = (Block * len(blocks))(*blocks)
+        self.blocks = ffi.new("wbc_block[]", blocks)
         self.state = np.zeros(tree.frames)
         self.arrays: dict[str, NDArray[Any]] = {  # the struct points at them
             "index": np.array(index or [0], dtype=np.int64),
@@ -207,20 +186,17 @@ class CoreMemory:
         if self.kept:
             self.arrays["rows"] = np.zeros(kept_size)
         counts = {"blocks": len(blocks), "frames": len(frames), "costs": self.costs}
-        self.struct = _Plan(
-            **counts, held=self.held, levels=levels, curved=self.curved, limited=limits is not None,
-            braked=limits is not None and limits.braking == "bounded", dt=dt, mass=robot.mass,
-            unit=1.0, eps=1e-8, most=1000, recovery=0.0 if limits is None else limits.recovery,
-        )  # fmt: skip
+        settings = {"dt": dt, "mass": robot.mass, "unit": 1.0, "eps": 1e-8, "most": 1000}
+        self.struct = ffi.new("wbc_plan *", {**counts, **settings})
+        self.struct.held, self.struct.levels, self.struct.curved = self.held, levels, self.curved
+        if limits is not None:
+            self.struct.limited, self.struct.recovery = True, limits.recovery
+            self.struct.braked = limits.braking == "bounded"
         self._frames = len(frames)
         self._point(solver)
-        core = tree.core
-        self._problem: Any = core.wbc_problem
-        self._tick: Any = core.wbc_problem if solver is None else core.wbc_tick
-        self._answer: Any = core.wbc_answer
-        self._plan_address = ctypes.addressof(self.struct)
-        self._state_address = address(self.state)
-        self.asked = b""  # q and v
+        self._tick: Any = lib.wbc_problem if solver is None else lib.wbc_tick
+        self._state_pointer = doubles(self.state)
+        self.asked: Any = ffi.NULL  # q and v
         self.layout_of = cache(self._layout_of)
         self._reduced: dict[int, QP] = {}  # by its number of rows
         self.said, self.below = DONE, np.empty(0)
@@ -230,13 +206,13 @@ class CoreMemory:
     def _point(self, solver: ActiveSet | ProxQP | None) -> None:
         """Let the struct point at all that it needs, of both levels."""
         struct = self.struct
-        struct.tree, struct.block = self.tree.address, ctypes.addressof(self.blocks)
+        struct.tree, struct.block = self.tree.struct, self.blocks
         if self.forces is not None:
             self._add_level(self.forces)
         if self.margin is not None:
-            struct.margin = self.margin.address
+            struct.margin = self.margin.struct
         for name, array in self.arrays.items():
-            setattr(struct, name, address(array) if array.size else None)
+            setattr(struct, name, pointer(array))
         if solver is not None:
             own = solver if isinstance(solver, ActiveSet) else solver.active_set
             struct.eps, struct.most, struct.outside = own.eps, own.max_iterations, own is not solver
@@ -249,10 +225,10 @@ class CoreMemory:
         layout = self.layout_of(0, self.struct.given_rows)
         self.layout = layout
         self.out = np.empty(layout.out)
-        self.struct.out = address(self.out)
+        self.struct.out = doubles(self.out)
         if layout.below:
             self.below = np.empty(layout.below)
-            self.struct.below = address(self.below)
+            self.struct.below = doubles(self.below)
 
     def call(self, measured: bytes, state: Array | None, solve: bool = True) -> int:
         """Run the core in memory that is the tick's own; return what it said.
@@ -266,51 +242,50 @@ class CoreMemory:
         solve:
             Whether the QP is solved, if that is for the core.
         """
-        known = None
+        known = ffi.NULL
         if state is not None:
             self.state[:] = state[: self.state.size]
-            known = self._state_address
+            known = self._state_pointer
         self.begin()
         self.out[self.layout.found] = 0.0
-        self.asked = measured
-        function = self._tick if solve else self._problem
-        self.said = said = function(self._plan_address, known, measured, None)
+        self.asked = asked = doubles(measured)  # keeps the bytes, too
+        function = self._tick if solve else lib.wbc_problem
+        self.said = said = function(self.struct, known, asked, ffi.NULL)
         return int(said)
 
     def accept(self, x: bytes, z: bytes, scale: float, iterations: int) -> bool:
         """Whether an answer of the reduced QP makes one of the level: see :class:`Reduced`."""
-        self.said = self._answer(self._plan_address, x, z, scale, iterations)
+        self.said = lib.wbc_answer(self.struct, doubles(x), doubles(z), scale, iterations)
         return bool(self.said == DONE)
 
     def solve(self) -> bool:
         """Whether the core's active-set method does."""
-        self.said = self._answer(self._plan_address, None, None, 1.0, 0)
+        self.said = lib.wbc_answer(self.struct, ffi.NULL, ffi.NULL, 1.0, 0)
         return bool(self.said == DONE)
 
     def pose_level(self, level: int) -> int:
         """Write the QP of a level below the first."""
-        return int(self.tree.core.wbc_pose(self._plan_address, self.asked, None, level))
+        return int(lib.wbc_pose(self.struct, self.asked, ffi.NULL, level))
 
     def solve_level(self, level: int) -> int:
         """Solve a level's QP, in the core; of the first REDUCED may be said."""
-        self.said = int(self.tree.core.wbc_solve(self._plan_address, level))
+        self.said = int(lib.wbc_solve(self.struct, level))
         return self.said
 
     def descend(self) -> int:
         """Solve the levels below the first, whose answer was written, and write the command."""
-        self.said = int(self.tree.core.wbc_descend(self._plan_address, self.asked, None))
+        self.said = int(lib.wbc_descend(self.struct, self.asked, ffi.NULL))
         return self.said
 
     def finish(self) -> int:
         """Write the command of the last level that was solved."""
-        self.said = int(self.tree.core.wbc_finish(self._plan_address, self.asked, None))
+        self.said = int(lib.wbc_finish(self.struct, self.asked, ffi.NULL))
         return self.said
 
     def cost(self, level: int) -> tuple[Array, Array]:
         """Return P (n, n) and g (n,) of one level, or of all (-1), from the rows that are kept."""
         P, g = np.empty((self.n, self.n)), np.empty(self.n)
-        places = address(P), address(g)
-        self.tree.core.wbc_cost(self._plan_address, self.asked, None, level, *places)
+        lib.wbc_cost(self.struct, self.asked, ffi.NULL, level, doubles(P), doubles(g))
         return P, g
 
     @property
@@ -324,7 +299,7 @@ class CoreMemory:
 
     def _reduced_qp(self, rows: int) -> QP:
         begin = np.zeros(6, dtype=np.int64)
-        self.tree.core.wbc_reduced(self._plan_address, address(begin))
+        lib.wbc_reduced(self.struct, integers(begin))
         left = int(begin[5])
         memory = self.arrays["scratch"]
         sizes = left * left, left, left + rows, left + rows, rows * left
@@ -366,37 +341,39 @@ class CoreMemory:
 
     def _put(self, name: str, array: Array) -> None:
         self.arrays[name] = array
-        setattr(self.struct, name, address(array) if array.size else None)
+        setattr(self.struct, name, pointer(array))
 
     def _fit(self, given: int) -> None:
         """Make room to work in for so many given rows."""
-        n, m, tree = self.n, self._m + given, self.tree
+        n, m = self.n, self._m + given
         k = self.k + (self.costs if self.levels > 1 else 0)
         sizes = np.empty(2, dtype=np.int64)
-        tree.core.wbc_sizes(n, k, m, address(sizes))
-        solving, integers = sizes.tolist()
+        lib.wbc_sizes(n, k, m, integers(sizes))
+        solving, order = sizes.tolist()
         solving += m
         looking = 0 if self.margin is None else self._margin_scratch_size(self.margin)
         scratch = max(self._scratch_size(), solving + looking)
-        integers += k + (0 if self.margin is None else self.margin.pairs)
+        order += k + (0 if self.margin is None else self.margin.pairs)
         self.struct.solving = solving
         if "scratch" not in self.arrays or self.arrays["scratch"].size < scratch:
             self._put("scratch", np.zeros(scratch))
             self._reduced.clear()
-        if "order" not in self.arrays or self.arrays["order"].size < integers:
-            self._put("order", np.zeros(integers, dtype=np.int64))
+        if "order" not in self.arrays or self.arrays["order"].size < order:
+            self._put("order", np.zeros(order, dtype=np.int64))
         self._reduced.clear()
 
     def _layout_of(self, level: int, given: int) -> Layout:
-        at = np.zeros(_LAYOUT, dtype=np.int64)
+        at = np.zeros(lib.LAYOUT, dtype=np.int64)
         before, self.struct.given_rows = self.struct.given_rows, given
-        self.tree.core.wbc_layout(self._plan_address, level, address(at))
+        lib.wbc_layout(self.struct, level, integers(at))
         self.struct.given_rows = before
         return Layout(at.tolist(), level, self.tree.nv, self.forces is not None, self.costs)
 
-    def _plan_blocks(self, parts: Sequence[Part]) -> tuple[list[str], list[int], list[Block]]:
+    def _plan_blocks(
+        self, parts: Sequence[Part]
+    ) -> tuple[list[str], list[int], list[dict[str, int]]]:
         """Return frames, entries and blocks; numbers get their places."""
-        frames, index, blocks = [BASE], list[int](), list[Block]()
+        frames, index, blocks = [BASE], list[int](), list[dict[str, int]]()
         begins: list[tuple[Part, int]] = []
         size, counts = 0, [0, 0]  # rows of costs, of contacts
         for part in parts:
@@ -404,10 +381,19 @@ class CoreMemory:
                 kept = part.chosen(rows)
                 if rows.frame is not None and rows.frame not in frames:
                     frames.append(rows.frame)
-                frame = -1 if rows.frame is None else frames.index(rows.frame)
-                first = counts[part.held]
-                places = first, frame, len(index), size, part.level, part.second
-                blocks.append(Block(rows.kind, part.held, len(kept), *places))
+                blocks.append(
+                    {
+                        "kind": rows.kind,
+                        "held": part.held,
+                        "rows": len(kept),
+                        "frame": -1 if rows.frame is None else frames.index(rows.frame),
+                        "first": counts[part.held],
+                        "index": len(index),
+                        "number": size,
+                        "level": part.level,
+                        "second": part.second,
+                    }
+                )
                 index += [rows.entries[i] for i in kept]
                 begins.append((part, size))
                 size += part.size(rows)
@@ -438,7 +424,7 @@ class CoreMemory:
         """Add what the torque level needs to the arrays and to the struct."""
         self.arrays |= forces.arrays
         struct, layout = self.struct, forces.rows.forces
-        struct.force, struct.bearing = ctypes.addressof(forces.structs), forces.count
+        struct.force, struct.bearing = forces.structs, forces.count
         struct.torque, struct.forces, struct.unit = 1, layout.size, layout.unit
         struct.passives, struct.bounded = forces.passive.size, forces.bounded.size
         struct.cones = forces.cones

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,17 +10,9 @@ from numpy.typing import NDArray
 
 from wbc.constraints.contact import PointContact
 from wbc.controllers.contact_forces import ContactForces
+from wbc.native import ffi
 from wbc.tasks.task import Task
 from wbc.validate import Array
-
-
-class Force(ctypes.Structure):
-    """``wbc_force`` of wbc/native/source/core.h."""
-
-    _fields_ = [
-        (name, ctypes.c_int64)
-        for name in ("block", "column", "corners", "corner", "count", "aligned")
-    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +53,8 @@ class NativeForces:
     ----------
     arrays:
         All of them, by the names of ``wbc_plan`` in source/core.h.
+    structs:
+        What each contact bears, ``wbc_force[]``.
     stale:
         Whether a contact was changed since the cones were written.
     """
@@ -75,14 +68,21 @@ class NativeForces:
             contact = part.contact
             width = part.columns.stop - part.columns.start
             points = 0 if part.grasp is None else width // 3
-            aligned = isinstance(contact, PointContact)
-            column = part.columns.start
-            described.append(Force(blocks[contact], column, points, 3 * begin, width, aligned))
+            described.append(
+                {
+                    "block": blocks[contact],
+                    "column": part.columns.start,
+                    "count": width,
+                    "corners": points,
+                    "corner": 3 * begin,
+                    "aligned": isinstance(contact, PointContact),
+                }
+            )
             if part.surface is not None and part.surface.corners is not None:
                 corners.append(part.surface.corners)
                 begin += points
         self.count = len(described)
-        self.structs = (Force * max(self.count, 1))(*described)
+        self.structs = ffi.new("wbc_force[]", described)
         self.corners = np.concatenate(corners).ravel()
         self.passive = np.array(rows.passive, dtype=np.int64)
         self.bounded = np.array(rows.bounded, dtype=np.int64)

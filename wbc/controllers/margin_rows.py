@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import operator
 from collections.abc import Sequence
 
@@ -11,21 +10,10 @@ import numpy as np
 from wbc.constraints.collision import SelfCollision, WatchedPairs
 from wbc.constraints.rows import Constraint, take
 from wbc.controllers.slack import Slacks
-from wbc.native import address
+from wbc.native import ffi, pointer
 from wbc.robot.collision.native_pairs import NativePairs
 from wbc.robot.kernel import NativeTree
 from wbc.validate import Array
-
-
-class _Margin(ctypes.Structure):
-    """``wbc_margin`` of wbc/native/source/core.h."""
-
-    _fields_ = [
-        *((name, ctypes.c_void_p) for name in ("of", "kept", "shorter", "acceleration")),
-        ("rows", ctypes.c_int64),
-        *((name, ctypes.c_double) for name in ("deceleration", "gain", "recovery")),
-        ("recovery_speed", ctypes.c_double),
-    ]
 
 
 class NativeMargin:
@@ -35,8 +23,8 @@ class NativeMargin:
     ----------
     rows:
         How many pairs get one.
-    struct, address:
-        The core's structure, and where it lies.
+    struct:
+        The core's structure, a pointer to it.
     watched, arrays:
         What it points at; the arrays by the names of ``wbc_margin`` in source/core.h.
     """
@@ -50,16 +38,11 @@ class NativeMargin:
         self.arrays = {"kept": known.kept, "shorter": known.shorter}
         if known.acceleration is not None:
             self.arrays["acceleration"] = known.acceleration
-        self.struct = _Margin(
-            of=ctypes.addressof(self.watched),
-            **{name: address(array) for name, array in self.arrays.items()},
-            rows=self.rows,
-            deceleration=law.deceleration,
-            gain=law.gain,
-            recovery=law.recovery,
-            recovery_speed=law.recovery_speed,
-        )
-        self.address = ctypes.addressof(self.struct)
+        self.struct = ffi.new("wbc_margin *", {"of": self.watched, "rows": self.rows})
+        for name, array in self.arrays.items():
+            setattr(self.struct, name, pointer(array))
+        for name in ("deceleration", "gain", "recovery", "recovery_speed"):
+            setattr(self.struct, name, getattr(law, name))
 
     @property
     def pairs_of_bodies(self) -> NativePairs:

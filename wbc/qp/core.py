@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import NamedTuple
 
 import numpy as np
 
-from wbc.native import NativeCoreError, address, core
+from wbc.native import doubles, ffi, integers, lib
 from wbc.qp.problem import QP, check_qp
 from wbc.qp.solution import KktResiduals
 from wbc.validate import Array
 
-# enum handed_over of native/source/core.h
-DONE, INFEASIBLE, NOT_FINITE = 0, -2, 3
-_FIELDS = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
-
-
-class _Qp(ctypes.Structure):
-    """``wbc_qp`` of wbc/native/source/core.h, as far as it is of use here, with a reserve."""
-
-    _fields_ = [
-        *((name, ctypes.c_int64) for name in ("n", "k", "m")),
-        ("eps", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in (*_FIELDS, "x", "y", "z", "z_box", "found")),
-        ("reserve", ctypes.c_void_p * 6),
-    ]
+DONE, INFEASIBLE = lib.DONE, lib.INFEASIBLE
+_GIVEN = ("P", "A", "C", "g", "lower", "upper", "b", "l", "u")
 
 
 class CoreAnswer(NamedTuple):
@@ -71,20 +58,19 @@ def solve_in_core(qp: QP, eps: float, most: int, give: Array | None = None) -> C
     if tuple([array.shape for array in arrays]) != shapes:
         check_qp(qp)
     given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
-    native, wanted = core(), np.empty(2, dtype=np.int64)
-    if native is None:
-        raise NativeCoreError("the active-set method is the core's, and WBC_NATIVE=off")
-    native.wbc_sizes(*sizes, address(wanted))
-    numbers, integers = wanted.tolist()
+    wanted = np.empty(2, dtype=np.int64)
+    lib.wbc_sizes(*sizes, integers(wanted))
+    scratch, order = np.empty(wanted[0]), np.empty(wanted[1], dtype=np.int64)
     out = np.empty(2 * n + k + m + 4)
-    scratch, order = np.empty(numbers), np.empty(integers, dtype=np.int64)
-    at = address(out)
-    places = (at, at + 8 * n, at + 8 * (n + k), at + 8 * (n + k + m), at + 8 * (out.size - 4))
-    struct = _Qp(*sizes, eps, *map(address, given), *places)
-    soft = None if give is None else address(give)
-    work = address(scratch), address(order)
-    said = native.wbc_solve_qp(ctypes.addressof(struct), soft, most, *work)
-    if said == NOT_FINITE:
+    at = doubles(out)
+    struct = ffi.new("wbc_qp *", {"n": n, "k": k, "m": m, "eps": eps})
+    for name, array in zip(_GIVEN, given, strict=True):
+        setattr(struct, name, doubles(array))
+    struct.x, struct.y, struct.z, struct.z_box = at, at + n, at + n + k, at + n + k + m
+    struct.found = at + out.size - 4
+    soft = ffi.NULL if give is None else doubles(give)
+    said = lib.wbc_solve_qp(struct, soft, most, doubles(scratch), integers(order))
+    if said == lib.NOT_FINITE:
         check_qp(qp)
     *residuals, iterations = out[-4:].tolist()
     x, y, z, z_box, _ = np.split(out, np.cumsum([n, k, m, n]))

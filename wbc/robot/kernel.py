@@ -8,7 +8,6 @@ one, made when it is asked for, adds mass matrix, bias forces and drifts.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -16,22 +15,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.native import Core, address
+from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.spatial import vech
 from wbc.validate import Array, are_plain, read_only
 
 # Frames kept in every state at most, 0.1 us each; others are computed when they are asked for.
 KEPT = 32
-REVOLUTE, PRISMATIC, CONTINUOUS = 1, 2, 3  # as in source/core.h
-_ARRAYS = ("parent", "kind", "iq", "iv", "placement", "axis", "body", "armature", "gravity")
-
-
-class _Tree(ctypes.Structure):
-    """``wbc_tree`` of source/core.h."""
-
-    _fields_ = [("nv", ctypes.c_int64), ("joints", ctypes.c_int64)] + [
-        (name, ctypes.c_void_p) for name in _ARRAYS
-    ]
 
 
 class NativeTree:
@@ -39,14 +28,13 @@ class NativeTree:
 
     Attributes
     ----------
-    struct, address:
-        What the core reads, and where it lies.
+    struct:
+        What the core reads, a pointer to it.
     arrays:
         What the struct points at, by the names of ``wbc_tree`` in source/core.h.
     """
 
-    def __init__(self, core: Core, model: pin.Model) -> None:
-        self.core = core
+    def __init__(self, model: pin.Model) -> None:
         self.model = model
         self.nq, self.nv, self.joints = int(model.nq), int(model.nv), int(model.njoints)
         joints = range(self.joints)
@@ -54,16 +42,21 @@ class NativeTree:
         parents[0] = 0
         kinds, axes = _kinds_and_axes(model)
         starts = [[max(int(i), 0) for i in indices] for indices in (model.idx_qs, model.idx_vs)]
-        integers = np.array([parents, kinds, *starts], dtype=np.int64)
-        placement = np.array([_flat(pose) for pose in model.jointPlacements])
-        body = np.array([_body(model.inertias[j]) for j in joints])
-        armature, gravity = np.array(model.armature), np.array(model.gravity.linear)
-        every = (*integers, placement, axes, body, armature, gravity)
-        # The struct points at them.
-        self.arrays: dict[str, NDArray[Any]] = dict(zip(_ARRAYS, every, strict=True))
-        self.struct = _Tree(self.nv, self.joints, *map(address, every))
-        self.address = ctypes.addressof(self.struct)
-        nv, base = self.nv, 18
+        parent, kind, iq, iv = np.array([parents, kinds, *starts], dtype=np.int64)
+        self.arrays: dict[str, NDArray[Any]] = {  # the struct points at them
+            "parent": parent,
+            "kind": kind,
+            "iq": iq,
+            "iv": iv,
+            "axis": axes,
+            "placement": np.array([_flat(pose) for pose in model.jointPlacements]),
+            "body": np.array([_body(model.inertias[j]) for j in joints]),
+            "armature": np.array(model.armature),
+            "gravity": np.array(model.gravity.linear),
+        }
+        places = {name: pointer(array) for name, array in self.arrays.items()}
+        self.struct = ffi.new("wbc_tree *", {"nv": self.nv, "joints": self.joints, **places})
+        nv, base = self.nv, lib.CENTROIDAL_MAP
         self.com_jacobian = slice(base + 6 * nv, base + 9 * nv)
         self.centroidal_map = slice(base, base + 6 * nv)
         self.inertia_jacobian = slice(base + 9 * nv, base + 15 * nv)
@@ -71,7 +64,7 @@ class NativeTree:
         self.rotations = slice(base + 21 * nv, base + 21 * nv + 9 * self.joints)
         self.origins = slice(self.rotations.stop, self.rotations.stop + 3 * self.joints)
         self.frames = self.origins.stop
-        self.frame_size = 12 + 6 * nv
+        self.frame_size = lib.FRAME_JACOBIAN + 6 * nv
         drifts = nv * nv + nv
         self.mass_matrix, self.bias = slice(0, nv * nv), slice(nv * nv, drifts)
         self.com_drift = slice(drifts, drifts + 3)
@@ -85,8 +78,8 @@ class NativeTree:
         """Return a frame, as states keep it."""
         joint, placement = frame_places(self.model, [index])
         out = np.empty(self.frame_size)
-        where, of, there, to = map(address, (state, joint, placement, out))
-        self.core.wbc_frames(self.address, where, 1, of, there, to)
+        where, there, to = map(doubles, (state, placement, out))
+        lib.wbc_frames(self.struct, where, 1, integers(joint), there, to)
         return read_only(out)
 
 
@@ -118,10 +111,9 @@ class NativeState(NamedTuple):
         """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
         array, begin = self.array, self.slots.get(name)
         if begin is None:
-            index = robot.frame_indices[name]
+            index = robot.frame_id(name)
             array, begin = self.tree.frame(array, index), 0
-            if robot.native is not None:  # of this thread, whoever made the state
-                robot.native.keep(name, index)
+            robot.native.keep(name, index)  # of this thread, whoever made the state
         pose = array[begin : begin + 12].copy()  # may be kept longer than the rest
         pose.flags.writeable = False
         jacobian = array[begin + 12 : begin + self.tree.frame_size].reshape(6, -1)
@@ -131,8 +123,7 @@ class NativeState(NamedTuple):
         """Return what depends on the state's velocity (nv,), too."""
         tree = self.tree
         out, scratch = np.empty(tree.motion_size), np.empty(9 * tree.joints + 6 * tree.nv)
-        addresses = map(address, (self.array, v, out, scratch))
-        tree.core.wbc_motion(tree.address, *addresses)
+        lib.wbc_motion(tree.struct, *map(doubles, (self.array, v, out, scratch)))
         return NativeMotion(read_only(out), self.array, tree)
 
 
@@ -157,22 +148,19 @@ class NativeMotion(NamedTuple):
         """Return the acceleration (6,) of a frame."""
         tree, out = self.tree, np.empty(6)
         joint, placement = frame_places(tree.model, [index])
-        arrays = self.state, self.array
-        state, motion = map(address, arrays)
-        of, there, to = map(address, (joint, placement, out))
-        tree.core.wbc_drifts(tree.address, state, motion, 1, of, there, to)
+        state, motion, there, to = map(doubles, (self.state, self.array, placement, out))
+        lib.wbc_drifts(tree.struct, state, motion, 1, integers(joint), there, to)
         return read_only(out)
 
 
 class HasPass(Protocol):
     """What a state needs of its robot."""
 
-    @property
-    def frame_indices(self) -> Mapping[str, int]:
-        """Pinocchio's index of each frame."""
+    def frame_id(self, name: str) -> int:
+        """Return Pinocchio's index of a frame."""
 
     @property
-    def native(self) -> NativePass | None:
+    def native(self) -> NativePass:
         """The pass of the calling thread."""
 
 
@@ -192,8 +180,7 @@ class NativePass:
         memory = np.zeros(size + tree.nq)
         self._measured, self._reached = memory[:size], memory[size:]
         self._shapes = (tree.nq,), (tree.nv,)
-        self._there, self._tree = address(memory), tree.address
-        self._check: Any = tree.core.wbc_check
+        self._there, self._tree = doubles(memory), tree.struct
         self._scratch = np.zeros(13 * tree.joints + 17 * tree.nv)
         self._joints = np.zeros(KEPT, dtype=np.int64)
         self._placements = np.zeros((KEPT, 12))
@@ -204,7 +191,8 @@ class NativePass:
         of_q, of_v = self._shapes
         if not are_plain(q, of_q, v, of_v):
             return None
-        if self._check(self._tree, q.tobytes(), v.tobytes(), self._there):
+        # Copies: arrays may be strided, and nobody writes to them meanwhile.
+        if lib.wbc_check(self._tree, doubles(q.tobytes()), doubles(v.tobytes()), self._there):
             return None
         return self._measured.tobytes()
 
@@ -213,14 +201,14 @@ class NativePass:
         of_q, of_v = self._shapes
         if not are_plain(q, of_q, v, of_v):
             return None
-        tree = self.tree
-        if tree.core.wbc_move(tree.address, q.tobytes(), v.tobytes(), dt, self._there):
+        given = doubles(q.tobytes()), doubles(v.tobytes())
+        if lib.wbc_move(self._tree, *given, dt, self._there):
             return None
         return self._reached.copy()
 
     def evaluate(self, q: Array, v: Array) -> NativeState:
         """Return all that is known at (q, v)."""
-        self._call(self.tree.address, q.tobytes(), v.tobytes(), *self._arguments)
+        lib.wbc_state(self._tree, doubles(q), doubles(v), *self._arguments)
         found = self._state.copy()
         found.flags.writeable = False
         return NativeState(found, self.tree, self.slots)
@@ -239,9 +227,8 @@ class NativePass:
     def _grow(self) -> None:
         tree, count = self.tree, len(self.slots)
         self._state = np.zeros(tree.frames + count * tree.frame_size)
-        self._call: Any = tree.core.wbc_state
-        frames = address(self._joints), address(self._placements)
-        self._arguments = (address(self._state), address(self._scratch), count, *frames)
+        frames = integers(self._joints), doubles(self._placements)
+        self._arguments = (doubles(self._state), doubles(self._scratch), count, *frames)
 
 
 def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.int64], Array]:
@@ -263,14 +250,15 @@ def _body(inertia: pin.Inertia) -> Array:
 
 
 def _kinds_and_axes(model: pin.Model) -> tuple[list[int], Array]:
-    """Return what each joint is, and its axis (joints, 3) as Pinocchio moves it."""
+    """Return the ``joint_kind`` of each joint, and its axis (joints, 3) as Pinocchio moves it."""
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     kinds, axes = [0, 0], np.zeros((model.njoints, 3))
     for j in range(2, model.njoints):
         name = model.joints[j].shortname().removeprefix("JointModel")
-        kinds.append(PRISMATIC if name[0] == "P" else CONTINUOUS if model.nqs[j] == 2 else REVOLUTE)
+        slides, turns = name[0] == "P", lib.CONTINUOUS if model.nqs[j] == 2 else lib.REVOLUTE
+        kinds.append(lib.PRISMATIC if slides else turns)
         twist = data.J[:, model.idx_vs[j]]
-        axes[j] = data.oMi[j].rotation.T @ (twist[:3] if kinds[j] == PRISMATIC else twist[3:])
+        axes[j] = data.oMi[j].rotation.T @ (twist[:3] if slides else twist[3:])
         axes[j] /= np.linalg.norm(axes[j])
     return kinds, axes

@@ -1,14 +1,13 @@
-"""Whether the native core may be trusted with a robot: it is tried against Pinocchio first."""
+"""Whether the core may be trusted with a robot: loading tries it against Pinocchio."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.native import NativeCoreError, core, mode
+from wbc.errors import ModelError
 from wbc.robot.inertia import carried_moments, inertia_curvature, inertia_rates
 from wbc.robot.kernel import NativePass, NativeTree
 from wbc.robot.workspace import Workspace
@@ -20,30 +19,29 @@ AGREEMENT = 1e-10
 ROUNDED = 1e-4
 
 
-def native_tree(name: str, work: Workspace) -> NativeTree | None:
-    """Return the tree of a robot if there is a core that agrees with Pinocchio, else None.
+def checked_tree(name: str, work: Workspace) -> NativeTree:
+    """Return the tree of a robot as the core reads it.
 
     Raises
     ------
-    NativeCoreError
-        ``WBC_NATIVE=require``, and there is none.
+    ModelError
+        The core reads it otherwise than Pinocchio.
     """
-    found = core()
-    if found is None:
-        return None
-    if is_depth_first(work.model):
-        tree = NativeTree(found, work.model)
-        worst = disagreement(tree, work)
-        if worst <= AGREEMENT:  # NaN is not
-            return tree
-        said = f"the native core and Pinocchio differ by {worst:.1e} on {name}"
-    else:
-        said = f"the joints of {name} do not come branch by branch, as the native core reads them"
-    said += "; it is not used for it"
-    if mode() == "require":
-        raise NativeCoreError(said)
-    logging.getLogger(__name__).warning("%s", said)
-    return None
+    if not is_depth_first(work.model):
+        raise ModelError(
+            f"robot {name!r}: its joints do not come branch by branch, each with one entry of v in"
+            " that order, as the core reads them; load it from a URDF or MJCF file"
+        )
+    tree = NativeTree(work.model)
+    worst = disagreement(tree, work)
+    if not worst <= AGREEMENT:  # NaN is not
+        raise ModelError(
+            f"robot {name!r}: the compiled core and Pinocchio {pin.__version__} differ by"
+            f" {worst:.1e} of a quantity's largest entry, more than {AGREEMENT:g}: commands"
+            " would be wrong. Is a mass, an inertia or a length of the file far beyond the others?"
+            " If not, install wbc again, which compiles the core, and report this"
+        )
+    return tree
 
 
 def is_depth_first(model: pin.Model) -> bool:

@@ -126,7 +126,8 @@ class Robot(KinematicTree):
         Raises
         ------
         ModelError
-            The file cannot be read, or holds something unsupported; the message names it.
+            The file cannot be read, or holds something unsupported, or the compiled core differs
+            from Pinocchio on it; the message names it.
         UnknownNameError
             Unknown robot, locked joint, or foot link.
         InvalidInputError
@@ -153,7 +154,7 @@ class Robot(KinematicTree):
         warn_of(
             found.path, (note for note in notes if not (stance.bolted and note in stance.notes))
         )
-        return cls(
+        robot = cls(
             name=name or found.name or description.name,
             path=found.path,
             model=model,
@@ -166,6 +167,8 @@ class Robot(KinematicTree):
             srdf=states_file,
             geometry=description.geometry,
         )
+        _ = robot.native  # here, not in the first tick, if the core cannot be trusted with it
+        return robot
 
     # ------------------------------------------------------------------ shapes
 
@@ -225,8 +228,7 @@ class Robot(KinematicTree):
         InvalidInputError
             See :meth:`check_configuration` and :meth:`check_velocity`.
         """
-        native = self.native
-        if native is not None and (plain := native.measured(q, v)) is not None:
+        if (plain := self.native.measured(q, v)) is not None:
             return Snapshot.of_measured(self, plain)
         q = read_only(self.check_configuration(q))
         v = np.zeros(self.nv) if v is None else self.check_velocity(v)

@@ -1,16 +1,13 @@
 """A robot at one measured state, in motion: its dynamics and its drifts.
 
-Drifts are second derivatives at zero acceleration of v, which velocities make. From the native core
-where it is used, else from Pinocchio.
+Drifts are second derivatives at zero acceleration of v, which velocities make.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.robot import inertia as crb
 from wbc.robot.kernel import NativeMotion
 from wbc.robot.names import COM, WORLD
 from wbc.robot.parallel_axis import (
@@ -23,8 +20,6 @@ from wbc.robot.state import KinematicState, lazy
 from wbc.spatial import skew, vech, vech_inverse
 from wbc.validate import Array, read_only
 
-_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-
 
 class MovingState(KinematicState):
     """A kinematic state with dynamics and drifts; see :class:`wbc.Snapshot`."""
@@ -34,10 +29,7 @@ class MovingState(KinematicState):
     @lazy
     def mass_matrix(self) -> Array:
         """Joint-space mass matrix M (nv, nv), the joints' rotor inertia included."""
-        if self._motion is not None:
-            return self._motion.part("mass_matrix", self.robot.nv, -1)
-        robot = self.robot
-        return read_only(pin.crba(robot.model, robot.workspace.scratch, self.q))  # a copy
+        return self._motion.part("mass_matrix", self.robot.nv, -1)
 
     @lazy
     def bias(self) -> Array:
@@ -46,11 +38,7 @@ class MovingState(KinematicState):
         ``tau`` is what arrives at the links: the joints' damping and dry friction
         (``robot.damping``, ``robot.friction``) are taken off what the motors give before.
         """
-        if self._motion is not None:
-            return self._motion.part("bias", -1)
-        robot = self.robot
-        forces = pin.nonLinearEffects(robot.model, robot.workspace.scratch, self.q, self.v)
-        return read_only(forces.copy())
+        return self._motion.part("bias", -1)
 
     @lazy
     def mechanical_connection(self) -> Array:
@@ -63,41 +51,21 @@ class MovingState(KinematicState):
     @lazy
     def com_drift(self) -> Array:
         """Acceleration of the CoM at zero acceleration of v (3,) [m/s^2]."""
-        if self._motion is not None:
-            return self._motion.drift("com_drift")
-        return read_only(self.momentum_drift[:3] / self.robot.mass)
+        return self._motion.drift("com_drift")
 
     @lazy
     def momentum_drift(self) -> Array:
         """dA_g/dt v (6,) [N, N m]: the momentum's rate at zero acceleration."""
-        if self._motion is not None:
-            return self._motion.drift("momentum_drift")
-        return read_only(self._rates().dhg.vector.copy())
+        return self._motion.drift("momentum_drift")
 
     def drift(self, frame: str) -> Array:
         """Acceleration (6,) of the frame at zero acceleration of v, world axes [m/s^2, rad/s^2]."""
-        robot = self.robot
-        index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-        if self._motion is not None:
-            return self._motion.frame_drift(index)
-        motion = pin.getFrameClassicalAcceleration(robot.model, self._rates(), index, _ALIGNED)
-        return read_only(motion.vector.copy())
+        return self._motion.frame_drift(self.robot.frame_id(frame))
 
     @lazy
     def inertia_drift(self) -> Array:
         """d^2 vech(I)/dt^2 (6,) at zero acceleration of v, world axes [kg m^2/s^2]."""
-        if self._motion is not None:
-            return self._motion.drift("inertia_curvature")
-        curvature = crb.inertia_curvature(
-            self.robot.workspace.columns.orders,
-            self._carried_moments,
-            self.centroidal_map[:3],
-            self.joint_twists,
-            self.com,
-            self.robot.mass,
-            self.v,
-        )
-        return read_only(curvature)
+        return self._motion.drift("inertia_curvature")
 
     def inertia_drift_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
         """Second derivative (6,) of :meth:`inertia_in`, same ``frame`` and ``about``: the drift.
@@ -133,14 +101,9 @@ class MovingState(KinematicState):
     @property
     def _inertia_rate(self) -> Array:
         """First derivative of vech of the inertia (6,), world axes."""
-        if self._motion is not None:
-            return self._motion.drift("inertia_rate")
-        return self.inertia_jacobian.dot(self.v)
+        return self._motion.drift("inertia_rate")
 
     @lazy
-    def _motion(self) -> NativeMotion | None:
-        """What the native core found at this velocity; None where it is not used."""
-        return None if self.native_state is None else self.native_state.motion(self.v)
-
-    def _rates(self) -> pin.Data:
-        return self.robot.workspace.rates(self, self.q, self.v)
+    def _motion(self) -> NativeMotion:
+        """What the core finds at this velocity besides."""
+        return self.native_state.motion(self.v)

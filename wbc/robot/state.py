@@ -1,8 +1,8 @@
 """Everything known about the robot at one measured state (q, v), read-only.
 
 World-aligned quantities unless a frame is named; spatial vectors linear first. Quantities are
-computed when first asked for and kept; none changes when another snapshot is made. What every tick
-asks for is marked read-only in place, without a call.
+computed when first asked for and kept; none changes when another snapshot is made. All come from
+one pass of the compiled core, which loading checks against Pinocchio.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
@@ -28,11 +27,8 @@ from wbc.robot.parallel_axis import (
     parallel_axis_rates,
 )
 from wbc.robot.tree import KinematicTree
-from wbc.robot.workspace import INERTIA_ENTRIES, Workspace
 from wbc.spatial import commutator_matrix, congruence, skew, vech
 from wbc.validate import Array, finite_array, read_only
-
-_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 if TYPE_CHECKING:
     lazy = cached_property
@@ -58,18 +54,11 @@ class KinematicState:
     """
 
     robot: KinematicTree
-    _whole: Array  # CoM and entries of the inertia about it (9,), where there is no native state
 
     def __init__(self, robot: KinematicTree, q: Array, v: Array) -> None:
         own = self.__dict__  # past __setattr__, which would take as long as all the rest
         own.update(robot=robot, q=q, v=v, _placements={}, _jacobians={})
         own["_sealed"] = True
-        if robot.native is None:  # one pass of Pinocchio; the core's waits until it is asked for
-            whole = read_only(self._workspace().composites.whole())
-            # Views are made at once: to ask for them later takes longer.
-            own["native_state"], own["_whole"], own["com"] = None, whole, whole[:3]
-            if not robot.limits.unbounded:
-                own["joint_positions"] = q[BASE_NQ:]
 
     @classmethod
     def of_measured(cls, robot: KinematicTree, measured: bytes) -> Self:
@@ -87,9 +76,8 @@ class KinematicState:
             )
         object.__setattr__(self, name, value)
 
-    def __getstate__(self) -> dict[str, object]:  # elsewhere the native core may be another one
-        known = {"com": self.com, "inertia": self.inertia, "gyration_radius": self.gyration_radius}
-        return self.__dict__ | known | {"native_state": None, "_motion": None}
+    def __getstate__(self) -> dict[str, object]:  # what the core found is found again
+        return {k: v for k, v in self.__dict__.items() if k not in ("native_state", "_motion")}
 
     def __repr__(self) -> str:
         com = np.array2string(self.com, precision=3)
@@ -120,10 +108,9 @@ class KinematicState:
         return {}
 
     @lazy
-    def native_state(self) -> NativeState | None:
-        """All that a tick asks for, from one pass of the native core; None where it is not used."""
-        native = self.robot.native
-        return None if native is None else native.evaluate(self.q, self.v)
+    def native_state(self) -> NativeState:
+        """All that a tick asks for, from one pass of the core."""
+        return self.robot.native.evaluate(self.q, self.v)
 
     @lazy
     def joint_positions(self) -> Array:
@@ -136,32 +123,22 @@ class KinematicState:
     @lazy
     def com(self) -> Array:
         """CoM (3,) in the world [m]."""
-        if self.native_state is not None:
-            return read_only(self.native_state.com())
-        return self._whole[:3]
+        return read_only(self.native_state.com())
 
     @lazy
     def centroidal_map(self) -> Array:
         """Centroidal momentum matrix A_g (6, nv): ``momentum == centroidal_map @ v``."""
-        if self.native_state is not None:
-            return self.native_state.part("centroidal_map", 6, -1)
-        return read_only(self._workspace().centroidal_map.copy())
+        return self.native_state.part("centroidal_map", 6, -1)
 
     @lazy
     def momentum(self) -> Array:
         """Centroidal momentum (6,): linear [kg m/s], angular about the CoM [kg m^2/s]."""
-        if self.native_state is not None:
-            return read_only(self.native_state.momentum())
-        return read_only(self._workspace().kinematics_data.hg.vector.copy())
+        return read_only(self.native_state.momentum())
 
     @lazy
     def com_jacobian(self) -> Array:
         """CoM Jacobian (3, nv) [m per unit of v]; paper eq. 28 divided by the mass."""
-        if self.native_state is not None:
-            return self.native_state.part("com_jacobian", 3, -1)
-        J: Array = (self._workspace().centroidal_map / self.robot.mass)[:3]
-        J.setflags(write=False)
-        return J
+        return self.native_state.part("com_jacobian", 3, -1)
 
     @lazy
     def com_velocity(self) -> Array:
@@ -178,19 +155,12 @@ class KinematicState:
     @lazy
     def inertia(self) -> Array:
         """Centroidal CRB inertia (3, 3) [kg m^2], world axes."""
-        if self.native_state is not None:
-            return read_only(self.native_state.inertia())
-        return read_only(self._whole.take(INERTIA_ENTRIES))
+        return read_only(self.native_state.inertia())
 
     @lazy
     def gyration_radius(self) -> float:
         """Radius of gyration about the CoM [m], all axes: (trace of the inertia / mass)^(1/2)."""
-        if self.native_state is not None:
-            trace = float(self.inertia.trace())
-        else:
-            _, _, _, xx, _, yy, _, _, zz = self._whole.tolist()
-            trace = xx + yy + zz
-        return math.sqrt(trace / self.robot.mass)
+        return math.sqrt(float(self.inertia.trace()) / self.robot.mass)
 
     def inertia_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
         """CRB inertia (3, 3) [kg m^2] in axes of ``world``, ``base`` or a named frame.
@@ -250,9 +220,7 @@ class KinematicState:
     @lazy
     def inertia_jacobian(self) -> Array:
         """Derivative d vech(I)/dv (6, nv), world axes; xx, xy, xz, yy, yz, zz (eqs. 24-27)."""
-        if self.native_state is not None:
-            return self.native_state.part("inertia_jacobian", 6, -1)
-        return read_only(crb.inertia_rates(self._carried_moments))
+        return self.native_state.part("inertia_jacobian", 6, -1)
 
     def inertia_jacobian_in(self, frame: str = WORLD, about: str | ArrayLike = COM) -> Array:
         """Jacobian (6, nv) of :meth:`inertia_in` for the same ``frame`` and ``about``."""
@@ -335,13 +303,8 @@ class KinematicState:
     @lazy
     def joint_placements(self) -> tuple[Array, Array]:
         """Rotations (njoints, 3, 3) and origins (njoints, 3) of all joints; entry 0: the world."""
-        if self.native_state is not None:
-            return self.native_state.part("rotations", -1, 3, 3), self.native_state.part(
-                "origins", -1, 3
-            )
-        work = self._workspace()
-        rotations, origins = work.placements.copies()
-        return read_only(rotations), read_only(origins)
+        state = self.native_state
+        return state.part("rotations", -1, 3, 3), state.part("origins", -1, 3)
 
     @lazy
     def joint_twists(self) -> Array:
@@ -349,44 +312,10 @@ class KinematicState:
 
         World axes, the linear part that of the point at the world's origin.
         """
-        if self.native_state is not None:
-            return self.native_state.part("twists", 6, -1)
-        return read_only(self._workspace().twists.copy())
+        return self.native_state.part("twists", 6, -1)
 
     def _placement(self, frame: str) -> tuple[Array, Array]:
         """Return where a frame is; its Jacobian, which few do without, is kept."""
-        robot = self.robot
-        index = robot.frame_indices.get(frame) or robot.frame_id(frame)
-        if self.native_state is not None:
-            placed, self._jacobians[frame] = self.native_state.frame(frame, robot)
-            self._placements[frame] = placed
-            return placed
-        work = self._workspace()
-        model, data = robot.model, work.kinematics_data
-        pin.updateFramePlacement(model, data, index)
-        origin, axes = work.frames.get(index) or work.frame_view(index)
-        position, rotation = origin.copy(), axes.copy()
-        self._jacobians[frame] = jacobian = pin.getFrameJacobian(model, data, index, _ALIGNED)
-        for array in (position, rotation, jacobian):
-            array.setflags(False)  # type: ignore[call-arg]  # as read_only does
-        self._placements[frame] = found = position, rotation
-        return found
-
-    # ------------------------------------------------------------------ internals
-
-    @lazy
-    def _carried_moments(self) -> Array:
-        """What Jacobian and drift of the inertia are made of (27, nv)."""
-        momenta, twists = self.centroidal_map[:3], self.joint_twists
-        composites = self._workspace().composites.read()
-        return crb.carried_moments(composites, momenta, twists, self.com)
-
-    def _workspace(self) -> Workspace:
-        """Return this thread's workspace, which holds Pinocchio's pass at this state."""
-        try:
-            work = self.robot.scratch.workspace
-        except AttributeError:  # the first time in this thread
-            work = self.robot.workspace
-        if work.kinematics_owner is not self:
-            work.kinematics(self, self.q, self.v)
-        return work
+        placed, self._jacobians[frame] = self.native_state.frame(frame, self.robot)
+        self._placements[frame] = placed
+        return placed

@@ -18,7 +18,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.robot.feet import NO_FEET, Foot
 from wbc.robot.formats.description import Coupling
 from wbc.robot.kernel import NativePass, NativeTree
-from wbc.robot.kernel_check import native_tree
+from wbc.robot.kernel_check import checked_tree
 from wbc.robot.limits import BASE_NQ, BASE_NV, Limits
 from wbc.robot.names import frame_table, matching
 from wbc.robot.workspace import Workspace
@@ -35,6 +35,7 @@ class _PerThread(threading.local):
     """What each thread has its own of."""
 
     workspace: Workspace
+    native: NativePass
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,18 +214,17 @@ class KinematicTree:
             return self.scratch.workspace
 
     @property
-    def native(self) -> NativePass | None:
-        """The native core's pass over this tree, one for each thread; None where it is not used."""
+    def native(self) -> NativePass:
+        """The core's pass over this tree, one for each thread."""
         try:
             return self.scratch.native
         except AttributeError:
-            tree = self._native_tree
-            self.scratch.native = tree and NativePass(tree)
+            self.scratch.native = NativePass(self._native_tree)
             return self.scratch.native
 
     @cached_property
-    def _native_tree(self) -> NativeTree | None:
-        return native_tree(self.name, self.workspace)
+    def _native_tree(self) -> NativeTree:
+        return checked_tree(self.name, self.workspace)
 
     # ------------------------------------------------------------------ configurations
 
@@ -237,19 +237,16 @@ class KinematicTree:
             See :meth:`check_configuration` and :meth:`check_velocity`; where it gets to, too.
         """
         dt, native = finite_number("dt", dt), self.native
-        if native is not None and (plain := native.reached(q, v, dt)) is not None:
+        if (plain := native.reached(q, v, dt)) is not None:
             return plain
         step = self.check_velocity(v)
-        if native is not None:  # lists and unpickled arrays: the same numbers, the same bits
-            numbers = finite_array("q", q, (self.nq,), LARGEST)
-            if (plain := native.reached(numbers, step, dt)) is not None:
-                return plain
-        step *= dt
-        reached: Array = pin.integrate(self.model, self.check_configuration(q), step)
-        if not np.vdot(reached, reached) <= LARGEST * LARGEST:  # NaN is not
-            return self.check_configuration(reached)  # says where
-        self._normalise(reached)
-        return reached
+        # Lists and unpickled arrays: the same numbers, the same bits.
+        numbers = finite_array("q", q, (self.nq,), LARGEST)
+        if (plain := native.reached(numbers, step, dt)) is not None:
+            return plain
+        # What the core refuses is beyond the bounds, before or after: this says where.
+        start = self.check_configuration(q)
+        return self.check_configuration(pin.integrate(self.model, start, step * dt))
 
     def difference(self, q0: ArrayLike, q1: ArrayLike) -> Array:
         """Return the displacement (nv,) with ``integrate(q0, displacement, 1) == q1``."""

@@ -2,17 +2,14 @@
  *
  * No global, no allocation, no Python: every function reads and writes only what its arguments
  * point at, so that threads with memory of their own need no lock. Matrices are row-major; spatial
- * vectors linear first; rotations take local axes to the world's. The layouts below are told to
- * Python by wbc/native/library.py and wbc/robot/kernel.py, which must agree.
+ * vectors linear first; rotations take local axes to the world's. cffi reads all
+ * but the preprocessor's lines of this file, too, for Python: constants that Python needs are enums.
  */
 #ifndef WBC_CORE_H
 #define WBC_CORE_H
 
 #include <math.h>
 #include <stdint.h>
-
-/* Raised with every change of a layout or a meaning: what is loaded must say the same. */
-#define WBC_CORE_VERSION 10
 
 enum joint_kind { FREE_FLYER = 0, REVOLUTE = 1, PRISMATIC = 2, CONTINUOUS = 3 };
 
@@ -38,10 +35,6 @@ enum { COM = 0, INERTIA = 3, MOMENTUM = 12, CENTROIDAL_MAP = 18 };
 /* A frame: origin (3), rotation (3, 3), Jacobian (6, nv) of its origin in world axes. */
 enum { FRAME_ROTATION = 3, FRAME_JACOBIAN = 12 };
 #define FRAME_SIZE(nv) (FRAME_JACOBIAN + 6 * (nv))
-
-int wbc_core_version(void);
-/* The fingerprint of the sources, as wbc/native/fingerprint.py makes it. */
-const char *wbc_core_source(void);
 
 /* Write all that is known at (q, v) into state, and behind it some frames, given by their joints
  * and their placements (12 each) there. scratch holds 13 numbers a joint and 17 a column of v.

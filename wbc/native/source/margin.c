@@ -14,7 +14,7 @@ static const double SKIN = 1e-4, USED = 0.5e-4, ROUNDING = 1e-7, INTERIOR = 1e-3
 static const double LEVER = 1.0, ABLE = 1e-6;
 /* As in wbc/controllers/reachable.py. */
 static const double MARGIN_BRAKING = 20.0;
-/* As in wbc/controllers/plan.py. */
+/* As in problem.c: a margin pushes as limits do. */
 static const double RECOVERY_FACTOR = 1e2, IDLE = 1e-6;
 
 /* Where the margin's rows begin among all. */

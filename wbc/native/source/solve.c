@@ -34,10 +34,10 @@ static int64_t ask(const reduced *r, int64_t bounded, const double *give, int64_
 }
 
 /* Why there is no answer, with a certificate where no point meets all rows. */
-static int fail(const wbc_qp *qp, const reduced *r, int64_t said, int reduced) {
+static int fail(const wbc_qp *qp, const reduced *r, int64_t said, int left) {
     qp->found[3] = (double)said;
     if (said != NO_POINT) return UNSOLVED;
-    if (reduced)
+    if (left) /* of what is left without equalities */
         lift_certificate(qp, r);
     else { /* of the equalities alone, which wrote y */
         memset(qp->z, 0, qp->m * sizeof *qp->z);

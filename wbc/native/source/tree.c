@@ -12,15 +12,8 @@
 
 #include <string.h>
 
-#ifndef WBC_SOURCE
-#define WBC_SOURCE ""
-#endif
-
 /* As in wbc/robot/tree.py. */
 static const double UNIT = 1e-3, ROUNDING = 4e-16, LARGEST = 1e6;
-
-int wbc_core_version(void) { return WBC_CORE_VERSION; }
-const char *wbc_core_source(void) { return WBC_SOURCE; }
 
 /* R = P turned about a unit axis by the angle of c = cos, s = sin */
 static void turned(const double *P, const double *axis, double c, double s, double *R) {

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
-from wbc import files
+import wbc.files as files  # "from wbc" would look among the rooms first
 from wbc.files import CACHE_VARIABLE as CACHE_VARIABLE
 from wbc.robot.collision.shapes import Capsule, Hull, Solid
 from wbc.validate import Array

@@ -146,7 +146,7 @@ class CollisionModel:
 
     def measure(self, snapshot: Snapshot, pairs: Index) -> PairDistances:
         """Return the distances of some pairs, given by their numbers, increasing."""
-        if self.native is not None and snapshot.native_state is not None:
+        if self.native is not None:
             found = self.native.measure(snapshot.native_state, pairs)
             if found is not None:
                 self._fill_in(snapshot, pairs, found)
@@ -164,7 +164,7 @@ class CollisionModel:
             raise InvalidInputError(f"nearest, count: at least 1, got {count}")
         total = len(self.pairs)
         count = total if count is None else min(count, total)
-        if self.native is not None and snapshot.native_state is not None and total:
+        if self.native is not None and total:
             # As bodies touch for many ticks, what was too few is not asked for first again.
             for most in (count, min(MORE * count, total))[self._many_touch :]:
                 nearest = self.native.nearest(snapshot.native_state, most, kept)
@@ -222,7 +222,7 @@ class CollisionModel:
         body and not the other.
         """
         n, p = found.normal.T, found.point.T
-        if self.native is not None and snapshot.native_state is not None:
+        if self.native is not None:
             return self.native.rows(snapshot.native_state, found.pairs, n, p)
         line = np.empty((6, len(found.pairs)))
         line[:3] = n

@@ -6,32 +6,19 @@ One call looks at the balls round all bodies and measures what may be among the 
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.native import address
+from wbc.native import doubles, ffi, integers, lib, pointer
 from wbc.robot.collision.covers import Covers
 from wbc.robot.collision.shapes import Body
 from wbc.robot.kernel import NativeState, NativeTree
 from wbc.validate import Array
 
 Index = NDArray[np.int64]
-
-
-_ARRAYS = ("joint", "local", "size", "pair", "solid", "common", "first", "corner", "rounding")
-
-
-class _Pairs(ctypes.Structure):
-    """``wbc_pairs`` of wbc/native/source/core.h."""
-
-    _fields_ = [
-        *((name, ctypes.c_int64) for name in ("nv", "joints", "bodies", "pairs")),
-        *((name, ctypes.c_void_p) for name in _ARRAYS),
-    ]
 
 
 class NativePairs:
@@ -72,12 +59,19 @@ class NativePairs:
         self._first = np.cumsum([0, *map(len, cores)], dtype=np.int64)
         self._corner = np.ascontiguousarray(np.concatenate(cores).T)
         rounding = np.array([body.shape.radius for body in bodies])
-        capsules = covers.local, covers.sizes
-        corners = self._first, self._corner, rounding
-        every = (joints, *capsules, pairs, solid.astype(np.int64), common, *corners)
-        self.arrays: dict[str, NDArray[Any]] = dict(zip(_ARRAYS, every, strict=True))
+        self.arrays: dict[str, NDArray[Any]] = {
+            "joint": joints,
+            "local": covers.local,
+            "size": covers.sizes,
+            "pair": pairs,
+            "solid": solid.astype(np.int64),
+            "common": common,
+            "first": self._first,
+            "corner": self._corner,
+            "rounding": rounding,
+        }
         self.counts = len(joints), len(pairs)
-        self._addresses = list(map(address, every))
+        self._places = {name: pointer(array) for name, array in self.arrays.items()}
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self)._with_corners, (*self._made_of, self._corner)  # arrays of its own
@@ -106,21 +100,18 @@ class NativePairs:
         scratch, found = np.empty(10 * (bodies + pairs)), np.empty((7, count))
         chosen = np.empty(count, dtype=np.int64)
         struct = self.struct(state.tree)
-        arrays = state.array, scratch, chosen, found
-        at, work, numbers, nearest = map(address, arrays)
-        less = None if kept is None else address(kept)
-        core = state.tree.core
-        said = core.wbc_nearest(ctypes.addressof(struct), at, count, less, work, numbers, nearest)
+        at, work, nearest = map(doubles, (state.array, scratch, found))
+        less, numbers = ffi.NULL if kept is None else doubles(kept), integers(chosen)
+        said = lib.wbc_nearest(struct, at, count, less, work, numbers, nearest)
         return None if said else (chosen, found)
 
     def measure(self, state: NativeState, pairs: Index) -> Array | None:
         """Return distance, normal and point (7, k) of some pairs; None: see :meth:`nearest`."""
         scratch, found = np.empty(9 * self.counts[0]), np.empty((7, len(pairs)))
         struct = self.struct(state.tree)
-        arrays = state.array, np.ascontiguousarray(pairs), scratch, found
-        at, numbers, work, nearest = map(address, arrays)
-        call = state.tree.core.wbc_measure
-        said = call(ctypes.addressof(struct), at, len(pairs), numbers, work, nearest)
+        at, work, nearest = map(doubles, (state.array, scratch, found))
+        numbers = integers(np.ascontiguousarray(pairs))
+        said = lib.wbc_measure(struct, at, len(pairs), numbers, work, nearest)
         return None if said else found
 
     def rows(self, state: NativeState, pairs: Index, normal: Array, point: Array) -> Array:
@@ -133,15 +124,17 @@ class NativePairs:
         """
         tree, out = state.tree, np.empty((len(pairs), state.tree.nv))
         struct = self.struct(tree)
-        arrays = [np.ascontiguousarray(array) for array in (pairs, normal, point)]
-        chosen, n, p = map(address, arrays)
-        where = ctypes.addressof(struct), tree.address, address(state.array)
-        tree.core.wbc_pair_rows(*where, len(pairs), chosen, n, p, address(out))
+        chosen = integers(np.ascontiguousarray(pairs))
+        n, p = (doubles(np.ascontiguousarray(array)) for array in (normal, point))
+        where = struct, tree.struct, doubles(state.array)
+        lib.wbc_pair_rows(*where, len(pairs), chosen, n, p, doubles(out))
         return out
 
-    def struct(self, tree: NativeTree) -> ctypes.Structure:
-        """Return the core's structure; who holds it must keep these pairs alive."""
-        return _Pairs(tree.nv, tree.joints, *self.counts, *self._addresses)
+    def struct(self, tree: NativeTree) -> Any:
+        """Return a pointer to a ``wbc_pairs``; who holds it must keep these pairs alive."""
+        bodies, pairs = self.counts
+        sizes = {"nv": tree.nv, "joints": tree.joints, "bodies": bodies, "pairs": pairs}
+        return ffi.new("wbc_pairs *", {**sizes, **self._places})
 
 
 def _common(parents: Sequence[int], a: int, b: int) -> int:
