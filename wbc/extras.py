@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
+from typing import Any
 
 from wbc.errors import MissingPackageError
 
@@ -24,3 +27,17 @@ def require(package: str, what: str) -> None:
         installed = False
     if not installed:
         raise MissingPackageError(f"{what} needs {package}: pip install 'wbc[{EXTRAS[package]}]'")
+
+
+@contextmanager
+def quietly(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_nothing)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _nothing(_: str) -> None: ...

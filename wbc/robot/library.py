@@ -15,9 +15,11 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, suggest
 from wbc.robot.feet import FootSpec
+from wbc.robot.formats.mjcf_compile import is_mujoco
 
 DATA_VARIABLE = "WBC_ROBOT_DATA"  # a folder holding g1_description, talos_data, ...
 _DATA = Path("cmeel.prefix/share/example-robot-data/robots")
@@ -54,6 +56,7 @@ class Source:
     package_dirs: tuple[Path, ...] = ()
     srdf: Path | None = None
     known: NamedRobot | None = None
+    given: Any = None  # in place of the file: XML text, an MjSpec or an MjModel
 
 
 _G1 = NamedRobot(
@@ -160,10 +163,11 @@ def robot_names() -> tuple[str, ...]:
     return tuple(ROBOTS)
 
 
-def find_robot(source: str | Path) -> Source:
-    """Return where to read a robot from: a file, or a name.
+def find_robot(source: Any) -> Source:
+    """Return where to read a robot from: a file, a name, XML text, or what MuJoCo made.
 
-    A string is taken as a file if it has a folder in it or a file's ending.
+    A string is taken as XML if it begins with ``<``, as a file if it has a folder in it or a
+    file's ending.
 
     Raises
     ------
@@ -172,8 +176,13 @@ def find_robot(source: str | Path) -> Source:
     ModelError
         The robot is known but its files are not installed.
     InvalidInputError
-        Neither a string nor a path.
+        None of these.
     """
+    for kind in ("MjModel", "MjSpec"):
+        if is_mujoco(source, kind):
+            return Source(name=None, path=Path(kind), given=source)
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return Source(name=None, path=Path("XML text"), given=source)
     if not isinstance(source, str | Path):
         raise InvalidInputError(f"robot: expected a file or a name such as 'g1', got {source!r}")
     text = str(source)

@@ -17,6 +17,8 @@ import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
+    NO_RULES,
+    ContactRules,
     Coupling,
     Description,
     check_joint_count,
@@ -57,6 +59,7 @@ class UrdfGeometry:
     text: str
     path: Path
     lost: tuple[str, ...]
+    rules: ContactRules = NO_RULES  # a URDF has none
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
