@@ -22,15 +22,18 @@ _NO_REAL = str, bytes, complex
 
 
 def is_plain(value: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
-    """Whether ``value`` is a float array of that shape, as is given in every tick."""
-    return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape
+    """Whether ``value`` is a float array of that shape, as is given in every tick.
+
+    The type of numbers of an unpickled array is equal to NumPy's own, and another object.
+    """
+    return type(value) is np.ndarray and value.dtype == _FLOAT and value.shape == shape
 
 
 def are_plain(first: Any, shape: tuple[int, ...], second: Any, its_shape: tuple[int, ...]) -> bool:
     """Whether two values are: one call in place of two."""
     return (
         type(first) is type(second) is np.ndarray
-        and first.dtype is second.dtype is _FLOAT
+        and first.dtype == second.dtype == _FLOAT
         and first.shape == shape
         and second.shape == its_shape
     )

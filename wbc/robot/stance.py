@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import pinocchio as pin
 
+from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
 from wbc.robot.foot_guess import arm_reason, upright
 from wbc.robot.formats.description import Description
@@ -50,12 +51,21 @@ def find_stance(
         notes = (turned,) if turned else ()
     soles, foot_notes = find_feet(model, description.geometry, specs, q)
     bolted = None
-    if not soles and base is None:  # neither feet nor the user tell
+    if description.mounted:
+        if base == "floating":
+            raise ModelError(
+                f"{found.path}: base: floating: the root moves by joints of its own, and what they"
+                " are on has no mass; give the root a free joint instead"
+            )
+        bolted = "the root moves by joints of its own"
+        if base is None:
+            foot_notes = (*foot_notes, f"the base is fixed, since {bolted}")
+    elif not soles and base is None:  # neither feet nor the user tell
         bolted = arm_reason(model, q) if description.bolted == "" else description.bolted
-    if bolted:
+    if bolted and not description.mounted:
         reason = f"{bolted} and there are no feet"
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
-    elif specs is None:
+    elif specs is None and not bolted:
         for note in foot_notes:  # of feet that a user may miss
             logging.getLogger(__name__).warning("%s: %s", found.path, note)
     notes += foot_notes

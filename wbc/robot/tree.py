@@ -239,6 +239,10 @@ class KinematicTree:
         dt, native = finite_number("dt", dt), self.native
         if native is not None and (plain := native.reached(q, v, dt)) is not None:
             return plain
+        if native is not None:  # what was given in lists is rounded likewise
+            given = finite_array("q", q, (self.nq,), LARGEST), self.check_velocity(v)
+            if (plain := native.reached(*given, dt)) is not None:
+                return plain
         step = self.check_velocity(v)
         step *= dt
         reached: Array = pin.integrate(self.model, self.check_configuration(q), step)

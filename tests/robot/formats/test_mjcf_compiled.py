@@ -143,6 +143,16 @@ def test_a_pendulum_on_a_fixed_root_moves_as_in_mujoco() -> None:
     np.testing.assert_allclose(plant.data.qacc, data.qacc, rtol=1e-12)
 
 
+def test_a_planar_walker_with_feet_has_a_fixed_base_too() -> None:
+    content = text(LEGS, root=ROOTS["planar"])
+    robot = Robot.load(content)
+    assert robot.fixed_base and list(robot.feet) == ["left", "right"]
+    assert "the base is fixed, since the root moves by joints of its own" in robot.notes
+    agree(robot, mujoco.MjModel.from_xml_string(content))
+    with pytest.raises(ModelError, match="the root moves by joints of its own"):
+        Robot.load(content, base="floating")
+
+
 def test_a_nameless_root_weighs_what_it_weighs() -> None:
     nameless = TRUNK.replace(' name="trunk"', "")
     robot = Robot.load(text(arm(), root=nameless), feet={})
@@ -261,6 +271,19 @@ def test_joints_are_locked_whatever_else_has_their_names(case: str) -> None:
     for body in range(1, model.nbody):
         np.testing.assert_allclose(s.position(model.body(body).name), data.xpos[body], atol=1e-12)
     np.testing.assert_allclose(s.com, data.subtree_com[1], atol=1e-12)
+
+
+TEXTURES = (
+    '<texture type="skybox" builtin="gradient" rgb1="1 0 0" rgb2="0 0 1" width="8" height="48"/>',
+    '<texture name="t" type="2d" file="gone.png"/><material name="m" texture="t"/>',
+    '<texture type="cube" file="gone.png"/><material name="m" texture="gone"/>',
+    '<texture name="t" type="cube" fileright="a.png" fileleft="b.png"/>',
+)
+
+
+@pytest.mark.parametrize("assets", TEXTURES)
+def test_textures_are_done_without(assets: str) -> None:
+    assert Robot.load(text(arm(), head=f"<asset>{assets}</asset>"), feet={}).mass == 6.0
 
 
 LOOP = (

@@ -149,6 +149,7 @@ class Description:
     # Why the root is taken to be bolted to the world unless it has feet; empty if the file does
     # not tell, None if it says that the root floats.
     bolted: str | None = ""
+    mounted: bool = False  # whether the root moves by joints of its own, on a base without mass
     notes: tuple[str, ...] = ()  # what was tolerated, in words
     passive: PassiveForces = NONE  # springs and the like of all joints
 

@@ -17,7 +17,7 @@ from wbc.robot.formats.mujoco_check import confirm_against
 from wbc.robot.formats.mujoco_drives import drive_notes, passive_forces, set_joints
 from wbc.robot.formats.mujoco_part import Names, RobotPart, robot_part
 from wbc.robot.formats.mujoco_shapes import read_shapes
-from wbc.robot.formats.mujoco_tree import base_of, build_tree, key_frames
+from wbc.robot.formats.mujoco_tree import base_of, build_tree, is_mounted, key_frames
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -60,6 +60,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         states=key_frames(mujoco, model, part, names),
         base=(*base.translation.tolist(), float(x), float(y), float(z), float(w)),
         bolted=None if part.floats else "the root has no free joint",
+        mounted=is_mounted(model, part),
         notes=part.notes
         + compiled.notes
         + shape_notes
@@ -132,9 +133,12 @@ def _couplings(
         kind = mujoco.mjtEq(int(model.eq_type[number]))
         if kind != mujoco.mjtEq.mjEQ_JOINT:
             if _touches(mujoco, model, part, number):
+                what = (
+                    "couplings of tendons" if kind == mujoco.mjtEq.mjEQ_TENDON else "closed loops"
+                )
                 raise ModelError(
                     f"{path}: equality constraint <{kind.name[5:].lower()}"
-                    f" name={names.equalities[number]!r}>: closed loops are not supported;"
+                    f" name={names.equalities[number]!r}>: {what} are not supported;"
                     ' remove it and describe an open tree, or give it active="false"'
                 )
             continue

@@ -121,9 +121,12 @@ def _spec(mujoco: Any, source: Any) -> Any:
 
 
 def _make_plain(mujoco: Any, texture: Any) -> None:
-    """Make a texture one that no file is needed for; no robot is made of it."""
+    """Make a texture of a file one that no file is needed for; no robot is made of it."""
+    files = [str(texture.file or ""), *(str(file) for file in texture.cubefiles)]
+    if not any(files):
+        return
     if not texture.name:  # it goes by its file's
-        texture.name = Path(str(texture.file)).stem
+        texture.name = Path(next(file for file in files if file)).stem
     texture.file = ""
     for k in range(len(texture.cubefiles)):
         texture.cubefiles[k] = ""

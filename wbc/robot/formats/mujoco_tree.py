@@ -43,13 +43,13 @@ def pose_of(position: Array, quaternion: Array) -> pin.SE3:
 
 def base_of(model: Any, part: RobotPart) -> pin.SE3:
     """Return where the file puts the floating base, or the root that is fixed."""
-    if _is_mounted(model, part):
+    if is_mounted(model, part):
         return pin.SE3.Identity()
     root = part.roots[0]
     return pose_of(model.body_pos[root], model.body_quat[root])
 
 
-def _is_mounted(model: Any, part: RobotPart) -> bool:
+def is_mounted(model: Any, part: RobotPart) -> bool:
     """Whether the roots move themselves, so that a fixed body is put above them."""
     moved = {int(model.jnt_bodyid[joint]) for joint in part.joints}
     return len(part.roots) > 1 or bool(moved & {*part.roots})
@@ -68,7 +68,7 @@ def build_tree(mujoco: Any, model: Any, part: RobotPart, names: Names) -> pin.Mo
     tree.gravity = pin.Motion(gravity, np.zeros(3))
     root = tree.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), ROOT)
     at: dict[int, tuple[int, int, pin.SE3]] = {}  # body to joint, frame, and its pose in the joint
-    mounted = _is_mounted(model, part)
+    mounted = is_mounted(model, part)
     frame = tree.addJointFrame(root)
     if mounted:
         free = MOUNT if MOUNT not in names.bodies else f"{MOUNT}_of_{names.bodies[part.roots[0]]}"
