@@ -18,6 +18,7 @@ from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
+from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.library import NamedRobot, Source, find_robot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.model_checks import check_supported
@@ -30,7 +31,6 @@ from wbc.robot.postures import (
     follow,
     grounded,
     named_postures,
-    read_states,
     set_joints,
 )
 from wbc.robot.stance import find_stance
@@ -148,7 +148,9 @@ class Robot(KinematicTree):
         _set_drives(model, found.known, armature, damping, friction, effort)
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
-        states = {**description.states, **(read_states(states_file) if states_file else {})}
+        said = read_srdf(states_file, description.model) if states_file else None
+        states = {**description.states, **(said.states if said else {})}
+        notes += said.notes(description.model) if said and states_file != found.srdf else ()
         neutral = pin.neutral(model)
         neutral[:BASE_NQ] = description.base
         postures, posture_notes = named_postures(limits, neutral, states, found.known)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, ModelError
+from wbc.errors import InvalidInputError
 from wbc.robot.collision.bodies import named_shapes
 from wbc.robot.collision.model import CollisionModel
 from wbc.robot.collision.refine import FinerPair, FinerShapes
 from wbc.robot.collision.shapes import Body
-from wbc.robot.formats.xml import read_xml
+from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.model import Robot
 from wbc.robot.names import matching
 from wbc.robot.postures import STANDING
@@ -91,7 +91,8 @@ def select_pairs(
     finite_number("collision pairs, clearance", clearance)
     wanted = _links(bodies, include, "include")
     unwanted = _links(bodies, exclude, "exclude")
-    disabled, parents, rules = _disabled(robot), robot.model.parents, robot.geometry.rules
+    disabled = frozenset[frozenset[str]]() if robot.srdf is None else read_srdf(robot.srdf).disabled
+    parents, rules = robot.model.parents, robot.geometry.rules
     shape_of = _shape_names(robot) if rules.watched else {}
     reasons: dict[Pair, str] = {}
     pairs = [
@@ -251,16 +252,3 @@ def _links(bodies: Sequence[Body], patterns: Iterable[Pattern], what: str) -> se
 def _shape_names(robot: Robot) -> dict[str, str]:
     """Return the names that the description gives the shapes, by those of their bodies."""
     return {name: str(shape.name) for name, _, shape in named_shapes(robot)}
-
-
-def _disabled(robot: Robot) -> set[frozenset[str]]:
-    """Return the pairs of links that the SRDF's ``disable_collisions`` elements name."""
-    if robot.srdf is None:
-        return set()
-    named = set()
-    for element in read_xml(robot.srdf).findall("disable_collisions"):
-        links = element.get("link1"), element.get("link2")
-        if None in links:
-            raise ModelError(f"{robot.srdf}: <disable_collisions> without link1 or link2")
-        named.add(frozenset(str(link) for link in links))
-    return named
