@@ -31,10 +31,18 @@ from wbc.robot.formats.mesh_files import (
     refuse_huge_meshes,
     resolve_meshes,
 )
+from wbc.robot.formats.urdf_exporters import (
+    LIMITS,
+    MOVING,
+    SHAPES,
+    confirm_shapes,
+    name_materials,
+    refuse_macros,
+    unset_limits,
+)
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 
-MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
 SIZES = {
     "box": {"size": 3},
@@ -45,8 +53,6 @@ SIZES = {
 }
 LONGEST_CHAIN = 1000  # links
 BOLTED = {"world", "base"}  # a root link of such a name is that of an arm, if nothing stands
-LIMITS = ("lower", "upper", "effort", "velocity")
-_SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
 
 @dataclass(frozen=True)
@@ -65,8 +71,8 @@ class UrdfGeometry:
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        text = self.text if links is None else self._only(links, _SHAPES[kind])
-        meshes = ET.fromstring(text).iterfind(f".//{_SHAPES[kind]}//mesh")
+        text = self.text if links is None else self._only(links, SHAPES[kind])
+        meshes = ET.fromstring(text).iterfind(f".//{SHAPES[kind]}//mesh")
         refuse_huge_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
         with pinocchio_reads(self.path, "shapes cannot be loaded"):
             shapes = pin.buildGeomFromUrdfString(model, text, kind)
@@ -94,10 +100,10 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         The document is not one tree of links joined by revolute, continuous, prismatic and fixed
         joints, or a number in it is wrong.
     """
-    _refuse_macros(root, path)
+    refuse_macros(root, path)
     joints, base = _checked_tree(root, path)
-    _name_materials(root)
-    notes = _unset_limits(joints)
+    name_materials(root)
+    notes = unset_limits(joints)
     if root.get("version", "1.0") == "1.0":
         root.set("version", "1.1")  # before it the parser drops capsules, and prints
     shapeless = list[tuple[str, str, str]]()
@@ -119,7 +125,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
         root_joint = () if floats else (pin.JointModelFreeFlyer(),)
         model = pin.buildModelFromXML(text, *root_joint)
-    _confirm_shapes(root, text, model, path)
+    confirm_shapes(root, text, model, path)
     moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
     confirm(model, _carried_masses(root, joints), moving, path)
     return Description(
@@ -131,80 +137,6 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         bolted=None if floats else f"the root link is called {base!r}" if base in BOLTED else "",
         notes=notes,
     )
-
-
-def _refuse_macros(root: ET.Element, path: Path) -> None:
-    """Refuse what xacro has not expanded: a part of the robot would be missing."""
-    for element in root.iter():
-        space, _, tag = str(element.tag).rpartition("}")
-        left = [f"{key}={text!r}" for key, text in element.attrib.items() if "${" in text]
-        if "xacro" in space:
-            left = [f"<xacro:{tag}>"]
-        if left:
-            raise ModelError(
-                f"{path}: {left[0]} is left of a xacro file; expand that first:"
-                f" xacro {path.stem}.xacro > {path.name}"
-            )
-
-
-def _name_materials(root: ET.Element) -> None:
-    """Give materials without a name one: the parser drops all shapes of a link that has such."""
-    for k, material in enumerate(root.iter("material")):
-        if not material.get("name"):
-            material.set("name", f"nameless material {k}")
-
-
-def _unset_limits(joints: list[ET.Element]) -> tuple[str, ...]:
-    """Take away limits of which all four are 0, as exporters write where nothing was entered."""
-    found = []
-    for joint in joints:
-        limit = joint.find("limit")
-        if joint.get("type") not in MOVING or limit is None or not {*LIMITS} <= {*limit.attrib}:
-            continue
-        if all(_is_zero(limit.attrib[key]) for key in LIMITS):
-            joint.remove(limit)
-            found.append(joint.get("name", ""))
-    if not found:
-        return ()
-    return (
-        f"limits of {listed(found)} are all 0 (position, effort, speed), as exporters write where"
-        " nothing was entered: taken as none",
-    )
-
-
-def _is_zero(text: str) -> bool:
-    try:
-        return float(text) == 0.0
-    except ValueError:
-        return False
-
-
-def _confirm_shapes(root: ET.Element, text: str, model: pin.Model, path: Path) -> None:
-    """Compare how many shapes each link has with what the parser reads, meshes left out.
-
-    Raises
-    ------
-    ModelError
-        Some were lost.
-    """
-    plain = ET.fromstring(text)
-    for tag in _SHAPES.values():
-        for shape in plain.iter(tag):
-            geometry = shape.find("geometry")
-            if geometry is not None and geometry.find("mesh") is not None:
-                geometry[:] = [ET.Element("sphere", radius="1")]
-    text = ET.tostring(plain, encoding="unicode")
-    for kind, tag in _SHAPES.items():
-        with pinocchio_reads(path, "shapes cannot be read"):
-            read = pin.buildGeomFromUrdfString(model, text, kind)
-        found = Counter(str(model.frames[one.parentFrame].name) for one in read.geometryObjects)
-        for link in root.findall("link"):
-            name, count = link.get("name", ""), len(link.findall(tag))
-            if found[name] != count:
-                raise ModelError(
-                    f"{path}: link {name!r} has {count} {tag} shapes, but {found[name]} were read;"
-                    " self-collision would not see the others"
-                )
 
 
 def _checked_tree(root: ET.Element, path: Path) -> tuple[list[ET.Element], str]:
