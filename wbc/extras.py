@@ -14,7 +14,9 @@ EXTRAS = {
     "matplotlib": "plot",
     "mcap": "mcap",
     "mujoco": "sim",
+    "mujoco_menagerie": "menagerie",
     "pyarrow": "batch",
+    "robot_descriptions": "descriptions",
     "viser": "view",
 }
 

@@ -105,9 +105,10 @@ class Robot(KinematicTree):
         Parameters
         ----------
         source:
-            A file, a name of :func:`~wbc.robot.library.robot_names`, or one of the package
-            ``robot_descriptions`` if that is installed; or XML text (it begins with ``<``), an
-            ``MjSpec``, which stays as it is, or an ``MjModel``.
+            A file; a name of :func:`~wbc.robot.library.robot_names`; ``menagerie:NAME`` or
+            ``menagerie:NAME/ENTRY`` of the package ``mujoco-menagerie``; a name of the package
+            ``robot_descriptions``, or ``robot_descriptions:NAME``; or XML text (it begins with
+            ``<``), an ``MjSpec``, which stays as it is, or an ``MjModel``.
         locked:
             Joints to hold rigid, and their values [rad or m]; besides those of a named robot.
         feet:
