@@ -21,13 +21,17 @@ EXTRAS = {
 }
 
 
+def installed(package: str) -> bool:
+    """Return whether a package is there, without loading it."""
+    try:
+        return find_spec(package) is not None
+    except ValueError:  # another module was put in its place
+        return False
+
+
 def require(package: str, what: str) -> None:
     """Raise MissingPackageError if a package is not installed that ``what`` needs."""
-    try:
-        installed = find_spec(package) is not None
-    except ValueError:  # another module was put in its place
-        installed = False
-    if not installed:
+    if not installed(package):
         raise MissingPackageError(f"{what} needs {package}: pip install 'wbc[{EXTRAS[package]}]'")
 
 

@@ -233,7 +233,7 @@ def test_srdf_values_that_are_no_configuration_are_refused(tmp_path: Path, value
 
 def test_too_few_numbers_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "toy.xml"
-    for text in ('pos="0 0"', 'quat="1 0 0"', 'quat="0 0 0 0"', 'pos="0 0 1e200"'):
+    for text in ('pos="0 0"', 'quat="1 0 0"', 'quat="0 0 0 0"'):
         path.write_text(mjcf().replace('pos="0 0 -.3"', text, 1))
         with pytest.raises(ModelError, match=r"toy\.xml: .*('body'|'left_foot')"):
             Robot.load(path)

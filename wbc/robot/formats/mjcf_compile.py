@@ -159,7 +159,7 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
 def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:
     """Yield assets and their files; none for what is given as vertices or held in memory."""
     folder = Path(str(spec.modelfiledir or "."))
-    kind = str(getattr(spec, "meshdir", "") or spec.compiler.meshdir or "")
+    kind = str(getattr(spec, "meshdir", "") or getattr(spec.compiler, "meshdir", ""))  # newer
     held = {str(name) for name in dict(spec.assets or {})}
     for asset in assets:
         file = str(asset.file or "")

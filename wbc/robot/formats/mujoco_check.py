@@ -36,13 +36,37 @@ def confirm_against(
         return  # refused by its name later
     _compare_masses(model, part, names, tree, path)
     _compare_ranges(model, part, names, tree, path)
+    compare_motion(mujoco, model, part, names, tree, path, base_of(model, part))
+
+
+def compare_motion(
+    mujoco: Any,
+    model: Any,
+    part: RobotPart,
+    names: Names,
+    tree: pin.Model,
+    path: Path,
+    base: pin.SE3,
+) -> None:
+    """Compare frames and mass matrices at three postures.
+
+    Parameters
+    ----------
+    base:
+        Where the tree's base is, unless it floats in both.
+
+    Raises
+    ------
+    ModelError
+        See :func:`confirm_against`.
+    """
     data, ours = mujoco.MjData(model), tree.createData()
     for q in _postures(model, part):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         _make_mass_matrix(mujoco, model, data)
-        here = configuration(model, part, names, tree, q)
+        here = configuration(model, part, names, tree, q, base)
         pin.framesForwardKinematics(tree, ours, here)
         _compare_frames(model, part, names, tree, data, ours, path)
         _compare_inertia(mujoco, model, part, names, tree, data, ours, here, path)
@@ -70,7 +94,9 @@ def _postures(model: Any, part: RobotPart) -> Iterator[Array]:
             drawn[start + 3 : start + 7] = quaternion / np.linalg.norm(quaternion)
 
 
-def configuration(model: Any, part: RobotPart, names: Names, tree: pin.Model, q: Array) -> Array:
+def configuration(
+    model: Any, part: RobotPart, names: Names, tree: pin.Model, q: Array, base: pin.SE3
+) -> Array:
     """Return MuJoCo's configuration as the tree's (nq,)."""
     here = pin.neutral(tree)
     if part.floats:
@@ -78,11 +104,13 @@ def configuration(model: Any, part: RobotPart, names: Names, tree: pin.Model, q:
         here[:3] = q[start : start + 3]
         here[3:7] = q[start + 4], q[start + 5], q[start + 6], q[start + 3]
     else:
-        base = base_of(model, part)
         here[:3], here[3:7] = base.translation, pin.Quaternion(base.rotation).coeffs()
     for joint in part.joints:
         index = tree.getJointId(names.joints[joint])
-        here[tree.idx_qs[index]] = q[model.jnt_qposadr[joint]]
+        value, at = float(q[model.jnt_qposadr[joint]]), int(tree.idx_qs[index])
+        here[at] = value
+        if tree.nqs[index] == 2:
+            here[at : at + 2] = np.cos(value), np.sin(value)
     return here
 
 

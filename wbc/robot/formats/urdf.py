@@ -31,6 +31,7 @@ from wbc.robot.formats.mesh_files import (
     refuse_huge_meshes,
     resolve_meshes,
 )
+from wbc.robot.formats.urdf_check import confirm_by_mujoco
 from wbc.robot.formats.urdf_exporters import (
     LIMITS,
     MOVING,
@@ -128,6 +129,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     confirm_shapes(root, text, model, path)
     moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
     confirm(model, _carried_masses(root, joints), moving, path)
+    confirm_by_mujoco(root, model, path)
     return Description(
         name=root.get("name", path.stem),
         path=path,
