@@ -181,6 +181,46 @@ def test_two_arms_side_by_side_are_one_robot_on_a_fixed_root() -> None:
     assert Robot.load(one, feet={}).joint_names == ("j1",)  # what no motor drives is scenery
 
 
+POT = '<body name="pot"><freejoint/>{0}<body name="lid"><joint/>{0}</body></body>'.format(
+    INERTIAL.format(1)
+)
+CUBE = '<body name="cube"><freejoint/>' + INERTIAL.format(1) + "</body>"
+PULLED = (
+    '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'
+    '<actuator><motor tendon="t"/></actuator>'
+)
+
+
+@pytest.mark.parametrize(
+    ("things", "tail"),
+    [
+        (POT, '<actuator><motor joint="j1"/></actuator>'),
+        (POT + CUBE, PULLED),
+        (CUBE, ""),  # which has no joints beside its free one
+    ],
+)
+def test_the_robot_of_a_scene_is_what_motors_drive(things: str, tail: str) -> None:
+    content = text(arm(), root=ROOTS["static"], tail=tail)
+    content = content.replace("<worldbody>", "<worldbody>" + things)
+    robot, model = load(content)
+    assert robot.joint_names == ("j1",)
+    assert any("root is trunk, left out: " in note for note in robot.notes)
+    assert robot.mass == pytest.approx(model.body("trunk").subtreemass[0])
+
+
+def test_many_bodies_that_may_be_the_robot_are_told_shortly() -> None:
+    balls = "".join(CUBE.replace("cube", f"ball{k}") for k in range(50))
+    with pytest.raises(ModelError, match=r"'ball0'.* and 45 more may be the robot's root"):
+        Robot.load(f"<mujoco><worldbody>{balls}</worldbody></mujoco>")
+
+
+def test_missing_ground_is_done_without() -> None:
+    head = '<asset><hfield name="hills" file="gone.png" size="1 1 1 1"/></asset>'
+    content = text(arm(), head=head)
+    ground = '<worldbody><geom type="hfield" hfield="hills"/>'
+    assert Robot.load(content.replace("<worldbody>", ground), feet={}).mass == 6.0
+
+
 def test_included_files_are_found_beside_the_including_one(tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "outer.xml").write_text(
@@ -297,6 +337,9 @@ def test_closed_loops_are_refused_while_they_act() -> None:
     assert load(text(arm(), head=off, tail=LOOP.format("true")))[0].joint_names == ("j1",)
     with pytest.raises(ModelError, match=r"<connect name='c'>: closed loops are not supported"):
         load(text(arm(), tail=LOOP.format("true")))
+    tied = '<equality><tendon name="c" tendon1="t"/></equality>'
+    with pytest.raises(ModelError, match=r"<tendon name='c'>: constraints of tendons"):
+        load(text(arm(), tail=PULLED + tied))
 
 
 @pytest.mark.parametrize("given", ["file", "text"])

@@ -133,9 +133,8 @@ def _couplings(
         kind = mujoco.mjtEq(int(model.eq_type[number]))
         if kind != mujoco.mjtEq.mjEQ_JOINT:
             if _touches(mujoco, model, part, number):
-                what = (
-                    "couplings of tendons" if kind == mujoco.mjtEq.mjEQ_TENDON else "closed loops"
-                )
+                ties = kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+                what = "closed loops" if ties else "constraints of tendons and soft bodies"
                 raise ModelError(
                     f"{path}: equality constraint <{kind.name[5:].lower()}"
                     f" name={names.equalities[number]!r}>: {what} are not supported;"

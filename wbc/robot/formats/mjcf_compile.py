@@ -143,15 +143,17 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
         return Compiled(mujoco, spec.compile(), name)
     except ValueError:
         spec = _spec(mujoco, source)  # what failed to compile cannot be changed
-        shapes = _leave_out_missing(mujoco, spec, path)
-        if not shapes:
+        shapes, missing = _leave_out_missing(mujoco, spec, path)
+        if not missing:
             raise
     some = listed(list(shapes), 3)
     return Compiled(
         mujoco,
         spec.compile(),
         name,
-        (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",),
+        (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
+        if shapes
+        else (),
         tuple(words for words, collides in shapes.items() if collides),
     )
 
@@ -159,7 +161,8 @@ def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
 def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:
     """Yield assets and their files; none for what is given as vertices or held in memory."""
     folder = Path(str(spec.modelfiledir or "."))
-    kind = str(getattr(spec, "meshdir", "") or getattr(spec.compiler, "meshdir", ""))  # newer
+    # The folder is the specification's in older MuJoCo, and its compiler's in newer.
+    kind = str(getattr(spec, "meshdir", "") or getattr(spec.compiler, "meshdir", ""))
     held = {str(name) for name in dict(spec.assets or {})}
     for asset in assets:
         file = str(asset.file or "")
@@ -172,10 +175,10 @@ def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:
         yield asset, next((place for place in places if place.is_file()), places[0])
 
 
-def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> dict[str, bool]:
+def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> tuple[dict[str, bool], int]:
     """Remove the meshes whose files are missing, and all that uses them.
 
-    Return the shapes in words, and whether they collide.
+    Return the shapes in words, and whether they collide; and how many files are missing.
     """
     gone = dict[str, str]()
     for mesh, file in _files(spec, spec.meshes):
@@ -199,10 +202,22 @@ def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> dict[str, bool]:
     for site in list(spec.sites):
         if str(getattr(site, "meshname", "")) in gone:
             site.type, site.meshname = mujoco.mjtGeom.mjGEOM_SPHERE, ""
-    for mesh in list(spec.meshes):
-        if (str(mesh.name) or Path(str(mesh.file)).stem) in gone:
-            _delete(spec, mesh)
-    return shapes
+    meshes = [one for one in spec.meshes if (str(one.name) or Path(str(one.file)).stem) in gone]
+    for mesh in meshes:
+        _delete(spec, mesh)
+    return shapes, len(meshes) + _leave_out_ground(spec)
+
+
+def _leave_out_ground(spec: Any) -> int:
+    """Remove height fields whose files are missing; return how many. No robot is made of them."""
+    fields = [field for field, file in _files(spec, spec.hfields) if file and not file.is_file()]
+    names = {str(field.name) for field in fields}
+    for geom in list(spec.geoms):
+        if str(geom.hfieldname) in names:
+            _delete(spec, geom)
+    for field in fields:
+        _delete(spec, field)
+    return len(fields)
 
 
 def _weighs(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:

@@ -69,9 +69,9 @@ def _fill(names: list[str], wanted: list[str]) -> None:
 def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
     """Return the bodies of the robot, and a note of what is beside it.
 
-    The robot is the only tree with a free joint and further joints; if none is, the only one with
-    joints. Of several those count that motors drive; such without free joints are one robot on a
-    root that is fixed.
+    If motors drive some trees, the others are scenery. Of those that are left the robot is the only
+    one with a free joint and further joints; if none is, the only one with joints. Several that
+    motors drive and that do not float are one robot on a root that is fixed.
 
     Raises
     ------
@@ -105,15 +105,14 @@ def _roots(mujoco: Any, model: Any, names: Names, tops: list[int], path: Path) -
             free.add(root)
         else:
             jointed[root] += 1
-    floating = [body for body in tops if body in free and jointed[body]]
-    found = floating or [body for body in tops if body in free or jointed[body]]
-    if len(found) > 1:
-        driven = _driven(mujoco, model)
-        moved = [body for body in found if body in driven]
-        if len(moved) == 1 or (moved and not free & {*moved}):
-            return moved
-    if len(found) != 1:
-        named = ", ".join(repr(names.bodies[body]) for body in found or tops)
+    moved = _driven(mujoco, model)
+    driven = [body for body in tops if body in moved]
+    tried = driven or tops
+    floating = [body for body in tried if body in free and jointed[body]]
+    found = floating or [body for body in tried if jointed[body]]
+    found = found or [body for body in tried if body in free]
+    if len(found) != 1 and (floating or not driven):
+        named = listed([repr(names.bodies[body]) for body in found or tops])
         raise ModelError(
             f"{path}: the world holds {len(tops)} bodies, and {named} may be the robot's root;"
             " remove the others"
@@ -132,6 +131,13 @@ def motors_on_joints(mujoco: Any, model: Any) -> dict[int, int]:
 
 
 def _driven(mujoco: Any, model: Any) -> set[int]:
-    """Return the bodies on the world below which a motor acts on a joint."""
-    joints = motors_on_joints(mujoco, model).values()
+    """Return the bodies on the world below which motors act on joints, or on tendons of some."""
+    joints = [*motors_on_joints(mujoco, model).values()]
+    for motor in range(model.nu):
+        if int(model.actuator_trntype[motor]) == int(mujoco.mjtTrn.mjTRN_TENDON):
+            tendon = int(model.actuator_trnid[motor, 0])
+            first = int(model.tendon_adr[tendon])
+            for wrap in range(first, first + int(model.tendon_num[tendon])):
+                if int(model.wrap_type[wrap]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
+                    joints.append(int(model.wrap_objid[wrap]))
     return {int(model.body_rootid[model.jnt_bodyid[joint]]) for joint in joints}
