@@ -153,6 +153,35 @@ def test_a_planar_walker_with_feet_has_a_fixed_base_too() -> None:
         Robot.load(content, base="floating")
 
 
+SIX = (
+    '<joint name="tx" type="slide" axis="1 0 0"/><joint name="ty" type="slide" axis="0 1 0"/>'
+    '<joint name="tz" type="slide" axis="0 0 1"/><joint name="tilt" axis="0 1 0"/>'
+    '<joint name="list" axis="-1 0 0" ref=".1"/><joint name="turn" axis="0 0 1" range="-1 1"/>'
+)
+
+
+def test_six_joints_of_the_root_are_its_floating_base() -> None:
+    """As files of models of people and of robots that learn to walk have them."""
+    root = TRUNK.replace("<freejoint/>", SIX)
+    keys = '<keyframe><key name="bent" qpos=".1 .2 .3 .4 .5 .6 .2 -.3"/></keyframe>'
+    content = text(LEGS, root=root, tail=keys)
+    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
+    assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
+    assert list(robot.feet) == ["left", "right"]
+    assert any("floating base: tx, ty, tz, tilt, list, turn" in note for note in robot.notes)
+    agree(robot, model)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["bent"])
+    for body in ("trunk", "left_foot", "right_foot"):
+        np.testing.assert_allclose(s.position(body), data.body(body).xpos, atol=1e-12)
+    driven = content.replace("</worldbody>", '</worldbody><actuator><motor joint="tz"/></actuator>')
+    assert Robot.load(driven).nv == 6 + 8  # a gantry is a gantry
+    flat = content.replace('axis="-1 0 0"', 'axis="0 1 .1"')
+    assert Robot.load(flat).nv == 6 + 8  # these hinges do not turn every way
+
+
 def test_a_nameless_root_weighs_what_it_weighs() -> None:
     nameless = TRUNK.replace(' name="trunk"', "")
     robot = Robot.load(text(arm(), root=nameless), feet={})

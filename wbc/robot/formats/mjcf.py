@@ -59,7 +59,7 @@ def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Descri
         coupled=dict(_couplings(mujoco, model, part, names, path)),
         states=key_frames(mujoco, model, part, names),
         base=(*base.translation.tolist(), float(x), float(y), float(z), float(w)),
-        bolted=None if part.floats else "the root has no free joint",
+        bolted=None if part.floats or part.loose else "the root has no free joint",
         mounted=is_mounted(model, part),
         notes=part.notes
         + compiled.notes

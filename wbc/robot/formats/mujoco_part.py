@@ -11,7 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from wbc.errors import ModelError, listed
+
+SPANNED = 0.5  # volume of three axes, of 1 where they are at right angles
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,8 @@ class RobotPart:
     bodies: tuple[int, ...]  # what they carry, depth first, the roots included
     joints: tuple[int, ...]  # of these bodies, without a free joint of the root
     floats: bool  # whether the root has a free joint
+    # Three slides and three hinges of the root that no motor drives: they are its floating base.
+    loose: tuple[int, ...]
     notes: tuple[str, ...]
 
 
@@ -91,8 +97,25 @@ def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
     if others:
         named = ", ".join(names.bodies[body] for body in roots)
         notes = (f"bodies beside the robot, whose root is {named}, left out: {listed(others)}",)
-    moving = tuple(k for k in joints if k not in free)
-    return RobotPart(tuple(roots), bodies, moving, bool(free), notes)
+    loose = _loose(mujoco, model, roots, joints)
+    if loose:
+        named = ", ".join(names.joints[k] for k in loose)
+        notes += (f"six joints of the root are its floating base: {named}",)
+    moving = tuple(k for k in joints if k not in free and k not in loose)
+    return RobotPart(tuple(roots), bodies, moving, bool(free), loose, notes)
+
+
+def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tuple[int, ...]:
+    """Return the joints of the only root if together they let it float, none of them driven."""
+    own = [k for k in joints if len(roots) == 1 and int(model.jnt_bodyid[k]) == roots[0]]
+    kinds = [int(model.jnt_type[k]) for k in own]
+    slides = [k for k, kind in zip(own, kinds, strict=True) if kind == mujoco.mjtJoint.mjJNT_SLIDE]
+    hinges = [k for k, kind in zip(own, kinds, strict=True) if kind == mujoco.mjtJoint.mjJNT_HINGE]
+    if len(own) != 6 or len(slides) != 3 or len(hinges) != 3:
+        return ()
+    driven = {*motors_on_joints(mujoco, model).values()} & {*own}
+    spanned = [abs(float(np.linalg.det(model.jnt_axis[axes]))) for axes in (slides, hinges)]
+    return () if driven or min(spanned) < SPANNED else tuple(own)
 
 
 def _roots(mujoco: Any, model: Any, names: Names, tops: list[int], path: Path) -> list[int]:

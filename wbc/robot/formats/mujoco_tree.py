@@ -149,7 +149,7 @@ def _inertia(model: Any, body: int) -> pin.Inertia:
 
 def key_frames(mujoco: Any, model: Any, part: RobotPart, names: Names) -> Mapping[str, Any]:
     """Return the key frames by name: joint to its coordinates in q."""
-    states = {}
+    states, data = {}, mujoco.MjData(model)
     for key, name in enumerate(names.keys):
         q = np.array(model.key_qpos[key])
         state: dict[str, tuple[float, ...]] = {}
@@ -157,6 +157,11 @@ def key_frames(mujoco: Any, model: Any, part: RobotPart, names: Names) -> Mappin
             start = int(model.jnt_qposadr[model.body_jntadr[part.roots[0]]])
             w, x, y, z = q[start + 3 : start + 7].tolist()
             state[ROOT] = (*q[start : start + 3].tolist(), x, y, z, w)
+        if part.loose:  # six joints, which place the root together
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            w, x, y, z = data.xquat[part.roots[0]].tolist()
+            state[ROOT] = (*data.xpos[part.roots[0]].tolist(), x, y, z, w)
         for joint in part.joints:
             if kind_of(mujoco, model, joint) != "ball":
                 state[names.joints[joint]] = (float(q[model.jnt_qposadr[joint]]),)

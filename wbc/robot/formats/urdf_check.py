@@ -54,7 +54,7 @@ def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
     single = all(kind_of(mujoco, model, joint) in ("hinge", "slide") for joint in joints)
     if not single or not known >= {names.bodies[body] for body in bodies}:
         return
-    part = RobotPart((), bodies, joints, False, ())
+    part = RobotPart((), bodies, joints, False, (), ())
     _compare_ranges(model, part, names, tree, path)
     compare_motion(mujoco, model, part, names, tree, path, pin.SE3.Identity())
 
