@@ -43,9 +43,10 @@ def test_passive_forces_are_mujocos_in_the_robot_and_in_the_plant(case: str, gra
 def test_switched_off_physics_does_not_act() -> None:
     newer = hasattr(mujoco.mjtDisableBit, "mjDSBL_SPRING")
     passive = 'spring="disable" damper="disable"' if newer else 'passive="disable"'
-    off = f'<option><flag gravity="disable" {passive}/></option>'
-    robot, _ = load(text(arm('stiffness="5" damping="2"'), head=off))
+    off = f'<option><flag gravity="disable" frictionloss="disable" {passive}/></option>'
+    robot, _ = load(text(arm('stiffness="5" damping="2" frictionloss="1"'), head=off))
     assert not robot.passive and robot.gravity == 0.0 and not robot.damping.any()
+    assert not robot.friction.any()
     assert any("gravity is the file's: 0 0 0" in note for note in robot.notes)
 
 

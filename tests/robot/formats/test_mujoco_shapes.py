@@ -1,5 +1,6 @@
 """Shapes of compiled MJCF, and which of them are watched. Oracle: MuJoCo's compiled arrays."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +112,20 @@ def test_excluded_pairs_are_not_watched(pair: tuple[str, str]) -> None:
     found, left_out = watched(f'<contact><exclude body1="{first}" body2="{second}"/></contact>')
     assert frozenset(pair) not in found
     assert left_out["left_foot vs right_foot"] == "excluded in the MJCF"
+
+
+def test_a_robot_with_meshes_is_pickled_whole(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text(CUBE.format(0.1))
+    path = tmp_path / "robot.xml"
+    head = '<asset><mesh name="m" file="m.obj"/></asset>'
+    path.write_text(text(HINGED + '<geom name="g" type="mesh" mesh="m"/></body>', head=head))
+    robot = Robot.load(path, feet={})
+    path.unlink()  # nor is the file read again
+    again = pickle.loads(pickle.dumps(robot))
+    for one, other in (
+        (robot.collision_model, again.collision_model),
+        (robot.visual_model, again.visual_model),
+    ):
+        (mine,), (copied,) = one.geometryObjects, other.geometryObjects
+        assert mine.name == copied.name == "g"
+        np.testing.assert_array_equal(mine.geometry.vertices(), copied.geometry.vertices())

@@ -21,7 +21,8 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
     rotors = _rotors(mujoco, model)
     motors = _motors(mujoco, model)
     disabled = int(model.opt.disableflags)
-    damped = not disabled & int(_flag(mujoco, "mjDSBL_DAMPER"))
+    damped = not disabled & _flag(mujoco, "mjDSBL_DAMPER")
+    rubbed = not disabled & int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
     for joint in part.joints:
         if kind_of(mujoco, model, joint) == "ball":
             continue
@@ -34,7 +35,7 @@ def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin
         dof = int(model.jnt_dofadr[joint])
         tree.armature[v] = float(model.dof_armature[dof]) + rotors.get(joint, 0.0)
         tree.damping[v] = float(model.dof_damping[dof]) if damped else 0.0
-        friction = float(model.dof_frictionloss[dof])
+        friction = float(model.dof_frictionloss[dof]) if rubbed else 0.0
         tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
         effort = min(motors.get(joint, math.inf), _joint_force(model, joint))
         tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
@@ -161,8 +162,8 @@ def _medium(model: Any) -> list[str]:
 def passive_forces(mujoco: Any, model: Any, part: RobotPart, names: Names) -> PassiveForces:
     """Return the springs, gravity compensation and curved damping of the robot's part."""
     disabled = int(model.opt.disableflags)
-    sprung = not disabled & int(_flag(mujoco, "mjDSBL_SPRING"))
-    damped = not disabled & int(_flag(mujoco, "mjDSBL_DAMPER"))
+    sprung = not disabled & _flag(mujoco, "mjDSBL_SPRING")
+    damped = not disabled & _flag(mujoco, "mjDSBL_DAMPER")
     springs, curves = dict[str, Spring](), dict[str, tuple[float, float]]()
     for joint in part.joints:
         if kind_of(mujoco, model, joint) == "ball":
