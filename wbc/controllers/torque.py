@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from wbc.errors import ControllerFailure
 from wbc.laws import Residual, Rows
 from wbc.qp.backend import Backend
 from wbc.robot import Robot, Snapshot
+from wbc.robot.model import check_robot
 from wbc.tasks.returned import drift_of, rows_of
 from wbc.tasks.task import Task
 from wbc.validate import Array, finite_number, read_only
@@ -91,6 +92,11 @@ class TorqueController(Controller):
         one and has an effort limit of its own to keep.
     """
 
+    force_damping: float
+    force_ramp: float
+    torque_bounds: Array  # of the joints (nv - 6,) [N m]
+    contact_forces: ContactForces
+
     _fixed = PLANNED | dict.fromkeys(("torque_bounds", "force_damping"), ANOTHER)
     _policies = POLICIES
     _bears = True
@@ -114,6 +120,7 @@ class TorqueController(Controller):
         joint_weights: JointWeights | None = None,
         on_failure: str = "damp",
     ) -> None:
+        check_robot(type(self).__name__, robot)
         for task in tasks:
             if isinstance(task, Task) and task.singular_threshold > 0.0:
                 logging.getLogger(__name__).warning(
@@ -139,6 +146,10 @@ class TorqueController(Controller):
             joint_weights=joint_weights,
             on_failure=on_failure,
         )
+
+    def step(self, snapshot: Snapshot) -> TorqueTick:
+        """Return the command for ``snapshot``, torques in it; see :meth:`Controller.step`."""
+        return cast(TorqueTick, super().step(snapshot))
 
     def set_contacts(self, contacts: Sequence[Task], ramp: float | None = None) -> None:
         """Change what is held; forces come and go over ``ramp`` seconds, so that no torque jumps.

@@ -12,7 +12,7 @@ from wbc.errors import InvalidInputError, UnknownNameError
 from wbc.laws import Residual
 from wbc.native.rows import Kind, NativeRows
 from wbc.robot import Robot, Snapshot
-from wbc.tasks.keywords import OF_ERRORS, Gains
+from wbc.tasks.keywords import OF_ERRORS, RateGains
 from wbc.tasks.task import Task
 from wbc.validate import Array, names_of, read_only
 
@@ -48,7 +48,7 @@ class MomentumTask(Task):
         *,
         components: Sequence[str] = LINEAR + ANGULAR,
         name: str = "momentum",
-        **law: Unpack[Gains],
+        **law: Unpack[RateGains],
     ) -> None:
         components = names_of("momentum task, components", components)
         for component in components:
