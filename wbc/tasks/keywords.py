@@ -19,15 +19,8 @@ from wbc.laws import AccelerationLaw, VelocityLaw
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-class RateKeywords(TypedDict, total=False):
-    """What laws say of a task that is about a rate, and has no error."""
-
-    singular_threshold: float
-    kd: float | None
-
-
-class LawKeywords(RateKeywords, total=False):
-    """The entries of :class:`~wbc.laws.VelocityLaw` and :class:`~wbc.laws.AccelerationLaw`."""
+class ErrorKeywords(TypedDict, total=False):
+    """What laws say of an error; of no use to tasks that are about a rate."""
 
     gain: float
     gain_per_second: float | None
@@ -36,28 +29,41 @@ class LawKeywords(RateKeywords, total=False):
     kp: float
 
 
-class RateGains(RateKeywords, total=False):
+class RateKeywords(TypedDict, total=False):
+    """What laws say of a rate too."""
+
+    kd: float | None
+    singular_threshold: float
+
+
+class LawKeywords(ErrorKeywords, RateKeywords, total=False):
+    """The entries of :class:`~wbc.laws.VelocityLaw` and :class:`~wbc.laws.AccelerationLaw`."""
+
+
+class Importance(TypedDict, total=False):
+    """How tasks are weighed against each other."""
+
+    weight: ArrayLike
+    priority: int
+
+
+class RateGains(Importance, RateKeywords, total=False):
     """Keywords of a task that is about a rate."""
 
-    weight: ArrayLike
-    priority: int
 
-
-class Gains(LawKeywords, total=False):
+class Gains(Importance, LawKeywords, total=False):
     """Keywords that every other kind of task hands on to :class:`~wbc.tasks.task.Task`."""
 
-    weight: ArrayLike
-    priority: int
 
-
-_LAWS = (*fields(VelocityLaw), *fields(AccelerationLaw))
 FIRST_ORDER = frozenset(field.name for field in fields(VelocityLaw))
 SECOND_ORDER = frozenset(field.name for field in fields(AccelerationLaw))
-# What acts on the error alone: of no use to tasks that are about a rate.
-OF_ERRORS = (FIRST_ORDER | SECOND_ORDER) - RateKeywords.__annotations__.keys()
+OF_ERRORS = frozenset(ErrorKeywords.__annotations__)
 
 WEIGHT, PRIORITY = 1.0, 0
-DEFAULTS = {"weight": WEIGHT, "priority": PRIORITY} | {one.name: one.default for one in _LAWS}
+# Of every keyword that is left out.
+DEFAULTS = {"weight": WEIGHT, "priority": PRIORITY} | {
+    field.name: field.default for law in (VelocityLaw, AccelerationLaw) for field in fields(law)
+}
 
 
 def spell_out(function: Function) -> Function:
@@ -68,11 +74,11 @@ def spell_out(function: Function) -> Function:
     signature = inspect.signature(function)
     *shown, last = signature.parameters.values()
     keywords = _unpacked(last, function)
-    for name in sorted(keywords, key=[*DEFAULTS, *keywords].index):
+    for name, annotation in keywords.items():
         default = DEFAULTS.get(name, inspect.Parameter.empty)
-        annotation = getattr(keywords[name], "__forward_arg__", keywords[name])
+        written = getattr(annotation, "__forward_arg__", annotation)
         kind = inspect.Parameter.KEYWORD_ONLY
-        shown.append(inspect.Parameter(name, kind, default=default, annotation=annotation))
+        shown.append(inspect.Parameter(name, kind, default=default, annotation=written))
     if keywords:
         function.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     return function

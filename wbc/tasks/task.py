@@ -19,6 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from inspect import isfunction
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
@@ -122,8 +123,9 @@ class Task(DeclaredAttributes, ABC):
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         cls._tested = cls.__module__.startswith("wbc.")
-        if "__init__" in cls.__dict__:
-            spell_out(cls.__dict__["__init__"])
+        made_by = cls.__dict__.get("__init__")
+        if isfunction(made_by):
+            spell_out(made_by)
 
     @spell_out
     def __init__(
