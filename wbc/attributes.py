@@ -34,11 +34,8 @@ class DeclaredAttributes:
         super().__init_subclass__(**options)
         cls._takes_any = not cls.__module__.startswith("wbc.")
         cls._declared = frozenset(dir(cls)).union(*map(get_annotations, cls.__mro__))
-
-    if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
-
-        def __setattr__(self, name: str, value: object) -> None:
-            self._set_attribute(name, value)
+        if "_set_attribute" in cls.__dict__:  # every assignment passes here: no call in between
+            cls.__setattr__ = cls._set_attribute  # type: ignore
 
     def _set_attribute(self, name: str, value: object) -> None:
         """Assign an attribute; what has to be checked or followed is checked by those derived.
@@ -49,11 +46,14 @@ class DeclaredAttributes:
             It is not declared, or it is only read when the object is made: assigning it would
             change nothing.
         """
-        if not name.startswith("_"):
-            if name not in self._declared and not self._takes_any:
-                names = [key for key in self._declared if not key.startswith("_")]
-                hint = suggest(name, names, listed=0)
-                raise InvalidInputError(f"{self} has no attribute {name!r}{hint}")
+        if name in self._declared:
             if name in self._fixed and name in self.__dict__:
                 raise InvalidInputError(f"{self!r}: {name} cannot be assigned; {self._fixed[name]}")
+        elif not (self._takes_any or name.startswith("_")):
+            names = [key for key in self._declared if not key.startswith("_")]
+            hint = suggest(name, names, listed=0)
+            raise InvalidInputError(f"{self} has no attribute {name!r}{hint}")
         object.__setattr__(self, name, value)
+
+    if not TYPE_CHECKING:  # a checker that sees this method lets every name be assigned
+        __setattr__ = _set_attribute

@@ -67,8 +67,8 @@ class MomentumTask(Task):
         """Set the wanted momentum and its rate (force [N] and moment [N m] about the CoM)."""
         goal = self._target(target, (6,))
         self._set_rates((6,), rate)
-        self._goal = goal
-        self._bias = read_only(-goal[self._selected])
+        bias = read_only(-goal[self._selected])
+        self._assign(_goal=goal, _bias=bias, _changes=self._changes + 1)  # rows are read anew
 
     def residual(self, snapshot: Snapshot) -> Residual:
         """Return a zero error whose rate is momentum minus target."""
