@@ -75,13 +75,13 @@ def disagreement(tree: NativeTree, states: int = 2, seed: int = 0) -> float:
         whole = passed.evaluate(q, v)  # now holds the frame
         motion = first.motion(v)
         drifts = motion.drift("com_drift"), motion.drift("momentum_drift"), motion.frame_drift(last)
-        moving = np.concatenate((motion.array[: tree.com_drift.start], *drifts))
+        moving = np.concatenate((motion.array[: tree.parts["com_drift"].start], *drifts))
         state, rates = _state(model, data, q, v), _motion(model, data, q, v)
         reached = passed.reached(q, v, 0.1)
         if reached is None:  # a measured state that the core takes for none
             return np.inf
-        ours = np.delete(first.array, np.r_[tree.inertia_jacobian])
-        kept = np.delete(whole.array, np.r_[tree.inertia_jacobian])
+        ours = np.delete(first.array, np.r_[tree.parts["inertia_jacobian"]])
+        kept = np.delete(whole.array, np.r_[tree.parts["inertia_jacobian"]])
         for found, theirs in (
             (reached, (pin.integrate(model, q, 0.1 * v),)),
             (np.concatenate((ours, frame)), state),
