@@ -60,7 +60,7 @@ ONLY_IN = {
     "viser": {"view/live"},
     "typer": {"cli"},
     "rich": {"cli"},
-    "mujoco": {"simulation"},
+    "mujoco": {"simulation", "robot/formats"},
     "distributed": {"batch"},
     "pyarrow": {"batch"},
 }

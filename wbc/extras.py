@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
+from typing import Any
 
 from wbc.errors import MissingPackageError
 
@@ -11,16 +14,36 @@ EXTRAS = {
     "matplotlib": "plot",
     "mcap": "mcap",
     "mujoco": "sim",
+    "mujoco_menagerie": "menagerie",
     "pyarrow": "batch",
+    "robot_descriptions": "descriptions",
     "viser": "view",
 }
 
 
+def installed(package: str) -> bool:
+    """Return whether a package is there, without loading it."""
+    try:
+        return find_spec(package) is not None
+    except ValueError:  # another module was put in its place
+        return False
+
+
 def require(package: str, what: str) -> None:
     """Raise MissingPackageError if a package is not installed that ``what`` needs."""
-    try:
-        installed = find_spec(package) is not None
-    except ValueError:  # another module was put in its place
-        installed = False
-    if not installed:
+    if not installed(package):
         raise MissingPackageError(f"{what} needs {package}: pip install 'wbc[{EXTRAS[package]}]'")
+
+
+@contextmanager
+def quietly(mujoco: Any) -> Iterator[None]:
+    """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_nothing)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _nothing(_: str) -> None: ...

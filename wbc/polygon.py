@@ -52,6 +52,12 @@ def thinned(polygon: Array, tolerance: float = STRAIGHT) -> Array:
     return np.array(corners)
 
 
+def polygon_area(polygon: Array) -> float:
+    """Return the area [m^2] of a polygon (k, 2), counter-clockwise; 0 of a segment or point."""
+    x, y = polygon.T
+    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+
+
 def centroid(polygon: Array) -> Array:
     """Return the centre of area (2,) of a polygon (k, 2), or of a segment or point."""
     x, y = polygon.T

@@ -16,6 +16,7 @@ from wbc.cli import app, progress
 from wbc.errors import ModelError
 from wbc.problem import History
 from wbc.robot import robot_names
+from wbc.robot.packages import menagerie_names
 from wbc.view.options import View
 
 GOOD = """\
@@ -211,9 +212,12 @@ def test_schema(tmp_path: Path) -> None:
 
 def test_robots(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = wbc_command("robots").stdout.splitlines()
-    assert [line.split()[0] for line in lines] == list(robot_names())
+    names = [line.split()[0] for line in lines]
+    assert names[: len(robot_names())] == list(robot_names())
+    assert names[len(robot_names()) :] == list(menagerie_names() or ("menagerie:NAME",))
     monkeypatch.setattr("wbc.robot.library._data_folders", lambda: iter(()))
-    missing = dict(line.split(maxsplit=1) for line in wbc_command("robots").stdout.splitlines())
+    printed = wbc_command("robots").stdout.splitlines()
+    missing = dict(line.split(maxsplit=1) for line in printed[: len(robot_names())])
     assert missing["hoap2_like"].endswith("hoap2_like.urdf")
     assert missing["g1"] == "not installed (pip install 'wbc[robots]')"
 

@@ -371,3 +371,12 @@ def test_a_robot_is_loaded(given: tuple[str, ...]) -> None:
 def test_what_is_no_file_and_no_name(source: object) -> None:
     with pytest.raises(InvalidInputError, match="expected a file or a name"):
         Robot.load(source)  # type: ignore[arg-type]
+
+
+def test_what_was_pickled_or_listed_is_integrated_to_the_same_bits(hoap: Robot, rng) -> None:
+    for _ in range(20):
+        q = hoap.integrate(hoap.postures["standing"], rng.standard_normal(hoap.nv), 0.3)
+        v = rng.standard_normal(hoap.nv)
+        reached = hoap.integrate(q, v, 0.005)
+        for again in (lambda x: pickle.loads(pickle.dumps(x)), list, tuple):
+            np.testing.assert_array_equal(hoap.integrate(again(q), again(v), 0.005), reached)

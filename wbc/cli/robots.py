@@ -30,6 +30,7 @@ def robots(
         from wbc.errors import ModelError
         from wbc.robot import Robot
         from wbc.robot.library import find_robot, robot_names
+        from wbc.robot.packages import menagerie_names
 
         if name is not None:
             robot = Robot.load(name)
@@ -43,6 +44,11 @@ def robots(
             except ModelError:
                 where = "not installed (pip install 'wbc[robots]')"
             typer.echo(f"{name:{width}}  {where}")
+        others = menagerie_names()
+        for name in others:
+            typer.echo(name)
+        if not others:
+            typer.echo("menagerie:NAME  not installed (pip install 'wbc[menagerie]')")
 
 
 def _describe(robot: Robot) -> None:

@@ -29,6 +29,7 @@ from wbc.problem.section import (
     default_of,
 )
 from wbc.robot import FootSpec, Robot
+from wbc.robot.library import is_file_name
 
 
 class FootSection(Section):
@@ -78,10 +79,9 @@ class RobotSpec(Section):
             No such robot, or one that cannot be used.
         """
         path = Path(self.model).expanduser()
-        is_file = "/" in self.model or path.suffix != ""
         feet = {name: FootSpec(**foot.model_dump()) for name, foot in (self.feet or {}).items()}
         return Robot.load(
-            folder / path if is_file else self.model,
+            folder / path if is_file_name(self.model) else self.model,
             locked=self.locked,
             feet=None if self.feet is None else feet,
             base=self.base,

@@ -15,7 +15,7 @@ from wbc.polygon import convex_hull
 from wbc.robot.foot_guess import guess_links
 from wbc.robot.formats.description import GeometrySource
 from wbc.robot.names import frame_table
-from wbc.robot.sole import centred, found_sole
+from wbc.robot.sole import SMALL, centred, found_sole, sole_share
 from wbc.validate import Array, finite_array, finite_number, read_only
 
 SAME_PLACE, SAME_TILT = 1e-3, np.deg2rad(1.0)  # m, rad: a frame of the file is the sole's frame
@@ -140,6 +140,14 @@ def find_feet(
         frame, polygon, note = _sole_frame(model, name, parent, placement, polygon)
         feet[name] = Foot(name, frame, spec.link, polygon)
         notes += note
+        if spec.polygon is None and len(polygon) > 2:
+            share = sole_share(model, geometry, model.frames[_frame_id(model, frame)], polygon)
+            if share < SMALL:
+                notes.append(
+                    f"the sole that was found of the {name} foot is {share:.0%} of the rectangle"
+                    " round its body: no more of it touches level ground; give its polygon if it"
+                    " should"
+                )
     return feet, tuple(notes)
 
 

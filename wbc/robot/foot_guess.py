@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,8 +21,8 @@ SIDES = {"left": {"left", "l"}, "right": {"right", "r"}}
 CORNERS = {
     "front_left": {"fl", "lf"},
     "front_right": {"fr", "rf"},
-    "hind_left": {"hl", "lh", "rl", "bl"},
-    "hind_right": {"hr", "rh", "rr", "br"},
+    "hind_left": {"hl", "lh", "rl", "bl", "lr", "lb"},
+    "hind_right": {"hr", "rh", "rr", "br", "rb"},
 }
 FOOT_WORDS = {"foot", "feet", "ankle", "sole", "contact"}
 WHEEL_WORDS = {"wheel", "caster", "roller"}
@@ -139,15 +140,18 @@ def guess_links(
 
     A foot is a link whose name holds a side (left, l, right, r) or a corner (FL, hr, ...) and one
     of :data:`FOOT_WORDS`, and whose rigid body has shapes; of several, the one that reaches lowest.
-    Without such names: the two bodies at the ends of limbs that reach lowest, with flat undersides,
-    one to the left and its image to the right. Wheels and hands are neither.
+    A body is one foot, however many of its frames are called so, and which of four feet is in front
+    is seen, not read. Without such names: the two bodies at the ends of limbs that reach lowest,
+    with flat undersides, one to the left and its image to the right; or four, two on either side.
+    Wheels, what carries them, and hands are none.
 
     ``data`` holds the frame placements of a posture with the base upright.
     """
     bodies = [frame for frame in _bodies(model) if frame.parentJoint > 1]
     rolling = {frame.parentJoint for frame in bodies if words_of(frame.name) & WHEEL_WORDS}
+    rolling |= {int(model.parents[joint]) for joint in rolling}
     bodies = [frame for frame in bodies if frame.parentJoint not in rolling]
-    named = [(foot, frame) for frame in bodies if (foot := foot_of(frame.name))]
+    named = _one_of_each(model, data, bodies)
     lowest: dict[str, tuple[float, str]] = {}
     for foot, frame in named:
         height = _lowest_point(model, data, geometry, frame.parentJoint)
@@ -165,6 +169,53 @@ def guess_links(
     if rolling:
         return {}, "it has wheels, and wheels are no soles"
     return _lowest_pair(model, data, geometry, bodies)
+
+
+def _one_of_each(
+    model: pin.Model, data: pin.Data, bodies: list[pin.Frame]
+) -> list[tuple[str, pin.Frame]]:
+    """Return the frames that are called feet, and which: those of one body are one foot.
+
+    Of ``rl_foot`` the r may be of the rear or of the right: four feet are told by their places.
+    """
+    called: dict[int, list[tuple[str, pin.Frame]]] = {}
+    for frame in bodies:
+        foot = foot_of(frame.name)
+        if foot is not None:
+            called.setdefault(int(frame.parentJoint), []).append((foot, frame))
+    named = []
+    for entries in called.values():
+        foot = min((foot for foot, _ in entries), key=lambda one: one not in SIDES)
+        frames = [frame for one, frame in entries if one == foot]
+        named.append((foot, min(frames, key=lambda frame: str(frame.name))))
+    cornered = [frame for foot, frame in named if foot in CORNERS]
+    by_place = _by_place(data, {int(frame.parentJoint): frame for frame in cornered})
+    if len(by_place) != len(CORNERS):
+        return named
+    return list(by_place.items())
+
+
+def _by_place(data: pin.Data, feet: Mapping[int, Any]) -> dict[str, Any]:
+    """Return four feet, given by their joints, as corners by where they are; none of other ones."""
+    at = {joint: data.oMi[1].actInv(data.oMi[joint]).translation for joint in feet}
+    base = pin.Quaternion(data.oMi[1].rotation).matrix()
+    at = {joint: base @ place for joint, place in at.items()}  # with the base upright
+    lefts = sorted((j for j in at if at[j][1] > 0.0), key=lambda j: -at[j][0])
+    rights = sorted((j for j in at if at[j][1] < 0.0), key=lambda j: -at[j][0])
+    if len(lefts) != 2 or len(rights) != 2:
+        return {}
+    ordered = (lefts[0], rights[0], lefts[1], rights[1])
+    return {name: feet[joint] for name, joint in zip(CORNERS, ordered, strict=True)}
+
+
+def _four(data: pin.Data, low: Mapping[int, str], lowest: str) -> tuple[dict[str, str], str]:
+    """Return the four lowest ends of limbs as feet, if two are on either side, or why not."""
+    found = _by_place(data, low)
+    if not found:
+        return {}, f"{lowest}, are not two to either side"
+    if any(words_of(name) & NOT_FEET for name in low.values()):
+        return {}, f"{lowest}, are called hands or wheels"
+    return found, ""
 
 
 def _bodies(model: pin.Model) -> list[pin.Frame]:
@@ -206,6 +257,8 @@ def _lowest_pair(
     )
     if any(words_of(name) & NOT_FEET for name in names):
         return {}, f"{lowest}, are called hands or wheels"
+    if len(low) == 4:
+        return _four(data, {joint: str(ends[joint].name) for joint in low}, lowest)
     if len(low) != 2:
         return {}, f"{lowest}, are not a pair"
     soles = []

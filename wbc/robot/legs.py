@@ -26,6 +26,8 @@ SPEED_SHARE = 0.5
 QUICKEST = 1e4
 # Knee angles at which a leg's length is looked at, over the knee's range.
 SAMPLES = 33
+# Of the leg's length: how far a hip moves the foot forwards or to a side, at least, per rad.
+LEVER = 0.2
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,15 @@ def _leg(robot: Robot, side: str) -> tuple[float, ...]:
     knee, angles, lengths = _knee(robot, joints)
     hips = [int(robot.model.idx_vs[joint]) for joint in joints[: joints.index(knee)]]
     J = snapshot.jacobian(robot.feet[side].frame)
+    own = [int(robot.model.idx_vs[joint]) for joint in joints]
+    for row, which, where in ((0, hips, "forwards"), (1, own, "to a side")):
+        if float(np.abs(J[row, which]).max()) < LEVER * float(lengths.max()):
+            names = [str(robot.model.names[joint]) for joint in joints]
+            raise InvalidInputError(
+                f"walker: the {side} leg of {robot.name} is {', '.join(names)}; the"
+                f" last one is the ankle, and those above the knee cannot swing the foot {where}:"
+                " walking takes hips that pitch and roll, a knee and an ankle"
+            )
     forwards = max(hips, key=lambda k: abs(float(J[0, k])))
     turning = max(hips, key=lambda k: abs(float(J[5, k]))) - BASE_NV
     lever, hip = abs(float(J[0, forwards])), forwards - BASE_NV

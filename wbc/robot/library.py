@@ -1,23 +1,31 @@
 """Named robots: where their files are, which joints are locked, where they stand.
 
 The robots other than ``hoap2_like`` come with the package ``example-robot-data`` (``pip install
-wbc[robots]``), whose files are found without importing it. Any description that the package
-``robot_descriptions`` knows can be named too, if that package is installed.
+wbc[robots]``), whose files are found without importing it. Those of other packages can be named
+too: see :mod:`wbc.robot.packages`.
 """
 
 from __future__ import annotations
 
 import importlib
 import importlib.metadata
-import importlib.util
 import os
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from wbc.errors import InvalidInputError, ModelError, UnknownNameError, suggest
 from wbc.robot.feet import FootSpec
+from wbc.robot.formats.mjcf_compile import is_mujoco
+from wbc.robot.packages import (
+    DESCRIPTIONS,
+    MENAGERIE,
+    from_menagerie,
+    from_robot_descriptions,
+)
 
 DATA_VARIABLE = "WBC_ROBOT_DATA"  # a folder holding g1_description, talos_data, ...
 _DATA = Path("cmeel.prefix/share/example-robot-data/robots")
@@ -54,6 +62,7 @@ class Source:
     package_dirs: tuple[Path, ...] = ()
     srdf: Path | None = None
     known: NamedRobot | None = None
+    given: Any = None  # in place of the file: XML text, an MjSpec or an MjModel
 
 
 _G1 = NamedRobot(
@@ -160,10 +169,11 @@ def robot_names() -> tuple[str, ...]:
     return tuple(ROBOTS)
 
 
-def find_robot(source: str | Path) -> Source:
-    """Return where to read a robot from: a file, or a name.
+def find_robot(source: Any) -> Source:
+    """Return where to read a robot from: a file, a name, XML text, or what MuJoCo made.
 
-    A string is taken as a file if it has a folder in it or a file's ending.
+    A string is taken as XML if it begins with ``<``, as a file if it has a folder in it or a
+    file's ending.
 
     Raises
     ------
@@ -172,19 +182,34 @@ def find_robot(source: str | Path) -> Source:
     ModelError
         The robot is known but its files are not installed.
     InvalidInputError
-        Neither a string nor a path.
+        None of these.
     """
+    for kind in ("MjModel", "MjSpec"):
+        if is_mujoco(source, kind):
+            return Source(name=None, path=Path(kind), given=source)
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return Source(name=None, path=Path("XML text"), given=source)
     if not isinstance(source, str | Path):
         raise InvalidInputError(f"robot: expected a file or a name such as 'g1', got {source!r}")
     text = str(source)
-    if isinstance(source, Path) or "/" in text or os.sep in text or Path(text).suffix:
+    if isinstance(source, str) and text.startswith(MENAGERIE):
+        robot = text.removeprefix(MENAGERIE).partition("/")[0]
+        return Source(name=robot, path=from_menagerie(text).path)
+    if isinstance(source, Path) or is_file_name(text):
         return Source(name=None, path=Path(source).expanduser())
     known = ROBOTS.get(text)
     if known is None:
-        return _from_robot_descriptions(text)
+        return _from_packages(text)
     folder = _HERE if known.shipped else _data_folder(text, known.urdf)
     srdf = None if known.srdf is None else folder / known.srdf
     return Source(name=text, path=folder / known.urdf, srdf=srdf, known=known)
+
+
+def is_file_name(text: str) -> bool:
+    """Return whether a robot's name is meant as a file: it has a folder in it or an ending."""
+    if text.startswith((MENAGERIE, DESCRIPTIONS)):
+        return False
+    return "/" in text or os.sep in text or Path(text).suffix != ""
 
 
 def _data_folder(name: str, urdf: str) -> Path:
@@ -214,23 +239,17 @@ def _data_folders() -> Iterator[Path]:
     yield from (Path(entry) / _DATA for entry in sys.path)
 
 
-def _from_robot_descriptions(name: str) -> Source:
-    """Return the files of a robot of the package ``robot_descriptions``; may download them."""
-    installed = importlib.util.find_spec("robot_descriptions") is not None
-    wanted = (f"robot_descriptions.{name}", f"robot_descriptions.{name}_description")
-    module_name = next((m for m in wanted if installed and importlib.util.find_spec(m)), None)
-    if module_name is None:
+def _from_packages(name: str) -> Source:
+    """Return the files of a robot that another package has; may download them."""
+    found = from_robot_descriptions(name)
+    if found is None:
         known = suggest(name, robot_names()).lstrip("; ")
         known = known.strip("()") if known.startswith("(") else known
-        others = "" if installed else ", or pip install robot_descriptions for its many"
-        remedy = f"{known}; or give the path of a URDF or MJCF file{others}"
+        others = ("robot_descriptions", "mujoco-menagerie")
+        lacking = [one for one in others if find_spec(one.replace("-", "_")) is None]
+        more = f", or pip install {' or '.join(lacking)} for its many" if lacking else ""
+        remedy = f"{known}; or give the path of a URDF or MJCF file{more}"
         raise UnknownNameError("robot", name, robot_names(), remedy)
-    try:
-        module = importlib.import_module(module_name)
-    except Exception as error:  # whatever its download raises: no network, no git, no space
-        raise ModelError(f"robot {name!r}: {module_name} cannot provide it: {error}") from error
-    path = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
-    if path is None:
-        raise ModelError(f"robot {name!r}: {module_name} has neither a URDF nor an MJCF")
-    package = Path(getattr(module, "PACKAGE_PATH", Path(path).parent))
-    return Source(name=name, path=Path(path), package_dirs=(package, package.parent))
+    return Source(
+        name=name.removeprefix(DESCRIPTIONS), path=found.path, package_dirs=found.package_dirs
+    )

@@ -10,7 +10,8 @@ import pinocchio as pin
 from wbc.errors import InvalidInputError
 from wbc.validate import Array, finite_number, read_only
 
-UNLIMITED = 1e300  # anything this large means that there is no limit
+# Anything this large stands for no limit: exporters write 1e16, 1e30, FLT_MAX and DBL_MAX.
+UNLIMITED = 1e10
 BASE_NQ, BASE_NV = 7, 6  # coordinates and velocities of the free-flyer, always first
 
 

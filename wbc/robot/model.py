@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -18,25 +18,27 @@ from wbc.robot.drives import JointValues, armature_note, effort_note, set_drives
 from wbc.robot.feet import FootSpec
 from wbc.robot.formats import read_description
 from wbc.robot.formats.description import Coupling, Description, GeometrySource, lock_joints
+from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.library import NamedRobot, Source, find_robot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.model_checks import check_supported
 from wbc.robot.moving_state import MovingState
 from wbc.robot.names import add_base_frame, matches
 from wbc.robot.notes import warn_of
+from wbc.robot.passive import PassiveForces
 from wbc.robot.postures import (
     NEUTRAL,
     STANDING,
     follow,
     grounded,
     named_postures,
-    read_states,
     set_joints,
 )
 from wbc.robot.stance import find_stance
 from wbc.robot.tree import KinematicTree
 from wbc.validate import Array, by_name, read_only
 
+MujocoModel: TypeAlias = Any  # mujoco.MjModel or mujoco.MjSpec
 BASES = ("floating", "fixed")
 
 
@@ -57,12 +59,16 @@ class Robot(KinematicTree):
         The SRDF file, or None.
     geometry:
         Loads the shapes; see :attr:`collision_model`.
+    passive:
+        Springs, gravity compensation and curved damping of the joints; see
+        :meth:`passive_forces`.
     """
 
     postures: Mapping[str, Array]
     notes: tuple[str, ...]
     srdf: Path | None
     geometry: GeometrySource
+    passive: PassiveForces
 
     def __new__(cls, *given: object, **named: object) -> Self:
         """Refuse ``Robot("g1")``, as other libraries have it, by saying what to write."""
@@ -82,7 +88,7 @@ class Robot(KinematicTree):
     @classmethod
     def load(
         cls,
-        source: str | Path,
+        source: str | Path | MujocoModel,
         *,
         locked: Mapping[str, float] | None = None,
         feet: Mapping[str, FootSpec | Mapping[str, Any]] | None = None,
@@ -95,13 +101,15 @@ class Robot(KinematicTree):
         friction: JointValues | None = None,
         effort: JointValues | None = None,
     ) -> Self:
-        """Read a robot from a URDF or MJCF file, or by name.
+        """Read a robot from a URDF or MJCF file, by name, or from what MuJoCo compiled.
 
         Parameters
         ----------
         source:
-            A file, a name of :func:`~wbc.robot.library.robot_names`, or one of the package
-            ``robot_descriptions`` if that is installed.
+            A file; a name of :func:`~wbc.robot.library.robot_names`; ``menagerie:NAME`` or
+            ``menagerie:NAME/ENTRY`` of the package ``mujoco-menagerie``; a name of the package
+            ``robot_descriptions``, or ``robot_descriptions:NAME``; or XML text (it begins with
+            ``<``), an ``MjSpec``, which stays as it is, or an ``MjModel``.
         locked:
             Joints to hold rigid, and their values [rad or m]; besides those of a named robot.
         feet:
@@ -128,6 +136,8 @@ class Robot(KinematicTree):
         ModelError
             The file cannot be read, or holds something unsupported, or the compiled core differs
             from Pinocchio on it; the message names it.
+        MissingPackageError
+            It is MJCF, and MuJoCo, which compiles it, is not installed.
         UnknownNameError
             Unknown robot, locked joint, or foot link.
         InvalidInputError
@@ -141,7 +151,9 @@ class Robot(KinematicTree):
         _set_drives(model, found.known, armature, damping, friction, effort)
         limits = Limits.of(model)
         states_file = found.srdf if srdf is None else Path(srdf)
-        states = {**description.states, **(read_states(states_file) if states_file else {})}
+        said = read_srdf(states_file, description.model) if states_file else None
+        states = {**description.states, **(said.states if said else {})}
+        notes += said.notes(description.model) if said and states_file != found.srdf else ()
         neutral = pin.neutral(model)
         neutral[:BASE_NQ] = description.base
         postures, posture_notes = named_postures(limits, neutral, states, found.known)
@@ -166,6 +178,7 @@ class Robot(KinematicTree):
             notes=notes,
             srdf=states_file,
             geometry=description.geometry,
+            passive=description.passive.of(model, limits),
         )
         _ = robot.native  # here, not in the first tick, if the core cannot be trusted with it
         return robot
@@ -217,6 +230,21 @@ class Robot(KinematicTree):
         follow(self.limits, q, self.couplings)
         return grounded(self.model, q, self.feet) if on_ground else q
 
+    def passive_forces(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
+        """Return what springs and the like give (nv,) [N, N m]: forces that no motor is asked for.
+
+        They stand beside the torques: M a + bias = S' tau + J' f + passive - damping v - friction,
+        with :attr:`damping` and :attr:`friction`, which are not in here.
+
+        Raises
+        ------
+        InvalidInputError
+            See :meth:`check_configuration` and :meth:`check_velocity`.
+        """
+        q = self.check_configuration(q)
+        rates = np.zeros(self.nv) if v is None else self.check_velocity(v)
+        return self.passive.forces(self.model, self.limits, q, rates)
+
     def snapshot(self, q: ArrayLike, v: ArrayLike | None = None) -> Snapshot:
         """Return everything known at configuration ``q`` moving at ``v``.
 
@@ -245,7 +273,7 @@ def _read(
         raise InvalidInputError(f"package_dirs: expected a list, got {package_dirs!r}")
     known = found.known
     folders = (*(Path(folder) for folder in package_dirs), *found.package_dirs)
-    description = read_description(found.path, folders)
+    description = read_description(found.path, folders, found.given)
     rigid = {**(known.locked if known else {}), **by_name("locked", locked)}
     model, couplings = lock_joints(description, rigid)
     notes = description.notes + check_supported(model, found.path) + add_base_frame(model)

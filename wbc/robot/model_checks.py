@@ -23,9 +23,9 @@ ROUNDING = 1e-6  # of a body's largest moment: files give inertias to about six 
 # is missing in the file); it does not show in the robot's inertia, so it is noted, not refused.
 NEGLIGIBLE = 1e-3
 LARGEST, HEAVIEST = 20.0, 5000.0  # m, kg: what is larger or heavier is in other units
-# rad: what the middle one of a robot's joints can turn by, a little more than once around; and what
-# stands for no limit.
-ROUND, NO_LIMIT = 6.5, 400.0
+# rad: what the middle one of a robot's joints can turn by, a little more than twice around (joints
+# that turn without end are written as 1.5 turns); and what stands for no limit.
+ROUND, NO_LIMIT = 13.0, 400.0
 FEW_JOINTS = 6  # their places say little of how large a robot is
 
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.errors import ModelError
 from wbc.polygon import centroid, convex_hull, polygon_margin
 from wbc.robot.feet import Foot
 from wbc.robot.formats.description import Coupling, State
-from wbc.robot.formats.xml import read_xml
 from wbc.robot.library import NamedRobot
 from wbc.robot.limits import BASE_NQ, Limits
 from wbc.robot.names import frame_table, matches, matching
@@ -24,43 +19,6 @@ from wbc.validate import Array, by_name
 NEUTRAL, STANDING, HALF_SITTING = "neutral", "standing", "half_sitting"
 NEAR = 0.7  # rad or m: a posture whose joints differ more is another one
 LEVEL = 1e-3  # m: corners of soles no further apart than this stand on one ground
-
-
-def read_states(srdf: Path) -> dict[str, State]:
-    """Return the ``group_state`` entries of an SRDF: state name to joint to its coordinates.
-
-    Raises
-    ------
-    ModelError
-        Not a readable SRDF, or a value that is not made of numbers.
-    """
-    root = read_xml(srdf)
-    if root.tag != "robot":
-        raise ModelError(f"{srdf}: the root element is <{root.tag}>; an SRDF begins with <robot>")
-    return {
-        group.get("name", "?"): dict(_joint_values(group, srdf))
-        for group in root.findall("group_state")
-    }
-
-
-def _joint_values(group: ET.Element, srdf: Path) -> Iterable[tuple[str, tuple[float, ...]]]:
-    for joint in group.findall("joint"):
-        text = joint.get("value", "")
-        try:
-            values = tuple(float(word) for word in text.split())
-        except ValueError as error:
-            raise ModelError(
-                f"{srdf}: state {group.get('name')!r}, joint {joint.get('name')!r}: {text!r} is"
-                " not made of numbers"
-            ) from error
-        norm = sum(value * value for value in values)  # infinite where it overflows
-        wrong = len(values) not in (1, 2, BASE_NQ) or not math.isfinite(norm)
-        if wrong or (len(values) == BASE_NQ and math.hypot(*values[3:]) < 1e-3):
-            raise ModelError(
-                f"{srdf}: state {group.get('name')!r}, joint {joint.get('name')!r}: {text!r} is"
-                " not a configuration (x, y, z, quaternion x, y, z, w for the base)"
-            )
-        yield joint.get("name", "?"), values
 
 
 def named_postures(

@@ -6,11 +6,16 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.polygon import centroid, convex_hull, thinned
+from wbc.polygon import centroid, convex_hull, polygon_area, thinned
 from wbc.robot.formats.description import GeometrySource
 from wbc.validate import Array
 
 FLAT = 3e-3  # m: points no higher than this above the lowest belong to the sole
+# Of the rectangle round a body as seen from above: where less touches the ground, a larger face is
+# looked for that is not level, and a note tells of a sole that is smaller yet.
+FULL, SMALL = 0.5, 0.25
+STEEPEST = np.cos(np.deg2rad(20.0))  # such a face is no steeper in the stance
+COPLANAR = np.cos(np.deg2rad(1.0))  # facets of a hull that are one face
 SNAP = np.cos(np.deg2rad(5.0))  # an axis this near to the vertical is meant to be vertical
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _RIM = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
@@ -85,6 +90,8 @@ def found_sole(
     """Return the placement and polygon (k, 2) of the sole below the body of ``frame``, or None.
 
     The sole is the convex hull of the body's lowest points; its placement is in the body's joint.
+    Where these are an edge, a corner or a strip of a larger flat face of the body's hull, as of a
+    foot that is not drawn level, it is that face, if it points down within 20 degrees.
     ``R`` (3, 3) takes the frame's axes to the world's in a posture with the sole about level.
     """
     joint = frame.parentJoint
@@ -92,10 +99,66 @@ def found_sole(
     points = body_points(model, geometry, joint, axes[:, 2])
     if not len(points):
         return None
-    local = points @ axes  # (k, 3)
-    lowest = float(local[:, 2].min())
-    polygon = thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
+    lowest, polygon = _flat_part(points, axes)
+    if polygon_area(polygon) < FULL * _footprint(points, axes):
+        face = _tilted_face(points, axes)
+        if face is not None:
+            height, larger = _flat_part(points, face)
+            touching = points[points @ axes[:, 2] <= lowest + FLAT] @ face[:, 2] <= height + FLAT
+            if touching.all() and polygon_area(larger) > 2.0 * polygon_area(polygon):
+                lowest, polygon, axes = height, larger, face
     return centred(pin.SE3(axes, np.zeros(3)), polygon, lowest)
+
+
+def _flat_part(points: Array, axes: Array) -> tuple[float, Array]:
+    """Return how high the lowest points (k, 3) are along the third axis, and their hull."""
+    local = points @ axes
+    lowest = float(local[:, 2].min())
+    return lowest, thinned(convex_hull(local[local[:, 2] <= lowest + FLAT, :2]))
+
+
+def _tilted_face(points: Array, axes: Array) -> Array | None:
+    """Return the axes (3, 3) of the largest face of the points' hull that looks down, or None.
+
+    Its normal is the third axis, upwards; the first is as near to that of ``axes`` as it can be.
+    """
+    from scipy.spatial import ConvexHull, QhullError  # only here: SciPy takes a while to load
+
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):  # flat, or a few points only
+        return None
+    corners = hull.points[hull.simplices]  # (facets, 3, 3)
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sizes = 0.5 * np.linalg.norm(sides, axis=1)
+    normals = hull.equations[:, :3]  # outwards
+    down = -normals @ axes[:, 2] > STEEPEST
+    if not down.any():
+        return None
+    normals, sizes = normals[down], sizes[down]
+    faces = (normals @ normals.T > COPLANAR) @ sizes  # with what is coplanar
+    up = -normals[int(np.argmax(faces))]
+    forward = axes[:, 0] - up * (up @ axes[:, 0])
+    forward /= np.linalg.norm(forward)
+    return np.stack([forward, np.cross(up, forward), up], axis=1)
+
+
+def sole_share(
+    model: pin.Model, geometry: GeometrySource, frame: pin.Frame, polygon: Array
+) -> float:
+    """Return the area of a sole in parts of the rectangle round its body; 1 if that has no shapes.
+
+    ``frame`` is the sole's own, z upwards.
+    """
+    axes = frame.placement.rotation
+    points = body_points(model, geometry, frame.parentJoint, axes[:, 2])
+    whole = _footprint(points, axes) if len(points) else 0.0
+    return polygon_area(polygon) / whole if whole > 0.0 else 1.0
+
+
+def _footprint(points: Array, axes: Array) -> float:
+    """Return the area [m^2] of the rectangle round points (k, 3), along the third axis."""
+    return float(np.prod(np.ptp((points @ axes)[:, :2], axis=0)))
 
 
 def _level_axes(R: Array) -> Array:

@@ -7,13 +7,18 @@ from typing import Any, NamedTuple
 
 import pinocchio as pin
 
+from wbc.errors import ModelError
 from wbc.robot.feet import Foot, FootSpec, find_feet
 from wbc.robot.foot_guess import arm_reason, upright
-from wbc.robot.formats.description import Description
+from wbc.robot.formats.description import Description, GeometrySource
 from wbc.robot.library import NamedRobot, Source
 from wbc.robot.limits import Limits
+from wbc.robot.model_checks import link_of
 from wbc.robot.postures import grounded, settled
+from wbc.robot.sole import body_points
 from wbc.validate import Array, by_name
+
+LOWER = 5e-3  # m: a shape that much lower than the soles would touch the ground first
 
 
 class Stance(NamedTuple):
@@ -49,16 +54,55 @@ def find_stance(
         notes = (turned,) if turned else ()
     soles, foot_notes = find_feet(model, description.geometry, specs, q)
     bolted = None
-    if not soles and base is None:  # neither feet nor the user tell
+    if description.mounted:
+        if base == "floating":
+            raise ModelError(
+                f"{found.path}: base: floating: the root moves by joints of its own, and what they"
+                " are on has no mass; give the root a free joint instead"
+            )
+        bolted = "the root moves by joints of its own"
+        if base is None:
+            foot_notes = (*foot_notes, f"the base is fixed, since {bolted}")
+    elif not soles and base is None:  # neither feet nor the user tell
         bolted = arm_reason(model, q) if description.bolted == "" else description.bolted
-    if bolted:
+    if bolted and not description.mounted:
         reason = f"{bolted} and there are no feet"
         foot_notes = (f"the base is fixed, since {reason}; base: floating lets it float",)
     notes += foot_notes
     if found.known is None:
         q, unsettled = settled(model, limits, q, soles)
         notes += unsettled
-    return Stance(grounded(model, q, soles), soles, base == "fixed" or bool(bolted), notes)
+    q = grounded(model, q, soles)
+    if found.known is None:
+        notes += _below_soles(model, description.geometry, q, soles)
+    return Stance(q, soles, base == "fixed" or bool(bolted), notes)
+
+
+def _below_soles(
+    model: pin.Model, geometry: GeometrySource, q: Array, feet: Mapping[str, Foot]
+) -> tuple[str, ...]:
+    """Return a note of what hangs on feet, or beside them, and is lower than the soles."""
+    soles = {int(model.frames[model.getFrameId(foot.frame)].parentJoint) for foot in feet.values()}
+    parents = [int(parent) for parent in model.parents]
+    near = {joint for joint, parent in enumerate(parents) if parent in soles and joint > 1}
+    near |= {
+        joint
+        for joint, parent in enumerate(parents)
+        if any(parent == parents[sole] for sole in soles) and parent > 1 and joint not in soles
+    }
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    lower = []
+    for joint in sorted(near):
+        pose = data.oMi[joint]
+        points = body_points(model, geometry, joint, pose.rotation[2])
+        if len(points):
+            depth = -float((points @ pose.rotation[2]).min() + pose.translation[2])
+            if depth > LOWER:
+                lower.append(f"{link_of(model, joint)} by {1e3 * depth:.0f} mm")
+    if not lower:
+        return ()
+    return (f"lower than the soles in 'standing': {', '.join(lower)}; are these its soles (feet)?",)
 
 
 def _foot_specs(

@@ -30,6 +30,7 @@ FRICTION_STIFFNESS = 100.0
 # Least eigenvalue of a mass matrix that can be integrated: iCub's neck turns about points and has
 # 2e-17, all other robots 1.5e-5 and more. Real joints have rotors.
 LEAST_FELT = 1e-8  # kg m^2, or kg
+WORLD_SITE = "world site"
 _FAR = 1e6  # stands for a limit that is missing on one side [rad or m]
 
 
@@ -78,6 +79,7 @@ def build(
     bodies = _add_tree(mujoco, spec, robot, inertias)
     labels, notes = add_shapes(mujoco, spec, bodies, robot, shapes)
     _add_gears(mujoco, spec, robot, physics_dt)
+    _add_lifts(mujoco, spec, bodies, robot)
     try:
         model = spec.compile()
     except ValueError as error:
@@ -101,11 +103,14 @@ def _soles(robot: Robot, ids: Sequence[int]) -> tuple[Sole, ...]:
 
 def _check_felt_inertia(robot: Robot) -> None:
     """Refuse a robot with joints that the least torque would accelerate without bound."""
-    M = robot.snapshot(robot.postures["standing"]).mass_matrix
+    first = BASE_NV if robot.fixed_base else 0  # a base that is bolted may weigh nothing
+    M = robot.snapshot(robot.postures["standing"]).mass_matrix[first:, first:]
+    if not M.size:
+        return
     moments, directions = np.linalg.eigh(M)
     weak = moments < LEAST_FELT
     if weak.any():
-        parts = np.abs(directions[BASE_NV:, weak]).max(axis=1)
+        parts = np.abs(directions[BASE_NV - first :, weak]).max(axis=1)
         joints = [name for name, part in zip(robot.joint_names, parts, strict=True) if part > 0.3]
         raise ModelError(
             f"{robot.path}: joint {', '.join(joints)} can turn without moving any mass (a moment of"
@@ -195,7 +200,7 @@ def _add_tree(
             axis=axis,
             armature=float(robot.armature[k]),
         )
-        joint.damping = _first(joint.damping, float(robot.damping[k]))
+        _set_passive(joint, robot, str(model.names[j]), float(robot.damping[k]))
         joint.frictionloss = float(robot.friction[k])
         low, high = float(limits.lower[k]), float(limits.upper[k])
         if np.isfinite([low, high]).any():
@@ -209,13 +214,43 @@ def _add_tree(
     return bodies
 
 
-def _first(field: Any, value: float) -> Any:
-    """Return a value for a field that is a polynomial's coefficients in newer MuJoCo."""
+def _set_passive(joint: Any, robot: Robot, name: str, damping: float) -> None:
+    """Give a joint its damper and its spring."""
+    curved = robot.passive.curved_damping.get(name, (0.0, 0.0))
+    joint.damping = _polynomial(joint.damping, (damping, *curved))
+    spring = robot.passive.springs.get(name)
+    if spring is not None:
+        joint.stiffness = _polynomial(joint.stiffness, (spring.stiffness, *spring.curved))
+        joint.springref = spring.rest
+
+
+def _polynomial(field: Any, coefficients: Sequence[float]) -> Any:
+    """Return coefficients for a field that has the first one only in older MuJoCo."""
     if np.ndim(field) == 0:
-        return value
-    coefficients = np.zeros(np.shape(field))
-    coefficients[0] = value
-    return coefficients
+        return coefficients[0]
+    values = np.zeros(np.shape(field))
+    values[: len(coefficients)] = coefficients
+    return values
+
+
+def _add_lifts(mujoco: Any, spec: Any, bodies: Sequence[Any], robot: Robot) -> None:
+    """Add the forces that take bodies' weight off the joints: constant ones, at sites.
+
+    MuJoCo's own gravity compensation acts at the CoM of all that hangs on one joint, whereas some
+    of its parts may be lifted only.
+    """
+    pull = -np.array(robot.model.gravity.linear)
+    spec.worldbody.add_site(name=WORLD_SITE)
+    for k, lift in enumerate(robot.passive.lifts):
+        frame = robot.frame(lift.frame)
+        place = frame.placement.act(np.array(lift.point))
+        name = f"lift {k}"
+        bodies[int(frame.parentJoint)].add_site(name=name, pos=place)
+        motor = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_SITE)
+        motor.target, motor.refsite = name, WORLD_SITE
+        motor.gear = [*pull, 0.0, 0.0, 0.0]
+        motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        motor.biasprm[0], motor.gainprm[0] = lift.mass, 0.0
 
 
 def _joint_axes(robot: Robot) -> list[tuple[bool, Array]]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,20 +34,6 @@ class SimulationError(WbcError):
     def __init__(self, what: str, time: float | None = None, joint: str | None = None) -> None:
         self.time, self.joint = time, joint
         super().__init__(what if time is None else f"simulation at t = {time:.4f} s: {what}")
-
-
-@contextmanager
-def quietly(mujoco: Any) -> Iterator[None]:
-    """Keep MuJoCo from printing its warnings and from writing a log file; we raise them instead."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_nothing)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
-def _nothing(_: str) -> None: ...
 
 
 def check_state(

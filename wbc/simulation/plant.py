@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.errors import InvalidInputError
-from wbc.extras import require
+from wbc.extras import quietly, require
 from wbc.robot import Robot, Snapshot
 from wbc.robot.limits import BASE_NQ, BASE_NV
 from wbc.robot.model import check_robot
@@ -17,7 +17,7 @@ from wbc.robot.postures import STANDING
 from wbc.simulation.build import build
 from wbc.simulation.contact_drift import ContactDrift
 from wbc.simulation.contacts import Contacts, read_contacts, self_contacts, touching_links
-from wbc.simulation.engine import check_state, quietly
+from wbc.simulation.engine import check_state
 from wbc.simulation.mismatch import EXACT, ModelMismatch
 from wbc.simulation.push import Push, apply_pushes, push_point
 from wbc.simulation.sensors import Measurements, Sensors

@@ -66,6 +66,8 @@ def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
     assert set(robot.limits.without_effort) == {*JOINTS} - {"joint"}
     # Ranges that need to be switched on: autolimits off.
     off = text('<motor joint="motor" ctrlrange="-4 4"/>', ' autolimits="false"')
+    off = off.replace(' ctrlrange="-4', ' ctrllimited="false" ctrlrange="-4')
+    off = off.replace(' actuatorfrcrange="', ' actuatorfrclimited="true" actuatorfrcrange="')
     off = load(tmp_path, off.replace(' range="', ' limited="true" range="'))
     assert "motor" in off.limits.without_effort
 
@@ -73,9 +75,9 @@ def test_what_has_no_range_is_not_bounded(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("actuator", "told"),
     [
-        ('<motor joint="motor" ctrlrange="-4"/>', "<motor> of joint 'motor'"),
+        ('<motor joint="motor" ctrlrange="-4"/>', "'ctrlrange' does not have enough data"),
         ('<motor joint="motor" gear="nan"/>', "<motor"),
-        ('<motor joint="motor" class="none"/>', "class 'none'"),
+        ('<motor joint="motor" class="none"/>', "unknown default class name 'none'"),
     ],
 )
 def test_ill_formed_actuators_are_named(tmp_path: Path, actuator: str, told: str) -> None:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import InvalidInputError, ModelError
+from wbc.errors import InvalidInputError
+from wbc.robot.collision.bodies import named_shapes
 from wbc.robot.collision.model import CollisionModel
 from wbc.robot.collision.refine import FinerPair, FinerShapes
 from wbc.robot.collision.shapes import Body
-from wbc.robot.formats.xml import read_xml
+from wbc.robot.formats.srdf import read_srdf
 from wbc.robot.model import Robot
 from wbc.robot.names import matching
 from wbc.robot.postures import STANDING
@@ -26,7 +27,14 @@ RESOLVED = 0.75  # part of the raw distance that finer shapes should leave
 SPARE = 1e-3  # m, by which they should leave more than the clearance
 KEPT = 0.5  # part of its distance when standing that a pair keeps which stands within the clearance
 BY_NAME, ADJACENT, DISABLED = "excluded by name", "adjacent", "disabled in the SRDF"
-BY_DESCRIPTION = (BY_NAME, ADJACENT, DISABLED)  # reasons that no posture was asked for
+EXCLUDED, UNPAIRED = "excluded in the MJCF", "meets only what the MJCF pairs it with"
+BY_DESCRIPTION = (
+    BY_NAME,
+    ADJACENT,
+    DISABLED,
+    EXCLUDED,
+    UNPAIRED,
+)  # reasons that no posture was asked for
 Pattern = tuple[str, str]
 Pair = tuple[int, int]
 
@@ -57,9 +65,10 @@ def select_pairs(
     """Return the pairs of bodies that can and may meet.
 
     Left out, in this order: what ``exclude`` names; pairs of a joint and its parent; those that
-    the robot's SRDF disables; those whose raw shapes (meshes as they are) touch when standing;
-    those that touch in 95 % of 200 random postures (always the same ones). ``include`` brings back
-    whatever it names but ``exclude`` does not. Pairs that only the simple shapes show nearer than
+    the robot's SRDF disables or its MJCF excludes; those whose raw shapes (meshes as they are)
+    touch when standing; those that touch in 95 % of 200 random postures (always the same ones).
+    ``include`` brings back whatever it names but ``exclude`` does not, and an MJCF what it lists as
+    ``<pair>``. Pairs that only the simple shapes show nearer than
     ``clearance`` and a millimetre, or almost always touching, get finer ones: see
     :mod:`wbc.robot.collision.refine`.
 
@@ -82,7 +91,9 @@ def select_pairs(
     finite_number("collision pairs, clearance", clearance)
     wanted = _links(bodies, include, "include")
     unwanted = _links(bodies, exclude, "exclude")
-    disabled, parents = _disabled(robot), robot.model.parents
+    disabled = frozenset[frozenset[str]]() if robot.srdf is None else read_srdf(robot.srdf).disabled
+    parents, rules = robot.model.parents, robot.geometry.rules
+    shape_of = _shape_names(robot) if rules.watched else {}
     reasons: dict[Pair, str] = {}
     pairs = [
         (a, b)
@@ -98,11 +109,19 @@ def select_pairs(
             reasons[a, b] = ADJACENT
         elif frozenset(links) in disabled:
             reasons[a, b] = DISABLED
+        elif frozenset(links) in rules.excluded:
+            reasons[a, b] = EXCLUDED
+        elif rules.paired_only & {shape_of.get(bodies[k].name, "") for k in (a, b)}:
+            reasons[a, b] = UNPAIRED
     left = _Candidates(robot, bodies, [pair for pair in pairs if pair not in reasons], clearance)
     touching = left.refine()
     reasons |= left.unfit() | touching
     for (a, b), reason in list(reasons.items()):
-        if reason != BY_NAME and frozenset((bodies[a].link, bodies[b].link)) in wanted:
+        shapes = frozenset(shape_of.get(bodies[k].name, "") for k in (a, b))
+        brought_back = (
+            shapes in rules.watched or frozenset((bodies[a].link, bodies[b].link)) in wanted
+        )
+        if reason != BY_NAME and brought_back:
             del reasons[a, b]
     chosen = {pair: left.finer.get(pair) for pair in pairs if pair not in reasons}
     return _selection(bodies, chosen, reasons, clearance)
@@ -230,14 +249,6 @@ def _links(bodies: Sequence[Body], patterns: Iterable[Pattern], what: str) -> se
     return named
 
 
-def _disabled(robot: Robot) -> set[frozenset[str]]:
-    """Return the pairs of links that the SRDF's ``disable_collisions`` elements name."""
-    if robot.srdf is None:
-        return set()
-    named = set()
-    for element in read_xml(robot.srdf).findall("disable_collisions"):
-        links = element.get("link1"), element.get("link2")
-        if None in links:
-            raise ModelError(f"{robot.srdf}: <disable_collisions> without link1 or link2")
-        named.add(frozenset(str(link) for link in links))
-    return named
+def _shape_names(robot: Robot) -> dict[str, str]:
+    """Return the names that the description gives the shapes, by those of their bodies."""
+    return {name: str(shape.name) for name, _, shape in named_shapes(robot)}

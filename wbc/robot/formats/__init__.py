@@ -1,19 +1,23 @@
-"""Robot descriptions in files: URDF and MJCF, and what is wrong with them."""
+"""Robot descriptions: URDF, MJCF and what MuJoCo makes of it, and what is wrong with them."""
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from wbc.errors import ModelError
 from wbc.robot.formats.description import Description
 from wbc.robot.formats.mjcf import read_mjcf
 from wbc.robot.formats.urdf import read_urdf
-from wbc.robot.formats.xml import read_xml
+from wbc.robot.formats.xml import parsed, read_xml
 
 
-def read_description(path: Path, package_dirs: Iterable[Path] = ()) -> Description:
-    """Return what a URDF or MJCF file describes, with a free-flyer at its root.
+def read_description(
+    path: Path, package_dirs: Iterable[Path] = (), given: Any = None
+) -> Description:
+    """Return what a URDF, an MJCF or a MuJoCo model describes, with a free-flyer at its root.
 
     Parameters
     ----------
@@ -22,17 +26,24 @@ def read_description(path: Path, package_dirs: Iterable[Path] = ()) -> Descripti
     package_dirs:
         Folders that hold the packages of ``package://NAME/...`` mesh names. The folders above
         ``path`` and those of the environment variable ``ROS_PACKAGE_PATH`` are searched as well.
+    given:
+        In place of a file: XML text, an ``MjSpec`` or an ``MjModel``; ``path`` is what messages
+        call it.
 
     Raises
     ------
+    MissingPackageError
+        MJCF, and MuJoCo is not installed.
     ModelError
         File missing or unreadable, broken XML, another format, or something unsupported in it.
     """
-    root = read_xml(path)
+    if given is not None and not isinstance(given, str):
+        return read_mjcf(given, path)
+    root: ET.Element = read_xml(path) if given is None else parsed(given.encode(), path)
     if root.tag == "robot":
         return read_urdf(root, path, tuple(package_dirs))
     if root.tag == "mujoco":
-        return read_mjcf(root, path)
+        return read_mjcf(path if given is None else given, path, root)
     raise ModelError(
         f"{path}: the root element is <{root.tag}>; expected <robot> (URDF) or <mujoco> (MJCF)"
     )

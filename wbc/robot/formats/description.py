@@ -14,7 +14,8 @@ import pinocchio as pin
 from wbc.errors import ModelError
 from wbc.robot.limits import Limits
 from wbc.robot.names import matching
-from wbc.validate import finite_number
+from wbc.robot.passive import NONE, PassiveForces
+from wbc.validate import Array, finite_number
 
 State = Mapping[str, tuple[float, ...]]  # joint name -> its coordinates in q
 
@@ -88,12 +89,32 @@ def confirm(
             raise ModelError(f"{path}: {what} {mass:g} kg, but {carried:g} kg were read")
 
 
+@dataclass(frozen=True)
+class ContactRules:
+    """What a description itself says of pairs that may meet."""
+
+    # Pairs of links that never do.
+    excluded: frozenset[frozenset[str]] = frozenset()
+    # Pairs of shapes, by their names, that shall be watched whatever speaks against it.
+    watched: frozenset[frozenset[str]] = frozenset()
+    # Shapes that meet nothing but what such a pair names.
+    paired_only: frozenset[str] = frozenset()
+
+
+NO_RULES = ContactRules()
+
+
 class GeometrySource(Protocol):
     """Where the shapes of a robot come from; meshes are slow to load, hence on demand."""
 
     @property
     def lost(self) -> tuple[str, ...]:
         """The collision shapes of the file that could not be had, in words: they are unseen."""
+        ...
+
+    @property
+    def rules(self) -> ContactRules:
+        """What the file says of pairs of links and shapes."""
         ...
 
     def load(
@@ -128,7 +149,9 @@ class Description:
     # Why the root is taken to be bolted to the world unless it has feet; empty if the file does
     # not tell, None if it says that the root floats.
     bolted: str | None = ""
+    mounted: bool = False  # whether the root moves by joints of its own, on a base without mass
     notes: tuple[str, ...] = ()  # what was tolerated, in words
+    passive: PassiveForces = NONE  # springs and the like of all joints
 
 
 def lock_joints(
@@ -175,8 +198,25 @@ def lock_joints(
     limits = Limits.of(model)
     for name, value in locked.items():
         limits.set_joint(reference, name, value)
+    return _reduced(model, [*locked], reference), couplings
+
+
+def _reduced(model: pin.Model, locked: Iterable[str], reference: Array) -> pin.Model:
+    """Return a model without some joints; links may be called as joints are.
+
+    Pinocchio looks frames up by their names alone there, so that they get others meanwhile.
+    """
+    plain = model.copy()
+    names = dict[str, str]()
+    for k, frame in enumerate(plain.frames):
+        if frame.type != pin.FrameType.JOINT and k > 0:
+            names[f"{k}\n"] = str(frame.name)
+            frame.name = f"{k}\n"
     ids = [model.getJointId(name) for name in locked]
-    return pin.buildReducedModel(model, ids, reference), couplings
+    found = pin.buildReducedModel(plain, ids, reference)
+    for frame in found.frames:
+        frame.name = names.get(str(frame.name), str(frame.name))
+    return found
 
 
 def _driven(description: Description, joint: str, locked: Mapping[str, float]) -> Coupling:

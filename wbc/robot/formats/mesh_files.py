@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.errors import ModelError, listed
-from wbc.robot.formats.xml import read_xml
+from wbc.robot.formats.xml import LFS, read_xml
 from wbc.rotations import exp_rotation
 from wbc.validate import Array
 
@@ -59,8 +59,9 @@ def resolve_meshes(
                     continue
                 name = mesh.get("filename", "")
                 found = find_mesh(name, path, folders)
-                if found is None:
-                    names.append(f"{name} of link {link.get('name')!r}")
+                if found is None or is_lfs_pointer(found):
+                    why = " (a Git LFS pointer: git lfs pull)" if found else ""
+                    names.append(f"{name}{why} of link {link.get('name')!r}")
                     link.remove(shape)
                 else:
                     mesh.set("filename", str(found))
@@ -104,6 +105,12 @@ class Triangles(NamedTuple):
 
     vertices: Array
     faces: Index
+
+
+def is_lfs_pointer(path: Path) -> bool:
+    """Return whether a file is not what it is named after, but says where Git LFS keeps that."""
+    with path.open("rb") as file:
+        return file.read(len(LFS)) == LFS
 
 
 def refuse_huge_meshes(files: Iterable[Path]) -> None:
@@ -154,7 +161,7 @@ def exact_meshes(shapes: pin.GeometryModel) -> None:
             continue
         if path not in read:
             read[path] = read_mesh(path)
-        shape.geometry = _bvh(read[path].vertices * shape.meshScale, read[path].faces)
+        shape.geometry = as_bvh(read[path].vertices * shape.meshScale, read[path].faces)
 
 
 def read_mesh(path: Path) -> Triangles:
@@ -177,7 +184,8 @@ def read_mesh(path: Path) -> Triangles:
     return mesh
 
 
-def _bvh(vertices: Array, faces: Index) -> coal.BVHModelBase:
+def as_bvh(vertices: Array, faces: Index) -> coal.BVHModelBase:
+    """Return vertices (k, 3) [m] and triangles (m, 3) as coal's mesh."""
     bvh = coal.BVHModelOBBRSS()
     bvh.beginModel(len(faces), len(vertices))
     bvh.addVertices(vertices)

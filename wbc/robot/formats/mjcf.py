@@ -1,316 +1,180 @@
-"""Read MJCF (MuJoCo's XML) through Pinocchio, refusing what Pinocchio would silently misread."""
+"""Read MJCF, or what MuJoCo made of it: the robot is made from the compiled model."""
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError, listed
-from wbc.robot.formats.description import (
-    Coupling,
-    Description,
-    State,
-    check_joint_count,
-    confirm,
-    pinocchio_reads,
-)
-from wbc.robot.formats.mesh_files import refuse_huge_meshes
-from wbc.robot.formats.mjcf_actuators import bound_efforts
-from wbc.robot.formats.mjcf_document import plain_document
-from wbc.robot.formats.mjcf_scene import robot_alone
-from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers, refuse_non_finite
+from wbc.robot.formats.description import Coupling, Description, check_joint_count
+from wbc.robot.formats.mjcf_compile import compile_mjcf
+from wbc.robot.formats.mujoco_check import confirm_against
+from wbc.robot.formats.mujoco_drives import drive_notes, passive_forces, set_joints
+from wbc.robot.formats.mujoco_part import Names, RobotPart, robot_part
+from wbc.robot.formats.mujoco_shapes import read_shapes
+from wbc.robot.formats.mujoco_tree import base_of, build_tree, is_mounted, key_frames
+from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR
 
-UNREAD = {"attach", "replicate", "composite", "flexcomp"}
-MISREAD = ("settotalmass", "boundmass", "boundinertia", "inertiagrouprange")
-NUMBERED = {"joint", "geom", "site", "inertial"}
-COUNTS = {
-    **dict.fromkeys(("pos", "euler", "zaxis", "axis", "diaginertia"), 3),
-    **dict.fromkeys(("quat", "axisangle", "rgba"), 4),
-    **dict.fromkeys(("xyaxes", "fullinertia", "fromto"), 6),
-    **dict.fromkeys(("range", "actuatorfrcrange"), 2),
-    **dict.fromkeys(("mass", "density", "armature", "ref", "damping", "frictionloss"), 1),
-}
-DIRECTIONS = {"quat", "zaxis", "axis", "xyaxes", "fromto"}
-SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "plane": 3}
-UNNAMED = "?"
-QPOS0 = "qpos0"  # the key frame Pinocchio adds by itself: the zero posture
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
-@dataclass(frozen=True)
-class MjcfGeometry:
-    """Shapes of a plain MJCF document (see :mod:`wbc.robot.formats.mjcf_document`)."""
-
-    text: str  # the document, without shapes whose mesh file is missing
-    path: Path  # the file it was made of
-    lost: tuple[str, ...]  # those of these shapes that collide
-
-    def load(
-        self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
-    ) -> pin.GeometryModel:
-        """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        root = ET.fromstring(self.text)
-        if links is not None:  # Pinocchio reads all meshes that it finds, which takes seconds
-            for body in root.findall("worldbody//body"):
-                if body.get("name") not in (None, *links):
-                    _remove(body, body.findall("geom"))
-        used = {geom.get("mesh") for geom in root.iter("geom")}
-        refuse_huge_meshes(file for name, file in _mesh_files(root).items() if name in used)
-        text = ET.tostring(root, encoding="unicode")
-        with _file_of(text, self.path, "shapes cannot be loaded") as file:
-            shapes = pin.buildGeomFromMJCF(model, file, kind)
-        # A new model: what `geometryObjects` hands out are references into a vector, which removing
-        # an entry would move under them.
-        kept = pin.GeometryModel()
-        for shape in shapes.geometryObjects:
-            link = model.frames[shape.parentFrame].name
-            scenery = shape.parentJoint == 0
-            if not scenery and (links is None or link in links):
-                kept.addGeometryObject(shape.copy())
-        return kept
-
-
-def read_mjcf(root: ET.Element, path: Path) -> Description:
+def read_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Description:
     """Return the description of one robot; a free joint is given to it if the file has none.
+
+    Parameters
+    ----------
+    source, path, root:
+        See :func:`wbc.robot.formats.mjcf_compile.compile_mjcf`.
 
     Raises
     ------
+    MissingPackageError
+        MuJoCo is not installed.
     ModelError
-        ``<replicate>`` and the like, several trees, closed loops, inertias from meshes, numbers not
-        finite, what Pinocchio itself refuses, or masses and joints other than the file says.
+        What MuJoCo refuses, several trees, closed loops, numbers beyond any robot's, or a robot
+        that is not the compiled model's in frames, masses, ranges or mass matrix.
     """
-    root = plain_document(root, path)
-    notes = robot_alone(root, path)
-    _check_structure(root, path)
-    refuse_non_finite(root, path)
-    _check_numbers(root, path)
-    coupled = dict(_coupled_joints(root, path))
-    joints = root.findall("worldbody//joint")
-    check_joint_count(len(joints), path)
-    _keep_slides(root)
-    base = _take_base_pose(root)
-    text = ET.tostring(root, encoding="unicode")
-    with _file_of(text, path, "Pinocchio cannot read this MJCF") as file:
-        model = pin.buildModelFromMJCFAndRootJoint(file, pin.JointModelFreeFlyer())
-    names = [j.get("name", "") for j in joints if j.get("type", "hinge") in ("hinge", "slide")]
-    confirm(model, _carried_masses(root, path), [name for name in names if name], path)
-    bound_efforts(model, root, path)
-    missing, lost = _leave_out_missing_meshes(root)
-    if missing:
-        some = listed(missing, 3)
-        notes += (f"{len(missing)} shapes left out, as their meshes were not found: {some}",)
+    compiled = compile_mjcf(source, path, root)
+    mujoco, model = compiled.mujoco, compiled.model
+    names = Names(mujoco, model)
+    part = robot_part(mujoco, model, names, path)
+    check_joint_count(len(part.joints), path)
+    _check_sizes(model, part, names, path)
+    tree = build_tree(mujoco, model, part, names)
+    set_joints(mujoco, model, part, names, tree)
+    base = base_of(model, part)
+    confirm_against(mujoco, model, part, names, tree, path)
+    geometry, shape_notes = read_shapes(mujoco, model, part, names, compiled.lost)
+    x, y, z, w = pin.Quaternion(base.rotation).coeffs()
     return Description(
-        name=root.get("model", path.stem),
+        name=compiled.name,
         path=path,
-        model=model,
-        geometry=MjcfGeometry(ET.tostring(root, encoding="unicode"), path, lost),
-        coupled=coupled,
-        states=dict(_key_frames(model)),
-        base=base,
-        bolted=None if _floats(root) else "the root has no free joint",
-        notes=notes,
+        model=tree,
+        geometry=geometry,
+        coupled=dict(_couplings(mujoco, model, part, names, path)),
+        states=key_frames(mujoco, model, part, names),
+        base=(*base.translation.tolist(), float(x), float(y), float(z), float(w)),
+        bolted=None if part.floats or part.loose else "the root has no free joint",
+        mounted=is_mounted(model, part),
+        notes=part.notes
+        + compiled.notes
+        + shape_notes
+        + drive_notes(mujoco, model, part, names)
+        + _other_notes(mujoco, names, part, model, tree),
+        passive=passive_forces(mujoco, model, part, names),
     )
 
 
-def _take_base_pose(root: ET.Element) -> tuple[float, ...]:
-    """Take the pose of the root body out of a plain document; return it as a free-flyer's q.
+def _check_sizes(model: Any, part: RobotPart, names: Names, path: Path) -> None:
+    """Refuse lengths, masses and inertias whose products overflow."""
+    bodies, joints = list(part.bodies), list(part.joints)
+    for what, values, owners in (
+        ("pos", model.body_pos, bodies),
+        ("inertial pos", model.body_ipos, bodies),
+        ("mass", model.body_mass, bodies),
+        ("inertia", model.body_inertia, bodies),
+        ("joint pos", model.jnt_pos, joints),
+    ):
+        for k in owners:
+            if not np.all(np.abs(values[k]) <= LARGEST):  # NaN is not
+                body = names.bodies[k if owners is bodies else int(model.jnt_bodyid[k])]
+                raise ModelError(f"{path}: body {body!r}: its {what} is larger than {LARGEST:g}")
 
-    Pinocchio would drop it where the root has no free joint, and where it has one, and is turned,
-    place the joint beside the origin, so that q were not the base's pose.
+
+def _other_notes(
+    mujoco: Any, names: Names, part: RobotPart, model: Any, tree: pin.Model
+) -> tuple[str, ...]:
+    notes = []
+    passive = passive_forces(mujoco, model, part, names)
+    if passive.springs:
+        notes.append(f"springs act on {listed(list(passive.springs))} (robot.passive_forces)")
+    if passive.lifts:
+        lifted = listed([lift.frame for lift in passive.lifts])
+        notes.append(f"gravity is compensated on {lifted} (robot.passive_forces)")
+        by_motors = [names.joints[joint] for joint in part.joints if model.jnt_actgravcomp[joint]]
+        if by_motors:
+            notes.append(
+                f"what the motors of {listed(by_motors)} give for that does not count against"
+                " their effort limits"
+            )
+    gravity = tuple(tree.gravity.linear.tolist())
+    if gravity != STANDARD_GRAVITY:
+        said = " ".join(f"{part:g}" for part in gravity)
+        notes.append(f"gravity is the file's: {said} m/s^2")
+    bodies = {names.bodies[body] for body in part.bodies}
+    shared = [
+        names.sites[site]
+        for site in range(model.nsite)
+        if int(model.site_bodyid[site]) in part.bodies and names.sites[site] in bodies
+    ]
+    if shared:
+        notes.append(f"sites that share a body's name; it means the body: {', '.join(shared)}")
+    return tuple(notes)
+
+
+def _couplings(
+    mujoco: Any, model: Any, part: RobotPart, names: Names, path: Path
+) -> Iterator[tuple[str, Coupling]]:
+    """Yield the joints that follow others; other constraints are refused while they act.
+
+    MuJoCo's polynomial is of joint values measured from ``ref``, ours is not.
     """
-    body = root.findall("worldbody/body")[0]
-    x, y, z = (float(word) for word in body.attrib.pop("pos", "0 0 0").split())
-    w, *axis = (float(word) for word in body.attrib.pop("quat", "1 0 0 0").split())
-    size = math.hypot(w, *axis)
-    return (x, y, z, *(part / size for part in (*axis, w)))
-
-
-@contextmanager
-def _file_of(text: str, path: Path, failure: str) -> Iterator[str]:
-    """Give a document a file for as long as Pinocchio reads it; errors name ``path``."""
-    with TemporaryDirectory(prefix="wbc-") as folder:
-        file = Path(folder) / "plain.xml"
-        file.write_text(text, encoding="utf-8")
-        with pinocchio_reads(path, failure, copy=str(file)):
-            yield str(file)
-
-
-def _check_numbers(root: ET.Element, path: Path) -> None:
-    """Refuse attributes with too few numbers: Pinocchio would read uninitialised memory."""
-    for body in root.findall("worldbody//body"):
-        for element in (body, *(child for child in body if child.tag in NUMBERED)):
-            where = f"{path}: body {body.get('name', '?')!r}"
-            for key, count in COUNTS.items():
-                if key in element.attrib:
-                    values = numbers(element, key, count, where, LARGEST)
-                    if key in DIRECTIONS and not any(values):
-                        raise ModelError(f"{where}: <{element.tag} {key}> is all 0")
-            if element.tag == "geom":
-                _check_size(element, where)
-
-
-def _check_size(geom: ET.Element, where: str) -> None:
-    kind = geom.get("type", "sphere")
-    least = 1 if "fromto" in geom.attrib else SIZES.get(kind, 0)
-    count = len(geom.get("size", "").split())
-    values = numbers(geom, "size", count, where, LARGEST) if count else []
-    if count < least or any(value < 0.0 for value in values):
-        raise ModelError(f"{where}: <geom size> of a {kind} needs {least} numbers, none negative")
-
-
-def _carried_masses(root: ET.Element, path: Path) -> dict[str, float]:
-    """Return what each moving joint carries up to the next ones [kg]; ``""`` is the root.
-
-    NaN where shapes' volumes give it, and nothing for joints without a name.
-    """
-    from_shapes = _compiler(root).get("inertiafromgeom", "auto") == "true"
-    carried = dict[str, float]()
-    bodies = [("", body) for body in root.findall("worldbody/body")]
-    roots = len(bodies)
-    for k, (joint, body) in enumerate(bodies):  # the list grows on the way
-        joints = [*body.findall("joint"), *body.findall("freejoint")]
-        free = [j for j in joints if j.tag == "freejoint" or j.get("type") == "free"]
-        own = [j.get("name") for j in joints if k >= roots or j not in free]
-        name = (own[0] or UNNAMED) if own else joint
-        mass = _mass(body, from_shapes, f"{path}: body {body.get('name', '?')!r}")
-        carried[name] = carried.get(name, 0.0) + mass
-        bodies += [(name, child) for child in body.findall("body")]
-    if UNNAMED in carried:  # several may be added up there
-        del carried[UNNAMED]
-        carried[""] = math.nan  # so that the sum is not compared
-    return carried
-
-
-def _mass(body: ET.Element, from_shapes: bool, where: str) -> float:
-    inertial = body.find("inertial")
-    if inertial is not None and not from_shapes:
-        return numbers(inertial, "mass", 1, where)[0]
-    geoms = body.findall("geom")
-    return math.fsum(
-        numbers(geom, "mass", 1, where)[0] if "mass" in geom.attrib else math.nan for geom in geoms
-    )
-
-
-def _compiler(root: ET.Element) -> Mapping[str, str]:
-    """Return the settings of a plain document, which has one ``<compiler>`` at most."""
-    compiler = root.find("compiler")
-    return {} if compiler is None else compiler.attrib
-
-
-def _floats(root: ET.Element) -> bool:
-    joints = root.findall("worldbody/body/*")
-    return any(j.tag == "freejoint" or (j.tag, j.get("type")) == ("joint", "free") for j in joints)
-
-
-def _check_structure(root: ET.Element, path: Path) -> None:
-    for element in root.iter():
-        if element.tag in UNREAD:
-            raise ModelError(
-                f"{path}: <{element.tag}> is not supported (Pinocchio leaves it out); give the"
-                " robot's own file, or let MuJoCo save the compiled model to one file"
-            )
-    _check_compiler(root, path)
-    from_shapes = _compiler(root).get("inertiafromgeom") == "true"
-    for body in root.findall("worldbody//body"):
-        drawn = any("mesh" in geom.attrib for geom in body.findall("geom"))
-        if drawn and (from_shapes or body.find("inertial") is None):
-            raise ModelError(
-                f"{path}: body {body.get('name', '?')!r} takes its inertia from a mesh, for which"
-                " Pinocchio puts 1 kg and 1 kg m^2; give the body an <inertial>"
-            )
-
-
-def _check_compiler(root: ET.Element, path: Path) -> None:
-    """Refuse settings that change masses or limits in MuJoCo and that Pinocchio passes over."""
-    compiler = _compiler(root)
-    for name in MISREAD:
-        if name in compiler:
-            raise ModelError(
-                f"{path}: <compiler {name}=...> is not read by Pinocchio, masses would be"
-                " wrong; let MuJoCo save the compiled model to one file"
-            )
-    loose = compiler.get("autolimits") == "false"
-    for joint in root.iter("joint"):
-        limited = joint.get("limited", "false" if loose else "auto")
-        if limited == "false" and "range" in joint.attrib:
-            raise ModelError(
-                f"{path}: joint {joint.get('name', '?')!r} has a range that is switched"
-                " off, which Pinocchio would enforce; remove the range"
-            )
-
-
-def _keep_slides(root: ET.Element) -> None:
-    """Write the ranges of sliding joints as Pinocchio, which takes them as degrees, reads them."""
-    if _compiler(root).get("angle") == "radian":
+    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY):
         return
-    for joint in root.findall("worldbody//joint"):
-        if joint.get("type") == "slide" and "range" in joint.attrib:
-            lengths = (float(word) for word in joint.attrib["range"].split())
-            joint.set("range", " ".join(repr(math.degrees(length)) for length in lengths))
-
-
-def _coupled_joints(root: ET.Element, path: Path) -> Iterator[tuple[str, Coupling]]:
-    zeroed = {joint.get("name") for joint in root.iter("joint") if float(joint.get("ref", 0)) == 0}
-    for constraint in root.findall("equality/*"):
-        if constraint.tag != "joint":
+    mine = {*part.joints}
+    for number in range(model.neq):
+        if not model.eq_active0[number]:
+            continue
+        kind = mujoco.mjtEq(int(model.eq_type[number]))
+        if kind != mujoco.mjtEq.mjEQ_JOINT:
+            if _touches(mujoco, model, part, number):
+                ties = kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+                what = "closed loops" if ties else "constraints of tendons and soft bodies"
+                raise ModelError(
+                    f"{path}: equality constraint <{kind.name[5:].lower()}"
+                    f" name={names.equalities[number]!r}>: {what} are not supported;"
+                    ' remove it and describe an open tree, or give it active="false"'
+                )
+            continue
+        joint, driver = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        if joint not in mine or not (driver < 0 or driver in mine):
+            continue
+        name = names.joints[joint]
+        powers = model.eq_data[number][:5].tolist()
+        if not np.all(np.abs(powers) <= LARGEST_GEAR):
             raise ModelError(
-                f"{path}: equality constraint <{constraint.tag}"
-                f" name={constraint.get('name', '')!r}>: closed loops are not supported;"
-                " remove it and describe an open tree"
+                f"{path}: equality constraint of joint {name!r}: <joint polycoef> is larger than"
+                f" {LARGEST_GEAR:g}"
             )
-        if constraint.get("active") == "false":
+        offset, ratio, *curved = powers
+        offset += float(model.qpos0[model.jnt_qposadr[joint]])
+        if driver < 0:
+            yield name, Coupling("a constant", ratio, offset)
             continue
-        joint, driver = constraint.get("joint1", "?"), constraint.get("joint2", "a constant")
-        where = f"{path}: equality constraint of joint {joint!r}"
-        count = len(constraint.get("polycoef", "").split())
-        powers = numbers(constraint, "polycoef", count, where, LARGEST_GEAR) if count else []
-        offset, ratio, *curved = (*powers, *(0.0, 1.0, 0.0, 0.0, 0.0)[len(powers) :])
-        if any(curved) or not {joint, driver} <= zeroed:
-            driver = f"a polynomial of {driver}"
-        yield joint, Coupling(driver, ratio, offset)
+        followed = names.joints[driver]
+        offset -= ratio * float(model.qpos0[model.jnt_qposadr[driver]])
+        yield (
+            name,
+            Coupling(f"a polynomial of {followed}" if any(curved) else followed, ratio, offset),
+        )
 
 
-def _mesh_files(root: ET.Element) -> dict[str, Path]:
-    """Return the mesh files of a plain document by the names that shapes call them."""
-    folder = Path(_compiler(root).get("meshdir", ""))
-    files = [(mesh, mesh.get("file")) for mesh in root.findall("asset/mesh")]
-    return {
-        mesh.get("name", Path(file).stem): folder / file for mesh, file in files if file is not None
-    }
+def _touches(mujoco: Any, model: Any, part: RobotPart, number: int) -> bool:
+    """Return whether a constraint ties a body (or tendon) of the robot, and nothing beside it.
 
-
-def _leave_out_missing_meshes(root: ET.Element) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Remove shapes whose mesh file is missing, for which Pinocchio would read none at all.
-
-    Return them in words, and those that collide.
+    One end may be on the world.
     """
-    missing = {name: file for name, file in _mesh_files(root).items() if not file.is_file()}
-    shapes = dict[str, bool]()
-    for body in root.findall("worldbody//body"):
-        gone = [geom for geom in body.findall("geom") if geom.get("mesh") in missing]
-        for geom in gone:
-            name = f"{missing[geom.get('mesh', '')].name} of body {body.get('name', '?')!r}"
-            drawn = geom.get("contype") == geom.get("conaffinity") == "0"
-            shapes[name] = shapes.get(name, False) or not drawn
-        _remove(body, gone)
-    return tuple(shapes), tuple(name for name, collides in shapes.items() if collides)
-
-
-def _remove(parent: ET.Element, children: Iterable[ET.Element]) -> None:
-    for child in children:
-        parent.remove(child)
-
-
-def _key_frames(model: pin.Model) -> Iterator[tuple[str, State]]:
-    for entry in model.referenceConfigurations:
-        name, q = entry.key(), entry.data()
-        if name == QPOS0:
-            continue
-        layout = zip(model.names, model.idx_qs, model.nqs, strict=True)
-        yield name, {joint: tuple(q[at : at + size].tolist()) for joint, at, size in layout if size}
+    kinds = mujoco.mjtObj
+    ends = {int(model.eq_obj1id[number]), int(model.eq_obj2id[number])}
+    kind = int(model.eq_objtype[number])
+    if kind == kinds.mjOBJ_SITE:
+        ends = {int(model.site_bodyid[site]) for site in ends}
+    elif kind != kinds.mjOBJ_BODY:
+        return True
+    known = {0, *part.bodies}
+    return ends <= known and ends != {0}

@@ -17,6 +17,8 @@ import pinocchio as pin
 
 from wbc.errors import ModelError, listed
 from wbc.robot.formats.description import (
+    NO_RULES,
+    ContactRules,
     Coupling,
     Description,
     check_joint_count,
@@ -29,10 +31,19 @@ from wbc.robot.formats.mesh_files import (
     refuse_huge_meshes,
     resolve_meshes,
 )
+from wbc.robot.formats.urdf_check import confirm_by_mujoco
+from wbc.robot.formats.urdf_exporters import (
+    LIMITS,
+    MOVING,
+    SHAPES,
+    confirm_shapes,
+    name_materials,
+    refuse_macros,
+    unset_limits,
+)
 from wbc.robot.formats.xml import LARGEST, LARGEST_GEAR, numbers
 from wbc.robot.limits import UNLIMITED
 
-MOVING = {"revolute", "continuous", "prismatic"}
 KNOWN = MOVING | {"fixed", "floating"}
 SIZES = {
     "box": {"size": 3},
@@ -43,8 +54,6 @@ SIZES = {
 }
 LONGEST_CHAIN = 1000  # links
 BOLTED = {"world", "base"}  # a root link of such a name is that of an arm, if nothing stands
-LIMITS = ("lower", "upper", "effort", "velocity")
-_SHAPES = {pin.GeometryType.COLLISION: "collision", pin.GeometryType.VISUAL: "visual"}
 
 
 @dataclass(frozen=True)
@@ -57,13 +66,14 @@ class UrdfGeometry:
     text: str
     path: Path
     lost: tuple[str, ...]
+    rules: ContactRules = NO_RULES  # a URDF has none
 
     def load(
         self, model: pin.Model, kind: pin.GeometryType, links: Collection[str] | None = None
     ) -> pin.GeometryModel:
         """See :class:`wbc.robot.formats.description.GeometrySource`."""
-        text = self.text if links is None else self._only(links, _SHAPES[kind])
-        meshes = ET.fromstring(text).iterfind(f".//{_SHAPES[kind]}//mesh")
+        text = self.text if links is None else self._only(links, SHAPES[kind])
+        meshes = ET.fromstring(text).iterfind(f".//{SHAPES[kind]}//mesh")
         refuse_huge_meshes(Path(mesh.get("filename", "")) for mesh in meshes)
         with pinocchio_reads(self.path, "shapes cannot be loaded"):
             shapes = pin.buildGeomFromUrdfString(model, text, kind)
@@ -91,7 +101,10 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         The document is not one tree of links joined by revolute, continuous, prismatic and fixed
         joints, or a number in it is wrong.
     """
+    refuse_macros(root, path)
     joints, base = _checked_tree(root, path)
+    name_materials(root)
+    notes = unset_limits(joints)
     if root.get("version", "1.0") == "1.0":
         root.set("version", "1.1")  # before it the parser drops capsules, and prints
     shapeless = list[tuple[str, str, str]]()
@@ -103,7 +116,7 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
         _check_joint(joint, f"{path}: joint {joint.get('name')!r}")
     coupled = dict(_coupled_joints(joints, path))
     missing = resolve_meshes(root, path, package_dirs)
-    notes = missing_notes(missing)
+    notes += missing_notes(missing)
     if shapeless:
         some = listed([f"{what} as {tag} of link {link!r}" for tag, what, link in shapeless], 3)
         notes += (f"{len(shapeless)} shapes that URDF does not know left out: {some}",)
@@ -113,8 +126,10 @@ def read_urdf(root: ET.Element, path: Path, package_dirs: tuple[Path, ...]) -> D
     with pinocchio_reads(path, "Pinocchio cannot read this URDF"):
         root_joint = () if floats else (pin.JointModelFreeFlyer(),)
         model = pin.buildModelFromXML(text, *root_joint)
+    confirm_shapes(root, text, model, path)
     moving = [joint.get("name", "") for joint in joints if joint.get("type") in MOVING]
     confirm(model, _carried_masses(root, joints), moving, path)
+    confirm_by_mujoco(root, model, path)
     return Description(
         name=root.get("name", path.stem),
         path=path,

@@ -16,6 +16,7 @@ _NOT_NUMBERS = {"name", "joint", "link", "body", "class", "childclass", "file", 
 MOST_BYTES, MOST_ELEMENTS, MOST_ATTRIBUTES, DEEPEST = 64 << 20, 100_000, 200, 300
 LARGEST = 1e9  # of a length [m], mass [kg] or inertia [kg m^2]: larger products overflow
 LARGEST_GEAR = 1e3  # of a ratio of joints, or of an offset [rad or m]: beyond, no joint follows
+LFS = b"version https://git-lfs"
 _EQUALS = re.compile(rb"=\s*[\"']")
 _NOT_FINITE = {"nan", "inf", "infinity"}
 
@@ -40,11 +41,27 @@ def read_xml(path: Path) -> ET.Element:
         if path.stat().st_size > MOST_BYTES:
             raise ModelError(f"{path}: larger than {MOST_BYTES >> 20} MB; is it a robot?")
         data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{path}: cannot be read: {error}") from error
+    return parsed(data, path)
+
+
+def parsed(data: bytes, path: Path) -> ET.Element:
+    """Return the root element of XML text; messages call it ``path``.
+
+    Raises
+    ------
+    ModelError
+        Broken XML, or larger, deeper or with more elements or attributes than any robot needs.
+    """
+    if data.startswith(LFS):
+        raise ModelError(f"{path}: a Git LFS pointer, not the file itself; git lfs pull")
+    try:
         _check_attributes(data, path)
         root = ET.fromstring(data)
     except ET.ParseError as error:
         raise ModelError(f"{path}: not valid XML: {error}; mend the file there") from error
-    except (OSError, ValueError, LookupError) as error:  # also of encodings that do not exist
+    except (ValueError, LookupError) as error:  # also of encodings that do not exist
         raise ModelError(f"{path}: cannot be read: {error}") from error
     _check_size(root, path)
     return root

@@ -1,0 +1,382 @@
+"""MJCF as MuJoCo compiles it. Oracle: MuJoCo's own model of the same text, moved by mj_forward."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc.robot.formats.mjcf as reading
+from tests.robot.formats.mjcf_texts import INERTIAL, LEGS, TRUNK, agree, arm, load, mujoco, text
+from wbc.errors import MissingPackageError, ModelError
+from wbc.robot import Robot
+from wbc.simulation import Plant
+
+CLASS = '<default><default class="k"><joint ref=".3" range="-.5 .9"/></default></default>'
+SLIDE = '<body name="rod"><joint name="j1" type="slide" axis="1 1 0" ref=".2" range="0 .5"/>'
+TWO = (
+    '<body name="two"><joint name="j1" axis="1 0 0" ref=".2" pos="0 0 .1" range="-1 1"/>'
+    '<joint name="j2" axis="0 0 1" ref="-.4" pos=".1 0 0" range="-2 1"/>'
+)
+REFS = {
+    "hinge": (text(arm('ref=".4"')), ""),
+    "skew axis": (text(arm('ref="-.7"').replace("0 1 0", "1 2 -1")), ""),
+    "in a class": (
+        text(arm('class="k"').replace('range="-1 1"', ""), head=CLASS),
+        "",
+    ),
+    "slide": (text(SLIDE + INERTIAL.format(1) + "</body>"), ""),
+    "several": (text(TWO + INERTIAL.format(1) + "</body>"), ""),
+    "degrees": (text(arm('ref="30"')).replace("radian", "degree"), ""),
+}
+
+
+@pytest.mark.parametrize("case", REFS)
+def test_the_coordinate_of_a_joint_with_ref_is_qpos(case: str) -> None:
+    agree(*load(REFS[case][0]))
+
+
+def test_key_frames_and_couplings_are_in_the_same_coordinates() -> None:
+    second = arm('ref=".4"') + arm('ref="-.1"', name="other").replace("j1", "j2")
+    content = text(
+        second,
+        tail='<keyframe><key name="bent" qpos="0 0 1 1 0 0 0 .9 -.3"/></keyframe>'
+        '<equality><joint joint1="j2" joint2="j1" polycoef=".05 -2"/></equality>',
+    )
+    robot, model = load(content)
+    q = robot.posture("bent", on_ground=False)
+    data = mujoco.MjData(model)
+    data.qpos[7] = q[7] = 0.5
+    data.qpos[8] = robot.couplings["j2"].ratio * 0.5 + robot.couplings["j2"].offset
+    mujoco.mj_forward(model, data)
+    assert abs(float(data.efc_pos[0])) < 1e-12  # MuJoCo's own error of the coupling
+    assert robot.postures["bent"][7] == 0.9
+
+
+BALL = '<geom type="sphere" size=".1" contype="0" conaffinity="0" {}/>'
+BOX = '<geom type="box" size=".1 .1 .2" pos=".1 0 0" {}/>'
+HINGED = '<body name="arm" pos="0 .1 .2"><joint name="j1" axis="0 1 0" range="-1 1"/>'
+VISUAL = '<default><default class="v"><geom contype="0" conaffinity="0" group="2"/></default>'
+WEIGHED = {
+    "by density": (BALL.format("") + BOX.format('density="300"'), ""),
+    "by mass": (BALL.format('mass="2"') + BOX.format('mass="1"'), ""),
+    "alone": (BALL.format(""), ""),
+    "not by choice": (BALL.format('density="0"') + BOX.format(""), ""),
+    "by class": ('<geom class="v" size=".1"/>' + BOX.format(""), VISUAL + "</default>"),
+    "instead of an inertial": (
+        INERTIAL.format(1) + BOX.format(""),
+        "<compiler inertiafromgeom='true'/>",
+    ),
+    "of one group": (
+        BALL.format('group="3"') + BOX.format(""),
+        "<compiler inertiagrouprange='0 1'/>",
+    ),
+    "not less than": (BALL.format('mass=".001"'), "<compiler boundmass='2' boundinertia='.3'/>"),
+    "as a shell": (BOX.format('shellinertia="true"'), ""),
+}
+
+
+@pytest.mark.parametrize("case", WEIGHED)
+def test_masses_are_those_that_mujoco_takes_from_geoms(case: str) -> None:
+    geoms, head = WEIGHED[case]
+    agree(*load(text(HINGED + geoms + "</body>", head=head)))
+
+
+RANGES = {
+    "0 0": (arm().replace("-1 1", "0 0"), ""),
+    "equal": (arm().replace("-1 1", ".5 .5"), ""),
+    "upside down": (arm().replace("-1 1", "1 -1"), ""),
+    "switched off": (arm('limited="false"'), ""),
+    "class switched off": (
+        arm('class="k" limited="false"').replace('range="-1 1"', ""),
+        '<default><default class="k"><joint range="-1 1"/></default></default>',
+    ),
+    "no automatic ones": (
+        arm('limited="false"'),
+        '<compiler autolimits="false"/>',
+    ),
+    "of all joints": (arm(), '<default><joint range="-1 1" limited="true"/></default>'),
+}
+
+
+@pytest.mark.parametrize("case", RANGES)
+def test_ranges_are_those_that_mujoco_keeps(case: str) -> None:
+    bodies, head = RANGES[case]
+    agree(*load(text(bodies, head=head)))
+
+
+ROOTS = {
+    "static": '<body name="trunk" pos=".2 .1 1" euler="0 .2 .3">' + INERTIAL.format(5),
+    "hinge": '<body name="trunk" pos=".2 .1 1" euler="0 .2 .3"><joint name="j0" axis="1 0 0"/>'
+    + INERTIAL.format(5),
+    "planar": '<body name="trunk" pos="0 0 1"><joint name="x" type="slide" axis="1 0 0"/>'
+    '<joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/>'
+    + INERTIAL.format(5),
+    "slide with ref": '<body name="trunk"><joint name="x" type="slide" ref=".3" axis="1 0 0"/>'
+    + INERTIAL.format(5),
+}
+
+
+@pytest.mark.parametrize("root", ROOTS)
+@pytest.mark.parametrize("base", [None, "fixed"])
+def test_robots_without_a_free_joint_are_where_mujoco_has_them(root: str, base: str | None) -> None:
+    count = 1 + ROOTS[root].count("<joint")
+    values = " ".join(str(0.1 * (k + 1)) for k in range(count))
+    keys = f'<keyframe><key name="home" qpos="{values}"/><key/></keyframe>'
+    robot, model = load(text(arm(), root=ROOTS[root], tail=keys), base=base)
+    agree(robot, model)
+    assert robot.fixed_base
+    np.testing.assert_allclose(robot.postures["home"][7:], 0.1 * np.arange(1, count + 1))
+    np.testing.assert_allclose(robot.postures["key_1"][7:], model.qpos0)
+
+
+def test_a_pendulum_on_a_fixed_root_moves_as_in_mujoco() -> None:
+    content = text(arm(), root=ROOTS["hinge"])
+    robot, model = load(content)
+    plant, data = Plant(robot), mujoco.MjData(model)
+    q = robot.posture("neutral", {"j0": 0.4, "j1": -0.3})
+    plant.reset(q)
+    data.qpos[:] = q[7:]
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(plant.data.qacc, data.qacc, rtol=1e-12)
+
+
+def test_a_planar_walker_with_feet_has_a_fixed_base_too() -> None:
+    content = text(LEGS, root=ROOTS["planar"])
+    robot = Robot.load(content)
+    assert robot.fixed_base and list(robot.feet) == ["left", "right"]
+    assert "the base is fixed, since the root moves by joints of its own" in robot.notes
+    agree(robot, mujoco.MjModel.from_xml_string(content))
+    with pytest.raises(ModelError, match="the root moves by joints of its own"):
+        Robot.load(content, base="floating")
+
+
+SIX = (
+    '<joint name="tx" type="slide" axis="1 0 0"/><joint name="ty" type="slide" axis="0 1 0"/>'
+    '<joint name="tz" type="slide" axis="0 0 1"/><joint name="tilt" axis="0 1 0"/>'
+    '<joint name="list" axis="-1 0 0" ref=".1"/><joint name="turn" axis="0 0 1" range="-1 1"/>'
+)
+
+
+def test_six_joints_of_the_root_are_its_floating_base() -> None:
+    """As files of models of people and of robots that learn to walk have them."""
+    root = TRUNK.replace("<freejoint/>", SIX)
+    keys = '<keyframe><key name="bent" qpos=".1 .2 .3 .4 .5 .6 .2 -.3"/></keyframe>'
+    content = text(LEGS, root=root, tail=keys)
+    robot, model = Robot.load(content), mujoco.MjModel.from_xml_string(content)
+    assert not robot.fixed_base and robot.joint_names == ("left_hip", "right_hip")
+    assert list(robot.feet) == ["left", "right"]
+    assert any("floating base: tx, ty, tz, tilt, list, turn" in note for note in robot.notes)
+    agree(robot, model)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["bent"])
+    for body in ("trunk", "left_foot", "right_foot"):
+        np.testing.assert_allclose(s.position(body), data.body(body).xpos, atol=1e-12)
+    driven = content.replace("</worldbody>", '</worldbody><actuator><motor joint="tz"/></actuator>')
+    assert Robot.load(driven).nv == 6 + 8  # a gantry is a gantry
+    flat = content.replace('axis="-1 0 0"', 'axis="0 1 .1"')
+    assert Robot.load(flat).nv == 6 + 8  # these hinges do not turn every way
+
+
+def test_a_nameless_root_weighs_what_it_weighs() -> None:
+    nameless = TRUNK.replace(' name="trunk"', "")
+    robot = Robot.load(text(arm(), root=nameless), feet={})
+    assert robot.mass == pytest.approx(6.0, abs=1e-12)
+    assert "body_1" in robot.frame_names
+
+
+def test_two_arms_side_by_side_are_one_robot_on_a_fixed_root() -> None:
+    root = '<body name="{0}" pos="0 {1} 1">' + INERTIAL.format(5)
+    content = (
+        "<mujoco><worldbody>"
+        + root.format("trunk", 0.3)
+        + arm()
+        + "</body>"
+        + root.format("second", -0.3)
+        + arm(name="other").replace("j1", "j2")
+        + "</body></worldbody><actuator><motor joint='j1'/><motor joint='j2'/></actuator></mujoco>"
+    )
+    robot, model = load(content)
+    assert robot.joint_names == ("j1", "j2") and robot.fixed_base
+    s, data = robot.snapshot(robot.postures["neutral"]), mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for body in ("trunk", "second", "arm", "other"):
+        np.testing.assert_allclose(s.position(body), data.body(body).xpos, atol=1e-12)
+    one = content.replace("<motor joint='j2'/>", "")
+    assert Robot.load(one, feet={}).joint_names == ("j1",)  # what no motor drives is scenery
+
+
+POT = '<body name="pot"><freejoint/>{0}<body name="lid"><joint/>{0}</body></body>'.format(
+    INERTIAL.format(1)
+)
+CUBE = '<body name="cube"><freejoint/>' + INERTIAL.format(1) + "</body>"
+PULLED = (
+    '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'
+    '<actuator><motor tendon="t"/></actuator>'
+)
+
+
+@pytest.mark.parametrize(
+    ("things", "tail"),
+    [
+        (POT, '<actuator><motor joint="j1"/></actuator>'),
+        (POT + CUBE, PULLED),
+        (CUBE, ""),  # which has no joints beside its free one
+    ],
+)
+def test_the_robot_of_a_scene_is_what_motors_drive(things: str, tail: str) -> None:
+    content = text(arm(), root=ROOTS["static"], tail=tail)
+    content = content.replace("<worldbody>", "<worldbody>" + things)
+    robot, model = load(content)
+    assert robot.joint_names == ("j1",)
+    assert any("root is trunk, left out: " in note for note in robot.notes)
+    assert robot.mass == pytest.approx(model.body("trunk").subtreemass[0])
+
+
+def test_many_bodies_that_may_be_the_robot_are_told_shortly() -> None:
+    balls = "".join(CUBE.replace("cube", f"ball{k}") for k in range(50))
+    with pytest.raises(ModelError, match=r"'ball0'.* and 45 more may be the robot's root"):
+        Robot.load(f"<mujoco><worldbody>{balls}</worldbody></mujoco>")
+
+
+def test_missing_ground_is_done_without() -> None:
+    head = '<asset><hfield name="hills" file="gone.png" size="1 1 1 1"/></asset>'
+    content = text(arm(), head=head)
+    ground = '<worldbody><geom type="hfield" hfield="hills"/>'
+    assert Robot.load(content.replace("<worldbody>", ground), feet={}).mass == 6.0
+
+
+def test_included_files_are_found_beside_the_including_one(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "outer.xml").write_text(
+        '<mujocoinclude><include file="inner.xml"/></mujocoinclude>'
+    )
+    (tmp_path / "sub" / "inner.xml").write_text(f"<mujocoinclude>{arm()}</mujocoinclude>")
+    path = tmp_path / "robot.xml"
+    path.write_text(text('<include file="sub/outer.xml"/>'))
+    robot = Robot.load(path, feet={})
+    agree(robot, mujoco.MjModel.from_xml_path(str(path)))
+
+
+def test_what_mujoco_made_is_read_as_its_file(tmp_path: Path) -> None:
+    content = text(arm('ref=".2"') + LEGS)
+    path = tmp_path / "robot.xml"
+    path.write_text(content)
+    model, spec = mujoco.MjModel.from_xml_string(content), mujoco.MjSpec.from_string(content)
+    whole = Robot.load(path)
+    for source in (content, "\n " + content, model, spec):
+        robot = Robot.load(source)
+        assert (robot.name, robot.joint_names) == ("two", whole.joint_names)
+        assert list(robot.feet) == list(whole.feet) == ["left", "right"]
+        for name, q in whole.postures.items():
+            np.testing.assert_array_equal(robot.postures[name], q)
+    assert mujoco.MjModel.from_xml_string(spec.to_xml()).nq == model.nq  # as it was
+
+
+def test_a_wrong_reading_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of these faults is put into the tree after it was built."""
+    real = reading.build_tree
+
+    def shift(tree: pin.Model) -> None:
+        tree.jointPlacements[2] = tree.jointPlacements[2] * pin.SE3(
+            np.eye(3), np.array([0, 0, 1e-6])
+        )
+
+    def fatten(tree: pin.Model) -> None:
+        tree.inertias[2] = pin.Inertia(1.001, np.zeros(3), np.eye(3))
+
+    def twist(tree: pin.Model) -> None:
+        heavy = tree.inertias[2]
+        tree.inertias[2] = pin.Inertia(heavy.mass, heavy.lever, 1.001 * np.array(heavy.inertia))
+
+    for fault, words in ((shift, "frame"), (fatten, "mass"), (twist, "the mass matrix at .*'j1'")):
+
+        def faulty(*given: Any, fault: Any = fault) -> pin.Model:
+            tree = real(*given)
+            fault(tree)
+            return tree
+
+        monkeypatch.setattr(reading, "build_tree", faulty)
+        with pytest.raises(ModelError, match=words):
+            Robot.load(text(arm()))
+
+
+SHARED = {
+    "site beside": text(
+        '<body name="arm"><joint name="arm" axis="0 1 0"/>'
+        + INERTIAL.format(1)
+        + '<site name="tip"/>'
+        '<body name="fore"><joint name="j2"/>' + INERTIAL.format(1) + "</body></body>"
+    ),
+    "locked itself": text(
+        '<body name="j2"><joint name="arm" axis="0 1 0"/>'
+        + INERTIAL.format(1)
+        + '<body name="fore"><joint name="j2"/>'
+        + INERTIAL.format(1)
+        + "</body></body>"
+    ),
+    "site of that name": text(
+        '<body name="arm"><joint name="j1" axis="0 1 0"/>'
+        + INERTIAL.format(1)
+        + '<site name="arm"/>'
+        '<body name="fore"><joint name="j2"/>' + INERTIAL.format(1) + "</body></body>"
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SHARED)
+def test_joints_are_locked_whatever_else_has_their_names(case: str) -> None:
+    whole, model = load(SHARED[case])
+    robot, _ = load(SHARED[case], locked={"j2": 0.3})
+    assert (robot.nv, robot.frame_names) == (whole.nv - 1, whole.frame_names)
+    data = mujoco.MjData(model)
+    data.joint("j2").qpos[:] = 0.3
+    mujoco.mj_forward(model, data)
+    s = robot.snapshot(robot.postures["neutral"])
+    for body in range(1, model.nbody):
+        np.testing.assert_allclose(s.position(model.body(body).name), data.xpos[body], atol=1e-12)
+    np.testing.assert_allclose(s.com, data.subtree_com[1], atol=1e-12)
+
+
+TEXTURES = (
+    '<texture type="skybox" builtin="gradient" rgb1="1 0 0" rgb2="0 0 1" width="8" height="48"/>',
+    '<texture name="t" type="2d" file="gone.png"/><material name="m" texture="t"/>',
+    '<texture type="cube" file="gone.png"/><material name="m" texture="gone"/>',
+    '<texture name="t" type="cube" fileright="a.png" fileleft="b.png"/>',
+)
+
+
+@pytest.mark.parametrize("assets", TEXTURES)
+def test_textures_are_done_without(assets: str) -> None:
+    assert Robot.load(text(arm(), head=f"<asset>{assets}</asset>"), feet={}).mass == 6.0
+
+
+LOOP = (
+    '<equality><connect name="c" body1="arm" body2="trunk" anchor="0 0 0" active="{}"/></equality>'
+)
+
+
+def test_closed_loops_are_refused_while_they_act() -> None:
+    assert load(text(arm(), tail=LOOP.format("false")))[0].joint_names == ("j1",)
+    off = '<option><flag equality="disable"/></option>'
+    assert load(text(arm(), head=off, tail=LOOP.format("true")))[0].joint_names == ("j1",)
+    with pytest.raises(ModelError, match=r"<connect name='c'>: closed loops are not supported"):
+        load(text(arm(), tail=LOOP.format("true")))
+    tied = '<equality><tendon name="c" tendon1="t"/></equality>'
+    with pytest.raises(ModelError, match=r"<tendon name='c'>: constraints of tendons"):
+        load(text(arm(), tail=PULLED + tied))
+
+
+@pytest.mark.parametrize("given", ["file", "text"])
+def test_without_mujoco_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str
+) -> None:
+    path = tmp_path / "robot.xml"
+    path.write_text(text(arm()))
+    monkeypatch.setitem(sys.modules, "mujoco", None)  # as if it were not installed
+    with pytest.raises(MissingPackageError, match=r"reading MJCF needs mujoco.*wbc\[sim\]"):
+        Robot.load(path if given == "file" else path.read_text())

@@ -1,0 +1,100 @@
+"""Springs, gravity, rotors and motors of compiled MJCF. Oracle: forces of MuJoCo."""
+
+import numpy as np
+import pytest
+
+from tests.robot.formats.mjcf_texts import INERTIAL, TRUNK, agree, arm, load, mujoco, text
+from wbc.errors import ModelError
+from wbc.simulation import Plant
+
+SPRUNG = {
+    "spring": 'stiffness="50" springref=".3"',
+    "damped": 'springdamper=".2 1"',
+    "curved": 'stiffness="50 3 2" springref="-.2" damping="2 1 .5"',
+    "from ref": 'stiffness="20" ref=".4" springref=".1"',
+}
+
+
+@pytest.mark.parametrize("case", SPRUNG)
+@pytest.mark.parametrize("gravity", ["0 0 -9.81", "0 0 -1.62", "1 0 -2"])
+def test_passive_forces_are_mujocos_in_the_robot_and_in_the_plant(case: str, gravity: str) -> None:
+    if "curved" in case and tuple(map(int, mujoco.__version__.split(".")[:2])) < (3, 5):
+        pytest.skip("polynomial springs are newer")
+    fore = f'<body name="fore" gravcomp=".5"><joint name="j2" range="-1 1"/>{INERTIAL.format(2)}'
+    lifted = arm(SPRUNG[case], fore + "</body>").replace("<body", '<body gravcomp="1"', 1)
+    robot, model = load(text(lifted, head=f'<option gravity="{gravity}"/>'))
+    agree(robot, model)
+    assert any("springs act on j1" in note for note in robot.notes)
+    np.testing.assert_array_equal(robot.model.gravity.linear, model.opt.gravity)
+    rng, data, plant = np.random.default_rng(1), mujoco.MjData(model), Plant(robot)
+    for _ in range(3):
+        q = robot.integrate(robot.postures["neutral"], rng.uniform(-0.7, 0.7, robot.nv), 1.0)
+        v = rng.standard_normal(robot.nv)
+        plant.reset(q, v)
+        data.qpos[:], data.qvel[:] = plant.data.qpos, plant.data.qvel
+        mujoco.mj_forward(model, data)
+        wanted = data.qfrc_passive.copy()
+        wanted[6:] += robot.damping * v[6:]
+        wanted[:3] = robot.snapshot(q).rotation("base").T @ wanted[:3]
+        np.testing.assert_allclose(robot.passive_forces(q, v), wanted, atol=1e-11)
+        np.testing.assert_allclose(plant.data.qacc, data.qacc, rtol=1e-9, atol=1e-9)
+
+
+def test_switched_off_physics_does_not_act() -> None:
+    newer = hasattr(mujoco.mjtDisableBit, "mjDSBL_SPRING")
+    passive = 'spring="disable" damper="disable"' if newer else 'passive="disable"'
+    off = f'<option><flag gravity="disable" frictionloss="disable" {passive}/></option>'
+    robot, _ = load(text(arm('stiffness="5" damping="2" frictionloss="1"'), head=off))
+    assert not robot.passive and robot.gravity == 0.0 and not robot.damping.any()
+    assert not robot.friction.any()
+    assert any("gravity is the file's: 0 0 0" in note for note in robot.notes)
+
+
+def test_rotors_of_motors_are_in_the_mass_matrix() -> None:
+    motors = '<actuator><motor joint="j1" gear="3" armature=".05"/></actuator>'
+    content = text(arm('armature=".01"'), tail=motors)
+    try:
+        robot, model = load(content)
+    except ModelError:
+        pytest.skip("an older MuJoCo")
+    agree(robot, model)
+    assert robot.armature[0] == pytest.approx(0.01 + 9 * 0.05)
+
+
+def test_what_a_free_joint_inherits_is_said_and_left_out() -> None:
+    free = TRUNK.replace("<freejoint/>", '<joint type="free"/>')
+    head = '<default><joint armature=".1" damping="1" frictionloss=".2"/></default>'
+    robot, _ = load(text(arm(), root=free, head=head))
+    said = [note for note in robot.notes if "free joint" in note]
+    assert len(said) == 3 and robot.armature[0] == 0.1
+    assert robot.snapshot(robot.postures["neutral"]).mass_matrix[0, 0] == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "effort"),
+    [
+        ('joint actuatorfrcrange="-30 50"', 30.0),
+        ('joint actuatorfrcrange="0 50"', 50.0),
+        ('motor ctrlrange="-4 9" gear="2"', 8.0),
+        ('motor forcerange="-7 3" ctrlrange="-100 100"', 3.0),
+        ('position kp="100" forcerange="-12 15"', 12.0),
+    ],
+)
+def test_the_smaller_end_of_a_range_bounds_a_motor(given: str, effort: float) -> None:
+    kind, _, attributes = given.partition(" ")
+    of_joint = attributes if kind == "joint" else ""
+    motor = "motor" if kind == "joint" else kind
+    own = "" if kind == "joint" else attributes
+    robot, _ = load(text(arm(of_joint), tail=f'<actuator><{motor} joint="j1" {own}/></actuator>'))
+    assert robot.limits.effort[0] == effort
+    assert any("one way only" in note for note in robot.notes) == ('"0 50' in given)
+
+
+def test_tendons_and_joints_without_motors_are_said() -> None:
+    tail = (
+        '<tendon><fixed name="pull"><joint joint="j1" coef="1"/></fixed></tendon>'
+        '<actuator><motor name="winch" tendon="pull"/><motor joint="j2"/></actuator>'
+    )
+    robot, _ = load(text(arm(rest=arm(name="fore").replace("j1", "j2")), tail=tail))
+    said = " | ".join(robot.notes)
+    assert "winch" in said and "tendons are not read" in said and "no motor of the file" in said

@@ -1,0 +1,131 @@
+"""Shapes of compiled MJCF, and which of them are watched. Oracle: MuJoCo's compiled arrays."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.robot.formats.mjcf_texts import INERTIAL, LEGS, agree, mujoco, text
+from wbc.robot import Robot
+from wbc.robot.collision import robot_bodies, select_pairs
+
+HINGED = '<body name="arm" pos="0 .1 .2"><joint name="j1" axis="0 1 0" range="-1 1"/>'
+CUBE = (
+    "v {0} {0} {0}\nv -{0} {0} {0}\nv -{0} -{0} {0}\nv {0} -{0} {0}\n"
+    "v {0} {0} -{0}\nv -{0} {0} -{0}\nv -{0} -{0} -{0}\nv {0} -{0} -{0}\n"
+    "f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n"
+)
+MESHES = {
+    "scale on the mesh": ('<asset><mesh name="m" file="m.obj" scale=".001 .002 .003"/>', ""),
+    "scale in the defaults": (
+        '<default><mesh scale=".001 .002 .003"/></default><asset><mesh name="m" file="m.obj"/>',
+        "",
+    ),
+    "scale in a class": (
+        '<default><default class="mm"><mesh scale=".001 .002 .003"/></default></default>'
+        '<asset><mesh name="m" file="m.obj" class="mm"/>',
+        "",
+    ),
+    "another origin": (
+        '<asset><mesh name="m" file="m.obj" scale=".001 .002 .003" refpos="50 0 0"'
+        ' refquat="1 0 1 0"/>',
+        'pos="0 .1 0" euler="0 .3 0"',
+    ),
+    "mirrored": ('<asset><mesh name="m" file="m.obj" scale=".001 -.002 .003"/>', 'pos="1 0 0"'),
+    "folder": (
+        '<compiler assetdir="parts"/><asset><mesh name="m" file="m.obj" scale=".01 .01 .01"/>',
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+@pytest.mark.parametrize("weighs", [True, False])
+def test_meshes_are_where_mujoco_has_them(tmp_path: Path, case: str, weighs: bool) -> None:
+    assets, place = MESHES[case]
+    (tmp_path / "parts").mkdir()
+    for folder in (tmp_path, tmp_path / "parts"):
+        (folder / "m.obj").write_text(CUBE.format(100))
+    geom = f'<geom type="mesh" mesh="m" {place}/>'
+    own = "" if weighs else INERTIAL.format(1)
+    path = tmp_path / "robot.xml"
+    path.write_text(text(HINGED + own + geom + "</body>", head=assets + "</asset>"))
+    robot, model = Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
+    agree(robot, model)
+    (shape,) = robot.collision_model.geometryObjects
+    pose = shape.placement
+    vertices = np.array(shape.geometry.vertices()) @ pose.rotation.T + pose.translation
+    wanted = np.zeros(9)
+    mujoco.mju_quat2Mat(wanted, model.geom_quat[0])
+    wanted = model.mesh_vert @ wanted.reshape(3, 3).T + model.geom_pos[0]
+    np.testing.assert_allclose(vertices, wanted, atol=1e-6 * np.abs(wanted).max())  # float32 there
+
+
+@pytest.mark.parametrize("kind", ["box", "capsule", "sphere"])
+def test_shapes_fitted_to_a_mesh_are_read(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "m.obj").write_text(CUBE.format(0.1))
+    path = tmp_path / "robot.xml"
+    head = '<asset><mesh name="m" file="m.obj"/></asset>'
+    path.write_text(text(HINGED + f'<geom type="{kind}" mesh="m"/></body>', head=head))
+    robot, model = Robot.load(path, feet={}), mujoco.MjModel.from_xml_path(str(path))
+    agree(robot, model)
+    (body,) = robot_bodies(robot)
+    if kind == "box":
+        assert float(np.abs(body.shape.core).max()) == pytest.approx(
+            model.geom_size[0, 0], rel=1e-6
+        )
+
+
+GEOMS = (
+    '<geom name="body" type="box" size=".1 .1 .2" {0}/>'
+    '<body name="arm" pos="0 .2 .1"><joint name="j1" axis="1 0 0" range="-1 1"/>'
+    + INERTIAL.format(1)
+    + '<geom name="rod" type="capsule" size=".03" fromto="0 0 0 0 0 -.3" {0}/></body>'
+)
+GHOST = 'contype="0" conaffinity="0"'
+
+
+def watched(contact: str, ghost: bool = True) -> tuple[set[frozenset[str]], dict[str, str]]:
+    content = text(GEOMS.format(GHOST if ghost else "") + LEGS, tail=contact)
+    robot = Robot.load(content)
+    found = select_pairs(robot, robot_bodies(robot))
+    links = [body.link for body in found.bodies]
+    return {frozenset((links[a], links[b])) for a, b in found.pairs}, dict(found.excluded)
+
+
+def test_pairs_of_shapes_that_touch_nothing_else_are_watched() -> None:
+    pair = '<contact><pair geom1="rod" geom2="body"/></contact>'
+    found, left_out = watched(pair)
+    assert frozenset(("arm", "trunk")) in found
+    assert frozenset(("arm", "left_foot")) not in found
+    assert left_out["arm vs left_foot"] == "meets only what the MJCF pairs it with"
+    found, _ = watched(pair, ghost=False)
+    assert {frozenset(("arm", "trunk")), frozenset(("arm", "left_foot"))} <= found
+    found, _ = watched("")
+    assert found == {frozenset(("left_foot", "right_foot"))}
+
+
+@pytest.mark.parametrize("pair", [("left_foot", "right_foot"), ("right_foot", "left_foot")])
+def test_excluded_pairs_are_not_watched(pair: tuple[str, str]) -> None:
+    first, second = pair
+    found, left_out = watched(f'<contact><exclude body1="{first}" body2="{second}"/></contact>')
+    assert frozenset(pair) not in found
+    assert left_out["left_foot vs right_foot"] == "excluded in the MJCF"
+
+
+def test_a_robot_with_meshes_is_pickled_whole(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text(CUBE.format(0.1))
+    path = tmp_path / "robot.xml"
+    head = '<asset><mesh name="m" file="m.obj"/></asset>'
+    path.write_text(text(HINGED + '<geom name="g" type="mesh" mesh="m"/></body>', head=head))
+    robot = Robot.load(path, feet={})
+    path.unlink()  # nor is the file read again
+    again = pickle.loads(pickle.dumps(robot))
+    for one, other in (
+        (robot.collision_model, again.collision_model),
+        (robot.visual_model, again.visual_model),
+    ):
+        (mine,), (copied,) = one.geometryObjects, other.geometryObjects
+        assert mine.name == copied.name == "g"
+        np.testing.assert_array_equal(mine.geometry.vertices(), copied.geometry.vertices())

@@ -1,0 +1,92 @@
+"""SRDF: states of several groups, values that are none, and what the robot does not have."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import ModelError
+from wbc.robot import Robot
+
+LINK = (
+    '<link name="{0}"><inertial><origin xyz="0 0 .1"/><mass value="1"/><inertia ixx=".01" ixy="0"'
+    ' ixz="0" iyy=".012" iyz="0" izz=".009"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="{0}" type="{3}"><parent link="{1}"/><child link="{2}"/><axis xyz="0 1 0"/>'
+    '<limit lower="-1" upper="1" velocity="3" effort="20"/></joint>'
+)
+URDF = (
+    '<robot name="r">'
+    + "".join(LINK.format(name) for name in ("base", "l1", "l2", "l3"))
+    + JOINT.format("j1", "base", "l1", "revolute")
+    + JOINT.format("j2", "l1", "l2", "revolute")
+    + JOINT.format("spin", "l2", "l3", "continuous")
+    + "</robot>"
+)
+
+
+def load(folder: Path, content: str) -> Robot:
+    (folder / "r.urdf").write_text(URDF)
+    (folder / "r.srdf").write_text(f'<robot name="r">{content}</robot>')
+    return Robot.load(folder / "r.urdf", srdf=folder / "r.srdf", base="fixed")
+
+
+def state(name: str, group: str, **values: object) -> str:
+    joints = "".join(f'<joint name="{joint}" value="{v}"/>' for joint, v in values.items())
+    return f'<group_state name="{name}" group="{group}">{joints}</group_state>'
+
+
+@pytest.mark.parametrize(
+    "states",
+    [
+        state("home", "arm", j1=0.5) + state("home", "hand", j2=0.8),
+        state("home", "hand", j2=0.8) + state("home", "arm", j1=0.5),
+        state("home", "all", j1=0.5, j2=0.8) + state("home", "hand", j2=0.8),
+        state("home", "a", j1=0.5) + state("away", "a", j1=0.1) + state("home", "b", j2=0.8),
+    ],
+)
+def test_states_of_one_name_of_several_groups_are_one(tmp_path: Path, states: str) -> None:
+    robot = load(tmp_path, states)
+    np.testing.assert_allclose(robot.postures["home"][7:9], [0.5, 0.8])
+    assert not any("SRDF" in note for note in robot.notes)
+
+
+def test_groups_that_contradict_each_other_are_said(tmp_path: Path) -> None:
+    robot = load(tmp_path, state("home", "a", j1=0.5, j2=0.1) + state("home", "b", j1=0.7))
+    np.testing.assert_allclose(robot.postures["home"][7:9], [0.7, 0.1])
+    assert "SRDF, state 'home': groups give different values of j1; the last counts" in robot.notes
+
+
+@pytest.mark.parametrize("joint", ["j1", "j2"])
+def test_two_values_are_of_continuous_joints_only(tmp_path: Path, joint: str) -> None:
+    with pytest.raises(
+        ModelError, match=rf"r\.srdf: state 'home', joint '{joint}': '0.5 0.2': two"
+    ):
+        load(tmp_path, state("home", "a", **{joint: "0.5 0.2"}))
+
+
+def test_a_continuous_joint_takes_one_value_or_two(tmp_path: Path) -> None:
+    for value in ("0.6435011087932844", "0.8 0.6"):
+        robot = load(tmp_path, state("home", "a", spin=value))
+        np.testing.assert_allclose(robot.postures["home"][-2:], [0.8, 0.6], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (state("home", "a", elbow=0.5), "state 'home': the robot has no joint elbow"),
+        (state("home", "a", elbow="0.5 0.2", j1=0.1), "state 'home': the robot has no joint elbow"),
+        ('<disable_collisions link1="l1" link2="nothing"/>', "the robot has no link nothing"),
+        ('<passive_joint name="j2"/>', "passive_joint: torques are asked of j2 all the same"),
+    ],
+)
+def test_what_is_not_used_is_said(tmp_path: Path, content: str, said: str) -> None:
+    assert any(said in note for note in load(tmp_path, content).notes)
+
+
+def test_the_base_of_a_state_is_no_unknown_joint(tmp_path: Path) -> None:
+    robot = load(
+        tmp_path, state("home", "a", world_joint="0 0 1 0 0 0 1", root_joint="0 0 1 0 0 0 1")
+    )
+    assert not any("SRDF" in note for note in robot.notes)

@@ -1,0 +1,154 @@
+"""URDFs as exporters and scripts leave them: what is mended, what is said, what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.constraints import Limits, SelfCollision
+from wbc.errors import ModelError
+from wbc.robot import Robot
+from wbc.robot.formats import urdf
+
+BODY = (
+    '<inertial><origin xyz="0 0 -.1"/><mass value="1"/><inertia ixx=".01" ixy="0" ixz="0"'
+    ' iyy=".012" iyz="0" izz=".009"/></inertial>'
+)
+SHAPE = (
+    '<collision><origin xyz="0 0 -.1"/><geometry><sphere radius=".03"/></geometry></collision>'
+    '<visual><origin xyz="0 0 -.1"/><geometry><sphere radius=".03"/></geometry>{0}</visual>'
+)
+JOINT = (
+    '<joint name="{0}" type="{3}"><parent link="{1}"/><child link="{2}"/><origin xyz="0 0 -.3"/>'
+    '<axis xyz="0 1 0"/>{4}</joint>'
+)
+LIMIT = '<limit lower="-1" upper="1" velocity="3" effort="20"/>'
+
+
+def chain(
+    folder: Path,
+    material: str = "",
+    limit: str = LIMIT,
+    kind: str = "revolute",
+    head: str = "",
+    names: tuple[str, str, str] = ("j1", "j2", "j3"),
+) -> Path:
+    """Write a chain of four links; the last three have a ball each."""
+    links = "".join(
+        f'<link name="l{k}">{BODY}{SHAPE.format(material) if k else ""}</link>' for k in range(4)
+    )
+    joints = "".join(
+        JOINT.format(name, f"l{k}", f"l{k + 1}", kind, limit) for k, name in enumerate(names)
+    )
+    path = folder / "r.urdf"
+    path.write_text(
+        f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{head}{links}{joints}</robot>'
+    )
+    return path
+
+
+COLOUR = '<color rgba="1 0 0 1"/>'
+
+
+@pytest.mark.parametrize(
+    ("material", "head"),
+    [
+        (f"<material>{COLOUR}</material>", ""),
+        (f'<material name="">{COLOUR}</material>', ""),
+        (f'<material name="red">{COLOUR}</material>', f"<material>{COLOUR}</material>"),
+        ("<material/>", ""),
+    ],
+)
+def test_shapes_of_links_with_nameless_materials_are_there(
+    tmp_path: Path, material: str, head: str
+) -> None:
+    whole = SelfCollision(Robot.load(chain(tmp_path), base="fixed"), margin=0.01)
+    robot = Robot.load(chain(tmp_path, material, head=head), base="fixed")
+    assert (robot.collision_model.ngeoms, robot.visual_model.ngeoms) == (3, 3)
+    found = SelfCollision(robot, margin=0.01).model.labels
+    assert found == whole.model.labels == ("l1 vs l3",)
+
+
+def test_shapes_that_the_parser_loses_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(urdf, "name_materials", lambda root: None)  # what mends the only such case
+    with pytest.raises(ModelError, match=r"link 'l1' has 1 collision shapes, but 0 were read"):
+        Robot.load(chain(tmp_path, "<material/>"))
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ('<xacro:include filename="leg.xacro"/>', "<xacro:include>"),
+        ('<xacro:leg side="left"/>', "<xacro:leg>"),
+        ('<xacro:property name="x" value="1"/>', "<xacro:property>"),
+        ('<link name="${prefix}hand"/>', "name='${prefix}hand'"),
+    ],
+)
+def test_macros_that_were_not_expanded_are_refused(tmp_path: Path, head: str, said: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        Robot.load(chain(tmp_path, head=head))
+    assert said in str(caught.value) and "expand that first" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "value", ["1e10", "1e16", "1e30", "3.4028235e38", "1e300", "1.7976931348623157e308"]
+)
+def test_numbers_that_stand_for_no_limit_are_none(tmp_path: Path, value: str) -> None:
+    limit = f'<limit lower="-{value}" upper="{value}" velocity="{value}" effort="{value}"/>'
+    robot = Robot.load(chain(tmp_path, limit=limit), base="fixed")
+    for found in (robot.limits.upper, robot.limits.velocity, robot.limits.effort):
+        np.testing.assert_array_equal(found, np.inf)
+    np.testing.assert_array_equal(robot.limits.lower, -np.inf)
+    assert np.isinf(Limits(robot).speed).all()
+
+
+@pytest.mark.parametrize("zero", ["0", "0.0", "-0.0", "0e0"])
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_limits_that_are_all_zero_were_not_entered(tmp_path: Path, zero: str, kind: str) -> None:
+    limit = f'<limit lower="{zero}" upper="{zero}" velocity="{zero}" effort="{zero}"/>'
+    robot = Robot.load(chain(tmp_path, limit=limit, kind=kind), base="fixed")
+    np.testing.assert_array_equal(robot.limits.upper, np.inf)
+    assert any("limits of j1, j2, j3 are all 0" in note for note in robot.notes)
+    meant = limit.replace(f'effort="{zero}"', 'effort="20"')  # a joint that is held
+    robot = Robot.load(chain(tmp_path, limit=meant, kind=kind), base="fixed")
+    np.testing.assert_array_equal(robot.limits.upper, 0.0)
+
+
+@pytest.mark.parametrize("turn", ["6.2831853", "9.42477796", "12.566"])
+def test_joints_of_some_turns_are_in_radians(tmp_path: Path, turn: str) -> None:
+    limit = f'<limit lower="-{turn}" upper="{turn}" velocity="3" effort="20"/>'
+    notes = Robot.load(chain(tmp_path, limit=limit), base="fixed").notes
+    assert not any("degrees" in note for note in notes)
+    limit = limit.replace(turn, "90")
+    notes = Robot.load(chain(tmp_path, limit=limit), base="fixed").notes
+    assert any("degrees" in note for note in notes)
+
+
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12345\n"
+
+
+def test_a_pointer_of_git_lfs_is_called_so(tmp_path: Path) -> None:
+    (tmp_path / "m.stl").write_text(POINTER)
+    mesh = '<collision><geometry><mesh filename="m.stl"/></geometry></collision>'
+    path = chain(tmp_path)
+    path.write_text(path.read_text().replace("</link>", mesh + "</link>", 1))
+    notes = Robot.load(path, base="fixed").notes
+    assert any("m.stl (a Git LFS pointer: git lfs pull) of link 'l0'" in note for note in notes)
+    path.write_text(POINTER)
+    with pytest.raises(ModelError, match=r"r\.urdf: a Git LFS pointer"):
+        Robot.load(path)
+
+
+@pytest.mark.parametrize("names", [("l1", "j2", "j3"), ("l3", "l1", "l2"), ("j1", "l2", "j3")])
+def test_joints_may_be_called_as_links_are(tmp_path: Path, names: tuple[str, str, str]) -> None:
+    whole = Robot.load(chain(tmp_path), base="fixed", locked={"j3": 0.2, "j1": -0.1})
+    path = chain(tmp_path, names=names)
+    robot = Robot.load(path, base="fixed", locked={names[2]: 0.2, names[0]: -0.1})
+    assert robot.joint_names == (names[1],)
+    q = robot.posture("neutral", {names[1]: 0.4})
+    one, other = robot.snapshot(q), whole.snapshot(whole.posture("neutral", {"j2": 0.4}))
+    for link in ("l1", "l2", "l3"):
+        np.testing.assert_allclose(one.position(link), other.position(link), atol=1e-15)
+    np.testing.assert_allclose(one.com, other.com, atol=1e-15)

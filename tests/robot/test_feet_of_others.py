@@ -1,0 +1,219 @@
+"""Feet as robots of others have them: drawn off level, on wheels, with frames at heel and toe."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wbc.errors import InvalidInputError
+from wbc.gait import Walker
+from wbc.polygon import polygon_area
+from wbc.robot import Robot
+from wbc.robot.postures import stands
+
+INERTIAL = (
+    '<inertial><mass value="{0}"/>'
+    '<inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial>'
+)
+LIMIT = '<limit lower="-1.5" upper="1.5" effort="50" velocity="5"/>'
+LEG = (("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"))
+ANKLE = (("ankle_pitch", "0 1 0"), ("ankle_roll", "1 0 0"))
+
+
+def link(name: str, shapes: str = "", mass: float = 0.5) -> str:
+    return f'<link name="{name}">{INERTIAL.format(mass)}{shapes}</link>'
+
+
+def joint(name: str, parent: str, child: str, axis: str, xyz: str, kind: str = "revolute") -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{LIMIT}</joint>'
+    )
+
+
+def box(xyz: str, size: str, rpy: str = "0 0 0") -> str:
+    return (
+        f'<collision><origin xyz="{xyz}" rpy="{rpy}"/><geometry><box size="{size}"/></geometry>'
+        "</collision>"
+    )
+
+
+def biped(
+    folder: Path,
+    foot: str,
+    joints: tuple[tuple[str, str], ...] = LEG + ANKLE,
+    extra: str = "",
+    end: str = "{0}_foot",
+) -> Path:
+    """Write two legs of ``joints``; ``extra`` comes for each side, ``{0}`` being its name."""
+    parts = [link("trunk", box("0 0 .2", ".2 .2 .3"), 5)]
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        above = "trunk"
+        for k, (name, axis) in enumerate(joints):
+            last = k == len(joints) - 1
+            below = end.format(side) if last else f"{side}_l{k}"
+            drop = {"knee": -0.3, "ankle_pitch": -0.3}.get(name, 0.0)
+            place = f"0 {y if k == 0 else 0} {drop}"
+            parts += [
+                link(below, foot if last else ""),
+                joint(f"{side}_{name}", above, below, axis, place),
+            ]
+            above = below
+        parts.append(extra.replace("{0}", side).replace("{y}", str(y)).replace("{end}", above))
+    path = folder / "biped.urdf"
+    path.write_text(f'<robot name="biped">{"".join(parts)}</robot>')
+    return path
+
+
+def gridded(folder: Path, tilt: float) -> str:
+    """Write a plate of many small triangles below, tilted about y, as meshes of feet are."""
+    x, y = (
+        a.ravel() for a in np.meshgrid(np.linspace(-0.08, 0.08, 33), np.linspace(-0.03, 0.03, 13))
+    )
+    points = np.concatenate([np.stack([x, y, np.full_like(x, z)], axis=1) for z in (0.0, -0.02)])
+    c, s = np.cos(tilt), np.sin(tilt)
+    points = points @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+    rows = "".join(f"v {a} {b} {c}\n" for a, b, c in points)
+    faces = "".join(f"f {k} {k + 1} {k + 34}\n" for k in range(1, 33 * 25))
+    (folder / "plate.obj").write_text(rows + faces)
+    return '<collision><geometry><mesh filename="plate.obj"/></geometry></collision>'
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.05, 0.07, -0.2])
+def test_the_sole_of_a_mesh_is_its_whole_face(tmp_path: Path, tilt: float) -> None:
+    robot = Robot.load(biped(tmp_path, gridded(tmp_path, tilt)))
+    for foot in robot.feet.values():
+        np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.16, 0.06], atol=1e-6)
+
+
+@pytest.mark.parametrize("rpy", ["0 0 0", "0 .07 0", "0 -.2 0", ".15 0 0", "-.1 .1 0"])
+def test_the_sole_is_the_face_that_looks_down_however_it_is_drawn(tmp_path: Path, rpy: str) -> None:
+    robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".16 .06 .02", rpy)))
+    q = robot.posture("standing")
+    for foot in robot.feet.values():
+        np.testing.assert_allclose(polygon_area(foot.polygon), 0.16 * 0.06, rtol=1e-9)
+        np.testing.assert_allclose(robot.snapshot(q).rotation(foot.frame)[2, 2], 1.0, atol=1e-6)
+    assert stands(robot.model, q, robot.feet)
+    assert not any("stand" in note for note in robot.notes)
+
+
+def test_a_face_that_is_too_steep_is_no_sole(tmp_path: Path) -> None:
+    robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".16 .06 .02", "0 .5 0")))
+    assert all(len(foot.polygon) == 2 for foot in robot.feet.values())  # the edge below
+
+
+def test_a_sole_far_smaller_than_its_body_is_said(tmp_path: Path) -> None:
+    plate, stud = box("0 0 -.03", ".2 .1 .02"), box("0 0 -.045", ".05 .04 .02")
+    notes = Robot.load(biped(tmp_path, plate + stud)).notes
+    assert sum("of the rectangle round its body" in note for note in notes) == 2
+    wide = box("0 0 -.045", ".15 .08 .02")
+    assert not any("rectangle" in one for one in Robot.load(biped(tmp_path, plate + wide)).notes)
+
+
+WHEEL = (
+    '<collision><origin rpy="1.5708 0 0"/><geometry>'
+    '<cylinder radius=".08" length=".03"/></geometry></collision>'
+)
+
+
+@pytest.mark.parametrize(
+    ("end", "wheel"),
+    [("{0}_ankle", "{0}_wheel"), ("{0}_foot", "{0}_caster"), ("{0}_sole", "{0}_front_wheel")],
+)
+def test_what_carries_wheels_is_no_foot(tmp_path: Path, end: str, wheel: str) -> None:
+    extra = link(wheel, WHEEL) + joint("{0}_w", "{end}", wheel, "0 1 0", "0 0 -.03", "continuous")
+    robot = Robot.load(biped(tmp_path, box("0 0 -.02", ".1 .06 .04"), LEG + ANKLE, extra, end))
+    assert not robot.feet
+    assert any("it has wheels" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+def test_what_hangs_below_the_soles_is_said(tmp_path: Path, kind: str) -> None:
+    extra = link("{0}_disc", WHEEL) + joint("{0}_w", "{end}", "{0}_disc", "0 1 0", "0 0 -.03", kind)
+    robot = Robot.load(biped(tmp_path, box("0 0 -.02", ".1 .06 .04"), LEG + ANKLE, extra))
+    (note,) = (note for note in robot.notes if "lower than the soles" in note)
+    assert "left_disc by 70 mm" in note and "right_disc by 70 mm" in note
+
+
+@pytest.mark.parametrize("frames", [("foot_heel",), ("foot_heel", "foot_toe"), ("ankle", "sole")])
+@pytest.mark.parametrize("style", ["{0}_{1}", "{2}l_{1}", "{2}f_{1}", "{2}_{1}"])
+def test_the_frames_of_one_body_are_one_foot(
+    tmp_path: Path, frames: tuple[str, ...], style: str
+) -> None:
+    """Names such as rl_foot_heel would be of a rear left foot by themselves."""
+    parts = ""
+    for k, frame in enumerate(frames):
+        name = style.replace("{1}", frame)
+        fixed = joint(f"{{0}}_f{k}", "{end}", name, "0 1 0", "-.07 .05 -.05", "fixed")
+        parts += f'<link name="{name}"/>{fixed}'
+    path = biped(tmp_path, box(".03 0 -.03", ".2 .1 .04"))
+    content = path.read_text()
+    for side in ("left", "right"):
+        own = parts.replace("{0}", side).replace("{2}", side[0]).replace("{end}", f"{side}_foot")
+        content = content.replace("</robot>", own + "</robot>")
+    path.write_text(content)
+    robot = Robot.load(path)
+    assert list(robot.feet) == ["left", "right"]
+    assert not any("feet" in note for note in robot.notes)
+    for foot in robot.feet.values():
+        np.testing.assert_allclose(np.ptp(foot.polygon, axis=0), [0.2, 0.1], atol=1e-9)
+
+
+BALL = '<collision><origin xyz="0 0 -.2"/><geometry><sphere radius=".02"/></geometry></collision>'
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("FL_calf", "FR_calf", "RL_calf", "RR_calf"),
+        ("shank_1", "shank_2", "shank_3", "shank_4"),
+        ("lf_foot", "rf_foot", "lr_foot", "rr_foot"),
+        ("fl_foot", "fr_foot", "hl_foot", "hr_foot"),
+        ("left_foot_a", "right_foot_a", "left_shank_b", "right_shank_b"),
+    ],
+)
+def test_four_legs_that_end_in_balls_are_four_points(
+    tmp_path: Path, names: tuple[str, ...]
+) -> None:
+    parts = [link("trunk", box("0 0 0", ".5 .2 .1"), 5)]
+    places = ((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))
+    for k, (name, (x, y)) in enumerate(zip(names, places, strict=True)):
+        parts += [
+            link(f"thigh{k}"),
+            link(name, BALL),
+            joint(f"hip{k}", "trunk", f"thigh{k}", "0 1 0", f"{x} {y} 0"),
+            joint(f"knee{k}", f"thigh{k}", name, "0 1 0", "0 0 -.2"),
+        ]
+    path = tmp_path / "four.urdf"
+    path.write_text(f'<robot name="four">{"".join(parts)}</robot>')
+    robot = Robot.load(path)
+    if "left_foot_a" in names:  # two are called feet, and are taken for them
+        assert list(robot.feet) == ["left", "right"]
+        return
+    corners = ("front_left", "front_right", "hind_left", "hind_right")
+    assert {name: foot.link for name, foot in robot.feet.items()} == dict(
+        zip(corners, names, strict=True)
+    )
+    assert all(foot.polygon.shape == (1, 2) for foot in robot.feet.values())
+
+
+@pytest.mark.parametrize(
+    ("joints", "where"),
+    [
+        ((("hip_roll", "1 0 0"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0")), "forwards"),
+        (
+            (("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ("ankle_pitch", "0 1 0")),
+            "to a side",
+        ),
+        (
+            (("hip_yaw", "0 0 1"), ("hip_pitch", "0 1 0"), ("knee", "0 1 0"), ANKLE[0]),
+            "to a side",
+        ),
+    ],
+)
+def test_legs_that_cannot_swing_their_feet_are_refused_when_a_walker_is_made(
+    tmp_path: Path, joints: tuple[tuple[str, str], ...], where: str
+) -> None:
+    robot = Robot.load(biped(tmp_path, box(".03 0 -.03", ".2 .1 .04"), joints))
+    with pytest.raises(InvalidInputError, match=f"cannot swing the foot {where}"):
+        Walker(robot)

@@ -1,0 +1,238 @@
+"""Compile MJCF with MuJoCo: what a file means is what its own compiler makes of it.
+
+Files that only pictures need are done without: textures are not read, and shapes whose mesh is
+missing are left out and told of, unless a body's inertia is to come from them.
+"""
+
+from __future__ import annotations
+
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from wbc.errors import ModelError, listed
+from wbc.extras import quietly, require
+from wbc.robot.formats.mesh_files import is_lfs_pointer, refuse_huge_meshes
+from wbc.robot.formats.xml import refuse_non_finite
+
+MOST_COPIES = 1000  # of what <replicate> and the like repeat
+REPEATING = ("replicate", "composite", "flexcomp")
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """A compiled model, and what was left out of it."""
+
+    mujoco: Any  # the module
+    model: Any  # mujoco.MjModel
+    name: str
+    notes: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()  # shapes that collide and were not found, in words
+
+
+def is_mujoco(source: object, kind: str) -> bool:
+    """Return whether something is MuJoCo's ``MjModel`` or ``MjSpec``, without loading MuJoCo."""
+    return type(source).__name__ == kind and type(source).__module__.startswith("mujoco")
+
+
+def compile_mjcf(source: Any, path: Path, root: ET.Element | None = None) -> Compiled:
+    """Return the compiled model of a file, of XML text, or of what MuJoCo made already.
+
+    Parameters
+    ----------
+    source:
+        The file's path, its text, an ``MjSpec`` (which is not changed) or an ``MjModel``.
+    path:
+        What messages call it.
+    root:
+        The document, if it was read; its numbers are looked at first.
+
+    Raises
+    ------
+    MissingPackageError
+        MuJoCo is not installed.
+    ModelError
+        MuJoCo refuses it; the message says what MuJoCo says.
+    """
+    require("mujoco", "reading MJCF")
+    import mujoco
+
+    if is_mujoco(source, "MjModel"):
+        return Compiled(mujoco, source, _model_name(source, path))
+    if root is not None:
+        refuse_non_finite(root, path)
+        _refuse_many(root, path)
+    with quietly(mujoco), warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            found = _compiled(mujoco, source, path)
+        except (ValueError, RuntimeError, TypeError, MemoryError, mujoco.FatalError) as error:
+            raise _refused(path, error) from error
+    said = tuple(f"MuJoCo says: {' '.join(str(one.message).split())}" for one in told)
+    return replace(found, notes=found.notes + said)
+
+
+def _refused(path: Path, error: Exception) -> ModelError:
+    said = " ".join(str(error).removeprefix("Error: ").split())
+    return ModelError(f"{path}: MuJoCo refuses this MJCF: {said}")
+
+
+def _model_name(model: Any, path: Path) -> str:
+    name = bytes(model.names).split(b"\0")[0].decode(errors="replace")
+    return _name_or_stem(name, path)
+
+
+def _name_or_stem(name: str, path: Path) -> str:
+    return path.stem if name in ("", "MuJoCo Model") else name
+
+
+def _refuse_many(root: ET.Element, path: Path) -> None:
+    """Refuse numbers of copies that take memory and minutes."""
+    for element in root.iter():
+        copies = 1.0
+        for word in element.get("count", "").split() if element.tag in REPEATING else ():
+            copies *= float(word) if word.strip("+").isdigit() else 1.0
+        if copies > MOST_COPIES:
+            raise ModelError(
+                f"{path}: <{element.tag} count={element.get('count')!r}>: more than {MOST_COPIES}"
+                " copies; is it a robot?"
+            )
+
+
+def _spec(mujoco: Any, source: Any) -> Any:
+    """Return a specification that is ours to change."""
+    if isinstance(source, Path):
+        spec = mujoco.MjSpec.from_file(str(source))
+    elif isinstance(source, str):
+        spec = mujoco.MjSpec.from_string(source)
+    else:
+        spec = source.copy()
+        spec.modelfiledir = source.modelfiledir  # which copies forget in some versions
+    # Links that are fixed to others keep their names, and geoms that are only drawn stay.
+    for field in ("fusestatic", "discardvisual"):
+        if hasattr(spec.compiler, field):
+            setattr(spec.compiler, field, False)
+    for texture in spec.textures:
+        _make_plain(mujoco, texture)
+    return spec
+
+
+def _make_plain(mujoco: Any, texture: Any) -> None:
+    """Make a texture of a file one that no file is needed for; no robot is made of it."""
+    files = [str(texture.file or ""), *(str(file) for file in texture.cubefiles)]
+    if not any(files):
+        return
+    if not texture.name:  # it goes by its file's
+        texture.name = Path(next(file for file in files if file)).stem
+    texture.file = ""
+    for k in range(len(texture.cubefiles)):
+        texture.cubefiles[k] = ""
+    texture.type = mujoco.mjtTexture.mjTEXTURE_2D
+    texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    texture.width = texture.height = 1
+
+
+def _compiled(mujoco: Any, source: Any, path: Path) -> Compiled:
+    spec = _spec(mujoco, source)
+    name = _name_or_stem(str(spec.modelname), path)
+    refuse_huge_meshes(file for _, file in _files(spec, spec.meshes) if file is not None)
+    try:
+        return Compiled(mujoco, spec.compile(), name)
+    except ValueError:
+        spec = _spec(mujoco, source)  # what failed to compile cannot be changed
+        shapes, missing = _leave_out_missing(mujoco, spec, path)
+        if not missing:
+            raise
+    some = listed(list(shapes), 3)
+    return Compiled(
+        mujoco,
+        spec.compile(),
+        name,
+        (f"{len(shapes)} shapes left out, as their meshes were not found: {some}",)
+        if shapes
+        else (),
+        tuple(words for words, collides in shapes.items() if collides),
+    )
+
+
+def _files(spec: Any, assets: Any) -> Iterator[tuple[Any, Path | None]]:
+    """Yield assets and their files; none for what is given as vertices or held in memory."""
+    folder = Path(str(spec.modelfiledir or "."))
+    # The folder is the specification's in older MuJoCo, and its compiler's in newer.
+    kind = str(getattr(spec, "meshdir", "") or getattr(spec.compiler, "meshdir", ""))
+    held = {str(name) for name in dict(spec.assets or {})}
+    for asset in assets:
+        file = str(asset.file or "")
+        strip = bool(getattr(spec, "strippath", False))
+        if not file or file in held or Path(file).name in held:
+            yield asset, None
+            continue
+        name = Path(Path(file).name if strip else file)
+        places = [folder / kind / name, folder / name, Path(kind) / name, name]
+        yield asset, next((place for place in places if place.is_file()), places[0])
+
+
+def _leave_out_missing(mujoco: Any, spec: Any, path: Path) -> tuple[dict[str, bool], int]:
+    """Remove the meshes whose files are missing, and all that uses them.
+
+    Return the shapes in words, and whether they collide; and how many files are missing.
+    """
+    gone = dict[str, str]()
+    for mesh, file in _files(spec, spec.meshes):
+        if file is None or (file.is_file() and not is_lfs_pointer(file)):
+            continue
+        why = " (a Git LFS pointer: git lfs pull)" if file.is_file() else ""
+        gone[str(mesh.name) or file.stem] = file.name + why
+    shapes = dict[str, bool]()
+    for body in spec.bodies:
+        for geom in list(body.geoms):
+            if str(geom.meshname) not in gone:
+                continue
+            where = f"{gone[str(geom.meshname)]} of body {str(body.name)!r}"
+            if _weighs(mujoco, spec, body, geom):
+                raise ModelError(
+                    f"{path}: mesh {where} was not found, and the body takes its inertia from it;"
+                    " bring the file, or give the body an <inertial>"
+                )
+            shapes[where] = shapes.get(where, False) or bool(geom.contype or geom.conaffinity)
+            _delete(spec, geom)
+    for site in list(spec.sites):
+        if str(getattr(site, "meshname", "")) in gone:
+            site.type, site.meshname = mujoco.mjtGeom.mjGEOM_SPHERE, ""
+    meshes = [one for one in spec.meshes if (str(one.name) or Path(str(one.file)).stem) in gone]
+    for mesh in meshes:
+        _delete(spec, mesh)
+    return shapes, len(meshes) + _leave_out_ground(spec)
+
+
+def _leave_out_ground(spec: Any) -> int:
+    """Remove height fields whose files are missing; return how many. No robot is made of them."""
+    fields = [field for field, file in _files(spec, spec.hfields) if file and not file.is_file()]
+    names = {str(field.name) for field in fields}
+    for geom in list(spec.geoms):
+        if str(geom.hfieldname) in names:
+            _delete(spec, geom)
+    for field in fields:
+        _delete(spec, field)
+    return len(fields)
+
+
+def _weighs(mujoco: Any, spec: Any, body: Any, geom: Any) -> bool:
+    """Return whether a geom's mass counts in the inertia of its body."""
+    if str(body.name) == "world":
+        return False
+    given = bool(body.explicitinertial)
+    if given and int(spec.compiler.inertiafromgeom) != 1:  # mjINERTIAFROMGEOM_TRUE
+        return False
+    mass = float(geom.mass)
+    return mass > 0.0 or (mass != mass and float(geom.density) > 0.0)
+
+
+def _delete(spec: Any, element: Any) -> None:
+    if hasattr(element, "delete"):  # before MuJoCo 3.4
+        element.delete()
+    else:
+        spec.delete(element)

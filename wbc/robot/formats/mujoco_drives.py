@@ -1,0 +1,199 @@
+"""What moves and holds the joints of a compiled MuJoCo model: ranges, motors, friction, springs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import listed
+from wbc.robot.formats.mujoco_part import Names, RobotPart, motors_on_joints
+from wbc.robot.formats.mujoco_tree import kind_of
+from wbc.robot.limits import BASE_NV
+from wbc.robot.passive import Lift, PassiveForces, Spring
+
+
+def set_joints(mujoco: Any, model: Any, part: RobotPart, names: Names, tree: pin.Model) -> None:
+    """Write ranges, rotor inertia, friction and the motors' torques into ``tree``."""
+    rotors = _rotors(mujoco, model)
+    motors = _motors(mujoco, model)
+    disabled = int(model.opt.disableflags)
+    damped = not disabled & _flag(mujoco, "mjDSBL_DAMPER")
+    rubbed = not disabled & int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
+    for joint in part.joints:
+        if kind_of(mujoco, model, joint) == "ball":
+            continue
+        index = tree.getJointId(names.joints[joint])
+        q, v = int(tree.idx_qs[index]), int(tree.idx_vs[index])
+        low, high = -math.inf, math.inf
+        if model.jnt_limited[joint]:
+            low, high = model.jnt_range[joint].tolist()
+        tree.lowerPositionLimit[q], tree.upperPositionLimit[q] = low, high
+        dof = int(model.jnt_dofadr[joint])
+        tree.armature[v] = float(model.dof_armature[dof]) + rotors.get(joint, 0.0)
+        tree.damping[v] = float(model.dof_damping[dof]) if damped else 0.0
+        friction = float(model.dof_frictionloss[dof]) if rubbed else 0.0
+        tree.lowerDryFrictionLimit[v], tree.upperDryFrictionLimit[v] = -friction, friction
+        effort = min(motors.get(joint, math.inf), _joint_force(model, joint))
+        tree.lowerEffortLimit[v], tree.upperEffortLimit[v] = -effort, effort
+        tree.lowerVelocityLimit[v], tree.upperVelocityLimit[v] = -math.inf, math.inf
+
+
+def _flag(mujoco: Any, name: str) -> int:
+    """Return a bit of ``disableflags``, or that by which older MuJoCo calls it."""
+    bits = mujoco.mjtDisableBit.__members__
+    return int(bits.get(name, bits.get("mjDSBL_PASSIVE", 0)))
+
+
+def _both_ways(low: float, high: float) -> float:
+    """Return what a range gives both ways: its smaller end; its larger one if the other is 0."""
+    ends = sorted((abs(low), abs(high)))
+    return ends[0] or ends[1] or math.inf
+
+
+def _joint_force(model: Any, joint: int) -> float:
+    if not model.jnt_actfrclimited[joint]:
+        return math.inf
+    return _both_ways(*model.jnt_actfrcrange[joint].tolist())
+
+
+def _rotors(mujoco: Any, model: Any) -> dict[int, float]:
+    """Return the inertia [kg m^2 or kg] that motors add to joints (newer MuJoCo)."""
+    found: dict[int, float] = {}
+    if hasattr(model, "actuator_armature"):
+        for motor, joint in motors_on_joints(mujoco, model).items():
+            gear = float(model.actuator_gear[motor, 0])
+            felt = gear * gear * float(model.actuator_armature[motor])
+            found[joint] = found.get(joint, 0.0) + felt
+    return found
+
+
+def _motors(mujoco: Any, model: Any) -> dict[int, float]:
+    """Return the torque [N m] or force [N] that the motors of each joint give both ways."""
+    found: dict[int, float] = {}
+    for motor, joint in motors_on_joints(mujoco, model).items():
+        found[joint] = found.get(joint, 0.0) + _motor_force(mujoco, model, motor)
+    return found
+
+
+def _motor_force(mujoco: Any, model: Any, motor: int) -> float:
+    gear, force = abs(float(model.actuator_gear[motor, 0])), math.inf
+    if model.actuator_forcelimited[motor]:
+        force = _both_ways(*model.actuator_forcerange[motor].tolist())
+    plain = (
+        model.actuator_gaintype[motor] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[motor] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_NONE
+    )
+    if plain and model.actuator_ctrllimited[motor]:  # force in proportion to the control
+        gain = abs(float(model.actuator_gainprm[motor, 0]))
+        control = gain * _both_ways(*model.actuator_ctrlrange[motor].tolist())
+        force = min(force, control if gain else 0.0)
+    return gear * force if gear else 0.0
+
+
+def drive_notes(mujoco: Any, model: Any, part: RobotPart, names: Names) -> tuple[str, ...]:
+    """Return notes of what drives or holds the robot in MuJoCo and is not used here."""
+    notes = []
+    mine = {*part.joints}
+    acting = motors_on_joints(mujoco, model)
+    elsewhere = [names.actuators[k] for k in range(model.nu) if k not in acting]
+    if elsewhere:
+        notes.append(
+            f"actuators that act on no single joint (tendons, sites, bodies) are not read:"
+            f" {listed(elsewhere)}"
+        )
+    driven = {joint for joint in acting.values() if joint in mine}
+    still = [names.joints[joint] for joint in part.joints if joint not in driven]
+    if driven and still:
+        notes.append(f"no motor of the file drives {listed(still)}; here each joint has one")
+    one_way = [names.joints[j] for j in sorted(driven) if _one_sided(model, acting, j)]
+    if one_way:
+        notes.append(
+            f"motors that the file lets pull one way only are taken to pull both ways:"
+            f" {listed(one_way)}"
+        )
+    if part.floats:
+        start = int(model.jnt_dofadr[model.body_jntadr[part.roots[0]]])
+        for what, values in (
+            ("rotor inertia", model.dof_armature),
+            ("damping", model.dof_damping),
+            ("dry friction", model.dof_frictionloss),
+        ):
+            if np.any(values[start : start + BASE_NV]):
+                notes.append(f"the file gives the free joint {what}, which is not used")
+    if model.ntendon:
+        notes.append(
+            f"tendons are not read (their springs, limits and couplings): {listed(names.tendons)}"
+        )
+    notes += _medium(model)
+    return tuple(notes)
+
+
+def _one_sided(model: Any, acting: Mapping[int, int], joint: int) -> bool:
+    ranges = [
+        model.actuator_forcerange[k]
+        for k, on in acting.items()
+        if on == joint and model.actuator_forcelimited[k]
+    ]
+    ranges += [
+        model.actuator_ctrlrange[k]
+        for k, on in acting.items()
+        if on == joint
+        and model.actuator_ctrllimited[k]
+        and not model.actuator_forcelimited[k]
+        and model.actuator_biastype[k] == 0
+    ]
+    if model.jnt_actfrclimited[joint]:
+        ranges.append(model.jnt_actfrcrange[joint])
+    return any(low * high >= 0.0 and low != high for low, high in ranges)
+
+
+def _medium(model: Any) -> list[str]:
+    option, found = model.opt, []
+    if option.density or option.viscosity:
+        found.append("the medium of the file (density, viscosity, wind) is not used")
+    return found
+
+
+def passive_forces(mujoco: Any, model: Any, part: RobotPart, names: Names) -> PassiveForces:
+    """Return the springs, gravity compensation and curved damping of the robot's part."""
+    disabled = int(model.opt.disableflags)
+    sprung = not disabled & _flag(mujoco, "mjDSBL_SPRING")
+    damped = not disabled & _flag(mujoco, "mjDSBL_DAMPER")
+    springs, curves = dict[str, Spring](), dict[str, tuple[float, float]]()
+    for joint in part.joints:
+        if kind_of(mujoco, model, joint) == "ball":
+            continue
+        name, dof = names.joints[joint], int(model.jnt_dofadr[joint])
+        k = float(model.jnt_stiffness[joint])
+        k1, k2 = _higher(model, "jnt_stiffnesspoly", joint)
+        if sprung and (k or k1 or k2):
+            rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
+            springs[name] = Spring(k, (k1, k2), rest)
+        curve = _higher(model, "dof_dampingpoly", dof)
+        if damped and any(curve):
+            curves[name] = curve
+    heavy = not disabled & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    lifts = tuple(
+        Lift(
+            names.bodies[body],
+            tuple(model.body_ipos[body].tolist()),
+            float(model.body_gravcomp[body] * model.body_mass[body]),
+        )
+        for body in part.bodies
+        if heavy and model.body_gravcomp[body]
+    )
+    return PassiveForces(springs, lifts, curves)
+
+
+def _higher(model: Any, field: str, index: int) -> tuple[float, float]:
+    """Return the coefficients above the linear one, which only newer MuJoCo has."""
+    values = getattr(model, field, None)
+    if values is None:
+        return 0.0, 0.0
+    first, second = np.asarray(values[index], dtype=float)[:2].tolist()
+    return first, second

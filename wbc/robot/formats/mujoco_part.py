@@ -1,0 +1,166 @@
+"""Which bodies of a compiled MuJoCo model are the robot's, where the world holds others too.
+
+Scenes hold tables, balls and doors; the makers' own files of G1, H1 and R1 hold bodies far above
+the ground, whose joints take the place of motors that a model does not have.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.errors import ModelError, listed
+
+SPANNED = 0.5  # volume of three axes, of 1 where they are at right angles
+
+
+@dataclass(frozen=True)
+class RobotPart:
+    """The robot's share of a compiled model."""
+
+    roots: tuple[int, ...]  # bodies on the world; several if arms stand side by side
+    bodies: tuple[int, ...]  # what they carry, depth first, the roots included
+    joints: tuple[int, ...]  # of these bodies, without a free joint of the root
+    floats: bool  # whether the root has a free joint
+    # Three slides and three hinges of the root that no motor drives: they are its floating base.
+    loose: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+class Names:
+    """Names of a compiled model's parts, unique among their kind; unnamed ones are given some."""
+
+    def __init__(self, mujoco: Any, model: Any) -> None:
+        kinds = mujoco.mjtObj
+
+        def name(kind: Any, number: int) -> str:
+            return mujoco.mj_id2name(model, kind, number) or ""
+
+        self.bodies = [name(kinds.mjOBJ_BODY, k) for k in range(model.nbody)]
+        self.joints = [name(kinds.mjOBJ_JOINT, k) for k in range(model.njnt)]
+        self.sites = [name(kinds.mjOBJ_SITE, k) for k in range(model.nsite)]
+        self.geoms = [name(kinds.mjOBJ_GEOM, k) for k in range(model.ngeom)]
+        self.actuators = [name(kinds.mjOBJ_ACTUATOR, k) for k in range(model.nu)]
+        self.equalities = [name(kinds.mjOBJ_EQUALITY, k) for k in range(model.neq)]
+        self.tendons = [name(kinds.mjOBJ_TENDON, k) for k in range(model.ntendon)]
+        self.keys = [name(kinds.mjOBJ_KEY, k) for k in range(model.nkey)]
+        _fill(self.bodies, [f"body_{k}" for k in range(model.nbody)])
+        carriers = [self.bodies[int(body)] for body in model.jnt_bodyid]
+        _fill(self.joints, [f"{body}_joint" for body in carriers])
+        owners = [self.bodies[int(body)] for body in model.geom_bodyid]
+        _fill(self.geoms, [f"{body}_geom" for body in owners])
+        _fill(self.keys, [f"key_{k}" for k in range(model.nkey)])
+        _fill(self.actuators, [f"actuator_{k}" for k in range(model.nu)])
+        _fill(self.tendons, [f"tendon_{k}" for k in range(model.ntendon)])
+
+
+def _fill(names: list[str], wanted: list[str]) -> None:
+    """Give nameless entries the names that are wanted, numbered where these are taken."""
+    taken = set(names)
+    for k, name in enumerate(names):
+        if name:
+            continue
+        new, number = wanted[k], 1
+        while new in taken:
+            number += 1
+            new = f"{wanted[k]}_{number}"
+        names[k] = new
+        taken.add(new)
+
+
+def robot_part(mujoco: Any, model: Any, names: Names, path: Path) -> RobotPart:
+    """Return the bodies of the robot, and a note of what is beside it.
+
+    If motors drive some trees, the others are scenery. Of those that are left the robot is the only
+    one with a free joint and further joints; if none is, the only one with joints. Several that
+    motors drive and that do not float are one robot on a root that is fixed.
+
+    Raises
+    ------
+    ModelError
+        No body, or several that may be the robot.
+    """
+    tops = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
+    if not tops:
+        raise ModelError(f"{path}: the world holds no bodies, expected the robot's root")
+    roots = _roots(mujoco, model, names, tops, path)
+    owned = {int(body) for body in range(1, model.nbody) if int(model.body_rootid[body]) in roots}
+    bodies = tuple(sorted(owned))  # MuJoCo numbers them depth first
+    joints = [k for k in range(model.njnt) if int(model.jnt_bodyid[k]) in owned]
+    free = [k for k in joints if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_FREE]
+    others = [names.bodies[body] for body in tops if body not in roots]
+    notes: tuple[str, ...] = ()
+    if others:
+        named = ", ".join(names.bodies[body] for body in roots)
+        notes = (f"bodies beside the robot, whose root is {named}, left out: {listed(others)}",)
+    loose = _loose(mujoco, model, roots, joints)
+    if loose:
+        named = ", ".join(names.joints[k] for k in loose)
+        notes += (f"six joints of the root are its floating base: {named}",)
+    moving = tuple(k for k in joints if k not in free and k not in loose)
+    return RobotPart(tuple(roots), bodies, moving, bool(free), loose, notes)
+
+
+def _loose(mujoco: Any, model: Any, roots: list[int], joints: list[int]) -> tuple[int, ...]:
+    """Return the joints of the only root if together they let it float, none of them driven."""
+    own = [k for k in joints if len(roots) == 1 and int(model.jnt_bodyid[k]) == roots[0]]
+    kinds = [int(model.jnt_type[k]) for k in own]
+    slides = [k for k, kind in zip(own, kinds, strict=True) if kind == mujoco.mjtJoint.mjJNT_SLIDE]
+    hinges = [k for k, kind in zip(own, kinds, strict=True) if kind == mujoco.mjtJoint.mjJNT_HINGE]
+    if len(own) != 6 or len(slides) != 3 or len(hinges) != 3:
+        return ()
+    driven = {*motors_on_joints(mujoco, model).values()} & {*own}
+    spanned = [abs(float(np.linalg.det(model.jnt_axis[axes]))) for axes in (slides, hinges)]
+    return () if driven or min(spanned) < SPANNED else tuple(own)
+
+
+def _roots(mujoco: Any, model: Any, names: Names, tops: list[int], path: Path) -> list[int]:
+    if len(tops) == 1:
+        return tops
+    jointed, free = Counter[int](), set[int]()
+    for k in range(model.njnt):
+        root = int(model.body_rootid[model.jnt_bodyid[k]])
+        if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_FREE:
+            free.add(root)
+        else:
+            jointed[root] += 1
+    moved = _driven(mujoco, model)
+    driven = [body for body in tops if body in moved]
+    tried = driven or tops
+    floating = [body for body in tried if body in free and jointed[body]]
+    found = floating or [body for body in tried if jointed[body]]
+    found = found or [body for body in tried if body in free]
+    if len(found) != 1 and (floating or not driven):
+        named = listed([repr(names.bodies[body]) for body in found or tops])
+        raise ModelError(
+            f"{path}: the world holds {len(tops)} bodies, and {named} may be the robot's root;"
+            " remove the others"
+        )
+    return found
+
+
+def motors_on_joints(mujoco: Any, model: Any) -> dict[int, int]:
+    """Return the motors that act on one joint each, and which that is."""
+    kinds = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    return {
+        motor: int(model.actuator_trnid[motor, 0])
+        for motor in range(model.nu)
+        if int(model.actuator_trntype[motor]) in kinds
+    }
+
+
+def _driven(mujoco: Any, model: Any) -> set[int]:
+    """Return the bodies on the world below which motors act on joints, or on tendons of some."""
+    joints = [*motors_on_joints(mujoco, model).values()]
+    for motor in range(model.nu):
+        if int(model.actuator_trntype[motor]) == int(mujoco.mjtTrn.mjTRN_TENDON):
+            tendon = int(model.actuator_trnid[motor, 0])
+            first = int(model.tendon_adr[tendon])
+            for wrap in range(first, first + int(model.tendon_num[tendon])):
+                if int(model.wrap_type[wrap]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
+                    joints.append(int(model.wrap_objid[wrap]))
+    return {int(model.body_rootid[model.jnt_bodyid[joint]]) for joint in joints}

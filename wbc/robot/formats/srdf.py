@@ -1,0 +1,122 @@
+"""Read an SRDF: named postures, pairs of links that never meet, joints without motors."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinocchio as pin
+
+from wbc.errors import ModelError, listed
+from wbc.robot.formats.description import State
+from wbc.robot.formats.xml import read_xml
+from wbc.robot.limits import BASE_NQ
+
+
+@dataclass(frozen=True)
+class Semantics:
+    """What one SRDF says."""
+
+    states: dict[str, State]  # configurations by name; groups' states of one name are one
+    disabled: frozenset[frozenset[str]]  # pairs of links that are not checked for collisions
+    passive: tuple[str, ...]  # joints without motors
+    overwritten: tuple[str, ...]  # what groups contradict each other in, in words
+
+    def notes(self, model: pin.Model) -> tuple[str, ...]:
+        """Return what is not used of it with a robot, in words.
+
+        ``model`` has all joints of the description, none locked.
+        """
+        notes = list(self.overwritten)
+        joints = {str(name) for name in model.names}
+        for name, state in self.states.items():
+            unknown = [
+                one for one, values in state.items() if one not in joints and len(values) < BASE_NQ
+            ]
+            if unknown:
+                notes.append(f"SRDF, state {name!r}: the robot has no joint {listed(unknown)}")
+        frames = {str(frame.name) for frame in model.frames}
+        links = sorted({link for pair in self.disabled for link in pair} - frames)
+        if links:
+            notes.append(f"SRDF, disable_collisions: the robot has no link {listed(links)}")
+        passive = [name for name in self.passive if name in joints]
+        if passive:
+            notes.append(
+                f"SRDF, passive_joint: torques are asked of {listed(passive)} all the same; what"
+                " has no motor can be locked"
+            )
+        return tuple(notes)
+
+
+def read_srdf(path: Path, model: pin.Model | None = None) -> Semantics:
+    """Return what an SRDF says.
+
+    Parameters
+    ----------
+    model:
+        The robot, to tell of which joints a value may be (cos, sin); None: of any.
+
+    Raises
+    ------
+    ModelError
+        Not a readable SRDF, a value that is no configuration of its joint, or a pair of links of
+        which one is missing.
+    """
+    root = read_xml(path)
+    if root.tag != "robot":
+        raise ModelError(f"{path}: the root element is <{root.tag}>; an SRDF begins with <robot>")
+    states = dict[str, dict[str, tuple[float, ...]]]()
+    contradicted = dict[str, list[str]]()
+    for group in root.findall("group_state"):
+        state = states.setdefault(group.get("name", "?"), {})
+        for joint, values in _joint_values(group, path, _single(model)):
+            if state.get(joint, values) != values:
+                contradicted.setdefault(group.get("name", "?"), []).append(joint)
+            state[joint] = values
+    overwritten = tuple(
+        f"SRDF, state {name!r}: groups give different values of {listed(joints)}; the last counts"
+        for name, joints in contradicted.items()
+    )
+    passive = tuple(joint.get("name", "?") for joint in root.findall("passive_joint"))
+    return Semantics(dict(states), frozenset(_disabled(root, path)), passive, overwritten)
+
+
+def _disabled(root: ET.Element, path: Path) -> Iterator[frozenset[str]]:
+    for element in root.findall("disable_collisions"):
+        links = element.get("link1"), element.get("link2")
+        if None in links:
+            raise ModelError(f"{path}: <disable_collisions> without link1 or link2")
+        yield frozenset(str(link) for link in links)
+
+
+def _single(model: pin.Model | None) -> Collection[str]:
+    """Return the joints of which q holds one number, not (cos, sin)."""
+    if model is None:
+        return ()
+    return {str(name) for name, nq in zip(model.names, model.nqs, strict=True) if nq == 1}
+
+
+def _joint_values(
+    group: ET.Element, path: Path, single: Collection[str]
+) -> Iterator[tuple[str, tuple[float, ...]]]:
+    for joint in group.findall("joint"):
+        text, name = joint.get("value", ""), joint.get("name", "?")
+        where = f"{path}: state {group.get('name')!r}, joint {name!r}: {text!r}"
+        try:
+            values = tuple(float(word) for word in text.split())
+        except ValueError as error:
+            raise ModelError(f"{where} is not made of numbers") from error
+        norm = sum(value * value for value in values)  # infinite where it overflows
+        wrong = len(values) not in (1, 2, BASE_NQ) or not math.isfinite(norm)
+        if wrong or (len(values) == BASE_NQ and math.hypot(*values[3:]) < 1e-3):
+            raise ModelError(
+                f"{where} is not a configuration (x, y, z, quaternion x, y, z, w for the base)"
+            )
+        if len(values) == 2 and name in single:
+            raise ModelError(
+                f"{where}: two values (cos, sin) are of a continuous joint only; give one"
+            )
+        yield name, values

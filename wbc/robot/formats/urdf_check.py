@@ -1,0 +1,103 @@
+"""A URDF as Pinocchio read it against MuJoCo's reading, where MuJoCo is there and can read it."""
+
+from __future__ import annotations
+
+import warnings
+import xml.etree.ElementTree as ET
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.errors import ModelError
+from wbc.extras import installed, quietly
+from wbc.robot.formats.mujoco_check import compare_motion
+from wbc.robot.formats.mujoco_part import Names, RobotPart
+from wbc.robot.formats.mujoco_tree import kind_of
+
+TRIED = """<robot name="tried"><link name="base"/><link name="l"><inertial>
+<origin xyz=".3 .2 .1" rpy=".1 .2 .3"/><mass value="2"/><inertia ixx=".02" ixy=".001" ixz="-.002"
+iyy=".03" iyz=".003" izz=".025"/></inertial></link><joint name="j" type="continuous">
+<parent link="base"/><child link="l"/><axis xyz="0 0 1"/></joint></robot>"""
+SETTINGS = {"fusestatic": "false", "discardvisual": "false", "strippath": "false"}
+
+
+def confirm_by_mujoco(root: ET.Element, tree: pin.Model, path: Path) -> None:
+    """Compare frames, ranges and mass matrices of what two parsers made of one URDF.
+
+    MuJoCo cannot read all that Pinocchio can: links that move and weigh nothing, and inertias that
+    no body has. These files are not compared.
+
+    Raises
+    ------
+    ModelError
+        They disagree: the message names the frame or joint.
+    """
+    if not installed("mujoco"):
+        return
+    import mujoco
+
+    with quietly(mujoco), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if not _turns_inertias():
+            return
+        try:
+            model = mujoco.MjModel.from_xml_string(_without_shapes(root))
+        except (ValueError, RuntimeError, mujoco.FatalError):
+            return
+    names = Names(mujoco, model)
+    bodies = tuple(range(1, model.nbody))
+    joints = tuple(range(model.njnt))
+    known = {str(frame.name) for frame in tree.frames if frame.type == pin.FrameType.BODY}
+    single = all(kind_of(mujoco, model, joint) in ("hinge", "slide") for joint in joints)
+    if not single or not known >= {names.bodies[body] for body in bodies}:
+        return
+    part = RobotPart((), bodies, joints, False, (), ())
+    _compare_ranges(model, part, names, tree, path)
+    compare_motion(mujoco, model, part, names, tree, path, pin.SE3.Identity())
+
+
+@cache
+def _turns_inertias() -> bool:
+    """Return whether MuJoCo reads inertias in turned axes rightly; version 3.3.1 does not.
+
+    Tried with one link on a joint along z: by rotation of its inertia, and Steiner.
+    """
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(TRIED)
+    moments = np.array([[0.02, 0.001, -0.002], [0.001, 0.03, 0.003], [-0.002, 0.003, 0.025]])
+    R, com, mass = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.3, 0.2, 0.1]), 2.0
+    about = R @ moments @ R.T + mass * (com @ com * np.eye(3) - np.outer(com, com))
+    return bool(abs(model.dof_M0[0] - about[2, 2]) < 1e-9)
+
+
+def _without_shapes(root: ET.Element) -> str:
+    """Return the document with links, inertias and joints only: no file is looked for."""
+    plain = ET.Element("robot", {"name": root.get("name", "robot")})
+    ET.SubElement(ET.SubElement(plain, "mujoco"), "compiler", SETTINGS)
+    for link in root.findall("link"):
+        kept = ET.SubElement(plain, "link", {"name": link.get("name", "")})
+        kept.extend(link.findall("inertial"))
+    for joint in root.findall("joint"):
+        kept = ET.SubElement(plain, "joint", joint.attrib)
+        kept.extend(
+            part for part in joint if part.tag in ("parent", "child", "origin", "axis", "limit")
+        )
+    return ET.tostring(plain, encoding="unicode")
+
+
+def _compare_ranges(model: Any, part: RobotPart, names: Names, tree: pin.Model, path: Path) -> None:
+    for joint in part.joints:
+        index = tree.getJointId(names.joints[joint])
+        q = int(tree.idx_qs[index])
+        if tree.nqs[index] != 1 or not model.jnt_limited[joint]:
+            continue
+        found = np.array((tree.lowerPositionLimit[q], tree.upperPositionLimit[q]))
+        if not np.allclose(found, model.jnt_range[joint], rtol=1e-9, atol=1e-12):
+            raise ModelError(
+                f"{path}: the range of joint {names.joints[joint]!r} is {found} by one reading and"
+                f" {model.jnt_range[joint]} by another"
+            )

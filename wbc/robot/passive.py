@@ -1,0 +1,111 @@
+"""Forces that act on the joints by themselves: springs, gravity compensation, curved damping.
+
+Linear damping and dry friction are the robot's ``damping`` and ``friction`` and not in here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.robot.limits import BASE_NV, Limits
+from wbc.validate import Array, read_only
+
+
+class Spring(NamedTuple):
+    """A spring on one joint that rests at ``rest`` [rad or m].
+
+    With x = q - rest it gives -(k x + k1 x^2 + k2 x^3), as MuJoCo's ``stiffness="k k1 k2"``.
+    """
+
+    stiffness: float  # [N m/rad or N/m]
+    curved: tuple[float, float]  # k1 [N m/rad^2], k2 [N m/rad^3]
+    rest: float
+
+
+class Lift(NamedTuple):
+    """An upward force on a body that takes its weight, or a part of it, off the joints."""
+
+    frame: str  # the body's
+    point: tuple[float, float, float]  # where it acts, in that frame [m]
+    mass: float  # what it lifts [kg]
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveForces:
+    """What a description says of forces that no motor gives.
+
+    Attributes
+    ----------
+    springs:
+        By joint.
+    lifts:
+        Gravity compensation of bodies.
+    curved_damping:
+        By joint b1 [N m s^2/rad^2] and b2 [N m s^3/rad^3] of -(b1 v |v| + b2 v^3), beside the
+        linear damping.
+    """
+
+    springs: Mapping[str, Spring] = field(default_factory=dict)
+    lifts: tuple[Lift, ...] = ()
+    curved_damping: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.springs or self.lifts or self.curved_damping)
+
+    def of(self, model: pin.Model, limits: Limits) -> PassiveForces:
+        """Return those of the joints that ``model`` has: what is locked needs no spring."""
+        names = set(limits.names)
+        lifts = tuple(one for one in self.lifts if _joint_of(model, one) > 0)
+        return PassiveForces(
+            {joint: spring for joint, spring in self.springs.items() if joint in names},
+            lifts,
+            {joint: curve for joint, curve in self.curved_damping.items() if joint in names},
+        )
+
+    def forces(self, model: pin.Model, limits: Limits, q: Array, v: Array) -> Array:
+        """Return the generalised forces (nv,) [N, N m] at ``q`` (nq,) and ``v`` (nv,).
+
+        They stand on the side of the torques: M a + bias = S' tau + J' f + forces - friction.
+        """
+        found = np.zeros(model.nv)
+        positions = limits.joint_positions(q)
+        for joint, spring in self.springs.items():
+            k = limits.names.index(joint)
+            x = positions[k] - spring.rest
+            k1, k2 = spring.curved
+            found[BASE_NV + k] -= x * (spring.stiffness + x * (k1 + x * k2))
+        for joint, (b1, b2) in self.curved_damping.items():
+            k = BASE_NV + limits.names.index(joint)
+            found[k] -= v[k] * (b1 * abs(v[k]) + b2 * v[k] * v[k])
+        if self.lifts:
+            found += self._lifted(model, q)
+        return read_only(found)
+
+    def _lifted(self, model: pin.Model, q: Array) -> Array:
+        data = model.createData()
+        pin.computeJointJacobians(model, data, q)
+        gravity, found = np.array(model.gravity.linear), np.zeros(model.nv)
+        for lift in self.lifts:
+            frame = model.frames[_frame_of(model, lift)]
+            pose = data.oMi[frame.parentJoint] * frame.placement
+            force = -lift.mass * gravity
+            point = pose.act(np.array(lift.point))
+            J = pin.getJointJacobian(model, data, frame.parentJoint, pin.ReferenceFrame.WORLD)
+            found += J.T @ np.concatenate((force, np.cross(point, force)))
+        return found
+
+
+NONE = PassiveForces()
+
+
+def _frame_of(model: pin.Model, lift: Lift) -> int:
+    return int(model.getFrameId(lift.frame, pin.FrameType.BODY))
+
+
+def _joint_of(model: pin.Model, lift: Lift) -> int:
+    return int(model.frames[_frame_of(model, lift)].parentJoint)
