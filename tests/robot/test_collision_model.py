@@ -2,7 +2,6 @@
 
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 
 import coal
 import numpy as np
@@ -24,7 +23,6 @@ from wbc.robot.collision import (
     select_pairs,
 )
 from wbc.robot.collision.fitting import CACHE_VARIABLE
-from wbc.robot.workspace import JointPlacements
 
 
 @pytest.fixture(autouse=True)
@@ -224,7 +222,7 @@ def test_results_that_do_not_lie_side_by_side(
     pairs = all_pairs(bodies)
     here = random_snapshot(robot, rng)
     at_once = CollisionModel(robot, bodies, pairs).nearest(here, 15)
-    monkeypatch.setattr("wbc.robot.collision.distances.side_by_side", lambda fields: None)
+    monkeypatch.setattr("wbc.robot.collision.distances._side_by_side", lambda fields: None)
     one_by_one = CollisionModel(robot, bodies, pairs).nearest(here, 15)
     for quick, slow in zip(at_once[:4], one_by_one[:4], strict=True):
         np.testing.assert_array_equal(quick, slow)
@@ -448,20 +446,6 @@ def test_joint_placements_and_twists(robot, random_snapshot, rng) -> None:
         np.testing.assert_allclose(R[joint], data.oMi[joint].rotation, atol=1e-12)
         np.testing.assert_allclose(p[joint], data.oMi[joint].translation, atol=1e-12)
     np.testing.assert_allclose(twists, data.J, atol=1e-12)
-
-
-def test_placements_that_do_not_lie_side_by_side(rng) -> None:
-    """Should Pinocchio ever store them otherwise, they are read one by one."""
-
-    class Pose:
-        def __init__(self) -> None:
-            self.rotation, self.translation = rng.normal(size=(3, 3)), rng.normal(size=3)
-
-    scattered = SimpleNamespace(oMi=[Pose() for _ in range(5)])
-    R, p = JointPlacements(scattered).copies()
-    for k, pose in enumerate(scattered.oMi):
-        np.testing.assert_array_equal(R[k], pose.rotation)
-        np.testing.assert_array_equal(p[k], pose.translation)
 
 
 def test_half_a_disabled_pair_is_refused(robot_named, tmp_path: Path) -> None:

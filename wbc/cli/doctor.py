@@ -39,7 +39,7 @@ def core_lines() -> list[str]:
     from wbc.robot.kernel_check import disagreement
 
     robot = Robot.load("hoap2_like")
-    worst = disagreement(robot.native.tree, robot.workspace)
+    worst = disagreement(robot.native.tree)
     return [f"core: {_core.__file__}", f"against Pinocchio on {robot.name}: {worst:.1e}"]
 
 

@@ -15,12 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.laws import AccelerationLaw, Residual, Rows, VelocityLaw
+from wbc.native import lib
 from wbc.native.rows import Kind, NativeRows
 from wbc.tasks.force_task import ForceTask
 from wbc.tasks.task import Task
 from wbc.validate import Array
 
-_HEADER = 3  # numbers of a law
+_HEADER = lib.WEIGHTS  # numbers of a law
 # Attributes by which a target moves, which most targets of every tick leave at rest.
 _OF_MOTION = frozenset(("_bias", "_drift", "target_rate", "target_acceleration"))
 

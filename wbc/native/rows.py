@@ -5,20 +5,22 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
+from wbc.native import lib
 from wbc.validate import Array
 
 
 class Kind(IntEnum):
     """What the core can evaluate; ``row_kind`` of source/core.h. Each with the numbers it needs."""
 
-    POINT = 0  # target (3,), the robot's mass; entries: axes; frame None: the CoM
-    ORIENTATION = 1  # target (3, 3), its angular velocity (3,) and acceleration (3,)
-    INERTIA = 2  # selection (k, 6) of vech(I), what it should give (k,); frame None: world axes
-    JOINTS = 3  # positions (k,); entries: joints
-    MOMENTUM = 4  # none; entries
-    CONTACT = 5  # position (3,), rotation (3, 3); entries: rows
-    LINEAR = 6  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
-    GIVEN = 7  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
+    POINT = lib.POINT  # target (3,), the robot's mass; entries: axes; frame None: the CoM
+    ORIENTATION = lib.ORIENTATION  # target (3, 3), its angular velocity (3,) and acceleration (3,)
+    # Selection (k, 6) of vech(I), what it should give (k,); frame None: world axes.
+    INERTIA = lib.INERTIA_ENTRIES
+    JOINTS = lib.JOINTS  # positions (k,); entries: joints
+    MOMENTUM = lib.MOMENTUM_ENTRIES  # none; entries
+    CONTACT = lib.CONTACT  # position (3,), rotation (3, 3); entries: rows
+    LINEAR = lib.LINEAR  # matrix (k, nv), offset (k,): error = matrix @ (0, joints) - offset
+    GIVEN = lib.GIVEN  # worked out in Python: matrix (k, n), target (k,), error (k,), damping (nv,)
 
 
 class NativeRows(NamedTuple):

@@ -9,6 +9,7 @@ one, made when it is asked for, adds mass matrix, bias forces and drifts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -32,6 +33,9 @@ class NativeTree:
         What the core reads, a pointer to it.
     arrays:
         What the struct points at, by the names of ``wbc_tree`` in source/core.h.
+    parts:
+        Where quantities are in a state or a motion, by the names of ``wbc_state_places`` and
+        ``wbc_motion_places``.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -56,23 +60,11 @@ class NativeTree:
         }
         places = {name: pointer(array) for name, array in self.arrays.items()}
         self.struct = ffi.new("wbc_tree *", {"nv": self.nv, "joints": self.joints, **places})
-        nv, base = self.nv, lib.CENTROIDAL_MAP
-        self.com_jacobian = slice(base + 6 * nv, base + 9 * nv)
-        self.centroidal_map = slice(base, base + 6 * nv)
-        self.inertia_jacobian = slice(base + 9 * nv, base + 15 * nv)
-        self.twists = slice(base + 15 * nv, base + 21 * nv)
-        self.rotations = slice(base + 21 * nv, base + 21 * nv + 9 * self.joints)
-        self.origins = slice(self.rotations.stop, self.rotations.stop + 3 * self.joints)
-        self.frames = self.origins.stop
-        self.frame_size = lib.FRAME_JACOBIAN + 6 * nv
-        drifts = nv * nv + nv
-        self.mass_matrix, self.bias = slice(0, nv * nv), slice(nv * nv, drifts)
-        self.com_drift = slice(drifts, drifts + 3)
-        self.momentum_drift = slice(drifts + 3, drifts + 9)
-        self.inertia_rate = slice(drifts + 9, drifts + 15)
-        self.inertia_curvature = slice(drifts + 15, drifts + 21)
-        self.motion = drifts + 21
-        self.motion_size = self.motion + 9 * self.joints
+        state, motion = ffi.new("wbc_state_places *"), ffi.new("wbc_motion_places *")
+        lib.wbc_places(self.struct, state, motion)
+        self.parts = _slices(state) | _slices(motion)
+        self.frames, self.motion_size = int(state.frames), int(motion.end)
+        self.frame_size = int(lib.FRAME_JACOBIAN) + 6 * self.nv
 
     def frame(self, state: Array, index: int) -> Array:
         """Return a frame, as states keep it."""
@@ -92,20 +84,19 @@ class NativeState(NamedTuple):
 
     def part(self, name: str, *shape: int) -> Array:
         """Return a quantity by the name of its place: a view on the whole."""
-        place: slice = getattr(self.tree, name)
-        return self.array[place].reshape(shape)
+        return self.array[self.tree.parts[name]].reshape(shape)
 
     def com(self) -> Array:
         """Return a copy (3,), which may be kept much longer than the whole."""
-        return self.array[:3].copy()
+        return self.part("com", 3).copy()
 
     def inertia(self) -> Array:
         """Return a copy (3, 3)."""
-        return self.array[3:12].copy().reshape(3, 3)
+        return self.part("inertia", 3, 3).copy()
 
     def momentum(self) -> Array:
         """Return a copy (6,)."""
-        return self.array[12:18].copy()
+        return self.part("momentum", 6).copy()
 
     def frame(self, name: str, robot: HasPass) -> tuple[tuple[Array, Array], Array]:
         """Return (origin (3,), rotation (3, 3)) and Jacobian (6, nv) of a frame."""
@@ -136,13 +127,11 @@ class NativeMotion(NamedTuple):
 
     def part(self, name: str, *shape: int) -> Array:
         """Return a quantity by the name of its place: a view on the whole."""
-        place: slice = getattr(self.tree, name)
-        return self.array[place].reshape(shape)
+        return self.array[self.tree.parts[name]].reshape(shape)
 
     def drift(self, name: str) -> Array:
         """Return a copy of a drift by the name of its place."""
-        place: slice = getattr(self.tree, name)
-        return read_only(self.array[place].copy())
+        return read_only(self.array[self.tree.parts[name]].copy())
 
     def frame_drift(self, index: int) -> Array:
         """Return the acceleration (6,) of a frame."""
@@ -237,6 +226,12 @@ def frame_places(model: pin.Model, frames: Sequence[int]) -> tuple[NDArray[np.in
     joints = np.array([frame.parentJoint for frame in every], dtype=np.int64)
     placements: Array = np.array([_flat(frame.placement) for frame in every])
     return joints, placements
+
+
+def _slices(places: Any) -> dict[str, slice]:
+    """Return where each part lies that another one follows."""
+    begins = [(name, int(getattr(places, name))) for name, _ in ffi.typeof(places).item.fields]
+    return {name: slice(begin, end) for (name, begin), (_, end) in pairwise(begins)}
 
 
 def _flat(pose: pin.SE3) -> Array:

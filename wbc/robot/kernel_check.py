@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.errors import ModelError
-from wbc.robot.inertia import carried_moments, inertia_curvature, inertia_rates
 from wbc.robot.kernel import NativePass, NativeTree
-from wbc.robot.workspace import Workspace
+from wbc.spatial import vech
 from wbc.validate import Array
 
 # What the core and Pinocchio may differ by, relative to the largest entry.
 AGREEMENT = 1e-10
+# And the derivatives of the inertia from differences of Pinocchio's, relative to the inertia.
+DIFFERENCED = 1e-6
+STEP = 1e-3  # s between these
+# Of sixth order (Fornberg 1988): weights of what is 1, 2 and 3 steps away.
+_FIRST = np.array([3 / 4, -3 / 20, 1 / 60]) / STEP
+_SECOND = np.array([3 / 2, -3 / 20, 1 / 90]) / STEP**2
 # Quantities below this are judged as if they were as large: a ball's inertia changes by rounding.
 ROUNDED = 1e-4
 
 
-def checked_tree(name: str, work: Workspace) -> NativeTree:
+def checked_tree(name: str, model: pin.Model) -> NativeTree:
     """Return the tree of a robot as the core reads it.
 
     Raises
@@ -27,19 +32,20 @@ def checked_tree(name: str, work: Workspace) -> NativeTree:
     ModelError
         The core reads it otherwise than Pinocchio.
     """
-    if not is_depth_first(work.model):
+    if not is_depth_first(model):
         raise ModelError(
             f"robot {name!r}: its joints do not come branch by branch, each with one entry of v in"
             " that order, as the core reads them; load it from a URDF or MJCF file"
         )
-    tree = NativeTree(work.model)
-    worst = disagreement(tree, work)
-    if not worst <= AGREEMENT:  # NaN is not
+    tree = NativeTree(model)
+    worst, rates = disagreement(tree), disagreement_of_rates(tree)
+    if not (worst <= AGREEMENT and rates <= DIFFERENCED):  # NaN is not
         raise ModelError(
             f"robot {name!r}: the compiled core and Pinocchio {pin.__version__} differ by"
-            f" {worst:.1e} of a quantity's largest entry, more than {AGREEMENT:g}: commands"
-            " would be wrong. Is a mass, an inertia or a length of the file far beyond the others?"
-            " If not, install wbc again, which compiles the core, and report this"
+            f" {worst:.1e} of a quantity's largest entry (at most {AGREEMENT:g}), in the inertia's"
+            f" derivatives by {rates:.1e} ({DIFFERENCED:g}): commands would be wrong. Is a mass, an"
+            " inertia or a length of the file far beyond the others? If not, install wbc again,"
+            " which compiles the core, and report this"
         )
     return tree
 
@@ -57,70 +63,103 @@ def is_depth_first(model: pin.Model) -> bool:
     return ordered and all(size == 1 for size in list(model.nvs)[2:])
 
 
-def disagreement(tree: NativeTree, work: Workspace, states: int = 2, seed: int = 0) -> float:
+def disagreement(tree: NativeTree, states: int = 2, seed: int = 0) -> float:
     """Return the largest difference from Pinocchio at random states, relative to each quantity."""
-    model, rng = tree.model, np.random.default_rng(seed)
-    last = model.nframes - 1
+    model, data, last = tree.model, tree.model.createData(), tree.model.nframes - 1
     worst = 0.0
-    for _ in range(states):
-        q = pin.integrate(model, pin.neutral(model), rng.uniform(-1.5, 1.5, tree.nv))
-        v = rng.standard_normal(tree.nv)
+    for q, v in _states(tree, states, seed):
         passed = NativePass(tree)
         first = passed.evaluate(q, v)
         frame = tree.frame(first.array, last)
         passed.keep("", last)
         whole = passed.evaluate(q, v)  # now holds the frame
         motion = first.motion(v)
-        moving = np.concatenate((motion.array[: tree.motion], motion.frame_drift(last)))
-        state, rates = _state(model, work, q, v), _motion(model, work, q, v)
+        drifts = motion.drift("com_drift"), motion.drift("momentum_drift"), motion.frame_drift(last)
+        moving = np.concatenate((motion.array[: tree.parts["com_drift"].start], *drifts))
+        state, rates = _state(model, data, q, v), _motion(model, data, q, v)
         reached = passed.reached(q, v, 0.1)
         if reached is None:  # a measured state that the core takes for none
             return np.inf
-        for ours, theirs in (
+        ours = np.delete(first.array, np.r_[tree.parts["inertia_jacobian"]])
+        kept = np.delete(whole.array, np.r_[tree.parts["inertia_jacobian"]])
+        for found, theirs in (
             (reached, (pin.integrate(model, q, 0.1 * v),)),
-            (np.concatenate((first.array, frame)), state),
-            (whole.array, state),
+            (np.concatenate((ours, frame)), state),
+            (kept, state),
             (moving, rates),
         ):
-            worst = float(np.maximum(worst, _difference(ours, theirs)))  # keeps NaN
+            worst = float(np.maximum(worst, _difference(found, theirs)))  # keeps NaN
     return worst
 
 
-def _state(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Array, ...]:
-    """Return what a state holds, and the last frame, by Pinocchio."""
-    data, last = work.kinematics(object(), q, v), model.nframes - 1
-    com = np.array(data.oYcrb[0].lever)
+def disagreement_of_rates(tree: NativeTree, states: int = 2, seed: int = 0) -> float:
+    """Return how far both derivatives of the inertia are from differences of Pinocchio's.
+
+    Along random velocities, which no wrong column of a Jacobian escapes; relative to the inertia.
+    The base stays at the origin: elsewhere Pinocchio's inertia has fewer digits.
+    """
+    model, data, at_rest = tree.model, tree.model.createData(), np.zeros(tree.nv)
+
+    def inertia(q: Array) -> Array:
+        pin.ccrba(model, data, q, at_rest)
+        return vech(data.Ig.inertia)
+
+    worst = 0.0
+    for q, v in _states(tree, states, seed):
+        q[:3], v[:3] = 0.0, 0.0
+        state = NativePass(tree).evaluate(q, v)
+        motion, here = state.motion(v), inertia(q)
+        ahead, behind = (
+            np.array([inertia(pin.integrate(model, q, k * STEP * v)) for k in side])
+            for side in ((1, 2, 3), (-1, -2, -3))
+        )
+        first, second = _FIRST @ (ahead - behind), _SECOND @ (ahead + behind - 2.0 * here)
+        for ours, theirs in (
+            (state.part("inertia_jacobian", 6, -1) @ v, first),
+            (motion.drift("inertia_rate"), first),
+            (motion.drift("inertia_curvature"), second),
+        ):
+            size = max(np.abs(here).max(), np.abs(theirs).max())
+            worst = float(np.maximum(worst, np.abs(ours - theirs).max() / size))  # keeps NaN
+    return worst
+
+
+def _states(tree: NativeTree, count: int, seed: int) -> Iterator[tuple[Array, Array]]:
+    """Yield random states (q, v)."""
+    model, rng = tree.model, np.random.default_rng(seed)
+    for _ in range(count):
+        q = pin.integrate(model, pin.neutral(model), rng.uniform(-1.5, 1.5, tree.nv))
+        yield q, rng.standard_normal(tree.nv)
+
+
+def _state(model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, ...]:
+    """Return what a state holds but the inertia's Jacobian, and the last frame, by Pinocchio."""
+    last = model.nframes - 1
+    pin.ccrba(model, data, q, v)
     pose = pin.updateFramePlacement(model, data, last)
     return (
-        com,
+        np.array(data.oYcrb[0].lever),
         data.Ig.inertia,
         data.hg.vector,
         data.Ag,
         data.Ag[:3] / pin.computeTotalMass(model),
-        inertia_rates(carried_moments(work.composites.read(), data.Ag[:3], data.J, com)),
         data.J,
-        *work.placements.copies(),
+        np.array([one.rotation for one in data.oMi]),
+        np.array([one.translation for one in data.oMi]),
         pose.translation,
         pose.rotation,
         pin.getFrameJacobian(model, data, last, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED),
     )
 
 
-def _motion(model: pin.Model, work: Workspace, q: Array, v: Array) -> tuple[Array, ...]:
-    """Return what a motion holds, and the last frame's acceleration, by Pinocchio."""
-    owner = object()
-    data, rates = work.kinematics(owner, q, v), work.rates(owner, q, v)
-    com, momenta = np.array(data.oYcrb[0].lever), data.Ag[:3]
-    carried = carried_moments(work.composites.read(), momenta, data.J, com)
-    mass = pin.computeTotalMass(model)
-    curvature = inertia_curvature(work.columns.orders, carried, momenta, data.J, com, mass, v)
-    inertia = pin.crba(model, work.scratch, q)
-    bias = pin.nonLinearEffects(model, work.scratch, q, v).copy()
+def _motion(model: pin.Model, data: pin.Data, q: Array, v: Array) -> tuple[Array, ...]:
+    """Return mass matrix, bias and drifts of CoM, momentum and the last frame, by Pinocchio."""
+    inertia, bias = pin.crba(model, data, q).copy(), pin.nonLinearEffects(model, data, q, v).copy()
+    pin.computeCentroidalMomentumTimeVariation(model, data, q, v, np.zeros(model.nv))
     frame, aligned = model.nframes - 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    drift = pin.getFrameClassicalAcceleration(model, rates, frame, aligned)
-    momentum = rates.dhg.vector
-    drifts = momentum[:3] / mass, momentum, inertia_rates(carried) @ v, curvature
-    return inertia, bias, *drifts, drift.vector
+    drift = pin.getFrameClassicalAcceleration(model, data, frame, aligned).vector
+    momentum = data.dhg.vector
+    return inertia, bias, momentum[:3] / pin.computeTotalMass(model), momentum, drift
 
 
 def _difference(ours: Array, theirs: Sequence[Array]) -> float:

@@ -224,7 +224,7 @@ class KinematicTree:
 
     @cached_property
     def _native_tree(self) -> NativeTree:
-        return checked_tree(self.name, self.workspace)
+        return checked_tree(self.name, self.model)
 
     # ------------------------------------------------------------------ configurations
 

@@ -62,6 +62,16 @@ enum { COM_DRIFT = 0, MOMENTUM_DRIFT = 3, INERTIA_RATE = 9, INERTIA_CURVATURE = 
 enum { OMEGA = 0, ALPHA = 3, ACCELERATION = 6, JOINT_MOTION_SIZE = 9 };
 #define MOTION_SIZE(nv, joints) (JOINT_MOTION(nv) + JOINT_MOTION_SIZE * (joints))
 
+/* Where parts begin in a state and in a motion, in their order; frames, end: where the rest begins. */
+typedef struct {
+    int64_t com, inertia, momentum, centroidal_map, com_jacobian, inertia_jacobian, twists, rotations;
+    int64_t origins, frames;
+} wbc_state_places;
+typedef struct {
+    int64_t mass_matrix, bias, com_drift, momentum_drift, inertia_rate, inertia_curvature, joints, end;
+} wbc_motion_places;
+int wbc_places(const wbc_tree *tree, wbc_state_places *state, wbc_motion_places *motion);
+
 /* Write all that into motion; scratch holds 9 numbers a joint and 6 a
  * column. Returns 0. */
 int wbc_motion(const wbc_tree *tree, const double *state, const double *v, double *motion,

@@ -218,6 +218,20 @@ int wbc_move(const wbc_tree *tree, const double *q, const double *v, double dt, 
     return is_measured(there, configuration_size(tree)) ? DONE : NOT_FINITE;
 }
 
+int wbc_places(const wbc_tree *tree, wbc_state_places *state, wbc_motion_places *motion) {
+    const int64_t nv = tree->nv, joints = tree->joints, drifts = DRIFTS(nv);
+    const wbc_state_places in_state = {
+        COM, INERTIA, MOMENTUM, CENTROIDAL_MAP, COM_JACOBIAN(nv), INERTIA_JACOBIAN(nv),
+        TWISTS(nv), ROTATIONS(nv), ORIGINS(nv, joints), FRAMES(nv, joints),
+    };
+    const wbc_motion_places in_motion = {
+        0, BIAS(nv), drifts + COM_DRIFT, drifts + MOMENTUM_DRIFT, drifts + INERTIA_RATE,
+        drifts + INERTIA_CURVATURE, JOINT_MOTION(nv), MOTION_SIZE(nv, joints),
+    };
+    *state = in_state, *motion = in_motion;
+    return 0;
+}
+
 int wbc_state(const wbc_tree *tree, const double *q, const double *v, double *state,
               double *scratch, int64_t frames, const int64_t *joint, const double *placement) {
     const int64_t n = tree->joints, nv = tree->nv;

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from wbc.robot.collision.fitting import convex
 from wbc.robot.collision.shapes import Body, Capsule, HalfSpace, Hull
 from wbc.robot.model import Robot, Snapshot
-from wbc.robot.workspace import side_by_side
 from wbc.validate import Array, read_only
 
 PARALLEL = 1e-10  # squared sine of an angle below which two segments count as parallel
@@ -258,13 +257,27 @@ def _window(results: Sequence[coal.DistanceResult]) -> Array | None:
     coal keeps the distance right before the normal and the points right behind it, but gives only
     the normal as a view. Through this window 25 pairs take 2 us, one by one 20.
     """
-    normals = side_by_side([result.normal for result in results])
+    normals = _side_by_side([result.normal for result in results])
     if normals is None or (len(results) > 1 and normals.strides[0] < 7 * normals.itemsize):
         return None
     size = (len(results) - 1) * normals.strides[0] + 7 * normals.itemsize
     memory = (ctypes.c_char * size).from_address(normals.ctypes.data - normals.itemsize)
     rows = np.ndarray((len(results), 7), buffer=memoryview(memory), strides=(normals.strides[0], 8))
     return read_only(rows) if np.array_equal(rows, _read(results)) else None
+
+
+def _side_by_side(fields: Sequence[Array]) -> Array | None:
+    """Return one view (n, ...) on n arrays that lie at a constant distance in memory, or None.
+
+    The view does not keep these arrays alive.
+    """
+    first = fields[0]
+    steps = np.unique(np.diff([field.ctypes.data for field in fields]))
+    if len(steps) > 1 or any(field.flags.owndata for field in fields):
+        return None
+    step = int(steps[0]) if len(steps) else first.nbytes
+    shape, strides = (len(fields), *first.shape), (step, *first.strides)
+    return np.lib.stride_tricks.as_strided(first, shape=shape, strides=strides, writeable=False)
 
 
 def _begin_anew(request: coal.DistanceRequest) -> None:
