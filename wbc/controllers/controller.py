@@ -118,6 +118,7 @@ class Controller(DeclaredAttributes, ABC):
     tasks: tuple[Task, ...]
     contacts: tuple[Task, ...]
     constraints: tuple[Constraint, ...]
+    deadline: float | None
 
     _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES
