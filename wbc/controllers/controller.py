@@ -26,29 +26,24 @@ from wbc.constraints.mechanics import mechanics_of
 from wbc.constraints.rows import Bounds, Constraint
 from wbc.controllers import parts
 from wbc.controllers.blocks import PythonRows
-from wbc.controllers.braking import relax_box, scale_gains_to_brake
 from wbc.controllers.conditioning import Conditioning, conditioning
 from wbc.controllers.contact_forces import NO_RAMPS
-from wbc.controllers.core_memory import DONE, LEADS_INSIDE, MORE_ROWS, NOT_FINITE, NOT_MEASURED
 from wbc.controllers.core_plan import CorePlan, solves
 from wbc.controllers.core_tick import CoreTick
 from wbc.controllers.first_level import FirstLevel
 from wbc.controllers.force_rows import TorqueRows
 from wbc.controllers.joint_weights import JointWeights, weights_of
+from wbc.controllers.levels import Levels
 from wbc.controllers.look_ahead import MarginRows, solve_with_look_ahead
 from wbc.controllers.margin_rows import only_self_collision
 from wbc.controllers.missing_velocity import MissingVelocity
 from wbc.controllers.outcome import Box, Outcome
 from wbc.controllers.plan import Decision, Plan
-from wbc.controllers.singular import reduce_singular
 from wbc.controllers.slack import NO_SLACK, Slacks
 from wbc.controllers.tick import POLICIES, Began, Tick
 from wbc.errors import InvalidInputError
 from wbc.laws import Residual, Rows
-from wbc.qp.active_set import NAME, NO_RESIDUALS
 from wbc.qp.backend import Backend, backend_of
-from wbc.qp.problem import check_qp
-from wbc.qp.solution import RawSolution, Solution, Status
 from wbc.robot import Robot, Snapshot
 from wbc.tasks.returned import deviation_of, residual_of
 from wbc.tasks.task import Task
@@ -122,7 +117,6 @@ class Controller(DeclaredAttributes, ABC):
 
     _fixed = parts.PLANNED
     _policies: tuple[str, ...] = POLICIES
-    _relaxes = False  # whether the level itself relaxes a QP without solution, in bounded time
     _bears = False  # whether the level decides forces
     _going_slack: Mapping[str, float] = NO_SLACK  # of contacts that are leaving
     _ramped: Mapping[str, float] = NO_RAMPS  # largest normal forces of those that come or go
@@ -243,45 +237,21 @@ class Controller(DeclaredAttributes, ABC):
 
         ``box``: on v+, of an earlier round of this tick; None in the first.
         """
-        if not self._braked:
+        levels = self._levels
+        if not levels.braked:
             box = None  # that of the limits, in each round
         given = self._python_rows(plan, snapshot) if plan.python_tasks or plan.force_tasks else ()
-        simple = box is None and not self._looked_into
+        simple = box is None and not levels.looked_into
         found = self._ask(plan, snapshot, given, bounds, begun, simple)
-        said: int | None = plan.memory.said
         if found.solved:
             return Outcome(found)
-        if not simple:
-            if box is not None:
-                for there, bound in zip(found.box, box, strict=True):
-                    there[:] = bound
-            said = self._solve_levels(plan, found, snapshot)
-            if found.solved:
-                return Outcome(found).within_limits(self.plan.decision.names)
-        elif not plan.solves:
-            said = None
-        if said in (NOT_MEASURED, MORE_ROWS, LEADS_INSIDE):
-            return Outcome(found, self._nobody(found))
-        if said == NOT_FINITE:
-            check_qp(found.qp_of(0))
-        workspace = None if box is not None else self._workspace
         hurried = self._is_over(begun)
-        solution = self._first.solve(found, said, workspace, hurried)
-        if hurried and not solution.solved:
-            found.hurried += ("another attempt at the QP",)
-        if not solution.solved and box is None and self._braked:
-            qp = found.qp_of(0)
-            solve = self._first.solve_once
-            relaxed = relax_box(qp, self.limits, snapshot, self.dt, solve)  # type: ignore[arg-type]
-            if relaxed is not None:
-                nv = self.robot.nv
-                return self._solve(
-                    snapshot, plan, bounds, (relaxed.lower[:nv], relaxed.upper[:nv]), begun
-                )
-        if not solution.solved:
-            return Outcome(found, solution)
-        self._take_answer(plan, found, solution)
-        return Outcome(found).within_limits(self.plan.decision.names)
+        outcome = levels.solve(self._asked, found, snapshot, box, simple, hurried)
+        if not outcome.solved and box is None and levels.braked:
+            wider = levels.relaxed_box(found, snapshot)
+            if wider is not None:
+                return self._solve(snapshot, plan, bounds, wider, begun)
+        return outcome
 
     def _ask(
         self,
@@ -298,70 +268,10 @@ class Controller(DeclaredAttributes, ABC):
             curved = [one.task.name for one in given if one.rows.curvature is not None]
             second = plan is self._second
             self._plan(self.contacts, frozenset(curved))
-            again = self._second if second and self._second is not None else self._core
-            found = again.tick(snapshot, given, bounds, self._ramped, begun, solve)
-            plan = again
+            plan = self._second if second and self._second is not None else self._core
+            found = plan.tick(snapshot, given, bounds, self._ramped, begun, solve)
+        self._asked = plan
         return found
-
-    def _solve_levels(self, plan: CorePlan, found: CoreTick, snapshot: Snapshot) -> int | None:
-        """Solve level by level what others look into; return what the core said of the first."""
-        memory = plan.memory
-        for level in range(len(self.plan.levels)):
-            if level and memory.pose_level(level) != DONE:
-                break
-            self._look_into(plan, found, level, snapshot)
-            if plan.solve_level(found, level):
-                continue
-            if level:
-                break
-            said = memory.said if plan.solves else None
-            solution = self._first.solve(found, said, self._workspace, False)
-            if not solution.solved:
-                return said
-            self._put(found, solution)
-        found.solved = memory.finish() == DONE
-        found.done = perf_counter()
-        return DONE
-
-    def _look_into(self, plan: CorePlan, found: CoreTick, level: int, snapshot: Snapshot) -> None:
-        """Let singular rows ask for less, and gains be such that joints can stop."""
-        if not self._looked_into:
-            return
-        rows = plan.rows_of(found, level)
-        qp = found.qp_of(level)
-        if any(row.singular_threshold for _, row in rows):
-            held = Rows(qp.A, qp.b, np.ones(qp.b.size))
-            soft = [row for task, row in rows if task in self.plan.soft]
-            eased = [row for task, row in rows if task not in self.plan.soft]
-            names = [task.name for task, _ in rows if task not in self.plan.soft]
-            less, singular = reduce_singular(eased, [held, *soft], np.sqrt(self.joint_weights))
-            for before, after in zip(eased, less, strict=True):
-                if after.target is not before.target:
-                    lost = before.target - after.target
-                    qp.g[:] += (np.square(before.weight) * lost) @ before.matrix
-                    before.target[:] = after.target
-            found.singular |= {names[k]: one for k, one in singular.items()}
-        if self._braked and self.limits is not None:
-            scale_gains_to_brake(qp, [row for _, row in rows], self.limits, snapshot, self.dt)
-
-    def _put(self, found: CoreTick, solution: Solution) -> None:
-        """Let a first level's answer from outside the core be that of the tick."""
-        a, n = found.views, found.views.x.size
-        a.x[:], a.y[:], a.z[:] = solution.x[:n], solution.y, solution.z
-        a.z_box[:] = solution.z_box[:n]
-        a.found[:3], a.found[3:] = solution.residuals, (solution.iterations, 1.0)
-        found.first = solution
-
-    def _take_answer(self, plan: CorePlan, found: CoreTick, solution: Solution) -> None:
-        """Solve the levels below a first one that was answered outside the core."""
-        self._put(found, solution)
-        found.solved = plan.memory.descend() in (DONE, LEADS_INSIDE)
-        found.done = perf_counter()
-
-    def _nobody(self, found: CoreTick) -> Solution:
-        """Return what is said where the core has no QP to solve."""
-        none = RawSolution.none(found.qp_of(0), Status.FAILED, "not measured by the core")
-        return Solution(*none[:4], none.claim, NO_RESIDUALS, 0, 0.0, NAME, message=none.message)
 
     def _is_over(self, begun: float) -> bool:
         """Whether the deadline of a tick that began then is over."""
@@ -490,14 +400,10 @@ class Controller(DeclaredAttributes, ABC):
         self.slacks = Slacks(self._slack, contacts, self.constraints, self._going_slack)
         decision, physics, forces = self._decision(), self._physics_names(), self._force_tasks
         self.plan = plan = Plan.of(decision, self._motion, contacts, self.slacks, physics, forces)
-        limits = self.limits
-        self._braked = limits is not None and limits.braking == "bounded" and not self._bears
-        singular = any(task.singular_threshold > 0.0 for task in self._motion)
-        self._looked_into = self._braked or (singular and not self._bears)
-        self._workspace = False, *plan.workspace
-        self._first = FirstLevel(self.backend)
+        first, limits = FirstLevel(self.backend), self.limits
+        self._levels = Levels(plan, first, limits, self.dt, self.joint_weights, self._bears)
         kept_apart = None
-        if not self._looked_into and solves(self.backend):
+        if not self._levels.looked_into and solves(self.backend):
             kept_apart = only_self_collision(self.constraints, self.slacks)
         self._margins_in_core, self._second = False, None
         self._core = self._core_plan(None, curved)
@@ -508,7 +414,7 @@ class Controller(DeclaredAttributes, ABC):
     def _core_plan(self, constraint: SelfCollision | None, curved: frozenset[str]) -> CorePlan:
         return CorePlan(
             *(self.robot, self._motion, self._force_tasks, self.plan, self.limits, self.dt),
-            *(self.backend, self._force_rows(), constraint, self._looked_into),
+            *(self.backend, self._force_rows(), constraint, self._levels.looked_into),
             constraint is None and bool(self.constraints),  # margins look at the state, too
             self.slacks.weights,
             curved,

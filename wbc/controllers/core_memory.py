@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wbc.constraints.limits import Limits
 from wbc.constraints.rows import Bounds
 from wbc.controllers.blocks import Part
+from wbc.controllers.core_layout import Layout
 from wbc.controllers.force_rows import NativeForces, TorqueRows
 from wbc.controllers.margin_rows import NativeMargin
 from wbc.controllers.plan import Plan
@@ -28,83 +29,6 @@ from wbc.validate import Array
 INFEASIBLE, UNSOLVED, DONE, NOT_FINITE = lib.INFEASIBLE, lib.UNSOLVED, lib.DONE, lib.NOT_FINITE
 NOT_MEASURED, LEADS_INSIDE, MORE_ROWS = lib.NOT_MEASURED, lib.LEADS_INSIDE, lib.MORE_ROWS
 REDUCED = lib.REDUCED
-
-
-class LevelViews(NamedTuple):
-    """The QP of a level, its answer, and what else is known of a tick: views on its memory.
-
-    Attributes
-    ----------
-    found:
-        (5,) primal, dual and complementarity residual, iterations, levels solved.
-    D, offset:
-        (nv, n), (nv,): base forces and torques by the unknowns; empty at the velocity level.
-    errors:
-        Of all costs, one behind the other.
-    heaviest:
-        (1,) the largest square of a weighted row of the first level.
-    exact, torque:
-        v+ (nv,) that meets the base's dynamics to rounding, and torques (nv - 6,) at that.
-    clearance, chosen:
-        Of the margin's rows, the last of C [m], and the numbers of their pairs.
-    """
-
-    P: Array
-    A: Array
-    C: Array
-    g: Array
-    lower: Array
-    upper: Array
-    b: Array
-    l: Array  # noqa: E741
-    u: Array
-    x: Array
-    y: Array
-    z: Array
-    z_box: Array
-    found: Array
-    D: Array
-    offset: Array
-    errors: Array
-    heaviest: Array
-    exact: Array
-    torque: Array
-    clearance: Array
-    chosen: Array
-
-
-class Layout:
-    """Where the arrays of a level lie in a tick's memory, as the core says.
-
-    Attributes
-    ----------
-    sizes:
-        n, k, m.
-    out, below:
-        How many numbers there are in all.
-    """
-
-    def __init__(self, at: Sequence[int], level: int, nv: int, torque: bool, costs: int) -> None:
-        n, k, m = self.sizes = tuple(at[:3])
-        self.out, self.below = at[25], at[26]
-        D, pairs = nv * torque, self.out - at[24]
-        counts = [n * n, k * n, m * n, n, n, n, k, m, m, n, k, m, n, 5]
-        counts += [D * n, D, costs, 1, nv * torque, (nv - 6) * torque, pairs, pairs]
-        self.places = [slice(b, b + c) for b, c in zip(at[3:25], counts, strict=True)]
-        self._below = [bool(level) and i < 14 and i != 2 for i in range(22)]
-        x, exact = self.places[9], self.places[18]
-        self.velocity = exact if torque else slice(x.start, x.start + nv)
-        self.contact_forces = slice(x.start + nv, x.start + n)
-        self.torque, self.found = self.places[19], self.places[13]
-
-    def read(self, out: Array, below: Array) -> LevelViews:
-        """Return views on what the core wrote."""
-        n = self.sizes[0]
-        memory = zip(self.places, self._below, strict=True)
-        parts = [(below if there else out)[place] for place, there in memory]
-        for i in (0, 1, 2, 14):
-            parts[i] = parts[i].reshape(-1, n)
-        return LevelViews(*parts)
 
 
 class CoreMemory:

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.controllers.blocks import PythonRows
-from wbc.controllers.core_memory import CoreMemory, Layout, LevelViews
+from wbc.controllers.core_layout import Layout, LevelViews
+from wbc.controllers.core_memory import CoreMemory
 from wbc.controllers.singular import Singularity
 from wbc.controllers.slack import NEGLIGIBLE, GivingQP
 from wbc.controllers.tick import Times
@@ -100,6 +101,14 @@ class CoreTick:
         self._rows, self._slack_weights = rows, slack
         self.begun, self._called, self.done = begun, called, called
         self.singular: dict[str, Singularity] = {}
+
+    def take(self, solution: Solution) -> None:
+        """Let a first level's answer from outside the core be that of the tick."""
+        a, n = self.views, self.views.x.size
+        a.x[:], a.y[:], a.z[:] = solution.x[:n], solution.y, solution.z
+        a.z_box[:] = solution.z_box[:n]
+        a.found[:3], a.found[3:] = solution.residuals, (solution.iterations, 1.0)
+        self.first = solution
 
     def take_over(self, other: CoreTick) -> None:
         """Let this be what ``other`` is: of the same snapshot, in other memory."""

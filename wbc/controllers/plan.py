@@ -76,6 +76,8 @@ class Plan:
 
     Attributes
     ----------
+    motion:
+        The tasks about motion.
     held:
         The contacts that are met exactly.
     soft:
@@ -90,6 +92,7 @@ class Plan:
     """
 
     decision: Decision
+    motion: tuple[Task, ...]
     held: ContactRows
     soft: tuple[Task, ...]
     levels: tuple[tuple[int, ...], ...]
@@ -127,7 +130,7 @@ class Plan:
             )
             labels.append(Labels(equality + achieved, (), decision.names))
         workspace = tuple(contact.name for contact in contacts), held.labels
-        return cls(decision, held, soft, levels, tuple(labels), workspace)
+        return cls(decision, tuple(tasks), held, soft, levels, tuple(labels), workspace)
 
 
 def by_priority(tasks: Sequence[Task]) -> tuple[tuple[int, ...], ...]:
